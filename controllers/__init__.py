@@ -1,0 +1,1 @@
+"""Pure computation: kinematics, estimation, path control, limits. No I/O, no threads, no clock."""

@@ -1,0 +1,369 @@
+"""The driver contract: a link below, a pure codec inside, samples and health facts above.
+
+A new device is a settings model, a codec and a registry line; `docs/adding_a_device.md` is the form.
+"""
+
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType, TracebackType
+from typing import Generic, Protocol, Self, TypeVar
+
+from drivers.clock import Clock, nanoseconds, seconds
+from drivers.errors import LinkTimeoutError, NotConnectedError, StaleSampleError
+from drivers.link import CameraImage, Link, LinkChange, NoTap, PayloadT, RawTap, Received
+from drivers.samples import LinkSample, Sample, SentCommand, WheelCommand
+
+SampleT = TypeVar("SampleT", bound=Sample)
+
+WAIT_STEP_NS = 1_000_000
+RATE_WINDOW_NS = 2_000_000_000
+
+
+class DeviceState(StrEnum):
+    """What a device is doing; each state says what the hardware may do.
+
+    CLOSED: no handle; the hardware is not touched.
+    CONNECTED: handle open, nothing valid heard yet; commands are sent but not confirmed.
+    STREAMING: valid data younger than the age limit; the hardware may move.
+    DEGRADED: link broken and being reopened, or data too old; the hardware must stand still.
+    FAILED: given up; the hardware must stand still until a restart.
+    """
+
+    CLOSED = "closed"
+    CONNECTED = "connected"
+    STREAMING = "streaming"
+    DEGRADED = "degraded"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """Wire data that a codec did not accept.
+
+    Attributes:
+        reason: One of a small fixed set of words per codec, e.g. "checksum"; it is counted.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """Separate facts about a device, computed when asked.
+
+    Attributes:
+        rate_hz: Samples of the fastest kind per second over the last two seconds.
+        age_s: Age of the newest sample, or None before the first.
+        rejected: How often the codec refused wire data, by reason.
+        breaks: How often the link broke.
+    """
+
+    device: str
+    state: DeviceState
+    rate_hz: float
+    age_s: float | None
+    accepted: int
+    rejected: Mapping[str, int]
+    breaks: int
+    sent: int
+    send_failures: int
+    last_link_reason: str
+
+
+class Codec(Protocol[PayloadT]):
+    """Pure translation of payloads to samples; keeps half-received frames, nothing else."""
+
+    def decode(self, item: Received[PayloadT]) -> Sequence[Sample | Rejection]:
+        """Return the samples and rejections that `item` completes. Never raises on wire data."""
+        ...
+
+    def reset(self) -> None:
+        """Forget half-received frames and unwrapping state after the link broke."""
+        ...
+
+
+class DriveCodec(Codec[bytes], Protocol):
+    """A codec of a device that also turns wheels."""
+
+    wheel_count: int
+
+    def encode_start(self) -> Sequence[bytes]:
+        """Return what switches the drive on, to be sent before the first command after link-up."""
+        ...
+
+    def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
+        """Return payloads for the wheel speed set-points, and the speeds they really mean.
+
+        `speed_rad_s` holds `wheel_count` finite numbers; the caller checks.
+        """
+        ...
+
+    def encode_stop(self) -> Sequence[bytes]:
+        """Return what switches the drive off after standstill; may be empty."""
+        ...
+
+
+class Driver(Generic[PayloadT]):
+    """A device: link, codec and the facts about both.
+
+    The constructor stores its arguments and does nothing else. All methods are for one thread, the loop's;
+    only a drive's `stop` may be called from another.
+
+    Args:
+        name: Name of the device in the configuration.
+        link: Where raw data comes from.
+        codec: How it is read.
+        clock: The host's clock.
+        max_age_s: Samples older than this make the device DEGRADED.
+        tap: Sees raw data before it is parsed.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        link: Link[PayloadT],
+        codec: Codec[PayloadT],
+        clock: Clock,
+        *,
+        max_age_s: float,
+        tap: RawTap | None = None,
+    ) -> None:
+        self.name = name
+        self._link: Link[PayloadT] = link
+        self._codec: Codec[PayloadT] = codec
+        self._clock = clock
+        self._max_age_ns = nanoseconds(max_age_s)
+        self._tap: RawTap = tap or NoTap()
+        self._open = False
+        self._link_up = False
+        self._gave_up = False
+        self._latest: dict[type[Sample], Sample] = {}
+        self._newest_ns: int | None = None
+        self._arrivals: dict[type[Sample], deque[int]] = {}
+        self._accepted = 0
+        self._rejected: Counter[str] = Counter()
+        self._breaks = 0
+        self._sent = 0
+        self._send_failures = 0
+        self._last_link_reason = ""
+
+    def connect(self, timeout_s: float = 2.0) -> None:
+        """Open the link; does nothing when it is open.
+
+        Raises:
+            NotConnectedError: The port cannot be opened; no handle is left behind.
+        """
+        if self._open:
+            return
+        self._link.open(timeout_s)
+        self._codec.reset()
+        self._open = True
+        self._link_up = True
+        self._gave_up = False
+
+    def close(self) -> None:
+        """Close the link; may be called again."""
+        if self._open:
+            self._link.close()
+        self._open = False
+        self._link_up = False
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def poll(self) -> list[Sample]:
+        """Return every sample that arrived since the last call, oldest first.
+
+        Raises:
+            NotConnectedError: Before `connect` or after `close`.
+        """
+        self._require_open("poll")
+        samples: list[Sample] = []
+        for item in self._link.receive():
+            self._tap.received(self.name, item)
+            if isinstance(item, LinkChange):
+                samples.append(self._note_link_change(item))
+            else:
+                for decoded in self._codec.decode(item):
+                    if isinstance(decoded, Rejection):
+                        self._rejected[decoded.reason] += 1
+                    else:
+                        self._note_sample(decoded)
+                        samples.append(decoded)
+        return samples
+
+    def latest(self, kind: type[SampleT], max_age_s: float) -> SampleT:
+        """Return the newest sample of a kind.
+
+        Raises:
+            NotConnectedError: Before `connect` or after `close`.
+            StaleSampleError: There is none, or it is older than `max_age_s`.
+        """
+        self._require_open("latest")
+        sample = self._latest.get(kind)
+        if not isinstance(sample, kind):
+            msg = f"device '{self.name}' has sent no {kind.__name__} yet"
+            raise StaleSampleError(msg)
+        age_s = seconds(self._clock.now_ns() - sample.t_ns)
+        if age_s > max_age_s:
+            msg = (
+                f"newest {kind.__name__} of device '{self.name}' is {age_s:.3f} s old, "
+                f"limit {max_age_s:.3f} s"
+            )
+            raise StaleSampleError(msg)
+        return sample
+
+    def wait_next(self, kind: type[SampleT], timeout_s: float) -> SampleT:
+        """Return the next sample of a kind that arrives after the call.
+
+        Raises:
+            NotConnectedError: Before `connect` or after `close`.
+            LinkTimeoutError: None arrived within `timeout_s`.
+        """
+        self.poll()
+        deadline_ns = self._clock.now_ns() + nanoseconds(timeout_s)
+        while self._clock.now_ns() < deadline_ns:
+            self._clock.sleep_until(self._clock.now_ns() + WAIT_STEP_NS)
+            for sample in self.poll():
+                if isinstance(sample, kind):
+                    return sample
+        msg = f"device '{self.name}' sent no {kind.__name__} within {timeout_s:.3f} s"
+        raise LinkTimeoutError(msg)
+
+    def health(self) -> Health:
+        """Return the facts about this device as of now."""
+        now_ns = self._clock.now_ns()
+        return Health(
+            device=self.name,
+            state=self._state(now_ns),
+            rate_hz=self._rate_hz(now_ns),
+            age_s=None if self._newest_ns is None else seconds(now_ns - self._newest_ns),
+            accepted=self._accepted,
+            rejected=MappingProxyType(dict(self._rejected)),
+            breaks=self._breaks,
+            sent=self._sent,
+            send_failures=self._send_failures,
+            last_link_reason=self._last_link_reason,
+        )
+
+    def _state(self, now_ns: int) -> DeviceState:
+        if not self._open:
+            return DeviceState.CLOSED
+        if self._gave_up:
+            return DeviceState.FAILED
+        if not self._link_up:
+            return DeviceState.DEGRADED
+        if self._newest_ns is None:
+            return DeviceState.CONNECTED
+        if now_ns - self._newest_ns > self._max_age_ns:
+            return DeviceState.DEGRADED
+        return DeviceState.STREAMING
+
+    def _rate_hz(self, now_ns: int) -> float:
+        counts = (
+            sum(1 for t_ns in arrivals if now_ns - t_ns <= RATE_WINDOW_NS)
+            for arrivals in self._arrivals.values()
+        )
+        return max(counts, default=0) / seconds(RATE_WINDOW_NS)
+
+    def _note_sample(self, sample: Sample) -> None:
+        kind = type(sample)
+        self._accepted += 1
+        self._newest_ns = sample.t_ns
+        self._latest[kind] = sample
+        arrivals = self._arrivals.get(kind)
+        if arrivals is None:
+            arrivals = self._arrivals[kind] = deque(maxlen=4096)
+        arrivals.append(sample.t_ns)
+
+    def _note_link_change(self, change: LinkChange) -> LinkSample:
+        self._link_up = change.up
+        self._gave_up = change.gave_up
+        self._last_link_reason = change.reason
+        self._codec.reset()
+        if not change.up:
+            self._breaks += 1
+        return LinkSample(device=self.name, t_ns=change.t_ns, up=change.up, reason=change.reason)
+
+    def _require_open(self, method: str) -> None:
+        if not self._open:
+            msg = f"device '{self.name}' is closed: call connect() before {method}()"
+            raise NotConnectedError(msg)
+
+
+class WheelDrive(Driver[bytes]):
+    """A driver whose device also turns wheels."""
+
+    def __init__(
+        self,
+        name: str,
+        link: Link[bytes],
+        codec: DriveCodec,
+        clock: Clock,
+        *,
+        max_age_s: float,
+        tap: RawTap | None = None,
+    ) -> None:
+        super().__init__(name, link, codec, clock, max_age_s=max_age_s, tap=tap)
+        self._drive_codec = codec
+        self._started = False
+
+    def command(self, command: WheelCommand) -> SentCommand:
+        """Send wheel speed set-points; an expired or malformed command sends zero speeds instead.
+
+        Returns:
+            What the device was really told, and whether it went out.
+
+        Raises:
+            NotConnectedError: Before `connect` or after `close`.
+        """
+        self._require_open("command")
+        now_ns = self._clock.now_ns()
+        count = self._drive_codec.wheel_count
+        speeds = command.speed_rad_s
+        trustworthy = len(speeds) == count and all(abs(speed) < float("inf") for speed in speeds)
+        if not trustworthy or now_ns >= command.expires_ns:
+            speeds = (0.0,) * count
+        if not self._started:
+            self._started = self._send_all(self._drive_codec.encode_start(), now_ns)
+        payloads, really = self._drive_codec.encode_speeds(speeds)
+        delivered = self._send_all(payloads, now_ns)
+        return SentCommand(t_ns=now_ns, speed_rad_s=really, delivered=delivered)
+
+    def stop(self) -> None:
+        """Send zero speeds three times, then switch the drive off. Silent when the link is down."""
+        self._require_open("stop")
+        now_ns = self._clock.now_ns()
+        zeros, _ = self._drive_codec.encode_speeds((0.0,) * self._drive_codec.wheel_count)
+        for _ in range(3):
+            self._send_all(zeros, now_ns)
+        self._send_all(self._drive_codec.encode_stop(), now_ns)
+        self._started = False
+
+    def _send_all(self, payloads: Sequence[bytes], now_ns: int) -> bool:
+        delivered = True
+        for payload in payloads:
+            went_out = self._link.send(payload)
+            self._tap.sent(self.name, now_ns, payload, went_out)
+            self._sent += went_out
+            self._send_failures += not went_out
+            delivered = delivered and went_out
+        return delivered
+
+    def _note_link_change(self, change: LinkChange) -> LinkSample:
+        self._started = False
+        return super()._note_link_change(change)
+
+
+AnyDriver = Driver[bytes] | Driver[CameraImage]

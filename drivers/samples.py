@@ -1,0 +1,170 @@
+"""What a device said, in SI units, with the time it arrived.
+
+Conventions of every sample: x forward, y left, z up; angles and rates counter-clockwise positive; yaw is
+measured from east towards north (ENU), so a compass that reads clockwise from north is converted once, in
+its codec. `t_ns` is host monotonic time at the arrival of the last byte; `t_device_ns` is the device's own
+time where it has one and is never compared with `t_ns`.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image: TypeAlias = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """Common part of everything a device says.
+
+    Attributes:
+        device: Name of the device in the configuration.
+        t_ns: Host monotonic time of arrival in nanoseconds.
+        t_device_ns: The device's own time in nanoseconds, or None.
+    """
+
+    device: str
+    t_ns: int
+    t_device_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WheelSample(Sample):
+    """What one message said about one wheel; None where the message does not tell.
+
+    Attributes:
+        wheel: Index of the wheel, from 0.
+        position_rad: Angle turned since start at the wheel, unwrapped, forward positive.
+        speed_rad_s: Speed of the wheel as the device reports it (often coarse: prefer positions).
+        current_a: Motor current.
+        current_is_signed: False where the device reports a magnitude only; the sign must then be inferred.
+        voltage_v: Voltage at the motor's terminals where the device measures it, never the bus voltage.
+    """
+
+    wheel: int
+    position_rad: float | None = None
+    speed_rad_s: float | None = None
+    current_a: float | None = None
+    current_is_signed: bool = True
+    voltage_v: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerSample(Sample):
+    """Supply of the rover: bus or battery voltage in V and current in A."""
+
+    voltage_v: float
+    current_a: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BumperSample(Sample):
+    """State of a bumper or emergency-stop contact."""
+
+    pressed: bool
+
+
+class HeadingReference(StrEnum):
+    """What a heading is measured against; the two are never mixed."""
+
+    MAGNETIC = "magnetic"
+    TRUE = "true"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingSample(Sample):
+    """Yaw in rad, counter-clockwise from east, in [-pi, pi), and what it is measured against."""
+
+    heading_rad: float
+    reference: HeadingReference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttitudeSample(Sample):
+    """Roll (left side up positive) and pitch (nose down positive) in rad; None where not told."""
+
+    roll_rad: float | None = None
+    pitch_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateSample(Sample):
+    """Angular rates in rad/s about the body axes; None where the device has no such axis."""
+
+    rate_z_rad_s: float
+    rate_x_rad_s: float | None = None
+    rate_y_rad_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AccelerationSample(Sample):
+    """Specific force in m/s2 along the body axes; at rest on level ground z reads +9.81."""
+
+    x_m_s2: float
+    y_m_s2: float
+    z_m_s2: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameSample(Sample):
+    """One camera frame.
+
+    Attributes:
+        image: Pixels, shape (height, width) or (height, width, 3) in BGR.
+        t_capture_ns: Host monotonic time of exposure, or None where the camera does not tell.
+        index: Running number of the frame.
+    """
+
+    image: Image
+    t_capture_ns: int | None
+    index: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultSample(Sample):
+    """The device or its bus reports an error by itself.
+
+    Attributes:
+        wheel: Index of the wheel it concerns, or None for the whole device.
+        code: The device's error word; 0 means that an earlier fault has cleared.
+        text: What it means, in words.
+    """
+
+    wheel: int | None = None
+    code: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSample(Sample):
+    """The link to the device came up or went down."""
+
+    up: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WheelCommand:
+    """Wheel speed set-points in rad/s at the wheel, one per wheel, and until when they hold."""
+
+    t_ns: int
+    expires_ns: int
+    speed_rad_s: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SentCommand:
+    """What a drive was really told.
+
+    Attributes:
+        t_ns: Host monotonic time of sending.
+        speed_rad_s: Set-points after the device's own rounding and clipping.
+        delivered: False when the link was down or full and nothing went out.
+    """
+
+    t_ns: int
+    speed_rad_s: tuple[float, ...]
+    delivered: bool

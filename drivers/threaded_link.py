@@ -1,0 +1,140 @@
+"""Links to real devices: one reader thread per port that stamps, counts and hands over, nothing else."""
+
+import threading
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import Generic
+
+from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds
+from drivers.errors import NotConnectedError
+from drivers.link import LinkChange, LinkItem, PayloadT, Received
+
+FIRST_RETRY_NS = 50_000_000
+LAST_RETRY_NS = NANOSECONDS_PER_SECOND
+QUEUE_LIMIT = 65_536
+JOIN_TIMEOUT_S = 2.0
+
+
+class ThreadedLink(ABC, Generic[PayloadT]):
+    """A port read by its own thread, reopened with back-off after a break.
+
+    Subclasses open, read, write and close the handle; everything about threads and retries is here.
+
+    Args:
+        where: The port as the user knows it, for messages.
+        clock: The host's clock.
+        reconnect_limit_s: Stop trying this long after a break.
+    """
+
+    def __init__(self, where: str, clock: Clock, reconnect_limit_s: float) -> None:
+        self.where = where
+        self._clock = clock
+        self._reconnect_limit_ns = nanoseconds(reconnect_limit_s)
+        self._items: deque[LinkItem[PayloadT]] = deque(maxlen=QUEUE_LIMIT)
+        self._stopping = threading.Event()
+        self._handle_lock = threading.Lock()
+        self._is_up = False
+        self._thread: threading.Thread | None = None
+
+    @abstractmethod
+    def _open_handle(self) -> None:
+        """Open the port; raise any exception that says why not, leaving no handle."""
+
+    @abstractmethod
+    def _close_handle(self) -> None:
+        """Close the port; must not raise and may be called again."""
+
+    @abstractmethod
+    def _read(self) -> Received[PayloadT] | None:
+        """Wait at most about 50 ms for data; None when there was none; raise when the port broke."""
+
+    @abstractmethod
+    def _write(self, payload: bytes) -> bool:
+        """Send one payload within about 50 ms; False when the port is full; raise when it broke."""
+
+    def open(self, timeout_s: float) -> None:
+        """Open the port, trying again until `timeout_s`, and start the reader thread.
+
+        Raises:
+            NotConnectedError: The port cannot be opened.
+        """
+        deadline_ns = self._clock.now_ns() + nanoseconds(timeout_s)
+        while True:
+            try:
+                self._open_handle()
+                break
+            except Exception as error:  # any library may raise anything here
+                if self._clock.now_ns() >= deadline_ns:
+                    msg = f"cannot open {self.where}: {error}"
+                    raise NotConnectedError(msg) from error
+            self._clock.sleep_until(min(deadline_ns, self._clock.now_ns() + FIRST_RETRY_NS))
+        self._items.clear()
+        self._stopping.clear()
+        self._is_up = True
+        self._thread = threading.Thread(target=self._run, name=f"reader {self.where}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop the thread and close the port; may be called again."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join(JOIN_TIMEOUT_S)
+            self._thread = None
+        self._take_down()
+
+    def receive(self) -> list[LinkItem[PayloadT]]:
+        """Return what has arrived since the last call, oldest first."""
+        items: list[LinkItem[PayloadT]] = []
+        while self._items:
+            items.append(self._items.popleft())
+        return items
+
+    def send(self, payload: bytes) -> bool:
+        """Send from any thread; False when the link is down or full."""
+        with self._handle_lock:
+            if not self._is_up:
+                return False
+            try:
+                return self._write(payload)
+            except Exception:  # noqa: BLE001 - the reader sees the same break and reports it
+                return False
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                received = self._read()
+            except Exception as error:  # noqa: BLE001 - whatever broke the port, the user must hear of it
+                self._take_down()
+                self._report(up=False, reason=str(error) or repr(error))
+                if not self._reopen():
+                    return
+                continue
+            if received is not None:
+                self._items.append(received)
+
+    def _reopen(self) -> bool:
+        retry_ns = FIRST_RETRY_NS
+        give_up_ns = self._clock.now_ns() + self._reconnect_limit_ns
+        reason = ""
+        while self._clock.now_ns() < give_up_ns:
+            if self._stopping.wait(retry_ns / NANOSECONDS_PER_SECOND):
+                return False
+            try:
+                self._open_handle()
+            except Exception as error:  # noqa: BLE001 - any library may raise anything here
+                reason = str(error) or repr(error)
+                retry_ns = min(2 * retry_ns, LAST_RETRY_NS)
+                continue
+            self._is_up = True
+            self._report(up=True, reason="reopened")
+            return True
+        self._report(up=False, reason=f"gave up: {reason}", gave_up=True)
+        return False
+
+    def _take_down(self) -> None:
+        with self._handle_lock:
+            self._is_up = False
+            self._close_handle()
+
+    def _report(self, *, up: bool, reason: str, gave_up: bool = False) -> None:
+        self._items.append(LinkChange(self._clock.now_ns(), up, reason, gave_up))

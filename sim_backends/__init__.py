@@ -1,0 +1,1 @@
+"""What stands in for the world: rover plants, device emulators on virtual buses, scenes and faults."""

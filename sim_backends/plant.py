@@ -1,0 +1,52 @@
+"""What a simulated rover offers to the emulators of its devices. Truth only: no noise, no quantisation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """The true state of the rover at one instant.
+
+    World frame: x, y on the ground, z up; `yaw_rad` counter-clockwise from x, not wrapped. Velocities and
+    rates are in the body frame, x forward, y left. Wheel tuples have one entry per wheel.
+
+    Attributes:
+        motor_current_a: Signed; positive drives forward.
+        slip: Longitudinal slip ratio of each wheel, 1 - v / (r omega) when driving.
+    """
+
+    t_ns: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    roll_rad: float
+    pitch_rad: float
+    velocity_x_m_s: float
+    velocity_y_m_s: float
+    yaw_rate_rad_s: float
+    wheel_position_rad: tuple[float, ...]
+    wheel_speed_rad_s: tuple[float, ...]
+    motor_current_a: tuple[float, ...]
+    slip: tuple[float, ...]
+    battery_v: float
+    bumper_pressed: bool
+
+
+class Plant(Protocol):
+    """A rover that moves when its wheels are told to. Deterministic for a given seed."""
+
+    wheel_count: int
+
+    def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
+        """Give the wheels' inner speed loops new set-points, at the plant's present time."""
+        ...
+
+    def advance(self, t_ns: int) -> None:
+        """Integrate to `t_ns`; does nothing for a time already reached."""
+        ...
+
+    def truth(self) -> Truth:
+        """Return the state at the time reached."""
+        ...
