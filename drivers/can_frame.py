@@ -1,4 +1,4 @@
-"""CAN frames as bytes: the 16-byte layout of `struct can_frame` in linux/can.h, so that logs stay plain bytes."""
+"""CAN frames as bytes, in the 16-byte layout of `struct can_frame` in linux/can.h."""
 
 import struct
 from typing import NamedTuple

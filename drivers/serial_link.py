@@ -2,44 +2,37 @@
 
 import contextlib
 import termios
-from typing import Annotated
 
 import serial
-from pydantic import Field
 
 from drivers.clock import Clock
 from drivers.errors import NotConnectedError
 from drivers.link import Received
-from drivers.settings import DeviceSettings
 from drivers.threaded_link import ThreadedLink
 
 READ_TIMEOUT_S = 0.05
 
 
-class SerialSettings(DeviceSettings):
-    """A device on a serial port.
+class SerialLink(ThreadedLink[bytes]):
+    """A serial port, 8N1; payloads are byte chunks as they arrive.
 
-    Attributes:
+    Args:
         port: Path of the port; prefer `/dev/serial/by-id/...`, it survives a replug.
-        baud_rate: Line speed in bit/s, 8N1.
+        baud_rate: Line speed in bit/s.
+        clock: The host's clock.
+        reconnect_limit_s: Stop trying this long after a break.
     """
 
-    port: Annotated[str, Field(min_length=1)]
-    baud_rate: Annotated[int, Field(ge=300, le=4_000_000)]
-
-
-class SerialLink(ThreadedLink[bytes]):
-    """A serial port; payloads are byte chunks as they arrive."""
-
-    def __init__(self, settings: SerialSettings, clock: Clock) -> None:
-        super().__init__(f"serial port {settings.port}", clock, settings.reconnect_limit_s)
-        self._settings = settings
+    def __init__(self, port: str, baud_rate: int, clock: Clock, reconnect_limit_s: float) -> None:
+        super().__init__(f"serial port {port}", clock, reconnect_limit_s)
+        self._port = port
+        self._baud_rate = baud_rate
         self._serial: serial.Serial | None = None
 
     def _open_handle(self) -> None:
         port = serial.Serial(
-            self._settings.port,
-            self._settings.baud_rate,
+            self._port,
+            self._baud_rate,
             timeout=READ_TIMEOUT_S,
             write_timeout=READ_TIMEOUT_S,
             exclusive=True,

@@ -1,85 +1,9 @@
-"""Base of every settings model: what the configuration file may say, and what it builds.
+"""Base of every settings model: what the configuration file may say."""
 
-A device's `settings.py` stays cheap to import; its codec and its link are imported when they are built.
-"""
-
-from abc import abstractmethod
-from typing import Annotated
-
-from pydantic import BaseModel, ConfigDict, Field
-
-from drivers.clock import Clock
-from drivers.driver import Codec, DriveCodec, Driver, WheelDrive
-from drivers.link import CameraImage, Link, RawTap
+from pydantic import BaseModel, ConfigDict
 
 
 class Settings(BaseModel):
     """Frozen; unknown keys are errors; NaN and infinity are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class DeviceSettings(Settings):
-    """What every device has in the configuration; subclasses add `type: Literal["..."]`.
-
-    Attributes:
-        max_age_s: The device counts as silent when its newest sample is older than this.
-        reconnect_limit_s: After a break, try to reconnect for this long, then give up until restart.
-    """
-
-    max_age_s: Annotated[float, Field(gt=0, le=10)] = 0.15
-    reconnect_limit_s: Annotated[float, Field(ge=0, le=3600)] = 60.0
-
-
-class ByteDeviceSettings(DeviceSettings):
-    """A device that talks in bytes: serial chunks or CAN frames."""
-
-    @abstractmethod
-    def make_link(self, clock: Clock) -> Link[bytes]:
-        """Build the link to the real device; nothing is opened yet."""
-
-    @abstractmethod
-    def make_codec(self, name: str) -> Codec[bytes]:
-        """Build the codec of the device called `name`.
-
-        Raises:
-            ConfigError: A data file that the settings name is missing or wrong.
-        """
-
-    def make_driver(
-        self, name: str, link: Link[bytes], clock: Clock, tap: RawTap | None = None
-    ) -> Driver[bytes]:
-        """Put a driver on a link, whether real, simulated or replayed."""
-        return Driver(name, link, self.make_codec(name), clock, max_age_s=self.max_age_s, tap=tap)
-
-
-class DriveSettings(ByteDeviceSettings):
-    """A device that also turns wheels."""
-
-    @abstractmethod
-    def make_codec(self, name: str) -> DriveCodec:
-        """Build the codec of the drive called `name`."""
-
-    def make_driver(
-        self, name: str, link: Link[bytes], clock: Clock, tap: RawTap | None = None
-    ) -> WheelDrive:
-        """Put a driver on a link, whether real, simulated or replayed."""
-        return WheelDrive(name, link, self.make_codec(name), clock, max_age_s=self.max_age_s, tap=tap)
-
-
-class FrameDeviceSettings(DeviceSettings):
-    """A device that delivers camera frames."""
-
-    @abstractmethod
-    def make_link(self, clock: Clock) -> Link[CameraImage]:
-        """Build the link to the real camera, folder or video file; nothing is opened yet."""
-
-    @abstractmethod
-    def make_codec(self, name: str) -> Codec[CameraImage]:
-        """Build the codec of the camera called `name`."""
-
-    def make_driver(
-        self, name: str, link: Link[CameraImage], clock: Clock, tap: RawTap | None = None
-    ) -> Driver[CameraImage]:
-        """Put a driver on a link, whether real, simulated or replayed."""
-        return Driver(name, link, self.make_codec(name), clock, max_age_s=self.max_age_s, tap=tap)
