@@ -67,6 +67,11 @@ def wall_time_ns() -> int:
     return time.time_ns()
 
 
+def wall_time_text() -> str:
+    """Return local date and time as `20260102-030405`, for names of folders."""
+    return time.strftime("%Y%m%d-%H%M%S")
+
+
 def cpu_time_ns() -> int:
     """Return a high-resolution monotonic reading in nanoseconds for measuring durations of code."""
     return time.perf_counter_ns()

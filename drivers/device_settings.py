@@ -4,6 +4,8 @@ A device's `settings.py` stays cheap to import; its codec and its link are impor
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
@@ -24,6 +26,14 @@ class DeviceSettings(Settings):
 
     max_age_s: Annotated[float, Field(gt=0, le=10)] = 0.15
     reconnect_limit_s: Annotated[float, Field(ge=0, le=3600)] = 60.0
+
+    def data_files(self) -> Mapping[str, tuple[Path, ...]]:
+        """Return the data files that these settings name, by settings key.
+
+        The file that the key names comes first, files it refers to by bare name in the same folder after it.
+        They are kept in every log, so that a replay does not depend on files that have changed since.
+        """
+        return {}
 
 
 class ByteDeviceSettings(DeviceSettings):

@@ -54,7 +54,7 @@ class Health:
     """Separate facts about a device, computed when asked.
 
     Attributes:
-        rate_hz: Samples of the fastest kind per second over the last two seconds.
+        rate_hz: Messages of the most frequent kind per second, over the last two seconds.
         age_s: Age of the newest sample, or None before the first.
         rejected: How often the codec refused wire data, by reason.
         breaks: How often the link broke.
@@ -285,7 +285,8 @@ class Driver(Generic[PayloadT]):
         arrivals = self._arrivals.get(kind)
         if arrivals is None:
             arrivals = self._arrivals[kind] = deque(maxlen=4096)
-        arrivals.append(sample.t_ns)
+        if not arrivals or arrivals[-1] != sample.t_ns:  # one message may hold several samples of a kind
+            arrivals.append(sample.t_ns)
 
     def _note_link_change(self, change: LinkChange) -> LinkSample:
         self._link_up = change.up

@@ -24,13 +24,20 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         where: The port as the user knows it, for messages.
         clock: The host's clock.
         reconnect_limit_s: Stop trying this long after a break.
+
+    Attributes:
+        queue_limit: How many items wait to be received; beyond it the oldest is lost.
+        dropped: How many items were lost so.
     """
+
+    queue_limit = QUEUE_LIMIT
 
     def __init__(self, where: str, clock: Clock, reconnect_limit_s: float) -> None:
         self.where = where
         self._clock = clock
         self._reconnect_limit_ns = nanoseconds(reconnect_limit_s)
-        self._items: deque[LinkItem[PayloadT]] = deque(maxlen=QUEUE_LIMIT)
+        self.dropped = 0
+        self._items: deque[LinkItem[PayloadT]] = deque(maxlen=self.queue_limit)
         self._stopping = threading.Event()
         self._handle_lock = threading.Lock()
         self._is_up = False
@@ -110,7 +117,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
                     return
                 continue
             if received is not None:
-                self._items.append(received)
+                self._append(received)
 
     def _reopen(self) -> bool:
         retry_ns = FIRST_RETRY_NS
@@ -137,4 +144,8 @@ class ThreadedLink(ABC, Generic[PayloadT]):
             self._close_handle()
 
     def _report(self, *, up: bool, reason: str, gave_up: bool = False) -> None:
-        self._items.append(LinkChange(self._clock.now_ns(), up, reason, gave_up))
+        self._append(LinkChange(self._clock.now_ns(), up, reason, gave_up))
+
+    def _append(self, item: LinkItem[PayloadT]) -> None:
+        self.dropped += len(self._items) == self.queue_limit
+        self._items.append(item)

@@ -1,7 +1,9 @@
 """A wire that takes time: payloads arrive after as long as the real bus needs for their bits."""
 
+from bisect import insort
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Generic
 
 from drivers.clock import NANOSECONDS_PER_SECOND
@@ -17,6 +19,9 @@ class Line(Generic[PayloadT]):
     Args:
         bits_of: How many bits a payload occupies on the wire, framing included.
         bits_per_s: Speed of the wire.
+
+    Attributes:
+        disturb: What becomes of an arrival; a fault loses, delays, doubles or damages it here.
     """
 
     def __init__(self, bits_of: Callable[[PayloadT], float], bits_per_s: float) -> None:
@@ -24,6 +29,7 @@ class Line(Generic[PayloadT]):
         self._ns_per_bit = NANOSECONDS_PER_SECOND / bits_per_s
         self._queue: deque[Received[PayloadT]] = deque()
         self._busy_until_ns = 0
+        self.disturb: Callable[[Received[PayloadT]], Sequence[Received[PayloadT]]] = _undisturbed
 
     @property
     def next_arrival_ns(self) -> int:
@@ -34,7 +40,8 @@ class Line(Generic[PayloadT]):
         """Start sending at `t_ns`, or as soon as the wire is free."""
         start_ns = max(t_ns, self._busy_until_ns)
         self._busy_until_ns = start_ns + round(self._bits_of(payload) * self._ns_per_bit)
-        self._queue.append(Received(self._busy_until_ns, payload))
+        for arrival in self.disturb(Received(self._busy_until_ns, payload)):
+            insort(self._queue, arrival, key=attrgetter("t_ns"))
 
     def take(self, until_ns: int) -> list[Received[PayloadT]]:
         """Return what has arrived by `until_ns`, with its arrival times."""
@@ -47,6 +54,10 @@ class Line(Generic[PayloadT]):
         """Lose everything under way, as when the plug is pulled."""
         self._queue.clear()
         self._busy_until_ns = 0
+
+
+def _undisturbed(arrival: Received[PayloadT]) -> Sequence[Received[PayloadT]]:
+    return (arrival,)
 
 
 def serial_bits(payload: bytes) -> float:

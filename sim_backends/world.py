@@ -1,10 +1,12 @@
 """A simulated rover with its devices: runs plant and emulators in the order of their events."""
 
+from collections import deque
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Generic, Protocol
 
 from drivers.link import CameraImage, PayloadT
-from sim_backends.line import Line
+from sim_backends.line import NEVER_NS, Line
 from sim_backends.plant import Plant
 
 
@@ -31,7 +33,9 @@ class Emulator(Protocol):
 class EmulatedDevice(Generic[PayloadT]):
     """An emulator and the two directions of its bus.
 
-    `unplugged` is set by whoever pulls the plug: nothing passes, neither now nor later.
+    Attributes:
+        unplugged: The plug is pulled: nothing passes, neither now nor later.
+        plug_moves: When the plug will be pulled (True) or restored (False), in order of time.
     """
 
     def __init__(
@@ -42,14 +46,18 @@ class EmulatedDevice(Generic[PayloadT]):
         self.to_host: Line[PayloadT] = to_host
         self.to_device = to_device
         self.unplugged = False
+        self.plug_moves: deque[tuple[int, bool]] = deque()
 
     @property
     def next_event_ns(self) -> int:
-        """When the emulator must run next."""
-        return min(self.emulator.next_event_ns, self.to_device.next_arrival_ns)
+        """When the emulator must run or the plug be moved next."""
+        next_move_ns = self.plug_moves[0][0] if self.plug_moves else NEVER_NS
+        return min(self.emulator.next_event_ns, self.to_device.next_arrival_ns, next_move_ns)
 
     def run_event(self, t_ns: int) -> None:
-        """Let the emulator hear what has arrived and do what is due."""
+        """Move the plug when that is due; let the emulator hear what has arrived and do what is due."""
+        while self.plug_moves and self.plug_moves[0][0] <= t_ns:
+            _, self.unplugged = self.plug_moves.popleft()
         for received in self.to_device.take(t_ns):
             self.emulator.hear(received.t_ns, received.payload)
         if self.emulator.next_event_ns <= t_ns:
@@ -60,20 +68,33 @@ class EmulatedDevice(Generic[PayloadT]):
 
 
 AnyEmulatedDevice = EmulatedDevice[bytes] | EmulatedDevice[CameraImage]
+NO_CAMERAS: Mapping[str, EmulatedDevice[CameraImage]] = MappingProxyType({})
 
 
 class World:
-    """Plant and devices on one time line."""
+    """Plant and devices on one time line.
 
-    def __init__(self, plant: Plant, devices: Mapping[str, AnyEmulatedDevice]) -> None:
+    Args:
+        plant: The simulated rover.
+        byte_devices: Its devices that talk in bytes, by name; at least one.
+        image_devices: Its cameras, by name.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        byte_devices: Mapping[str, EmulatedDevice[bytes]],
+        image_devices: Mapping[str, EmulatedDevice[CameraImage]] = NO_CAMERAS,
+    ) -> None:
         self.plant = plant
-        self.devices = devices
+        self.byte_devices = byte_devices
+        self.image_devices = image_devices
+        self._devices: tuple[AnyEmulatedDevice, ...] = (*byte_devices.values(), *image_devices.values())
 
     def advance(self, now_ns: int) -> None:
         """Run every event up to `now_ns`, in order, then the plant to `now_ns`."""
-        devices = tuple(self.devices.values())
         while True:
-            device = min(devices, key=_next_event_ns)
+            device = min(self._devices, key=_next_event_ns)
             t_ns = device.next_event_ns
             if t_ns > now_ns:
                 break

@@ -1,0 +1,30 @@
+"""Check the built wheel: the four packages and nothing else at its top level, data files included."""
+
+import sys
+import zipfile
+from pathlib import Path
+
+PACKAGES = {"drivers", "controllers", "sim_backends", "rover_hil"}
+DATA_FILES = {
+    "rover_hil/configs/robotino.toml",
+    "rover_hil/configs/el-dorado.toml",
+    "rover_hil/report/report.html",
+    "drivers/can_wheels/generic_wheel.dbc",
+    "drivers/can_wheels/generic_wheel.toml",
+} | {f"{package}/py.typed" for package in PACKAGES}
+
+
+def main() -> int:
+    """Return 0 when the one wheel in the folder given as argument is as it must be."""
+    (wheel,) = Path(sys.argv[1]).glob("*.whl")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    top_level = {name.split("/")[0] for name in names if ".dist-info/" not in name}
+    problems = [f"missing {name}" for name in sorted(DATA_FILES - names)]
+    if top_level != PACKAGES:
+        problems.append(f"top level is {sorted(top_level)}, must be {sorted(PACKAGES)}")
+    print("\n".join(problems) or f"{wheel.name}: as it must be")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

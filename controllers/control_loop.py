@@ -1,0 +1,125 @@
+"""One cycle of the controller: samples in, wheel set-points out. Pure: time is an argument."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from controllers.estimator import Estimator
+from controllers.guarded_filter import Innovation
+from controllers.kinematics import make_kinematics
+from controllers.limits import Limit, WheelLimiter
+from controllers.path_control import Guidance, PathFollower
+from controllers.planar import Pose
+from controllers.pose_filter import PoseEstimate
+from controllers.roles import DeviceRoles
+from controllers.safety import Mode, SafetySupervisor
+from controllers.settings import ControlSettings
+from drivers.clock import nanoseconds
+from drivers.errors import ConfigError
+from drivers.samples import Sample, WheelCommand
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepOutput:
+    """All that one cycle computed.
+
+    Attributes:
+        t_ns: Time of the cycle.
+        mode: What the controller does.
+        reason: Why the rover stands; empty while nothing is wrong.
+        estimate: The filter's pose.
+        odometry: The pose of the wheels alone.
+        odometry_rebases: How often the odometry lost its base, each time with the motion meanwhile.
+        innovations: What each measurement of this cycle said against the estimate.
+        command: Wheel set-points to send; zeros unless the mode is RUNNING.
+        limit: Which limit the set-points met.
+        cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
+    """
+
+    t_ns: int
+    mode: Mode
+    reason: str
+    estimate: PoseEstimate
+    odometry: Pose
+    odometry_rebases: int
+    innovations: tuple[Innovation, ...]
+    command: WheelCommand
+    limit: Limit
+    cross_track_m: float | None
+
+
+class ControlLoop:
+    """Estimates, guides, limits and stops.
+
+    The same inputs give the same outputs, bit for bit. No sample makes `step` raise.
+
+    Args:
+        settings: Rover, noise, mission, limits and safety. Without a mission it observes: no device is
+            required and the wheels get zero set-points.
+        roles: Which device is what.
+
+    Raises:
+        ConfigError: The mission does not fit the rover, or the wheel device is not required although there is
+            a mission.
+    """
+
+    def __init__(self, settings: ControlSettings, roles: DeviceRoles) -> None:
+        kinematics = make_kinematics(settings.rover)
+        mission = settings.mission
+        if mission is not None and roles.wheels not in roles.required:
+            raise ConfigError(f"required: a mission needs the wheel device {roles.wheels!r}, add it")
+        self._kinematics = kinematics
+        self._expiry_ns = nanoseconds(settings.safety.expiry_s)
+        self._estimator = Estimator(kinematics, settings.filter, settings.limits.wheel_speed_rad_s, roles)
+        self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
+        self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
+        self._follower = None if mission is None else PathFollower(mission, kinematics.moves_sideways)
+
+    def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
+        """Run one cycle at `now_ns` with the samples that arrived since the last one, in order of arrival."""
+        for sample in samples:
+            # What is here has arrived: a stamp from the future must neither look fresh for long nor block
+            # the samples that follow.
+            t_ns = min(sample.t_ns, now_ns)
+            self._supervisor.observe(sample, t_ns)
+            self._estimator.take(sample, t_ns)
+        innovations = self._estimator.advance(now_ns)
+        estimate = self._estimator.estimate(now_ns)
+        guidance = self._guide(now_ns, estimate)
+        speed_rad_s, limit = self._set_points(now_ns, guidance)
+        odometry = self._estimator.odometry
+        return StepOutput(
+            t_ns=now_ns,
+            mode=Mode.OBSERVING if self._follower is None else self._supervisor.mode,
+            reason="" if self._follower is None else self._supervisor.reason,
+            estimate=estimate,
+            odometry=odometry.pose,
+            odometry_rebases=odometry.rebases,
+            innovations=innovations,
+            command=WheelCommand(t_ns=now_ns, expires_ns=now_ns + self._expiry_ns, speed_rad_s=speed_rad_s),
+            limit=limit,
+            cross_track_m=None if guidance is None else guidance.cross_track_m,
+        )
+
+    def _guide(self, now_ns: int, estimate: PoseEstimate) -> Guidance | None:
+        if self._follower is None:
+            return None
+        supervisor = self._supervisor
+        supervisor.update(now_ns, estimate.is_finite)
+        if supervisor.mode is not Mode.RUNNING:
+            return None
+        guidance = self._follower.guide(Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad))
+        if guidance.finished:
+            supervisor.finish()
+        return guidance
+
+    def _set_points(self, now_ns: int, guidance: Guidance | None) -> tuple[tuple[float, ...], Limit]:
+        if guidance is None or guidance.finished:
+            self._limiter.stop()
+            return (0.0,) * self._kinematics.wheel_count, Limit.NONE
+        return self._limiter.limit(
+            now_ns,
+            self._kinematics.wheel_speeds(
+                guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s
+            ),
+            self._estimator.odometry.wheel_speed_rad_s,
+        )

@@ -1,0 +1,129 @@
+"""From samples to the estimated pose."""
+
+from controllers.guarded_filter import Innovation
+from controllers.gyro import GyroIntegrator
+from controllers.kinematics import Kinematics
+from controllers.odometry import BodyIncrement, WheelOdometry
+from controllers.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.roles import DeviceRoles
+from controllers.settings import FilterSettings
+from drivers.clock import seconds
+from drivers.samples import HeadingReference, HeadingSample, LinkSample, RateSample, Sample, WheelSample
+
+
+class Estimator:
+    """Feeds odometry, gyro and pose filter with the samples of their devices.
+
+    Args:
+        kinematics: Geometry of the wheels.
+        settings: Noise of the pose filter.
+        wheel_speed_limit_rad_s: Greatest wheel set-point.
+        roles: Which device is what.
+
+    Attributes:
+        odometry: The wheels' own account.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        settings: FilterSettings,
+        wheel_speed_limit_rad_s: float,
+        roles: DeviceRoles,
+    ) -> None:
+        self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
+        self._settings = settings
+        self._roles = roles
+        self._gyro = GyroIntegrator()
+        self._filter = PoseFilter(settings, roles.headings)
+        self._headings: list[tuple[HeadingSample, int]] = []
+        self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
+        self._wheel_turn_rad = 0.0
+        self._yaw_source = YawSource.WHEELS
+        self._bias_seen_ns: int | None = None
+
+    def take(self, sample: Sample, t_ns: int) -> None:
+        """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
+        device = sample.device
+        if isinstance(sample, WheelSample):
+            if device == self._roles.wheels and sample.position_rad is not None:
+                self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
+        elif isinstance(sample, RateSample):
+            if device == self._roles.gyro:
+                self._gyro.feed(t_ns, sample.rate_z_rad_s)
+        elif isinstance(sample, HeadingSample):
+            self._take_heading(sample, t_ns)
+        elif isinstance(sample, LinkSample) and device == self._roles.wheels:
+            # The codec counts turns afresh after a break.
+            self.odometry.rebase()
+
+    def advance(self, now_ns: int) -> tuple[Innovation, ...]:
+        """Bring the estimate up to the samples taken; return what the corrections said."""
+        increment = self.odometry.take()
+        is_still = self.odometry.is_still(now_ns, self._settings.standstill_s)
+        if increment is not None:
+            self._filter.predict(increment, self._turn(increment, now_ns, is_still))
+        innovations = [self._correct_heading(sample, t_ns) for sample, t_ns in self._headings]
+        self._headings.clear()
+        gyro = self._gyro
+        if is_still and gyro.t_ns != self._bias_seen_ns and self._roles.gyro is not None:
+            self._bias_seen_ns = gyro.t_ns
+            innovations.append(self._filter.correct_bias(self._roles.gyro, gyro.rate_rad_s))
+        return tuple(innovations)
+
+    def estimate(self, now_ns: int) -> PoseEstimate:
+        """Return the estimate; before the first wheel positions it is the start, as of `now_ns`."""
+        pose, t_ns = self._filter.pose, self.odometry.t_ns
+        velocity_x_m_s, velocity_y_m_s, _ = self.odometry.velocity
+        return PoseEstimate(
+            t_ns=now_ns if t_ns is None else t_ns,
+            x_m=pose.x_m,
+            y_m=pose.y_m,
+            yaw_rad=pose.yaw_rad,
+            velocity_x_m_s=velocity_x_m_s,
+            velocity_y_m_s=velocity_y_m_s,
+            yaw_rate_rad_s=self._yaw_rate_rad_s(),
+            gyro_bias_rad_s=self._filter.gyro_bias_rad_s,
+            covariance=self._filter.covariance,
+            yaw_source=self._yaw_source,
+        )
+
+    def _turn(self, increment: BodyIncrement, now_ns: int, is_still: bool) -> Turn:
+        """Choose who says how far the rover turned.
+
+        While the gyro is fresh but has nothing new since the last increment, the wheels' turn is kept back:
+        it is neither lost if the gyro stays silent nor counted twice if it speaks. At standstill the wheels
+        win: the gyro would only add its noise.
+        """
+        self._wheel_turn_rad += increment.turn_rad
+        angle_rad, covered_s = self._gyro.take()
+        if not is_still and covered_s > 0.0:
+            self._yaw_source = YawSource.GYRO
+            self._wheel_turn_rad = 0.0
+            return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s)
+        if not is_still and self._gyro.is_fresh(now_ns):
+            return Turn(angle_rad=0.0, source=YawSource.GYRO)
+        self._yaw_source = YawSource.WHEELS
+        turn = Turn(angle_rad=self._wheel_turn_rad, source=YawSource.WHEELS)
+        self._wheel_turn_rad = 0.0
+        return turn
+
+    def _yaw_rate_rad_s(self) -> float:
+        if self._yaw_source is YawSource.GYRO:
+            return self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
+        return self.odometry.velocity[2]
+
+    def _take_heading(self, sample: HeadingSample, t_ns: int) -> None:
+        source = (sample.device, sample.reference)
+        newest_ns = self._heading_ns.get(source)
+        if sample.device in self._roles.headings and (newest_ns is None or t_ns > newest_ns):
+            self._heading_ns[source] = t_ns
+            self._headings.append((sample, t_ns))
+
+    def _correct_heading(self, sample: HeadingSample, t_ns: int) -> Innovation:
+        pose_ns = self.odometry.t_ns
+        age_s = 0.0 if pose_ns is None else seconds(pose_ns - t_ns)
+        lag_s = self._settings.heading_lag_s + age_s
+        return self._filter.correct_heading(
+            sample.device, sample.reference, sample.heading_rad, self._yaw_rate_rad_s() * lag_s
+        )

@@ -1,0 +1,42 @@
+"""The angle that a gyro has turned."""
+
+from drivers.clock import nanoseconds, seconds
+
+GREATEST_RATE_RAD_S = 100.0
+GREATEST_GAP_NS = nanoseconds(0.15)
+
+
+class GyroIntegrator:
+    """Integrates yaw rates by the trapezoid rule, never across a gap longer than 0.15 s.
+
+    Attributes:
+        rate_rad_s: Newest reading.
+        t_ns: Its time; None before the first.
+    """
+
+    def __init__(self) -> None:
+        self.rate_rad_s = 0.0
+        self.t_ns: int | None = None
+        self._angle_rad = 0.0
+        self._covered_s = 0.0
+
+    def feed(self, t_ns: int, rate_rad_s: float) -> bool:
+        """Take a reading; False when it is not newer, not finite, or beyond 100 rad/s."""
+        if not abs(rate_rad_s) <= GREATEST_RATE_RAD_S or (self.t_ns is not None and t_ns <= self.t_ns):
+            return False
+        if self.t_ns is not None and t_ns - self.t_ns <= GREATEST_GAP_NS:
+            elapsed_s = seconds(t_ns - self.t_ns)
+            self._angle_rad += 0.5 * (self.rate_rad_s + rate_rad_s) * elapsed_s
+            self._covered_s += elapsed_s
+        self.rate_rad_s, self.t_ns = rate_rad_s, t_ns
+        return True
+
+    def is_fresh(self, now_ns: int) -> bool:
+        """Say whether the newest reading is at most 0.15 s old."""
+        return self.t_ns is not None and now_ns - self.t_ns <= GREATEST_GAP_NS
+
+    def take(self) -> tuple[float, float]:
+        """Return the angle in rad turned since the last call, bias included, and the time in s it covers."""
+        taken = (self._angle_rad, self._covered_s)
+        self._angle_rad = self._covered_s = 0.0
+        return taken

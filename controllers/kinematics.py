@@ -1,0 +1,103 @@
+"""From body motion to wheels and back, without slip. Plain floats: for so few numbers faster than arrays."""
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from controllers.settings import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
+
+BodyMotion = tuple[float, float, float]
+"""Forward, to the left, and counter-clockwise: m/s, m/s, rad/s or m, m, rad."""
+
+
+class Kinematics(Protocol):
+    """The geometry of a rover's wheels."""
+
+    wheel_count: int
+    moves_sideways: bool
+
+    def wheel_speeds(
+        self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float
+    ) -> tuple[float, ...]:
+        """Return the wheel speeds in rad/s that make the body move so; the sideways part only if it can."""
+        ...
+
+    def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
+        """Return the body motion of rolling wheels: from rad/s a velocity, from rad an increment.
+
+        With more wheels than degrees of freedom it is the least-squares solution.
+        """
+        ...
+
+
+class OmniKinematics:
+    """Three omnidirectional wheels: R w = J v, rows of J = [-sin th, cos th, L].
+
+    Source: Robotino paper (003), inverse kinematics; J^-1 is inverted numerically, so any angles will do.
+    """
+
+    wheel_count = 3
+    moves_sideways = True
+
+    def __init__(self, settings: OmniRoverSettings) -> None:
+        angles_rad = [math.radians(angle) for angle in settings.wheel_angles_deg]
+        jacobian = np.array([[-math.sin(th), math.cos(th), settings.base_radius_m] for th in angles_rad])
+        to_wheels = jacobian / settings.wheel_radius_m
+        self._to_wheels: list[list[float]] = to_wheels.tolist()
+        self._to_body: list[list[float]] = np.linalg.inv(to_wheels).tolist()
+
+    def wheel_speeds(
+        self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float
+    ) -> tuple[float, ...]:
+        """Return the three wheel speeds in rad/s."""
+        return _multiply(self._to_wheels, (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s))
+
+    def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
+        """Return the body motion of rolling wheels."""
+        return _multiply(self._to_body, wheel_values)
+
+
+class SkidSteerKinematics:
+    """Four wheels in two fixed rows, left and right; the sideways velocity is always zero."""
+
+    wheel_count = 4
+    moves_sideways = False
+
+    def __init__(self, settings: SkidSteerRoverSettings) -> None:
+        self._radius_m = settings.wheel_radius_m
+        self._half_track_m = 0.5 * settings.track_m
+
+    def wheel_speeds(
+        self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float
+    ) -> tuple[float, ...]:
+        """Return the four wheel speeds in rad/s; `velocity_y_m_s` has no effect."""
+        turn_m_s = yaw_rate_rad_s * self._half_track_m
+        left = (velocity_x_m_s - turn_m_s) / self._radius_m
+        right = (velocity_x_m_s + turn_m_s) / self._radius_m
+        return (left, right, left, right)
+
+    def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
+        """Return the body motion of rolling wheels: least squares of both sides."""
+        front_left, front_right, rear_left, rear_right = wheel_values
+        left_m = 0.5 * self._radius_m * (front_left + rear_left)
+        right_m = 0.5 * self._radius_m * (front_right + rear_right)
+        return (0.5 * (left_m + right_m), 0.0, 0.5 * (right_m - left_m) / self._half_track_m)
+
+
+def make_kinematics(settings: RoverSettings) -> Kinematics:
+    """Return the kinematics that the settings describe."""
+    if isinstance(settings, OmniRoverSettings):
+        return OmniKinematics(settings)
+    return SkidSteerKinematics(settings)
+
+
+def _multiply(rows: list[list[float]], values: Sequence[float]) -> BodyMotion:
+    a, b, c = values
+    first, second, third = rows
+    return (
+        first[0] * a + first[1] * b + first[2] * c,
+        second[0] * a + second[1] * b + second[2] * c,
+        third[0] * a + third[1] * b + third[2] * c,
+    )

@@ -1,0 +1,68 @@
+"""What the wheels may be asked for, whatever the controller wants."""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+
+from controllers.settings import LimitSettings
+from drivers.clock import nanoseconds, seconds
+
+
+class Limit(StrEnum):
+    """Which limit a command met; the later one where several did."""
+
+    NONE = "none"
+    SPEED = "speed"
+    ACCELERATION = "acceleration"
+    NOT_FINITE = "not_finite"
+
+
+class WheelLimiter:
+    """Limits wheel set-points in speed and acceleration, all wheels by one factor to keep the direction.
+
+    Args:
+        settings: The limits.
+        expiry_s: Set-points older than this have expired: the wheels have been let go.
+    """
+
+    def __init__(self, settings: LimitSettings, expiry_s: float) -> None:
+        self._settings = settings
+        self._expiry_ns = nanoseconds(expiry_s)
+        self._last: tuple[float, ...] | None = None
+        self._last_ns = 0
+
+    def limit(
+        self, now_ns: int, target_rad_s: Sequence[float], measured_rad_s: Sequence[float]
+    ) -> tuple[tuple[float, ...], Limit]:
+        """Return the set-points in rad/s to send at `now_ns`, and which limit acted.
+
+        The ramp goes on from the last set-points; after `stop` or a pause it starts from
+        `measured_rad_s`, so that motion resumes without a jump. A target that is not finite gives zeros.
+        """
+        if not all(map(math.isfinite, target_rad_s)):
+            self.stop()
+            return (0.0,) * len(target_rad_s), Limit.NOT_FINITE
+        if self._last is None or now_ns - self._last_ns > self._expiry_ns:
+            self._last, self._last_ns = self._scale(measured_rad_s), now_ns
+        wanted = self._scale(target_rad_s)
+        limit = Limit.NONE if wanted == tuple(target_rad_s) else Limit.SPEED
+        changes = [new - old for new, old in zip(wanted, self._last, strict=True)]
+        greatest = max(map(abs, changes))
+        allowed = self._settings.wheel_acceleration_rad_s2 * seconds(max(0, now_ns - self._last_ns))
+        if greatest > allowed:
+            share = allowed / greatest
+            wanted = tuple(old + share * change for old, change in zip(self._last, changes, strict=True))
+            limit = Limit.ACCELERATION
+        self._last, self._last_ns = wanted, now_ns
+        return wanted, limit
+
+    def stop(self) -> None:
+        """Forget the last set-points: the wheels were told to stand."""
+        self._last = None
+
+    def _scale(self, speed_rad_s: Sequence[float]) -> tuple[float, ...]:
+        greatest, limit = max(map(abs, speed_rad_s)), self._settings.wheel_speed_rad_s
+        if greatest <= limit:
+            return tuple(speed_rad_s)
+        # Divided first: the quotient is at most 1, so no rounding lifts the product over the limit.
+        return tuple(speed / greatest * limit for speed in speed_rad_s)

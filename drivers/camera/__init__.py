@@ -1,0 +1,1 @@
+"""A camera: V4L2 device, folder of frames or video file."""

@@ -1,0 +1,64 @@
+"""Camera images: what counts as a frame."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.driver import Rejection
+from drivers.link import CameraImage, Received
+from drivers.samples import FrameSample
+
+
+class CameraCodec:
+    """Turns the images of one camera into numbered frames.
+
+    An image is rejected when it is "empty" (it could not be decoded), has another "size" or "dtype" than
+    8-bit grey or BGR of the configured size, or when its stamp is that of the frame before
+    ("stamp_not_moving") or older ("stamp_backwards"). Images without a stamp pass.
+
+    Args:
+        name: Name of the device.
+        width: Width in pixels.
+        height: Height in pixels.
+    """
+
+    def __init__(self, name: str, width: int, height: int) -> None:
+        self._name = name
+        self._shapes = ((height, width), (height, width, 3))
+        self._index = 0
+        self._newest_stamp_ns: int | None = None
+
+    def decode(self, item: Received[CameraImage]) -> Sequence[FrameSample | Rejection]:
+        """Return the frame, or why it is none."""
+        reason = self._find_fault(item.payload)
+        if reason is not None:
+            return (Rejection(reason),)
+        stamp_ns = item.payload.t_capture_ns
+        if stamp_ns is not None:
+            self._newest_stamp_ns = stamp_ns
+        frame = FrameSample(
+            device=self._name,
+            t_ns=item.t_ns,
+            image=item.payload.image,
+            t_capture_ns=stamp_ns,
+            index=self._index,
+        )
+        self._index += 1
+        return (frame,)
+
+    def reset(self) -> None:
+        """Forget the newest stamp; the numbering goes on."""
+        self._newest_stamp_ns = None
+
+    def _find_fault(self, payload: CameraImage) -> str | None:
+        if payload.image.size == 0:
+            return "empty"
+        if payload.image.dtype != np.uint8:
+            return "dtype"
+        if payload.image.shape not in self._shapes:
+            return "size"
+        if payload.t_capture_ns is None or self._newest_stamp_ns is None:
+            return None
+        if payload.t_capture_ns == self._newest_stamp_ns:
+            return "stamp_not_moving"
+        return "stamp_backwards" if payload.t_capture_ns < self._newest_stamp_ns else None

@@ -1,0 +1,62 @@
+"""Pixels and formats as OpenCV tells them."""
+
+from pathlib import Path
+from typing import NamedTuple, cast
+
+import cv2
+import numpy as np
+from cv2.typing import MatLike
+
+from drivers.camera.settings import CameraSettings
+from drivers.samples import Image
+
+RATE_TOLERANCE = 0.01
+
+NO_PIXELS: Image = np.empty((0, 0), np.uint8)
+"""What a link hands over when a frame could not be decoded; the codec rejects it as empty."""
+
+
+class FrameFormat(NamedTuple):
+    """Size in pixels and rate in Hz of the frames of a camera or video file."""
+
+    width: float
+    height: float
+    rate_hz: float
+
+    def __str__(self) -> str:
+        return f"{self.width:g} x {self.height:g} pixels at {self.rate_hz:g} Hz"
+
+    def matches(self, settings: CameraSettings) -> bool:
+        """Return whether frames are as configured; the rate may differ by 1 % (29.97 for 30)."""
+        wrong_by_hz = abs(self.rate_hz - settings.frame_rate_hz)
+        return (self.width, self.height) == (settings.width, settings.height) and (
+            wrong_by_hz <= RATE_TOLERANCE * settings.frame_rate_hz
+        )
+
+
+def format_of(capture: cv2.VideoCapture) -> FrameFormat:
+    """Return the format that an open capture says it delivers."""
+    return FrameFormat(
+        capture.get(cv2.CAP_PROP_FRAME_WIDTH),
+        capture.get(cv2.CAP_PROP_FRAME_HEIGHT),
+        capture.get(cv2.CAP_PROP_FPS),
+    )
+
+
+def retrieve(capture: cv2.VideoCapture) -> Image:
+    """Return the pixels of the frame grabbed last; `NO_PIXELS` when it is corrupt."""
+    ok, decoded = capture.retrieve()
+    return _pixels_of(decoded if ok else None)
+
+
+def read_image(path: Path) -> Image:
+    """Return the pixels of an image file, grey or BGR in 8 bits; `NO_PIXELS` when it is gone or corrupt."""
+    try:
+        data = path.read_bytes()
+        return _pixels_of(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR))
+    except (OSError, cv2.error):
+        return NO_PIXELS
+
+
+def _pixels_of(decoded: MatLike | None) -> Image:
+    return NO_PIXELS if decoded is None else cast("Image", decoded)

@@ -1,0 +1,152 @@
+"""V4L2 cameras through OpenCV.
+
+What OpenCV does was read in its `modules/videoio/src/cap_v4l.cpp`: `CAP_PROP_POS_MSEC` is the time stamp
+that the kernel's driver gave the frame grabbed last, for USB cameras on the host's monotonic clock; `set`
+returns True for values that the driver did not take.
+"""
+
+import os
+from pathlib import Path
+
+# OpenCV would wait 10 s for a frame of a dead camera. It reads this, in whole seconds, at its first wait.
+os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
+
+import cv2
+
+from drivers.camera.images import FrameFormat, format_of, retrieve
+from drivers.camera.settings import CameraSettings
+from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds
+from drivers.errors import NotConnectedError
+from drivers.link import CameraImage, Received
+from drivers.threaded_link import ThreadedLink
+
+NANOSECONDS_PER_MILLISECOND = 1_000_000
+BUFFER_COUNT = 2
+FIRST_GRAB_TRIES = 3
+CHECKED_STAMPS = 3
+STANDSTILL_PERIODS = 3
+# The menu of V4L2_CID_EXPOSURE_AUTO; USB cameras call their automatic mode aperture priority.
+MANUAL_EXPOSURE = 1
+AUTOMATIC_EXPOSURE = 3
+
+
+class V4l2Link(ThreadedLink[CameraImage]):
+    """A camera of this machine; the newest frames win.
+
+    A camera that refuses a setting is not opened. Its time stamps are checked at the start: where they do
+    not lie in the last second of the host's clock, images carry no capture time. A frame whose stamp is
+    that of the frame before is the same frame again and is not delivered.
+
+    Args:
+        settings: The camera's settings.
+        clock: The host's clock.
+    """
+
+    queue_limit = 4
+
+    def __init__(self, settings: CameraSettings, clock: Clock) -> None:
+        super().__init__(f"camera {settings.path}", clock, settings.reconnect_limit_s)
+        self._settings = settings
+        self._period_ns = nanoseconds(1 / settings.frame_rate_hz)
+        self._capture: cv2.VideoCapture | None = None
+        self._stamps_are_captures = False
+        self._stamp_ns = 0
+        self._moved_ns = 0
+
+    def _open_handle(self) -> None:
+        path = Path(self._settings.path)
+        if not path.exists():
+            msg = "no such device: plug it in, or choose one of `ls /dev/v4l/by-id/`"
+            raise NotConnectedError(msg)
+        if not os.access(path, os.R_OK | os.W_OK):
+            msg = "no permission: add the user to the group that owns the device, usually `video`"
+            raise NotConnectedError(msg)
+        capture = cv2.VideoCapture(self._settings.path, cv2.CAP_V4L2)
+        try:
+            self._set_up(capture)
+            self._check_stamps(capture)
+        except BaseException:
+            capture.release()
+            raise
+        self._capture = capture
+
+    def _close_handle(self) -> None:
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
+
+    def _set_up(self, capture: cv2.VideoCapture) -> None:
+        if not capture.isOpened():
+            msg = "it is busy or no V4L2 capture device: close the program that uses it"
+            raise NotConnectedError(msg)
+        settings = self._settings
+        fourcc = int.from_bytes(settings.fourcc.encode("ascii"), "little")
+        # The pixel format limits the sizes on offer, the size limits the rates: in this order.
+        capture.set(cv2.CAP_PROP_FOURCC, fourcc)
+        capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width)
+        capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height)
+        capture.set(cv2.CAP_PROP_FPS, settings.frame_rate_hz)
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, BUFFER_COUNT)
+        found = format_of(capture)
+        found_fourcc = round(capture.get(cv2.CAP_PROP_FOURCC))
+        if found_fourcc != fourcc or not found.matches(settings):
+            wanted = FrameFormat(settings.width, settings.height, settings.frame_rate_hz)
+            name = (found_fourcc & 0xFFFF_FFFF).to_bytes(4, "little").decode("ascii", "replace")
+            msg = (
+                f"it gives {name} {found} instead of {settings.fourcc} {wanted}: configure one of "
+                f"`v4l2-ctl --list-formats-ext -d {settings.path}`"
+            )
+            raise NotConnectedError(msg)
+        self._set_exposure(capture)
+
+    def _set_exposure(self, capture: cv2.VideoCapture) -> None:
+        exposure = self._settings.exposure_100us
+        if exposure is None:
+            capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, AUTOMATIC_EXPOSURE)
+            is_refused = capture.get(cv2.CAP_PROP_AUTO_EXPOSURE) == MANUAL_EXPOSURE
+        else:
+            capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE)
+            capture.set(cv2.CAP_PROP_EXPOSURE, exposure)
+            is_refused = capture.get(cv2.CAP_PROP_EXPOSURE) != exposure
+        if is_refused:
+            msg = (
+                f"it refuses exposure_100us = {exposure or 'automatic'}: "
+                f"configure one of `v4l2-ctl --list-ctrls -d {self._settings.path}`"
+            )
+            raise NotConnectedError(msg)
+
+    def _check_stamps(self, capture: cv2.VideoCapture) -> None:
+        if not any(capture.grab() for _ in range(FIRST_GRAB_TRIES)):
+            msg = "it sends no frames: check its cable and its USB bandwidth"
+            raise NotConnectedError(msg)
+        ages_ns: list[int] = []
+        for _ in range(CHECKED_STAMPS):
+            capture.grab()
+            ages_ns.append(self._clock.now_ns() - _read_stamp_ns(capture))
+        self._stamps_are_captures = all(0 < age_ns < NANOSECONDS_PER_SECOND for age_ns in ages_ns)
+        self._stamp_ns = 0
+
+    def _read(self) -> Received[CameraImage] | None:
+        capture = self._capture
+        if capture is None or not capture.grab():
+            msg = f"{self.where} sends no more frames: check its cable"
+            raise NotConnectedError(msg)
+        t_ns = self._clock.now_ns()
+        stamp_ns = _read_stamp_ns(capture)
+        if stamp_ns == self._stamp_ns != 0:  # a driver that always says 0 stamps nothing
+            if t_ns - self._moved_ns >= STANDSTILL_PERIODS * self._period_ns:
+                msg = f"{self.where} repeats one frame: check its cable"
+                raise NotConnectedError(msg)
+            self._clock.sleep_until(t_ns + self._period_ns)
+            return None
+        self._stamp_ns = stamp_ns
+        self._moved_ns = t_ns
+        t_capture_ns = stamp_ns if self._stamps_are_captures else None
+        return Received(t_ns, CameraImage(retrieve(capture), t_capture_ns))
+
+    def _write(self, payload: bytes) -> bool:
+        return False
+
+
+def _read_stamp_ns(capture: cv2.VideoCapture) -> int:
+    return round(capture.get(cv2.CAP_PROP_POS_MSEC) * NANOSECONDS_PER_MILLISECOND)

@@ -1,0 +1,288 @@
+"""CAN frames to wheel samples and back, by a mapping and its DBC file."""
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+from drivers.can_frame import EXTENDED_FLAG, CanFrame, unpack_can_frame
+from drivers.can_wheels.faults import BUS, FaultBoard, fault_text, read_error_frame
+from drivers.can_wheels.mapping import FixedFrame, SignalName
+from drivers.can_wheels.mapping_file import BusDescription
+from drivers.can_wheels.messages import MessageReader, MessageWriter, bus_id, raw_values
+from drivers.can_wheels.signals import Scale
+from drivers.clock import NANOSECONDS_PER_SECOND
+from drivers.driver import Rejection
+from drivers.link import Received
+from drivers.samples import FaultSample, PowerSample, Sample, WheelSample
+
+NOT_A_FRAME = (Rejection("not_a_frame"),)
+OTHER_TRAFFIC = (Rejection("other_traffic"),)
+
+BUS_RECOVERY_NS = NANOSECONDS_PER_SECOND
+"""A bus fault is over when frames come in, and no error frame for so long: error counters fall with each."""
+
+
+class Unwrapper:
+    """Counts the turns of a position that starts again at the end of its range.
+
+    Args:
+        span: Size of the range, in raw steps.
+    """
+
+    def __init__(self, span: float) -> None:
+        self._span = span
+        self._turns = 0
+        self._last: float | None = None
+
+    def reset(self) -> None:
+        """Forget the turns."""
+        self._turns = 0
+        self._last = None
+
+    def unwrap(self, raw: float) -> float:
+        """Return the position without jumps, given that it moved less than half the range."""
+        if self._last is not None:
+            step = raw - self._last
+            if 2 * step > self._span:
+                self._turns -= 1
+            elif 2 * step < -self._span:
+                self._turns += 1
+        self._last = raw
+        return raw + self._turns * self._span
+
+
+class _WheelPart:
+    """What one message says about one wheel."""
+
+    def __init__(self, device: str, bus: BusDescription, wheel: int, scales: Mapping[str, Scale]) -> None:
+        mapping = bus.mapping.wheel[wheel]
+        span = bus.position_span(mapping) if "position" in scales else None
+        self._device = device
+        self._wheel = wheel
+        self._current_is_signed = mapping.current_is_signed
+        self._position = scales.get("position")
+        self._speed = scales.get("speed")
+        self._current = scales.get("current")
+        self._voltage = scales.get("voltage")
+        self.unwrapper = None if span is None else Unwrapper(span)
+        self.signals = tuple(scale.signal for scale in scales.values())
+
+    def reset(self) -> None:
+        if self.unwrapper is not None:
+            self.unwrapper.reset()
+
+    def read(self, t_ns: int, values: Mapping[str, float]) -> Sample:
+        position, speed, current, voltage = self._position, self._speed, self._current, self._voltage
+        return WheelSample(
+            device=self._device,
+            t_ns=t_ns,
+            wheel=self._wheel,
+            position_rad=None if position is None else self._position_rad(position, values),
+            speed_rad_s=None if speed is None else speed.to_si(values[speed.signal]),
+            current_a=None if current is None else current.to_si(values[current.signal]),
+            current_is_signed=self._current_is_signed,
+            voltage_v=None if voltage is None else voltage.to_si(values[voltage.signal]),
+        )
+
+    def _position_rad(self, scale: Scale, values: Mapping[str, float]) -> float:
+        raw = values[scale.signal]
+        return scale.to_si(raw if self.unwrapper is None else self.unwrapper.unwrap(raw))
+
+
+class _PowerPart:
+    """What one message says about the supply."""
+
+    def __init__(self, device: str, voltage: Scale, current: Scale | None) -> None:
+        self._device = device
+        self._voltage = voltage
+        self._current = current
+        self.signals = tuple(scale.signal for scale in (voltage, current) if scale is not None)
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def read(self, t_ns: int, values: Mapping[str, float]) -> Sample:
+        voltage, current = self._voltage, self._current
+        return PowerSample(
+            device=self._device,
+            t_ns=t_ns,
+            voltage_v=voltage.to_si(values[voltage.signal]),
+            current_a=None if current is None else current.to_si(values[current.signal]),
+        )
+
+
+class _FaultPart:
+    """One error word or flag in a message."""
+
+    def __init__(self, board: FaultBoard, bus: BusDescription, wheel: int | None, name: SignalName) -> None:
+        signal = bus.message(name.message).get_signal_by_name(name.signal)
+        self._board = board
+        self._wheel = wheel
+        self._source = f"{name.message}.{name.signal}"
+        self._names = {value: str(text) for value, text in (signal.choices or {}).items()}
+        self.signals = (name.signal,)
+
+    def reset(self) -> None:
+        """The fault board is reset as a whole."""
+
+    def read(self, t_ns: int, values: Mapping[str, float]) -> Sample | None:
+        code = int(values[self.signals[0]])
+        return self._board.report(t_ns, self._wheel, self._source, code, fault_text(code, self._names))
+
+
+_Part: TypeAlias = _WheelPart | _PowerPart | _FaultPart
+
+
+class _Outbox:
+    """One set-point message and the wheels that it commands."""
+
+    def __init__(self, writer: MessageWriter) -> None:
+        self.writer = writer
+        self.fixed: dict[str, float] = {}
+        self.wheels: list[tuple[int, Scale]] = []
+
+
+class CanWheelsCodec:
+    """Frames of one CAN bus, as a mapping describes them.
+
+    Every sample tells what one message said. A wheel's speed is given only where the drive itself reports
+    one; positions are finer. Positions count from the drive's own zero; after a break of the link, turns may
+    be missing. A float32 position in revolutions, as of ODrives, is resolved to 0.4 mrad of the motor up to
+    1024 revolutions and to 12 mrad up to 32768: restart such a drive from time to time.
+
+    Rejections: "not_a_frame"; "other_traffic", identifiers that the mapping does not use, normal on a shared
+    bus; "too_short"; "checksum"; "counter_repeat" and "counter_backwards", old data; "frames_lost", which
+    accompanies the samples of the message that showed the gap; "not_finite"; "out_of_range";
+    "bus_lost_arbitration" and "bus_warning", reports of the CAN controller that are no faults.
+
+    Args:
+        device: Name of the device in the configuration.
+        bus: Mapping and DBC file.
+    """
+
+    def __init__(self, device: str, bus: BusDescription) -> None:
+        self.wheel_count = len(bus.mapping.wheel)
+        self._bus = bus
+        self._board = FaultBoard(device)
+        self._bus_error_ns: int | None = None
+        self._inboxes: dict[int, tuple[MessageReader, tuple[_Part, ...]]] = {}
+        for name, parts in self._parts_by_message(device).items():
+            message = bus.message(name)
+            signals = {signal for part in parts for signal in part.signals}
+            reader = MessageReader(message, sorted(signals), bus.protection(name))
+            self._inboxes[bus_id(message)] = (reader, tuple(parts))
+        self._writers: dict[str, MessageWriter] = {}
+        self._outboxes = self._make_outboxes()
+
+    def reset(self) -> None:
+        """Forget counters and turns; faults that are still there are told again."""
+        self._board.reset()
+        for reader, parts in self._inboxes.values():
+            reader.reset()
+            for part in parts:
+                part.reset()
+
+    def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
+        """Return what one frame says."""
+        frame = unpack_can_frame(item.payload)
+        if frame is None:
+            return NOT_A_FRAME
+        if frame.is_error:
+            return self._decode_error(item.t_ns, frame)
+        recovered = self._check_recovery(item.t_ns)
+        inbox = self._inboxes.get(frame.can_id | EXTENDED_FLAG if frame.is_extended else frame.can_id)
+        if inbox is None or frame.is_remote:
+            return OTHER_TRAFFIC if recovered is None else (recovered, *OTHER_TRAFFIC)
+        reader, parts = inbox
+        values, objection = reader.read(frame.data)
+        told: list[Sample | Rejection] = [] if recovered is None else [recovered]
+        if objection is not None:
+            told.append(objection)
+        if values is not None:
+            for part in parts:
+                sample = part.read(item.t_ns, values)
+                if sample is not None:
+                    told.append(sample)
+        return told
+
+    def encode_start(self) -> Sequence[bytes]:
+        """Return the [[start]] messages of the mapping."""
+        return self._encode_fixed(self._bus.mapping.start)
+
+    def encode_stop(self) -> Sequence[bytes]:
+        """Return the [[stop]] messages of the mapping."""
+        return self._encode_fixed(self._bus.mapping.stop)
+
+    def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
+        """Return the set-point messages, and the speeds they mean after clipping and rounding.
+
+        A wheel without a set-point in the mapping gets none; its speed is given as 0.
+        """
+        meant = [0.0] * self.wheel_count
+        payloads = []
+        for outbox in self._outboxes:
+            raw_by_signal = dict(outbox.fixed)
+            for wheel, scale in outbox.wheels:
+                raw = scale.to_raw(speed_rad_s[wheel])
+                raw_by_signal[scale.signal] = raw
+                meant[wheel] = scale.to_si(raw)
+            payloads.append(outbox.writer.write(raw_by_signal))
+        return payloads, tuple(meant)
+
+    def _parts_by_message(self, device: str) -> dict[str, list[_Part]]:
+        mapping = self._bus.mapping
+        parts: dict[str, list[_Part]] = {}
+        for index, wheel in enumerate(mapping.wheel):
+            by_message: dict[str, dict[str, Scale]] = {}
+            for quantity, scale in self._bus.wheel_scales(wheel).items():
+                by_message.setdefault(scale.message, {})[quantity] = scale
+            for message, scales in by_message.items():
+                parts.setdefault(message, []).append(_WheelPart(device, self._bus, index, scales))
+            for name in wheel.fault:
+                parts.setdefault(name.message, []).append(_FaultPart(self._board, self._bus, index, name))
+        for name in mapping.fault:
+            parts.setdefault(name.message, []).append(_FaultPart(self._board, self._bus, None, name))
+        if mapping.power is not None:
+            voltage, current = self._bus.power_scales(mapping.power)
+            parts.setdefault(voltage.message, []).append(_PowerPart(device, voltage, current))
+        return parts
+
+    def _make_outboxes(self) -> list[_Outbox]:
+        outboxes: dict[str, _Outbox] = {}
+        for index, wheel in enumerate(self._bus.mapping.wheel):
+            if wheel.setpoint is None:
+                continue
+            name = wheel.setpoint.message
+            outbox = outboxes.get(name)
+            if outbox is None:
+                outbox = outboxes[name] = _Outbox(self._writer(name))
+            outbox.fixed.update(raw_values(self._bus.message(name), wheel.setpoint.fixed))
+            outbox.wheels.append((index, self._bus.setpoint_scale(wheel, wheel.setpoint)))
+        return list(outboxes.values())
+
+    def _writer(self, message: str) -> MessageWriter:
+        writer = self._writers.get(message)
+        if writer is None:
+            writer = MessageWriter(self._bus.message(message), self._bus.protection(message))
+            self._writers[message] = writer
+        return writer
+
+    def _encode_fixed(self, frames: Sequence[FixedFrame]) -> Sequence[bytes]:
+        return [
+            self._writer(frame.message).write(raw_values(self._bus.message(frame.message), frame.signals))
+            for frame in frames
+        ]
+
+    def _decode_error(self, t_ns: int, frame: CanFrame) -> Sequence[Sample | Rejection]:
+        told = read_error_frame(frame)
+        if isinstance(told, Rejection):
+            return (told,)
+        code, text = told
+        self._bus_error_ns = t_ns if code else None
+        fault = self._board.report(t_ns, None, BUS, code, text)
+        return () if fault is None else (fault,)
+
+    def _check_recovery(self, t_ns: int) -> FaultSample | None:
+        if self._bus_error_ns is None or t_ns - self._bus_error_ns < BUS_RECOVERY_NS:
+            return None
+        self._bus_error_ns = None
+        return self._board.report(t_ns, None, BUS, 0, "")

@@ -1,0 +1,242 @@
+"""What the signals on a CAN bus mean for the wheels: a TOML file and, in the same folder, a DBC file.
+
+The keys of [every_wheel] hold for each [[wheel]] that does not set them itself. In every text of them, and in
+the messages of [[start]], [[stop]] and [[protection]], "{node}" stands for the `node` of each wheel in turn.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from drivers.settings import Settings
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class NamesSignals(Settings):
+    """A part of the mapping that names messages and signals of the DBC file."""
+
+    @abstractmethod
+    def names(self) -> Iterator[tuple[str, str | None, float | None]]:
+        """Yield each message, signal in it if any, and value that the signal must be able to hold, if any."""
+
+
+class SignalName(NamesSignals):
+    """One signal of one message."""
+
+    message: str
+    signal: str
+
+    def names(self) -> Iterator[tuple[str, str | None, float | None]]:
+        """Yield the one signal."""
+        yield self.message, self.signal, None
+
+
+class MeasuredSignal(SignalName):
+    """A signal that carries a physical quantity; its unit is counted after the DBC file's own scaling."""
+
+    @property
+    @abstractmethod
+    def si_per_unit(self) -> float:
+        """Size of the unit in SI units."""
+
+
+class PositionSource(MeasuredSignal):
+    """Where the position of a wheel is told.
+
+    Attributes:
+        unit: At the encoder, before the gear.
+        ticks_per_revolution: For the unit "ticks".
+        wrap: The position starts again after this much, in its unit. Default: the whole range of an integer
+            signal, never for a float. Turns are lost where it moves more than half of that between messages.
+    """
+
+    unit: Literal["rad", "rev", "deg", "ticks"]
+    ticks_per_revolution: Positive | None = None
+    wrap: Positive | None = None
+
+    @property
+    def si_per_unit(self) -> float:
+        """Size of the unit in rad."""
+        if self.unit == "ticks":
+            return 2.0 * math.pi / (self.ticks_per_revolution or math.nan)
+        return {"rad": 1.0, "rev": 2.0 * math.pi, "deg": math.pi / 180.0}[self.unit]
+
+    @model_validator(mode="after")
+    def _check_ticks(self) -> Self:
+        if (self.unit == "ticks") != (self.ticks_per_revolution is not None):
+            msg = 'give ticks_per_revolution if, and only if, the unit is "ticks"'
+            raise ValueError(msg)
+        return self
+
+
+class SpeedSource(MeasuredSignal):
+    """Where the speed of a wheel is told, as the drive itself measures it."""
+
+    unit: Literal["rad/s", "rev/s", "rpm"]
+
+    @property
+    def si_per_unit(self) -> float:
+        """Size of the unit in rad/s."""
+        return {"rad/s": 1.0, "rev/s": 2.0 * math.pi, "rpm": math.pi / 30.0}[self.unit]
+
+
+class Setpoint(SpeedSource):
+    """Where the speed set-point of a wheel goes.
+
+    Attributes:
+        fixed: Values of further signals of that message, e.g. `{ Enable = 1 }`. What is named nowhere takes
+            the DBC file's start value, or 0.
+    """
+
+    fixed: Annotated[dict[str, float], Field(default_factory=dict)]
+
+    def names(self) -> Iterator[tuple[str, str | None, float | None]]:
+        """Yield the set-point and the fixed signals."""
+        yield from super().names()
+        for signal, value in self.fixed.items():
+            yield self.message, signal, value
+
+
+class CurrentSource(MeasuredSignal):
+    """Where a current is told."""
+
+    unit: Literal["A", "mA"]
+
+    @property
+    def si_per_unit(self) -> float:
+        """Size of the unit in A."""
+        return {"A": 1.0, "mA": 1e-3}[self.unit]
+
+
+class VoltageSource(MeasuredSignal):
+    """Where a voltage is told."""
+
+    unit: Literal["V", "mV"]
+
+    @property
+    def si_per_unit(self) -> float:
+        """Size of the unit in V."""
+        return {"V": 1.0, "mV": 1e-3}[self.unit]
+
+
+class WheelMapping(Settings):
+    """One wheel.
+
+    Attributes:
+        node: Number or name that "{node}" stands for.
+        sign: -1 where the drive counts backwards when the rover drives forwards.
+        gear_ratio: Turns of the encoder and of the commanded motor per turn of the wheel.
+        current_is_signed: False where the drive tells only the magnitude of the motor current.
+        voltage: At the motor's terminals, never the supply.
+        setpoint: Leave it out for a wheel that can only be listened to.
+        fault: Error words and flags of the wheel's drive; 0 means all is well.
+    """
+
+    node: int | str
+    sign: Literal[1, -1] = 1
+    gear_ratio: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    position: PositionSource | None = None
+    speed: SpeedSource | None = None
+    current: CurrentSource | None = None
+    current_is_signed: bool = True
+    voltage: VoltageSource | None = None
+    setpoint: Setpoint | None = None
+    fault: tuple[SignalName, ...] = ()
+
+    @model_validator(mode="after")
+    def _check_sources(self) -> Self:
+        if self.position is None and self.speed is None:
+            msg = "the wheel tells neither position nor speed: add one, here or in [every_wheel]"
+            raise ValueError(msg)
+        return self
+
+
+class PowerMapping(Settings):
+    """Where the supply of the rover is told; the current must be in the same message as the voltage."""
+
+    voltage: VoltageSource
+    current: CurrentSource | None = None
+
+    @model_validator(mode="after")
+    def _check_message(self) -> Self:
+        if self.current is not None and self.current.message != self.voltage.message:
+            msg = "voltage and current must come in the same message: leave the current out"
+            raise ValueError(msg)
+        return self
+
+
+class FixedFrame(NamesSignals):
+    """A message with fixed content, sent to switch the drives on or off."""
+
+    message: str
+    signals: dict[str, float]
+
+    def names(self) -> Iterator[tuple[str, str | None, float | None]]:
+        """Yield the message, and every signal with its value."""
+        yield self.message, None, None
+        for signal, value in self.signals.items():
+            yield self.message, signal, value
+
+
+class Protection(NamesSignals):
+    """How messages are protected, in both directions.
+
+    Attributes:
+        counter: Signal that counts up by one in each message.
+        counter_modulus: It counts from 0 to one less; default: its whole range.
+        checksum: Signal of one whole byte: the checksum of all other bytes of the message, in order.
+    """
+
+    messages: Annotated[tuple[str, ...], Field(min_length=1)]
+    counter: str | None = None
+    counter_modulus: Annotated[int, Field(ge=2)] | None = None
+    checksum: str | None = None
+    algorithm: Literal["xor8", "sum8", "crc8_j1850"] | None = None
+
+    def names(self) -> Iterator[tuple[str, str | None, float | None]]:
+        """Yield counter and checksum of every message."""
+        for message in self.messages:
+            if self.counter is not None:
+                yield message, self.counter, self.counter_modulus and self.counter_modulus - 1
+            if self.checksum is not None:
+                yield message, self.checksum, None
+
+    @model_validator(mode="after")
+    def _check_algorithm(self) -> Self:
+        if (self.checksum is None) != (self.algorithm is None):
+            msg = "checksum and algorithm go together: give both or none"
+            raise ValueError(msg)
+        return self
+
+
+class CanWheelsMapping(Settings):
+    """The whole mapping file, after "{node}" and [every_wheel] have been filled in.
+
+    Attributes:
+        dbc: Name of the DBC file in the same folder.
+        wheel: In the rover's order: front left, front right, rear left, rear right.
+        fault: Error words of the whole rover.
+        start: Sent in this order before the first set-point.
+        stop: Sent in this order after standstill.
+    """
+
+    dbc: Annotated[str, Field(pattern=r"^[^/\\]+$")]
+    wheel: Annotated[tuple[WheelMapping, ...], Field(min_length=1)]
+    power: PowerMapping | None = None
+    fault: tuple[SignalName, ...] = ()
+    start: tuple[FixedFrame, ...] = ()
+    stop: tuple[FixedFrame, ...] = ()
+    protection: tuple[Protection, ...] = ()
+
+    @model_validator(mode="after")
+    def _check_nodes(self) -> Self:
+        nodes = [wheel.node for wheel in self.wheel]
+        repeated = next((node for node in nodes if nodes.count(node) > 1), None)
+        if repeated is not None:
+            msg = f"two wheels have the node {repeated!r}: give each its own"
+            raise ValueError(msg)
+        return self

@@ -1,0 +1,248 @@
+"""Reads a mapping and its DBC file, and makes sure that they fit each other."""
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+import cantools
+from cantools.database.can import Database, Message, Signal
+from pydantic import ValidationError
+
+from drivers.can_wheels.mapping import (
+    CanWheelsMapping,
+    MeasuredSignal,
+    NamesSignals,
+    PowerMapping,
+    Protection,
+    Setpoint,
+    SignalName,
+    WheelMapping,
+)
+from drivers.can_wheels.signals import Scale, make_scale, raw_limits, raw_value
+from drivers.errors import ConfigError
+from drivers.settings import Settings
+
+SHIPPED_FOLDER = Path(__file__).parent
+
+
+@dataclass(frozen=True, slots=True)
+class BusDescription:
+    """A mapping and the DBC file it refers to; every name in the mapping has been found in it."""
+
+    mapping_file: Path
+    dbc_file: Path
+    mapping: CanWheelsMapping
+    database: Database
+
+    def message(self, name: str) -> Message:
+        """Return a message that the mapping names."""
+        return self.database.get_message_by_name(name)
+
+    def protection(self, message: str) -> Protection | None:
+        """Return how a message is protected."""
+        return next((entry for entry in self.mapping.protection if message in entry.messages), None)
+
+    def wheel_scales(self, wheel: WheelMapping) -> dict[str, Scale]:
+        """Return the conversions of what a wheel tells, by quantity: position, speed, current, voltage."""
+        turning = wheel.sign / wheel.gear_ratio
+        sources: dict[str, tuple[MeasuredSignal | None, float]] = {
+            "position": (wheel.position, turning),
+            "speed": (wheel.speed, turning),
+            "current": (wheel.current, wheel.sign if wheel.current_is_signed else 1.0),
+            "voltage": (wheel.voltage, wheel.sign),
+        }
+        return {
+            quantity: self._scale(source, factor)
+            for quantity, (source, factor) in sources.items()
+            if source is not None
+        }
+
+    def setpoint_scale(self, wheel: WheelMapping, setpoint: Setpoint) -> Scale:
+        """Return the conversion of a wheel's speed set-point."""
+        return self._scale(setpoint, wheel.sign / wheel.gear_ratio)
+
+    def power_scales(self, power: PowerMapping) -> tuple[Scale, Scale | None]:
+        """Return the conversions of supply voltage and current."""
+        current = None if power.current is None else self._scale(power.current, 1.0)
+        return self._scale(power.voltage, 1.0), current
+
+    def position_span(self, wheel: WheelMapping) -> float | None:
+        """Return after how many raw steps a wheel's position starts again; None for never."""
+        source = wheel.position
+        if source is None:
+            return None
+        signal = self._signal(source)
+        if source.wrap is not None:
+            span = source.wrap / abs(signal.scale)
+            return span if signal.is_float else round(span)
+        return None if signal.is_float else 2**signal.length
+
+    def _signal(self, name: SignalName) -> Signal:
+        return self.message(name.message).get_signal_by_name(name.signal)
+
+    def _scale(self, source: MeasuredSignal, factor: float) -> Scale:
+        return make_scale(source.message, self._signal(source), source.si_per_unit * factor)
+
+
+def load_mapping(name_or_path: str) -> BusDescription:
+    """Read a mapping by the name of a shipped one or the path of a TOML file, and its DBC file.
+
+    Raises:
+        ConfigError: A file is missing or wrong; the message names file, key and fix.
+    """
+    path = _mapping_path(name_or_path)
+    try:
+        table = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        msg = f"cannot read mapping {path}: {error}"
+        raise ConfigError(msg) from error
+    try:
+        mapping = CanWheelsMapping.model_validate(_fill_in(path, table))
+    except ValidationError as error:
+        raise ConfigError(_describe(path, error)) from error
+    dbc_path = path.parent / mapping.dbc
+    database = _load_database(path, dbc_path)
+    _check_names(f"{path}: ", "", mapping, database)
+    return BusDescription(path, dbc_path, mapping, database)
+
+
+def _mapping_path(name_or_path: str) -> Path:
+    shipped = {path.stem: path for path in sorted(SHIPPED_FOLDER.glob("*.toml"))}
+    if name_or_path in shipped:
+        return shipped[name_or_path]
+    path = Path(name_or_path)
+    if not path.is_file():
+        msg = (
+            f"no mapping '{name_or_path}': give the path of a TOML file, relative to the current directory, "
+            f"or one of {', '.join(shipped)}{_did_you_mean(name_or_path, shipped)}"
+        )
+        raise ConfigError(msg)
+    return path
+
+
+def _fill_in(path: Path, table: dict[str, object]) -> dict[str, object]:
+    table = dict(table)
+    every_wheel = table.pop("every_wheel", {})
+    wheels = table.get("wheel")
+    if (
+        not isinstance(every_wheel, dict)
+        or not isinstance(wheels, list)
+        or not all(isinstance(wheel, dict) and "node" in wheel for wheel in wheels)
+    ):
+        msg = f"{path}: wheel: give one [[wheel]] with a node per wheel, and what they share in [every_wheel]"
+        raise ConfigError(msg)
+    nodes = [str(wheel["node"]) for wheel in wheels]
+    table["wheel"] = [
+        _with_node({**every_wheel, **wheel}, node) for wheel, node in zip(wheels, nodes, strict=True)
+    ]
+    for key in ("start", "stop"):
+        entries = table.get(key)
+        if isinstance(entries, list):
+            table[key] = [filled for entry in entries for filled in _per_node(entry, nodes)]
+    protection = table.get("protection")
+    if isinstance(protection, list):
+        table["protection"] = [
+            {**entry, "messages": [name for text in entry["messages"] for name in _per_node(text, nodes)]}
+            if isinstance(entry, dict) and isinstance(entry.get("messages"), list)
+            else entry
+            for entry in protection
+        ]
+    return table
+
+
+def _per_node(value: object, nodes: list[str]) -> list[object]:
+    if _with_node(value, "") == value:
+        return [value]
+    return [_with_node(value, node) for node in nodes]
+
+
+def _with_node(value: object, node: str) -> object:
+    if isinstance(value, str):
+        return value.replace("{node}", node)
+    if isinstance(value, dict):
+        return {key: _with_node(part, node) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_with_node(part, node) for part in value]
+    return value
+
+
+def _describe(path: Path, error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "the file"
+    if first["type"] == "extra_forbidden":
+        return f"{path}: {key}: unknown key; correct or remove it"
+    if first["type"] == "missing":
+        return f"{path}: {key}: this key is missing; add it"
+    return f"{path}: {key}: {first['msg'].removeprefix('Value error, ')}"
+
+
+def _load_database(mapping_path: Path, path: Path) -> Database:
+    if not path.is_file():
+        msg = f"{mapping_path}: dbc: no file {path.name} in the same folder"
+        raise ConfigError(msg)
+    try:
+        database = cantools.database.load_file(path, database_format="dbc")
+    except (cantools.Error, OSError, ValueError) as error:
+        msg = f"cannot read DBC file {path}: {error}"
+        raise ConfigError(msg) from error
+    if not isinstance(database, Database):
+        msg = f"{path} holds no CAN messages: give a DBC file"
+        raise ConfigError(msg)
+    return database
+
+
+def _check_names(where: str, key: str, value: object, database: Database) -> None:
+    """Look for every name below `value` in the DBC file; `key` is the place in the mapping file."""
+    if isinstance(value, NamesSignals):
+        for message_name, signal_name, held in value.names():
+            message = _find_message(f"{where}{key}", database, message_name)
+            if signal_name is not None:
+                signal = _find_signal(f"{where}{key}", message, signal_name)
+                _check_fit(f"{where}{key}", value, signal, held)
+    if isinstance(value, Settings):
+        for name in type(value).model_fields:
+            _check_names(where, f"{key}.{name}".lstrip("."), getattr(value, name), database)
+    elif isinstance(value, tuple):
+        for index, part in enumerate(value):
+            _check_names(where, f"{key}.{index}", part, database)
+
+
+def _check_fit(where: str, part: NamesSignals, signal: Signal, held: float | None) -> None:
+    low, high = raw_limits(signal)
+    if held is not None and not low <= raw_value(signal, held) <= high:
+        msg = f"{where}: signal '{signal.name}' cannot hold {held:g}; correct the value"
+        raise ConfigError(msg)
+    first_bit = 0 if signal.byte_order == "little_endian" else 7
+    is_one_byte = signal.length == 8 and signal.start % 8 == first_bit
+    if isinstance(part, Protection) and signal.name == part.checksum and not is_one_byte:
+        msg = f"{where}: checksum '{signal.name}' is not one whole byte; only such checksums are supported"
+        raise ConfigError(msg)
+
+
+def _find_message(where: str, database: Database, name: str) -> Message:
+    messages = {message.name: message for message in database.messages}
+    message = messages.get(name)
+    if message is None:
+        msg = f"{where}: the DBC file has no message '{name}'{_did_you_mean(name, messages)}"
+        raise ConfigError(msg)
+    if message.length > 8 or message.is_multiplexed():
+        msg = f"{where}: message '{name}' is multiplexed or longer than 8 bytes; such are not supported"
+        raise ConfigError(msg)
+    return message
+
+
+def _find_signal(where: str, message: Message, name: str) -> Signal:
+    signals = {signal.name: signal for signal in message.signals}
+    signal = signals.get(name)
+    if signal is None:
+        hint = _did_you_mean(name, signals)
+        msg = f"{where}: message '{message.name}' has no signal '{name}'{hint}"
+        raise ConfigError(msg)
+    return signal
+
+
+def _did_you_mean(name: str, known: Iterable[str]) -> str:
+    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else f"; it has {', '.join(list(known)[:8])}"

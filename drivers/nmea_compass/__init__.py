@@ -1,0 +1,1 @@
+"""Compasses and attitude sensors that speak NMEA 0183."""

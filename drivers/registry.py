@@ -1,0 +1,16 @@
+"""Every device the configuration may name; a new device adds its settings class here."""
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Field
+
+from drivers.camera.settings import CameraSettings
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.witmotion.settings import WitMotionSettings
+
+AnyDeviceSettings: TypeAlias = Annotated[
+    CameraSettings | CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | WitMotionSettings,
+    Field(discriminator="type"),
+]

@@ -1,0 +1,1 @@
+"""Input-output board of Robotino 1, 2 and XT (EA05, EA09) on its serial port."""

@@ -1,0 +1,377 @@
+"""Serial protocol of the Robotino 1/2/XT boards EA05 and EA09, both directions.
+
+The host asks with 47 bytes, the board answers each request with 101; both begin with "REC" and end with
+"rec". There is no checksum. What protects is that both markers must stand in their places, that the board
+itself marks motors it could not read, and that no wheel may have turned further than a motor can since the
+reply before (`RobotinoBoardCodec`). Every bit pattern of currents, voltages and speeds is in their range. A
+flipped bit in these, or the loss of exactly 101 bytes across two replies, cannot be noticed.
+
+An EA05 answers with what its motors measured at the request before; the time count tells when that was.
+
+Source: openrobotino `common/lib/rec/iocontrol/remotestate/{SetState,SensorState}.h`, `qdsa_protocol.h`,
+`firmware/EA05/trunk/qDSA`, `firmware/EA09/trunk/src/{robotinoserial,main}.c`, `daemons/apps/controld2`.
+"""
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
+
+from drivers.clock import NANOSECONDS_PER_SECOND
+from drivers.driver import Rejection
+from drivers.link import Received
+from drivers.robotino_board.settings import Board, RobotinoBoardSettings
+from drivers.samples import BumperSample, PowerSample, Sample, WheelSample
+
+Counts: TypeAlias = tuple[int, int, int]
+"""One whole number per wheel."""
+
+HEAD = b"REC"
+TAIL = b"rec"
+REQUEST_SIZE = 47
+REPLY_SIZE = 101
+MAX_SPEED_STEPS = 255
+STEP_TICKS_PER_S = 900
+"""One speed step is one encoder tick per 1/900 s: 27 rpm at the motor with 2000 ticks per turn."""
+MAX_RAW = 1023
+"""Largest reading of the 10-bit converters."""
+
+_REQUEST = struct.Struct("<3sB" + 4 * "BBBiBBB" + "3s")
+_MASTER = struct.Struct("<3sBxB5xB2x")
+_MOTOR = struct.Struct("<B7xBxBBiBI")
+_NO_AUXILIARY = bytes(_MOTOR.size)
+
+_GAINS_ARE_MEANT = 0x08
+_BRAKE_OFF = 0x01
+_SET_FORWARD = 0x02
+_AUXILIARY_OUTPUT = (_BRAKE_OFF, _SET_FORWARD, 0, 0, 0, 0, 0)
+
+_TURNS_FORWARD = 0x01
+_MOTOR_FAULT = 0x0C
+_VERSION_OF_EA05 = 0x80
+_VERSION_OF_EA09 = 0x40
+_NEWER_THAN_EA05 = 0x70
+_BUMPER = 0x10
+
+_FRAMING = Rejection("framing")
+_MOTOR_FAULT_SEEN = Rejection("motor_fault")
+_IMPLAUSIBLE_JUMP = Rejection("implausible_jump")
+
+_NANOSECONDS_PER_COUNT = 1_000_000
+_LONGEST_BUNCHING_NS = 100_000_000
+_WORD = 0xFFFF_FFFF
+_HALF_WORD = 0x8000_0000
+
+
+class BoardRequest(NamedTuple):
+    """What the host asks of the board.
+
+    Attributes:
+        speed_steps: Set-point of each motor, -255 to 255 speed steps, forward positive.
+        brakes_off: Whether each motor may turn; with the brake on its set-point is taken as 0.
+        gains: kp, ki, kd, 0 to 255, the same for the three motors.
+    """
+
+    speed_steps: Counts
+    brakes_off: tuple[bool, bool, bool]
+    gains: Counts
+
+
+class BoardReply(NamedTuple):
+    """What the board answers, in counts.
+
+    Attributes:
+        ticks: Encoder position of each motor, 32 bits signed, forward positive.
+        speed_steps: Speed of each motor, -255 to 255 speed steps, forward positive.
+        current_raw: Magnitude of each motor's current, 0 to 1023.
+        battery_raw: Battery voltage, 0 to 1020 in steps of 4: the boards disagree about the low bits.
+        system_current_raw: Current of the whole rover, 0 to 1023.
+        bumper_pressed: State of the bumper.
+        time_ms: The board's running time, 32 bits unsigned.
+        board: Which board answers.
+        motor_fault: The board could not read a motor; that motor's numbers are meaningless.
+    """
+
+    ticks: Counts
+    speed_steps: Counts
+    current_raw: Counts
+    battery_raw: int
+    system_current_raw: int
+    bumper_pressed: bool
+    time_ms: int
+    board: Board
+    motor_fault: bool = False
+
+
+def build_request(request: BoardRequest) -> bytes:
+    """Return the 47 bytes of a request."""
+    motors: list[int] = []
+    for steps, brake_off in zip(request.speed_steps, request.brakes_off, strict=True):
+        direction = _SET_FORWARD if steps >= 0 else 0
+        motors += (_BRAKE_OFF if brake_off else 0, direction, abs(steps), 0, *request.gains)
+    return _REQUEST.pack(HEAD, _GAINS_ARE_MEANT, *motors, *_AUXILIARY_OUTPUT, TAIL)
+
+
+def parse_request(frame: bytes) -> BoardRequest:
+    """Return what 47 bytes ask; the gains are those of the first motor. The markers are not looked at."""
+    fields = _REQUEST.unpack(frame)
+    flags, directions, magnitudes = fields[2:23:7], fields[3:23:7], fields[4:23:7]
+    s0, s1, s2 = (
+        magnitude if direction & _SET_FORWARD else -magnitude
+        for direction, magnitude in zip(directions, magnitudes, strict=True)
+    )
+    b0, b1, b2 = (bool(flag & _BRAKE_OFF) for flag in flags)
+    return BoardRequest((s0, s1, s2), (b0, b1, b2), fields[6:9])
+
+
+def build_reply(reply: BoardReply) -> bytes:
+    """Return the 101 bytes of a reply whose counts are in their ranges; the ticks may wrap."""
+    states = [
+        (_TURNS_FORWARD if steps >= 0 else 0) | (_MOTOR_FAULT if reply.motor_fault else 0)
+        for steps in reply.speed_steps
+    ]
+    states[0] |= _VERSION_OF_EA05 if reply.board == "EA05" else _VERSION_OF_EA09
+    inputs = (_BUMPER if reply.bumper_pressed else 0, 0, 0)
+    times_ms = (reply.time_ms & _WORD, 0, 0)
+    system = reply.system_current_raw
+    parts = [_MASTER.pack(HEAD, system >> 2, reply.battery_raw >> 2, system & 3)]
+    for wheel, current in enumerate(reply.current_raw):
+        speed, position = abs(reply.speed_steps[wheel]), _wrapped(-reply.ticks[wheel])
+        parts.append(
+            _MOTOR.pack(
+                current >> 2, current & 3, states[wheel], speed, position, inputs[wheel], times_ms[wheel]
+            )
+        )
+    return b"".join((*parts, _NO_AUXILIARY, TAIL))
+
+
+def parse_reply(frame: bytes) -> BoardReply:
+    """Return what 101 bytes say. The markers are not looked at."""
+    _, system, battery, system_low = _MASTER.unpack_from(frame)
+    high0, low0, state0, speed0, position0, inputs, time_ms = _MOTOR.unpack_from(frame, 14)
+    high1, low1, state1, speed1, position1, _, _ = _MOTOR.unpack_from(frame, 35)
+    high2, low2, state2, speed2, position2, _, _ = _MOTOR.unpack_from(frame, 56)
+    return BoardReply(
+        ticks=(_wrapped(-position0), _wrapped(-position1), _wrapped(-position2)),
+        speed_steps=(
+            speed0 if state0 & _TURNS_FORWARD else -speed0,
+            speed1 if state1 & _TURNS_FORWARD else -speed1,
+            speed2 if state2 & _TURNS_FORWARD else -speed2,
+        ),
+        current_raw=(high0 << 2 | low0 & 3, high1 << 2 | low1 & 3, high2 << 2 | low2 & 3),
+        battery_raw=battery << 2,
+        system_current_raw=system << 2 | system_low & 3,
+        bumper_pressed=bool(inputs & _BUMPER),
+        time_ms=time_ms,
+        board="EA09" if state0 & _NEWER_THAN_EA05 else "EA05",
+        motor_fault=bool((state0 | state1 | state2) & _MOTOR_FAULT),
+    )
+
+
+def _wrapped(count: int) -> int:
+    return (count + _HALF_WORD & _WORD) - _HALF_WORD
+
+
+class Scales(NamedTuple):
+    """What one count means, in SI units at the wheel.
+
+    Source: SensorState.h and the EA09 corrections of controld2.conf (0.15, 3.0, 0.89).
+    """
+
+    position_rad: float
+    speed_rad_s: float
+    current_a: float
+    system_current_a: float
+    battery_v: float
+
+
+def scales(settings: RobotinoBoardSettings) -> Scales:
+    """Return what one count means on this board with this gear and encoder."""
+    position_rad = math.tau / (settings.ticks_per_motor_turn * settings.gear_ratio)
+    current, system, battery = (1.0, 1.0, 1.0) if settings.board == "EA05" else (0.15, 3.0, 0.89)
+    return Scales(
+        position_rad, STEP_TICKS_PER_S * position_rad, current / 156.0, system / 61.44, battery / 36.10
+    )
+
+
+class FrameScanner:
+    """Cuts frames of one size out of a byte stream by their markers; keeps less than one frame.
+
+    Args:
+        frame_size: `REQUEST_SIZE` or `REPLY_SIZE`.
+    """
+
+    def __init__(self, frame_size: int) -> None:
+        self._frame_size = frame_size
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[bytes | Rejection]:
+        """Return the frames that `data` completes, and one "framing" for each run of bytes thrown away."""
+        buffer = self._rest + data
+        found: list[bytes | Rejection] = []
+        used = 0
+        head = _find_head(buffer, 0)
+        while (end := head + self._frame_size) <= len(buffer):
+            if buffer.startswith(TAIL, end - len(TAIL)):
+                if head > used:
+                    found.append(_FRAMING)
+                found.append(buffer[head:end])
+                used = end
+                head = _find_head(buffer, end)
+            else:
+                head = _find_head(buffer, head + 1)
+        if head > used:
+            found.append(_FRAMING)
+        self._rest = buffer[head:]
+        return found
+
+    def reset(self) -> None:
+        """Forget a half-received frame."""
+        self._rest = b""
+
+
+def _find_head(buffer: bytes, start: int) -> int:
+    head = buffer.find(HEAD, start)
+    if head >= 0:
+        return head
+    begun = next((size for size in (2, 1) if buffer.endswith(HEAD[:size], start)), 0)
+    return len(buffer) - begun
+
+
+class _Counters(NamedTuple):
+    """What runs on from reply to reply."""
+
+    t_ns: int
+    time_ms: int
+    ticks: Counts
+
+
+def _can_follow(before: _Counters, after: _Counters) -> bool:
+    # Forwards the time may jump: an EA05's first reply is as old as the last request of whoever asked.
+    if (after.time_ms - before.time_ms) & _WORD >= _HALF_WORD:
+        return False
+    elapsed_ns = max(after.t_ns - before.t_ns, _LONGEST_BUNCHING_NS)
+    limit = MAX_SPEED_STEPS * STEP_TICKS_PER_S * elapsed_ns / NANOSECONDS_PER_SECOND
+    return all(abs(_wrapped(new - old)) <= limit for new, old in zip(after.ticks, before.ticks, strict=True))
+
+
+class RobotinoBoardCodec:
+    """Turns replies into wheel, power and bumper samples, and wheel speeds into requests.
+
+    Rejections: "framing" (markers not in their places), "board_is_EA05" or "board_is_EA09" (not the board
+    in the settings: its currents would be wrong by a factor of 6.7), "motor_fault" (the board could not
+    read a motor) and "implausible_jump": the board's time runs backwards, or a wheel turned further than
+    6885 rpm at the motor allow. Replies may come in bunches, so at least 0.1 s is allowed for. When the
+    next reply continues from the suspect one, the board has restarted its counters: positions go on from
+    where they were, and what the wheels turned in between is not known and not counted.
+
+    Args:
+        name: Name of the device in the configuration.
+        settings: Board, gear, encoder and gains.
+    """
+
+    wheel_count = 3
+
+    def __init__(self, name: str, settings: RobotinoBoardSettings) -> None:
+        self._name = name
+        self._board: Board = settings.board
+        self._scales = scales(settings)
+        self._gains: Counts = (settings.kp, settings.ki, settings.kd)
+        self._scanner = FrameScanner(REPLY_SIZE)
+        self._accepted: _Counters | None = None
+        self._suspect: _Counters | None = None
+        self._ticks: Counts = (0, 0, 0)
+
+    def decode(self, item: Received[bytes]) -> list[Sample | Rejection]:
+        """Return three `WheelSample`, a `PowerSample` and a `BumperSample` for each reply in the stream.
+
+        There is no `PowerSample` when the battery reads 0 counts: the board itself runs from it.
+        """
+        decoded: list[Sample | Rejection] = []
+        for found in self._scanner.feed(item.payload):
+            if isinstance(found, Rejection):
+                decoded.append(found)
+            else:
+                decoded += self._read(item.t_ns, parse_reply(found))
+        return decoded
+
+    def reset(self) -> None:
+        """Forget the half-received reply and the positions; they start from the board's own counts again."""
+        self._scanner.reset()
+        self._accepted = None
+        self._suspect = None
+
+    def encode_start(self) -> list[bytes]:
+        """Return nothing: every request releases the brakes, and positions are not reset."""
+        return []
+
+    def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[list[bytes], tuple[float, ...]]:
+        """Return one request, and the speeds it means: whole steps of 27 rpm towards zero, 255 at most."""
+        step_rad_s = self._scales.speed_rad_s
+        s0, s1, s2 = (_steps(speed / step_rad_s) for speed in speed_rad_s)
+        request = build_request(BoardRequest((s0, s1, s2), (True, True, True), self._gains))
+        return [request], (s0 * step_rad_s, s1 * step_rad_s, s2 * step_rad_s)
+
+    def encode_stop(self) -> list[bytes]:
+        """Return one request with the brakes on."""
+        return [build_request(BoardRequest((0, 0, 0), (False, False, False), self._gains))]
+
+    def _read(self, t_ns: int, reply: BoardReply) -> list[Sample | Rejection]:
+        if reply.board != self._board:
+            return [Rejection(f"board_is_{reply.board}")]
+        if reply.motor_fault:
+            return [_MOTOR_FAULT_SEEN]
+        if not self._accept(_Counters(t_ns, reply.time_ms, reply.ticks)):
+            return [_IMPLAUSIBLE_JUMP]
+        return self._samples(t_ns, reply)
+
+    def _accept(self, counters: _Counters) -> bool:
+        base = self._accepted
+        if base is not None and not _can_follow(base, counters):
+            base, self._suspect = self._suspect, counters
+            if base is None or not _can_follow(base, counters):
+                return False
+        if base is None:
+            self._ticks = counters.ticks
+        else:
+            turned = zip(self._ticks, counters.ticks, base.ticks, strict=True)
+            t0, t1, t2 = (ticks + _wrapped(new - old) for ticks, new, old in turned)
+            self._ticks = (t0, t1, t2)
+        self._accepted, self._suspect = counters, None
+        return True
+
+    def _samples(self, t_ns: int, reply: BoardReply) -> list[Sample | Rejection]:
+        name, scale = self._name, self._scales
+        t_device_ns = reply.time_ms * _NANOSECONDS_PER_COUNT
+        samples: list[Sample | Rejection] = [
+            WheelSample(
+                device=name,
+                t_ns=t_ns,
+                t_device_ns=t_device_ns,
+                wheel=wheel,
+                position_rad=self._ticks[wheel] * scale.position_rad,
+                speed_rad_s=reply.speed_steps[wheel] * scale.speed_rad_s,
+                current_a=reply.current_raw[wheel] * scale.current_a,
+                current_is_signed=False,
+            )
+            for wheel in range(3)
+        ]
+        if reply.battery_raw:
+            power = PowerSample(
+                device=name,
+                t_ns=t_ns,
+                t_device_ns=t_device_ns,
+                voltage_v=reply.battery_raw * scale.battery_v,
+                current_a=reply.system_current_raw * scale.system_current_a,
+            )
+            samples.append(power)
+        samples.append(
+            BumperSample(device=name, t_ns=t_ns, t_device_ns=t_device_ns, pressed=reply.bumper_pressed)
+        )
+        return samples
+
+
+def _steps(steps: float) -> int:
+    # The margin keeps a speed that is a whole number of steps whole after its conversion to rad/s.
+    size = int(min(abs(steps) + 1e-9, MAX_SPEED_STEPS))
+    return size if steps >= 0 else -size

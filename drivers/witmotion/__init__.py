@@ -1,0 +1,1 @@
+"""WitMotion inertial sensors with the 0x55 binary protocol."""

@@ -1,0 +1,205 @@
+"""WitMotion frames: 0x55, type, four signed 16-bit little-endian words, sum of the first ten bytes.
+
+Source: WT901 data sheet v20-0702, sections 5.1.2 to 5.1.5. Sensor axes are right-handed with z up; angles are
+Euler angles in the order z, y, x against an east-north-up frame, so yaw is counter-clockwise.
+"""
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+from drivers.angles import wrap_rad
+from drivers.driver import Rejection
+from drivers.heading_calibration import MagnetometerCalibration, Vector
+from drivers.link import Received
+from drivers.samples import (
+    AccelerationSample,
+    AttitudeSample,
+    HeadingReference,
+    HeadingSample,
+    RateSample,
+    Sample,
+)
+
+HEADER = 0x55
+ACCELERATION, RATE, ANGLE, MAGNETIC = 0x51, 0x52, 0x53, 0x54
+KNOWN_TYPES = frozenset({*range(0x50, 0x5B), 0x5F})
+FRAME_SIZE = 11
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+ACCELERATION_STEP_M_S2 = 16.0 * STANDARD_GRAVITY_M_S2 / 32768
+RATE_STEP_RAD_S = math.radians(2000.0) / 32768
+ANGLE_STEP_RAD = math.pi / 32768
+
+_WORDS = struct.Struct("<BB4h")
+
+
+def encode_frame(frame_type: int, first: int, second: int, third: int, fourth: int = 0) -> bytes:
+    """Return a frame of four signed 16-bit words."""
+    frame = _WORDS.pack(HEADER, frame_type, first, second, third, fourth)
+    return frame + bytes((sum(frame) & 0xFF,))
+
+
+def encode_acceleration(x_m_s2: float, y_m_s2: float, z_m_s2: float) -> bytes:
+    """Return an acceleration frame in sensor axes; saturates at 16 g."""
+    return _encode(ACCELERATION, ACCELERATION_STEP_M_S2, x_m_s2, y_m_s2, z_m_s2)
+
+
+def encode_rate(x_rad_s: float, y_rad_s: float, z_rad_s: float) -> bytes:
+    """Return an angular rate frame in sensor axes; saturates at 2000 deg/s."""
+    return _encode(RATE, RATE_STEP_RAD_S, x_rad_s, y_rad_s, z_rad_s)
+
+
+def encode_angle(roll_rad: float, pitch_rad: float, yaw_rad: float) -> bytes:
+    """Return an angle frame of the sensor; angles are wrapped to [-pi, pi)."""
+    return _encode(ANGLE, ANGLE_STEP_RAD, wrap_rad(roll_rad), wrap_rad(pitch_rad), wrap_rad(yaw_rad))
+
+
+def _encode(frame_type: int, step: float, first: float, second: float, third: float) -> bytes:
+    words = [max(-32768, min(32767, round(value / step))) for value in (first, second, third)]
+    return encode_frame(frame_type, *words)
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """How the sensor sits on the rover: turned by `yaw_rad` about z; its yaw counts from `yaw_zero_rad`."""
+
+    yaw_rad: float = 0.0
+    yaw_zero_rad: float = 0.0
+
+    @classmethod
+    def from_degrees(cls, yaw_deg: float, yaw_zero_deg: float) -> Self:
+        """Convert from the units of the configuration."""
+        return cls(math.radians(yaw_deg), math.radians(yaw_zero_deg))
+
+    def vector_to_rover(self, vector: Vector) -> Vector:
+        """Turn a vector from sensor axes to rover axes."""
+        x, y, z = vector
+        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return cosine * x - sine * y, sine * x + cosine * y, z
+
+    def attitude_to_rover(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector:
+        """Turn the sensor's roll, pitch and yaw into the rover's, its yaw counted from magnetic east."""
+        cos_roll, sin_roll = math.cos(roll_rad), math.sin(roll_rad)
+        cos_pitch, sin_pitch = math.cos(pitch_rad), math.sin(pitch_rad)
+        up = self.vector_to_rover((-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll))
+        # The rover's forward axis in sensor axes, tilted to the horizontal plane that yaw turns in.
+        ahead, left = math.cos(self.yaw_rad), -math.sin(self.yaw_rad)
+        yaw_shift_rad = math.atan2(left * cos_roll, ahead * cos_pitch + left * sin_roll * sin_pitch)
+        return (
+            math.atan2(up[1], up[2]),
+            -math.asin(max(-1.0, min(1.0, up[0]))),
+            wrap_rad(yaw_rad + yaw_shift_rad + self.yaw_zero_rad),
+        )
+
+
+class WitMotionCodec:
+    """Reads acceleration, angular rate, angle and, with a calibration, magnetic frames.
+
+    Resynchronises by header, plausible type and sum. The sum catches every single-bit error in a frame; after
+    a loss of synchronisation a chance match has probability 1/256 per candidate. Rejections: "framing" and
+    "checksum" (once per stretch of unreadable bytes), "other_type", "no_attitude" (a magnetic frame before
+    the first angle frame).
+
+    Args:
+        name: Name of the device in the configuration.
+        mounting: How the sensor sits on the rover.
+        calibration: Hard and soft iron; with it the heading comes from magnetic frames, tilt-compensated
+            with the last roll and pitch, and no longer from the device's yaw.
+    """
+
+    def __init__(
+        self, name: str, mounting: Mounting | None = None, calibration: MagnetometerCalibration | None = None
+    ) -> None:
+        self._name = name
+        self._mounting = mounting or Mounting()
+        self._calibration = calibration
+        self._readers = {
+            ACCELERATION: self._read_acceleration,
+            RATE: self._read_rate,
+            ANGLE: self._read_angle,
+        }
+        if calibration is not None:
+            self._readers[MAGNETIC] = self._read_magnetic
+        self._buffer = b""
+        self._lost = False
+        self._tilt_rad: tuple[float, float] | None = None
+
+    def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
+        """Return the samples and rejections of the frames that `item` completes."""
+        data = self._buffer + item.payload
+        results: list[Sample | Rejection] = []
+        position = 0
+        while position < len(data):
+            reason = _unreadable(data, position)
+            if reason is None:
+                if len(data) - position < FRAME_SIZE:
+                    break
+                self._lost = False
+                results.extend(self._read_frame(data, position, item.t_ns))
+                position += FRAME_SIZE
+            else:
+                if not self._lost:
+                    results.append(Rejection(reason))
+                self._lost = True
+                next_header = data.find(HEADER, position + 1)
+                position = len(data) if next_header < 0 else next_header
+        self._buffer = data[position:]
+        return results
+
+    def reset(self) -> None:
+        """Forget a half-received frame and the last attitude."""
+        self._buffer = b""
+        self._lost = False
+        self._tilt_rad = None
+
+    def _read_frame(self, data: bytes, position: int, t_ns: int) -> Sequence[Sample | Rejection]:
+        _, frame_type, first, second, third, _ = _WORDS.unpack_from(data, position)
+        reader = self._readers.get(frame_type)
+        return (Rejection("other_type"),) if reader is None else reader(t_ns, (first, second, third))
+
+    def _read_acceleration(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
+        x, y, z = (word * ACCELERATION_STEP_M_S2 for word in self._mounting.vector_to_rover(words))
+        return (AccelerationSample(device=self._name, t_ns=t_ns, x_m_s2=x, y_m_s2=y, z_m_s2=z),)
+
+    def _read_rate(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
+        x, y, z = (word * RATE_STEP_RAD_S for word in self._mounting.vector_to_rover(words))
+        return (RateSample(device=self._name, t_ns=t_ns, rate_x_rad_s=x, rate_y_rad_s=y, rate_z_rad_s=z),)
+
+    def _read_angle(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
+        roll_rad, pitch_rad, yaw_rad = (word * ANGLE_STEP_RAD for word in words)
+        roll_rad, pitch_rad, yaw_rad = self._mounting.attitude_to_rover(roll_rad, pitch_rad, yaw_rad)
+        self._tilt_rad = (roll_rad, pitch_rad)
+        attitude = AttitudeSample(device=self._name, t_ns=t_ns, roll_rad=roll_rad, pitch_rad=pitch_rad)
+        if self._calibration is not None:
+            return (attitude,)
+        return attitude, self._heading(t_ns, yaw_rad)
+
+    def _read_magnetic(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
+        if self._tilt_rad is None or self._calibration is None:
+            return (Rejection("no_attitude"),)
+        x, y, z = self._mounting.vector_to_rover(self._calibration.apply(words))
+        roll_rad, pitch_rad = self._tilt_rad
+        cos_roll, sin_roll = math.cos(roll_rad), math.sin(roll_rad)
+        level_y = cos_roll * y - sin_roll * z
+        level_x = math.cos(pitch_rad) * x + math.sin(pitch_rad) * (sin_roll * y + cos_roll * z)
+        # The horizontal field points north, and yaw is the angle from east to the x axis.
+        return (self._heading(t_ns, wrap_rad(math.atan2(level_x, level_y))),)
+
+    def _heading(self, t_ns: int, yaw_rad: float) -> HeadingSample:
+        reference = HeadingReference.MAGNETIC
+        return HeadingSample(device=self._name, t_ns=t_ns, heading_rad=yaw_rad, reference=reference)
+
+
+def _unreadable(data: bytes, position: int) -> str | None:
+    """Return why no frame starts here, or None when one does or may once more bytes have arrived."""
+    if data[position] != HEADER:
+        return "framing"
+    if position + 1 < len(data) and data[position + 1] not in KNOWN_TYPES:
+        return "framing"
+    end = position + FRAME_SIZE
+    if end <= len(data) and sum(data[position : end - 1]) & 0xFF != data[end - 1]:
+        return "checksum"
+    return None

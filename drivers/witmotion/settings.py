@@ -1,0 +1,51 @@
+"""What the configuration says about a WitMotion sensor."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drivers.device_settings import SerialDeviceSettings
+from drivers.driver import Codec
+
+
+class WitMotionSettings(SerialDeviceSettings):
+    """A WitMotion inertial sensor, mounted flat with its z axis up.
+
+    Attributes:
+        baud_rate: The device leaves the factory at 9600, which is too slow for 50 Hz.
+        mounting_yaw_deg: Direction of the sensor's x axis, counter-clockwise from the rover's forward axis: 0
+            where x points forward; -90 where the sensor's y axis does, as marked on the WT901's case.
+        yaw_zero_deg: Direction of the sensor's x axis, counter-clockwise from magnetic east, when it reports
+            yaw 0. The data sheets name an east-north-up frame, hence 0; check it against a known direction.
+        calibration: Path of a TOML file with hard and soft iron, relative to the current directory. With it
+            the heading is computed from the raw magnetic field (frame 0x54, which the device must be set to
+            send) instead of taken from the device's yaw.
+    """
+
+    type: Literal["witmotion"] = "witmotion"
+    baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 115_200
+    mounting_yaw_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    yaw_zero_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    calibration: Annotated[str, Field(min_length=1)] | None = None
+
+    def data_files(self) -> Mapping[str, tuple[Path, ...]]:
+        """Return the calibration file, if there is one."""
+        return {} if self.calibration is None else {"calibration": (Path(self.calibration),)}
+
+    def make_codec(self, name: str) -> Codec[bytes]:
+        """Build the codec.
+
+        Raises:
+            ConfigError: The calibration file is missing or wrong.
+        """
+        from drivers.heading_calibration import MagnetometerCalibration, load_calibration
+        from drivers.witmotion.codec import Mounting, WitMotionCodec
+
+        mounting = Mounting.from_degrees(self.mounting_yaw_deg, self.yaw_zero_deg)
+        if self.calibration is None:
+            return WitMotionCodec(name, mounting)
+        return WitMotionCodec(
+            name, mounting, load_calibration(Path(self.calibration), MagnetometerCalibration)
+        )

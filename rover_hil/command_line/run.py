@@ -1,0 +1,176 @@
+"""`rover-hil run`: put the rover together, run the loop, write log, summary and report."""
+
+import gc
+import signal
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from controllers.control_loop import StepOutput
+from controllers.safety import Mode
+from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
+from drivers.errors import ConfigError
+from rover_hil.composition import build_real_rig, build_virtual_rig
+from rover_hil.config import Config, load_config
+from rover_hil.loop.executive import End, Executive, RunResult
+from rover_hil.loop.realtime import enter_realtime
+from rover_hil.loop.watchdog import Watchdog
+from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.log_writer import LogWriter
+from rover_hil.report.write import write_report
+
+CONNECT_TIMEOUT_S = 2.0
+REALTIME_SPIN_S = 0.0006
+LOG_NAME = "run.mcap"
+
+StatusDisplay = Callable[[StepOutput], None]
+
+
+def run_rover(
+    config_name: str,
+    *,
+    virtual: bool,
+    duration_s: float | None,
+    out: Path | None,
+    realtime: bool,
+    as_json: bool,
+) -> int:
+    """Run a rover and write its results; returns the exit code.
+
+    Raises:
+        RoverHilError: Bad configuration, a device that cannot be opened, a folder that cannot be used.
+    """
+    config = load_config(config_name)
+    if config.mission is None:
+        msg = f"{config_name}: mission: this key is missing; add what the rover is to do"
+        raise ConfigError(msg)
+    if virtual and realtime:
+        msg = "--virtual runs on simulated time: leave --realtime out"
+        raise ConfigError(msg)
+    folder = out or Path("runs") / f"{Path(config_name).stem}-{wall_time_text()}"
+    log_path = _prepare_folder(folder)
+    limit_s = duration_s or config.loop.time_limit_s
+    messages = Console(stderr=True)
+    with Live(console=messages, transient=True, auto_refresh=False) as live:
+
+        def show(output: StepOutput) -> None:
+            live.update(_status_line(output), refresh=True)
+
+        if virtual:
+            result = run_virtual(config, log_path, limit_s, show)
+        else:
+            result = _run_real(config, log_path, limit_s, show, realtime=realtime)
+    with messages.status("writing report"):
+        summary_json = write_report(log_path, folder)
+    if as_json:
+        Console().out(summary_json)
+    else:
+        console = Console(highlight=False)
+        console.print(
+            f"{result.reason}; {result.cycles} cycles, {result.duration_s:.1f} s, {result.skipped} skipped"
+        )
+        console.print(f"report: {folder / 'report.html'}", soft_wrap=True)
+    return 0 if _went_well(result, duration_s) else 1
+
+
+def _prepare_folder(folder: Path) -> Path:
+    log_path = folder / LOG_NAME
+    if log_path.exists():
+        msg = f"{log_path} exists and a log is never overwritten: choose another --out"
+        raise ConfigError(msg)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        msg = f"cannot make the folder {folder}: {error.strerror}; choose another --out"
+        raise ConfigError(msg) from error
+    return log_path
+
+
+def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisplay | None) -> RunResult:
+    """Run the simulated rover of `config` on simulated time, into the log `log_path`.
+
+    Args:
+        config: A configuration with a mission and a simulation.
+        log_path: Must not exist.
+        limit_s: End after this much simulated time.
+        show: Called about ten times per second of real time, or None.
+
+    Raises:
+        ConfigError: The simulation is missing or does not fit the devices.
+    """
+    clock = VirtualClock()
+    with _open_log(log_path, config, clock.now_ns(), "virtual") as log:
+        rig, world = build_virtual_rig(config, clock, log)
+
+        def record_truth(now_ns: int) -> None:
+            log.write_json("/truth", now_ns, world.plant.truth())
+
+        rig.connect(CONNECT_TIMEOUT_S)
+        with closing(rig):
+            executive = Executive(rig, log, config.loop.rate_hz, on_cycle=record_truth, on_status=show)
+            return _execute(executive, log, limit_s)
+
+
+def _run_real(
+    config: Config, log_path: Path, limit_s: float, show: StatusDisplay, *, realtime: bool
+) -> RunResult:
+    clock = SystemClock(REALTIME_SPIN_S if realtime else 0.0)
+    if realtime:
+        enter_realtime()
+    with _open_log(log_path, config, clock.now_ns(), "real") as log:
+        rig = build_real_rig(config, clock, log)
+        rig.connect(CONNECT_TIMEOUT_S)
+        with closing(rig):
+            watchdog = Watchdog(
+                rig.drive,
+                clock,
+                nanoseconds(config.safety.expiry_s),
+                lambda t_ns: log.write_json("/watchdog", t_ns, None),
+            )
+            executive = Executive(rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog)
+            gc.collect()
+            gc.freeze()  # what start-up made need not be looked at again in every collection
+            watchdog.start()
+            try:
+                return _execute(executive, log, limit_s)
+            finally:
+                watchdog.end()
+
+
+def _open_log(path: Path, config: Config, start_ns: int, origin: str) -> LogWriter:
+    config_json = config.model_dump_json(by_alias=True).encode()
+    return LogWriter(path, start_ns, config_json, collect_data_files(config), origin)
+
+
+def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
+    def on_signal(signal_number: int, frame: FrameType | None) -> None:
+        executive.request_stop()
+        signal.signal(signal_number, signal.default_int_handler)  # a second one does not wait for the cycle
+
+    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        result = executive.run(limit_s)
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    log.write_json("/end", executive.now_ns(), result.record())
+    return result
+
+
+def _went_well(result: RunResult, duration_s: float | None) -> bool:
+    if result.end is End.TIME_OVER:
+        return duration_s is not None and result.mode in (Mode.SETTLING, Mode.RUNNING)
+    return result.end in (End.FINISHED, End.STOPPED_BY_USER)
+
+
+def _status_line(output: StepOutput) -> Text:
+    estimate = output.estimate
+    return Text(
+        f"{output.mode.value:<15} x {estimate.x_m:+7.3f} m  y {estimate.y_m:+7.3f} m  "
+        f"yaw {estimate.yaw_rad:+6.3f} rad  {output.reason}"
+    )

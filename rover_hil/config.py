@@ -1,0 +1,177 @@
+"""The configuration: a TOML file, validated to the last key, or the name of a shipped one."""
+
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from controllers.roles import DeviceRoles
+from controllers.settings import ControlSettings
+from drivers.device_settings import DriveSettings, FrameDeviceSettings
+from drivers.errors import ConfigError
+from drivers.registry import AnyDeviceSettings
+from drivers.settings import Settings
+from sim_backends.settings import SimulationSettings
+
+
+class LoopSettings(Settings):
+    """The cyclic executive.
+
+    Attributes:
+        rate_hz: Cycles per second.
+        time_limit_s: A run that has not ended by then is ended.
+    """
+
+    rate_hz: Annotated[float, Field(ge=1, le=1000)]
+    time_limit_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0
+
+
+class RoleSettings(Settings):
+    """Which device the estimator takes what from; the rover stops when one of them falls silent.
+
+    Attributes:
+        wheels: The device that reports wheel positions and takes set-points.
+        gyro: The device whose yaw rate is used, or None to take the yaw from the wheels.
+        headings: The devices whose headings are used.
+    """
+
+    wheels: str
+    gyro: str | None = None
+    headings: tuple[str, ...] = ()
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all devices in a role, each once."""
+        candidates = (self.wheels, self.gyro, *self.headings)
+        return tuple(dict.fromkeys(name for name in candidates if name is not None))
+
+
+class Config(ControlSettings):
+    """A rover: its devices, how it is estimated and controlled, and how it is simulated."""
+
+    schema_name: Annotated[Literal["rover-hil-config/1"], Field(alias="schema")]
+    loop: LoopSettings
+    roles: RoleSettings
+    devices: Annotated[dict[str, AnyDeviceSettings], Field(min_length=1)]
+    simulation: SimulationSettings | None = None
+
+    def device_roles(self) -> DeviceRoles:
+        """Return the roles as the controller needs them: every device in a role is required."""
+        return DeviceRoles(
+            wheels=self.roles.wheels,
+            required={name: self.devices[name].max_age_s for name in self.roles.names()},
+            gyro=self.roles.gyro,
+            headings=self.roles.headings,
+        )
+
+    @model_validator(mode="after")
+    def _check_roles(self) -> Self:
+        for name in self.roles.names():
+            if name not in self.devices:
+                msg = f"roles name a device '{name}' that [devices] does not have"
+                raise ValueError(msg)
+        if not isinstance(self.devices[self.roles.wheels], DriveSettings):
+            msg = f"roles.wheels is '{self.roles.wheels}', but a device of that type turns no wheels"
+            raise ValueError(msg)
+        for name in self.roles.names():
+            if isinstance(self.devices[name], FrameDeviceSettings):
+                msg = f"device '{name}' is a camera and can have no role"
+                raise ValueError(msg)
+        return self
+
+
+def shipped_configs() -> tuple[str, ...]:
+    """Return the names of the shipped configurations."""
+    folder = resources.files("rover_hil") / "configs"
+    return tuple(sorted(Path(item.name).stem for item in folder.iterdir() if item.name.endswith(".toml")))
+
+
+def load_config(name_or_path: str) -> Config:
+    """Read a configuration by the name of a shipped one or the path of a TOML file.
+
+    Raises:
+        ConfigError: No such file, no TOML, an unknown key, a value out of range; one sentence naming
+            file, key and fix.
+    """
+    if name_or_path in shipped_configs():
+        text = (resources.files("rover_hil") / "configs" / f"{name_or_path}.toml").read_text("utf-8")
+    else:
+        text = _read_text(Path(name_or_path))
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        msg = f"{name_or_path} is no valid TOML: {error}"
+        raise ConfigError(msg) from error
+    try:
+        return Config.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(describe_validation_error(name_or_path, error, table)) from error
+
+
+def _read_text(path: Path) -> str:
+    if path.is_dir():
+        msg = f"{path} is a folder; give the TOML file in it"
+        raise ConfigError(msg)
+    try:
+        return path.read_text("utf-8")
+    except FileNotFoundError:
+        msg = f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
+        raise ConfigError(msg) from None
+    except (OSError, UnicodeDecodeError) as error:
+        msg = f"cannot read configuration {path}: {error}"
+        raise ConfigError(msg) from error
+
+
+def describe_validation_error(source: str, error: ValidationError, table: Mapping[str, object]) -> str:
+    """Return one sentence about the first thing wrong: file, key, what, fix."""
+    details = error.errors()
+    # A mistyped key is reported twice, as missing and as unknown; the latter tells more.
+    first = next((detail for detail in details if detail["type"] == "extra_forbidden"), details[0])
+    key = ".".join(str(part) for part in _toml_path(first, table)) or "the file"
+    sentence = f"{source}: {key}: {_explain(first)}"
+    if len(details) > 1:
+        sentence += f" (and {len(details) - 1} more)"
+    return sentence
+
+
+def _toml_path(detail: ErrorDetails, table: Mapping[str, object]) -> list[str | int]:
+    """Drop the parts of pydantic's location that name a union's branch rather than a key."""
+    path: list[str | int] = []
+    place: object = table
+    for index, part in enumerate(detail["loc"]):
+        is_last = index == len(detail["loc"]) - 1
+        if isinstance(place, Mapping):
+            if part in place or (is_last and detail["type"] == "missing"):
+                path.append(part)
+                place = place.get(str(part))
+        elif isinstance(place, list) and isinstance(part, int) and part < len(place):
+            path.append(part)
+            place = place[part]
+    return path
+
+
+def _explain(detail: ErrorDetails) -> str:
+    kind = detail["type"]
+    if kind == "missing":
+        return "this key is missing; add it"
+    if kind == "extra_forbidden":
+        return f"unknown key; {_suggest_key(str(detail['loc'][-1]))}"
+    message = detail["msg"].removeprefix("Value error, ")
+    if kind == "value_error":
+        return message
+    return f"{message[0].lower()}{message[1:]}, got {detail['input']!r}"
+
+
+def _suggest_key(key: str) -> str:
+    known: set[str] = set()
+    kinds: list[type[Settings]] = [Settings]
+    while kinds:
+        kind = kinds.pop()
+        known.update(kind.model_fields)
+        kinds.extend(kind.__subclasses__())
+    close = get_close_matches(key, known, n=1, cutoff=0.6)
+    return f"did you mean {close[0]}?" if close else "remove it"

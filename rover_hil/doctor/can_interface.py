@@ -1,0 +1,190 @@
+"""SocketCAN network interfaces: are they there, up, at the right bit rate, and without errors?"""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import TypeGuard
+
+from drivers.can_wheels.settings import CanWheelsSettings
+from rover_hil.doctor.finding import Finding, ok, problem, read_text, warning
+
+CHECK = "CAN interface"
+CAN_LINK_TYPE = "280"
+"""ARPHRD_CAN of linux/if_arp.h."""
+UP_FLAG = 0x1
+"""IFF_UP of linux/if.h."""
+SHORTEST_QUEUE = 100
+RESTART_MS = 100
+IP_TIMEOUT_S = 2.0
+
+
+def read_ip_details(channel: str) -> str:
+    """Return what `ip -details -json link show` says about an interface; "" where it cannot tell."""
+    program = shutil.which("ip")
+    if program is None:
+        return ""
+    command = [program, "-details", "-json", "link", "show", "dev", channel]
+    try:
+        # The program is the system's own, and the name is one argument that no shell looks at.
+        run = subprocess.run(  # noqa: S603
+            command, capture_output=True, text=True, check=False, timeout=IP_TIMEOUT_S
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return run.stdout
+
+
+def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_details: str) -> list[Finding]:
+    """Look at the network interface of a CAN bus.
+
+    Args:
+        device: Name of the device.
+        settings: Its settings; the interface must be "socketcan".
+        sys: The system's /sys.
+        ip_details: What `read_ip_details` returned.
+    """
+    channel = settings.channel
+    folder = sys / "class/net" / channel
+    if not folder.is_dir():
+        return [_missing(device, channel, sys)]
+    if read_text(folder / "type") != CAN_LINK_TYPE:
+        return [
+            problem(
+                CHECK,
+                device,
+                f"{channel} is no CAN interface",
+                "the name belongs to another kind of network",
+                f"in [devices.{device}] set channel to one of: {_can_interfaces(sys)}",
+            )
+        ]
+    details = _details_of(ip_details)
+    data = _table(_table(details.get("linkinfo")).get("info_data"))
+    if not int(read_text(folder / "flags") or "0", 16) & UP_FLAG:
+        return [
+            problem(
+                CHECK,
+                device,
+                f"{channel} is down",
+                "nobody has switched the interface on since it was plugged in",
+                _bring_up(settings),
+            )
+        ]
+    findings = [
+        *_check_state(device, settings, data),
+        *_check_bit_rate(device, settings, data),
+        *_check_restart(device, settings, data),
+        *_check_queue(device, channel, details),
+    ]
+    return findings or [ok(CHECK, device, f"{channel} is up")]
+
+
+def _missing(device: str, channel: str, sys: Path) -> Finding:
+    others = _can_interfaces(sys)
+    if others:
+        cause = f"the interface has another name: there is {others}"
+        fix = f"in [devices.{device}] set channel to one of: {others}"
+    else:
+        cause = "the adapter is not plugged in, or its kernel driver is not loaded"
+        fix = "plug it in and look with `ip -brief link show type can` and `sudo dmesg | tail`"
+    return problem(CHECK, device, f"there is no network interface {channel}", cause, fix)
+
+
+def _can_interfaces(sys: Path) -> str:
+    folders = sorted((sys / "class/net").glob("*"))
+    return ", ".join(folder.name for folder in folders if read_text(folder / "type") == CAN_LINK_TYPE)
+
+
+def _check_state(device: str, settings: CanWheelsSettings, data: dict[str, object]) -> list[Finding]:
+    state, channel = data.get("state"), settings.channel
+    if state == "BUS-OFF":
+        return [
+            problem(
+                CHECK,
+                device,
+                f"{channel} is in state BUS-OFF: it has left the bus",
+                "too many errors: wrong bit rate, missing termination, or a short circuit between the wires",
+                f"sudo ip link set {channel} down; {_bring_up(settings)}",
+            )
+        ]
+    if state in ("ERROR-PASSIVE", "ERROR-WARNING"):
+        return [
+            warning(
+                CHECK,
+                device,
+                f"{channel} is in state {state}",
+                "many errors: wrong bit rate, missing termination, or nobody else on the bus who acknowledges",
+                "measure 60 ohm between CAN_H and CAN_L with power off, switch the drives on, compare bit rates",
+            )
+        ]
+    return []
+
+
+def _check_bit_rate(device: str, settings: CanWheelsSettings, data: dict[str, object]) -> list[Finding]:
+    bit_rate = _table(data.get("bittiming")).get("bitrate")
+    if not _is_number(bit_rate) or bit_rate == settings.bit_rate:
+        return []
+    channel = settings.channel
+    return [
+        problem(
+            CHECK,
+            device,
+            f"{channel} runs at {bit_rate} bit/s, the configuration says {settings.bit_rate}",
+            "the interface keeps the bit rate that it was brought up with",
+            f"sudo ip link set {channel} down; {_bring_up(settings)}  "
+            f"(or in [devices.{device}] set bit_rate = {bit_rate})",
+        )
+    ]
+
+
+def _check_restart(device: str, settings: CanWheelsSettings, data: dict[str, object]) -> list[Finding]:
+    if data.get("restart_ms") != 0:
+        return []
+    channel = settings.channel
+    return [
+        warning(
+            CHECK,
+            device,
+            f"{channel} stays off the bus after a bus-off",
+            "restart-ms is 0: the kernel does not restart the controller by itself",
+            f"sudo ip link set {channel} down; {_bring_up(settings)}",
+        )
+    ]
+
+
+def _check_queue(device: str, channel: str, details: dict[str, object]) -> list[Finding]:
+    length = details.get("txqlen")
+    if not _is_number(length) or length >= SHORTEST_QUEUE:
+        return []
+    return [
+        warning(
+            CHECK,
+            device,
+            f"the send queue of {channel} holds only {length} frames",
+            "when the bus is busy, set-points beyond that are dropped",
+            f"sudo ip link set {channel} txqueuelen {SHORTEST_QUEUE}",
+        )
+    ]
+
+
+def _bring_up(settings: CanWheelsSettings) -> str:
+    return (
+        f"sudo ip link set {settings.channel} up type can "
+        f"bitrate {settings.bit_rate} restart-ms {RESTART_MS}"
+    )
+
+
+def _details_of(ip_details: str) -> dict[str, object]:
+    try:
+        links = json.loads(ip_details)
+    except ValueError:
+        return {}
+    return _table(links[0]) if isinstance(links, list) and links else {}
+
+
+def _table(value: object) -> dict[str, object]:
+    return value if isinstance(value, dict) else {}
+
+
+def _is_number(value: object) -> TypeGuard[int]:
+    return isinstance(value, int)

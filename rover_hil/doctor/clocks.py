@@ -1,0 +1,81 @@
+"""Do the clocks run evenly?"""
+
+import datetime as dt
+from typing import NamedTuple
+
+from drivers.clock import NANOSECONDS_PER_SECOND, Clock, seconds, wall_time_ns
+from rover_hil.doctor.finding import Finding, ok, warning
+from rover_hil.doctor.listening import Heard
+
+CHECK = "clock"
+LARGEST_STEP_S = 0.01
+"""Slewing moves the wall clock by 500 ppm at most, which is 1 ms in two seconds."""
+EARLIEST_YEAR = 2026
+LARGEST_DRIFT = 0.02
+SHORTEST_SPAN_S = 0.5
+
+
+class ClockPair(NamedTuple):
+    """Wall clock and monotonic clock at one instant."""
+
+    wall_ns: int
+    monotonic_ns: int
+
+
+def read_clocks(clock: Clock) -> ClockPair:
+    """Read both clocks of the host."""
+    return ClockPair(wall_time_ns(), clock.now_ns())
+
+
+def today(wall_ns: int) -> dt.date:
+    """Return the date of a wall-clock reading."""
+    return dt.datetime.fromtimestamp(wall_ns / NANOSECONDS_PER_SECOND, tz=dt.UTC).date()
+
+
+def check_host_clock(before: ClockPair, after: ClockPair) -> list[Finding]:
+    """Compare how far the wall clock and the monotonic clock moved between two readings."""
+    step_s = seconds((after.wall_ns - before.wall_ns) - (after.monotonic_ns - before.monotonic_ns))
+    findings: list[Finding] = []
+    if abs(step_s) > LARGEST_STEP_S:
+        findings.append(
+            warning(
+                CHECK,
+                "host",
+                f"the wall clock jumped by {step_s:+.3f} s while listening",
+                "a time server has just set it; CAN time stamps suffer for a moment, the loop does not",
+                "wait until `timedatectl` says that the system clock is synchronized",
+            )
+        )
+    if today(after.wall_ns).year < EARLIEST_YEAR:
+        findings.append(
+            warning(
+                CHECK,
+                "host",
+                f"the date is {today(after.wall_ns)}",
+                "the computer has no battery-backed clock and found no time server; logs get wrong dates",
+                "sudo timedatectl set-ntp true; without a network: sudo date -s 'YYYY-MM-DD HH:MM'",
+            )
+        )
+    return findings or [ok(CHECK, "host", f"wall clock and monotonic clock agree to {abs(step_s) * 1e6:.0f} us")]
+
+
+def check_device_clock(heard: Heard) -> list[Finding]:
+    """Compare the device's own clock with ours, where it has one and was heard for long enough."""
+    # The first sample may have been measured long before it was asked for.
+    pairs = [(s.t_ns, s.t_device_ns) for s in heard.samples if s.t_device_ns is not None]
+    pairs = [pair for pair in pairs if pair[0] > pairs[0][0]]
+    if not pairs or seconds(pairs[-1][0] - pairs[0][0]) < SHORTEST_SPAN_S:
+        return []
+    host_ns, device_ns = (last - first for first, last in zip(pairs[0], pairs[-1], strict=True))
+    drift = device_ns / host_ns - 1.0
+    if abs(drift) > LARGEST_DRIFT:
+        return [
+            warning(
+                CHECK,
+                heard.device,
+                f"the device's clock runs {100 * drift:+.1f} % against the host's",
+                "it stands still, was reset while listening, or its samples are held back on the way",
+                "switch the device off and on; end programs that load the machine; run the doctor again",
+            )
+        ]
+    return [ok(CHECK, heard.device, f"the device's clock runs {100 * drift:+.2f} % against the host's")]

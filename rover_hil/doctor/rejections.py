@@ -1,0 +1,140 @@
+"""What refused data means."""
+
+from typing import NamedTuple
+
+from rover_hil.doctor.finding import Finding, Level
+from rover_hil.doctor.listening import Heard
+
+CHECK = "rejected data"
+
+NORMAL = frozenset({"other_sentence", "other_type", "other_traffic"})
+"""Valid data that is not for us."""
+TOLERATED = 2
+"""Listening begins and ends within a frame, so that one or two are cut."""
+TOLERATED_SHARE = 0.01
+
+
+class Advice(NamedTuple):
+    """Cause and fix of one reason; `{device}` stands for the name of the device."""
+
+    level: Level
+    cause: str
+    fix: str
+
+
+_NOISE = Advice(
+    Level.WARNING,
+    "bytes are damaged or lost on the way: a long or loose cable, motor noise, a baud rate slightly off",
+    "shorten or replace the cable, keep it away from the motors, compare baud_rate in [devices.{device}]",
+)
+_OLD_DATA = Advice(
+    Level.WARNING,
+    "the device repeats old messages, or two nodes send under one identifier",
+    "make sure that every drive has its own node number, and update the drive's firmware",
+)
+_OTHER_LAYOUT = Advice(
+    Level.PROBLEM,
+    "the messages are not laid out as the DBC file says",
+    "take the DBC file of your drive's firmware version and name it in the mapping of [devices.{device}]",
+)
+_OTHER_BOARD = Advice(
+    Level.PROBLEM,
+    "another Robotino board is built in than the configuration says; its currents would be misread",
+    'in [devices.{device}] set board to the other of "EA05" and "EA09"',
+)
+_OTHER_IMAGES = Advice(
+    Level.PROBLEM,
+    "the images are not of the size and depth that the configuration says",
+    "in [devices.{device}] set width and height to those of the images",
+)
+_STANDING_CAMERA = Advice(
+    Level.WARNING,
+    "the camera or the program that fills the folder delivers a frame again instead of a new one",
+    "connect the camera without a hub, or lower frame_rate_hz in [devices.{device}]",
+)
+
+ADVICE = {
+    "framing": _NOISE,
+    "checksum": _NOISE,
+    "format": Advice(
+        Level.WARNING,
+        "the device writes sentences that differ from NMEA 0183",
+        "update its firmware, or set it to send HDG, HDM, HDT or THS",
+    ),
+    "empty": Advice(
+        Level.WARNING,
+        "the device has no heading to tell yet, or an image could not be decoded",
+        "wait until the device has settled (a GNSS compass needs the sky); for images look at the files",
+    ),
+    "invalid_mode": Advice(
+        Level.WARNING,
+        "the device itself marks its values as estimated, simulated or void",
+        "wait until it has settled (a GNSS compass needs the sky)",
+    ),
+    "range": _NOISE,
+    "no_attitude": Advice(
+        Level.WARNING,
+        "the magnetic field came without roll and pitch, which the heading needs",
+        "switch on the angle output (0x53) of the sensor with the maker's program",
+    ),
+    "board_is_EA05": _OTHER_BOARD,
+    "board_is_EA09": _OTHER_BOARD,
+    "motor_fault": Advice(
+        Level.PROBLEM,
+        "the board cannot read one of its motors",
+        "switch the rover off and on; if it stays, check the plugs of motors and encoders",
+    ),
+    "implausible_jump": Advice(
+        Level.WARNING,
+        "encoder counts jumped further than a wheel can turn: damaged replies, or the board has restarted",
+        "charge the battery, check the cable to the board",
+    ),
+    "not_a_frame": Advice(
+        Level.WARNING,
+        "what came is no classic CAN frame: CAN FD traffic, or an slcan adapter with garbled lines",
+        "set all nodes to classic CAN; replace the adapter's cable",
+    ),
+    "too_short": _OTHER_LAYOUT,
+    "not_finite": _OTHER_LAYOUT,
+    "out_of_range": _OTHER_LAYOUT,
+    "counter_repeat": _OLD_DATA,
+    "counter_backwards": _OLD_DATA,
+    "frames_lost": Advice(
+        Level.WARNING,
+        "the receiver was too slow, or the bus is overloaded",
+        "sudo sysctl -w net.core.rmem_default=1000000; lower the sending rates of the drives",
+    ),
+    "bus_lost_arbitration": Advice(
+        Level.WARNING,
+        "the bus is busy with messages of higher priority",
+        "lower the sending rates of the drives",
+    ),
+    "bus_warning": Advice(
+        Level.WARNING,
+        "the CAN controller counts errors",
+        "measure 60 ohm between CAN_H and CAN_L with power off; compare the bit rates of all nodes",
+    ),
+    "size": _OTHER_IMAGES,
+    "dtype": _OTHER_IMAGES,
+    "stamp_not_moving": _STANDING_CAMERA,
+    "stamp_backwards": _STANDING_CAMERA,
+}
+_UNKNOWN = Advice(
+    Level.WARNING,
+    "the device sends data that its codec refuses",
+    "look the reason up in the codec of this device",
+)
+
+
+def check_rejections(heard: Heard) -> list[Finding]:
+    """Look at what the codec refused, where it accepted something too."""
+    accepted = heard.health.accepted
+    findings: list[Finding] = []
+    for reason, count in sorted(heard.health.rejected.items()):
+        advice = ADVICE.get(reason, _UNKNOWN)
+        tolerated = max(TOLERATED, TOLERATED_SHARE * accepted) if advice.level is Level.WARNING else 0
+        if reason not in NORMAL and count > tolerated:
+            what = f"{count} x '{reason}' beside {accepted} samples"
+            fix = advice.fix.format(device=heard.device)
+            findings.append(Finding(CHECK, heard.device, advice.level, what, advice.cause, fix))
+    return findings

@@ -1,0 +1,36 @@
+"""Settings that are valid one by one but do not fit each other."""
+
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from rover_hil.config import Config
+from rover_hil.doctor.finding import Finding, ok, problem, warning
+
+CHECK = "configuration"
+
+
+def check_sanity(config: Config) -> list[Finding]:
+    """Compare the times in the configuration with the period of the loop."""
+    findings: list[Finding] = []
+    rate_hz, expiry_s = config.loop.rate_hz, config.safety.expiry_s
+    if expiry_s * rate_hz < 2:
+        judge = problem if expiry_s * rate_hz <= 1 else warning
+        findings.append(
+            judge(
+                CHECK,
+                "safety",
+                f"expiry_s = {expiry_s:g} is less than two periods of the loop at {rate_hz:g} Hz",
+                "set-points expire before the next ones come, so one late cycle stops the rover",
+                f"in [safety] set expiry_s = {min(1.0, 3 / rate_hz):g}, or raise rate_hz in [loop]",
+            )
+        )
+    for name, settings in config.devices.items():
+        if isinstance(settings, RobotinoBoardSettings) and settings.max_age_s * rate_hz < 2:
+            findings.append(
+                problem(
+                    CHECK,
+                    name,
+                    f"max_age_s = {settings.max_age_s:g} is less than two periods of the loop at {rate_hz:g} Hz",
+                    "the board answers once per cycle, so its samples are too old before the next come",
+                    f"in [devices.{name}] set max_age_s = {3 / rate_hz:g}, or raise rate_hz in [loop]",
+                )
+            )
+    return findings or [ok(CHECK, "times", "the periods and limits fit each other")]

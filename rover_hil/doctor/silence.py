@@ -1,0 +1,80 @@
+"""Why does a device say nothing that can be used?"""
+
+import re
+
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.device_settings import DeviceSettings, SerialDeviceSettings
+from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from rover_hil.doctor.finding import Finding, problem
+from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.rejections import ADVICE, list_reasons
+
+CHECK = "data"
+GARBLED = frozenset({"framing", "checksum"})
+
+_SENTENCE_NAME = re.compile(rb"\$([A-Z]{5})\b")
+
+
+def check_silence(heard: Heard) -> list[Finding]:
+    """Explain why no sample arrived; says nothing when one did."""
+    if heard.health.accepted:
+        return []
+    if not heard.payloads and not heard.health.rejected:
+        return [_nothing_arrives(heard)]
+    reasons = list_reasons(heard)
+    byte_count = sum(map(len, heard.payloads))
+    what = f"nothing usable arrives; rejected: {reasons}" if reasons else f"{byte_count} bytes without sense"
+    cause, fix = _explain_refusal(heard)
+    return [problem(CHECK, heard.device, what + _sentences(heard), cause, fix)]
+
+
+def _nothing_arrives(heard: Heard) -> Finding:
+    settings, name = heard.settings, heard.device
+    if isinstance(settings, RobotinoBoardSettings):
+        cause = "the board does not answer: it is off, or it is not on this port"
+        fix = f"switch the rover on; in [devices.{name}] check port and baud_rate = {settings.baud_rate}"
+    elif isinstance(settings, SerialDeviceSettings):
+        cause = "the device is off, its transmit line is not connected, or it waits to be asked"
+        fix = f"check its power and that its TX goes to our RX; look with `xxd {settings.port} | head`"
+    elif isinstance(settings, CanWheelsSettings):
+        cause = "the drives are off, the bus is not connected, or its bit rate is wrong"
+        fix = f"switch the drives on; in [devices.{name}] check channel and bit_rate = {settings.bit_rate}"
+    else:
+        cause = "the source delivers no frames"
+        fix = f"check the cable, or start what fills the folder; in [devices.{name}] check path"
+    return problem(CHECK, name, "nothing arrives", cause, fix)
+
+
+def _explain_refusal(heard: Heard) -> tuple[str, str]:
+    settings, name, rejected = heard.settings, heard.device, heard.health.rejected
+    if isinstance(settings, NmeaCompassSettings) and set(rejected) == {"checksum"}:
+        return (
+            "the sentences carry no checksum, or a wrong one",
+            f"if they end without *hh, in [devices.{name}] set require_checksum = false",
+        )
+    reason = max(rejected, key=lambda reason: rejected[reason], default="framing")
+    if isinstance(settings, SerialDeviceSettings) and (reason in GARBLED or reason not in ADVICE):
+        return (
+            "the baud rate is wrong, or another kind of device is on this port",
+            f"in [devices.{name}] set baud_rate to the device's own, e.g. 4800, 9600, 38400 or 115200 "
+            f"(now {settings.baud_rate}), or set port to the right one",
+        )
+    return _general_advice(settings, reason, name)
+
+
+def _general_advice(settings: DeviceSettings, reason: str, name: str) -> tuple[str, str]:
+    if reason in ADVICE:
+        return ADVICE[reason].cause, ADVICE[reason].fix.format(device=name)
+    return (
+        f"the {type(settings).__name__.removesuffix('Settings')} codec refuses everything as '{reason}'",
+        f"compare the settings in [devices.{name}] with the device",
+    )
+
+
+def _sentences(heard: Heard) -> str:
+    """Return which NMEA sentences came from a compass, for a device that sends the wrong ones."""
+    if not isinstance(heard.settings, NmeaCompassSettings):
+        return ""
+    names = sorted({name.decode() for name in _SENTENCE_NAME.findall(b"".join(heard.payloads))})
+    return f"; sentences heard: {', '.join(names)}" if names else ""

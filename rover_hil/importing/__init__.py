@@ -1,0 +1,1 @@
+"""Reading measurements that others have recorded."""

@@ -1,0 +1,1 @@
+"""The cyclic executive: poll, step, command, record, at a fixed rate."""

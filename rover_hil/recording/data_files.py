@@ -1,0 +1,60 @@
+"""Data files that a configuration names travel inside the log, so that a log replays anywhere."""
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from pydantic import ValidationError
+
+from drivers.errors import ConfigError, LogError
+from rover_hil.config import Config, describe_validation_error
+from rover_hil.recording.log_reader import LogReader
+
+FOLDER = "data"
+
+
+def collect_data_files(config: Config) -> dict[str, bytes]:
+    """Return the content of every data file that `config` names, by its name in the log.
+
+    Raises:
+        ConfigError: A file cannot be read.
+    """
+    files: dict[str, bytes] = {}
+    for device, settings in config.devices.items():
+        for key, paths in settings.data_files().items():
+            for path in paths:
+                try:
+                    files[f"{FOLDER}/{device}/{key}/{path.name}"] = path.read_bytes()
+                except OSError as error:
+                    msg = f"devices.{device}.{key}: cannot read {path}: {error.strerror}"
+                    raise ConfigError(msg) from error
+    return files
+
+
+@contextlib.contextmanager
+def restore_config(log: LogReader) -> Iterator[Config]:
+    """Give the configuration of a log, its data files laid out in a temporary folder.
+
+    Raises:
+        LogError: The configuration in the log is not valid for this version.
+    """
+    with tempfile.TemporaryDirectory(prefix="rover_hil_") as folder:
+        try:
+            config = Config.model_validate_json(log.config_json)
+        except ValidationError as error:
+            raise LogError(describe_validation_error(f"{log.path}, its configuration", error, {})) from error
+        main_files: dict[tuple[str, str], Path] = {}
+        for name, data in log.attachments.items():
+            parts = PurePosixPath(name).parts
+            if len(parts) != 4 or parts[0] != FOLDER or ".." in parts:
+                continue
+            path = Path(folder).joinpath(*parts[1:])
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+            main_files.setdefault((parts[1], parts[2]), path)
+        devices = dict(config.devices)
+        for (device, key), path in main_files.items():
+            if device in devices:
+                devices[device] = devices[device].model_copy(update={key: str(path)})
+        yield config.model_copy(update={"devices": devices})

@@ -1,0 +1,151 @@
+"""Write a run to one MCAP file that can be read even when the program was killed in the middle.
+
+Messages are not chunked: each goes to the file as it is, and the file is flushed ten times a second, so
+a killed run loses at most the last tenth of a second. The layout is described in `docs/log_format.md`.
+"""
+
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mcap.writer import Writer
+from pydantic_core import to_json
+
+from drivers.clock import wall_time_ns
+from drivers.driver import Health
+from drivers.link import CameraImage, LinkChange, LinkItem
+from drivers.samples import FrameSample, Sample
+from rover_hil.recording.images import encode_image
+
+LOG_SCHEMA = "rover-hil-log/1"
+CONFIG_ATTACHMENT = "config.json"
+FLUSH_PERIOD_NS = 100_000_000
+
+JSON_SCHEMA = b'{"type":"object"}'
+
+
+class LogWriter:
+    """A log being written; also the tap that sees raw data before it is parsed.
+
+    Args:
+        path: The file; must not exist.
+        start_ns: Monotonic time of the start, the origin of the run.
+        config_json: The effective configuration.
+        attachments: Data files that the configuration names, by the name they get in the log.
+        origin: What made this log: "virtual", "real", or what was imported.
+
+    Raises:
+        FileExistsError: `path` exists; a log is never overwritten.
+    """
+
+    def __init__(
+        self, path: Path, start_ns: int, config_json: bytes, attachments: Mapping[str, bytes], origin: str
+    ) -> None:
+        self._stream = path.open("xb")
+        self._lock = threading.Lock()
+        self._wall_offset_ns = wall_time_ns() - start_ns
+        self._next_flush_ns = start_ns
+        self._channels: dict[str, int] = {}
+        # The index of a killed run is lost anyway, and the data checksum finds corruption on reading.
+        self._writer = Writer(self._stream, use_chunking=False, enable_data_crcs=True)
+        self._writer.start(profile="", library="rover_hil")
+        self._json_schema_id = self._writer.register_schema("object", "jsonschema", JSON_SCHEMA)
+        self._writer.add_metadata(
+            "rover_hil",
+            {"schema": LOG_SCHEMA, "start_ns": str(start_ns), "origin": origin},
+        )
+        for name, data in {CONFIG_ATTACHMENT: config_json, **attachments}.items():
+            self._writer.add_attachment(0, self._wall_offset_ns + start_ns, name, "", data)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Finish the file; may be called again."""
+        with self._lock:
+            if not self._stream.closed:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._stream.close()
+
+    def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
+        """Note what arrived from a device."""
+        if isinstance(item, LinkChange):
+            self.write_json(f"/link/{device}", item.t_ns, item)
+            return
+        payload = item.payload
+        data = encode_image(payload) if isinstance(payload, CameraImage) else payload
+        self._write(f"/raw/{device}", item.t_ns, data, encoding="raw")
+
+    def sent(self, device: str, t_ns: int, payload: bytes, delivered: bool) -> None:
+        """Note what was sent to a device, or could not be."""
+        topic = f"/sent/{device}" if delivered else f"/unsent/{device}"
+        self._write(topic, t_ns, payload, encoding="raw")
+
+    def samples(self, t_ns: int, samples: Sequence[Sample]) -> None:
+        """Note decoded samples."""
+        record = samples_record(samples)
+        if record:
+            self.write_json("/samples", t_ns, record)
+
+    def health(self, t_ns: int, healths: Sequence[Health]) -> None:
+        """Note the health facts of all devices."""
+        self.write_json("/health", t_ns, [_health_record(health) for health in healths])
+
+    def write_json(self, topic: str, t_ns: int, record: object) -> None:
+        """Write one record as JSON; dataclasses, mappings, sequences and numbers are allowed."""
+        self._write(topic, t_ns, to_json(record), encoding="json")
+
+    def _write(self, topic: str, t_ns: int, data: bytes, *, encoding: str) -> None:
+        with self._lock:
+            if self._stream.closed:
+                return
+            channel = self._channels.get(topic)
+            if channel is None:
+                schema_id = self._json_schema_id if encoding == "json" else 0
+                channel = self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
+            self._writer.add_message(channel, self._wall_offset_ns + t_ns, data, t_ns)
+            if t_ns >= self._next_flush_ns:
+                self._stream.flush()
+                self._next_flush_ns = t_ns + FLUSH_PERIOD_NS
+
+
+def samples_record(samples: Sequence[Sample]) -> dict[str, list[object]]:
+    """Return samples grouped by kind, ready for JSON; of a camera frame only what surrounds the pixels."""
+    grouped: dict[str, list[object]] = {}
+    for sample in samples:
+        record: object = sample
+        if isinstance(sample, FrameSample):
+            record = {
+                "device": sample.device,
+                "t_ns": sample.t_ns,
+                "t_capture_ns": sample.t_capture_ns,
+                "index": sample.index,
+                "shape": sample.image.shape,
+            }
+        grouped.setdefault(type(sample).__name__, []).append(record)
+    return grouped
+
+
+def _health_record(health: Health) -> dict[str, object]:
+    return {
+        "device": health.device,
+        "state": health.state,
+        "rate_hz": health.rate_hz,
+        "age_s": health.age_s,
+        "accepted": health.accepted,
+        "rejected": dict(health.rejected),
+        "breaks": health.breaks,
+        "sent": health.sent,
+        "send_failures": health.send_failures,
+        "last_link_reason": health.last_link_reason,
+    }

@@ -1,0 +1,154 @@
+"""Run a log again: same raw bytes, same times, same estimates and commands, or it says where not."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from pydantic_core import to_json
+
+from drivers.clock import VirtualClock
+from drivers.errors import LogError
+from drivers.link import CameraImage, LinkChange, NoTap, Received
+from rover_hil.composition import ReplayLinks, Rig, build_replay_rig
+from rover_hil.config import Config
+from rover_hil.recording.images import decode_image
+from rover_hil.recording.log_reader import LogMessage, LogReader
+from rover_hil.recording.log_writer import samples_record
+from rover_hil.recording.replay_link import ReplayLink
+
+DIFFERENCES_KEPT = 20
+PayloadT = TypeVar("PayloadT", bytes, CameraImage)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One field that came out different: when, which, what the log says, what the replay says."""
+
+    t_ns: int
+    field: str
+    recorded: object
+    replayed: object
+
+
+@dataclass(slots=True)
+class ReplayResult:
+    """Outcome of a replay; `differences` holds the first few, `difference_count` counts all."""
+
+    cycles: int = 0
+    difference_count: int = 0
+    differences: list[Difference] = field(default_factory=list)
+
+
+def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> ReplayResult:
+    """Replay a log and compare every output; `on_cycle` is called after each cycle.
+
+    Raises:
+        LogError: The log is damaged, or holds a device that its configuration does not have.
+    """
+    rig, links = build_replay_rig(config, VirtualClock(log.start_ns), NoTap())
+    rig.connect(timeout_s=0.0)
+    replayer = _Replayer(rig, links)
+    for message in log.messages():
+        if replayer.take(message):
+            on_cycle()
+    return replayer.result
+
+
+class _Replayer:
+    """Collects the messages of one cycle, then runs it and compares."""
+
+    def __init__(self, rig: Rig, links: ReplayLinks) -> None:
+        self.result = ReplayResult()
+        self._rig = rig
+        self._links = links
+        self._drive_link = links.bytes_links[rig.drive.name]
+        self._expected: dict[str, LogMessage] = {}
+        self._expected_sent: list[bytes] = []
+
+    def take(self, message: LogMessage) -> bool:
+        """Take one message; returns True when it completed a cycle."""
+        kind, _, device = message.topic[1:].partition("/")
+        if device:
+            self._feed(kind, device, message)
+        elif kind == "cycle":
+            self._run_cycle(message.t_ns)
+            return True
+        else:
+            self._expected[kind] = message
+        return False
+
+    def _feed(self, kind: str, device: str, message: LogMessage) -> None:
+        if kind in ("sent", "unsent"):
+            self._expected_sent.append(message.data)
+            self._drive_link.outcomes.append(kind == "sent")
+        elif device in self._links.image_links:
+            image = decode_image(message.data) if kind == "raw" else None
+            _feed_link(self._links.image_links[device], message, image)
+        elif device in self._links.bytes_links:
+            _feed_link(self._links.bytes_links[device], message, message.data if kind == "raw" else None)
+        else:
+            msg = f"the log holds data of a device '{device}' that its configuration does not have"
+            raise LogError(msg)
+
+    def _run_cycle(self, t_ns: int) -> None:
+        rig = self._rig
+        rig.clock.sleep_until(t_ns)
+        samples = rig.poll()
+        output = rig.loop.step(t_ns, samples)
+        self._compare("samples", t_ns, samples_record(samples) or None)
+        self._compare("estimate", t_ns, output)
+        command = self._expected.get("command")
+        if command is not None:
+            if "watchdog" in self._expected:
+                rig.drive.stop()
+            rig.clock.sleep_until(command.t_ns)
+            self._compare("command", t_ns, rig.drive.command(output.command))
+            self._compare_sent(t_ns)
+        self._expected.clear()
+        self._expected_sent.clear()
+        self._drive_link.sent.clear()
+        self._drive_link.outcomes.clear()
+        self.result.cycles += 1
+
+    def _compare(self, topic: str, t_ns: int, replayed: object) -> None:
+        expected = self._expected.get(topic)
+        recorded_json = b"null" if expected is None else expected.data
+        replayed_json = to_json(replayed)
+        if replayed_json != recorded_json:
+            recorded = None if expected is None else expected.json()
+            for difference in _unequal_fields(t_ns, topic, recorded, json.loads(replayed_json)):
+                self._note(difference)
+
+    def _compare_sent(self, t_ns: int) -> None:
+        sent = self._drive_link.sent
+        if sent != self._expected_sent:
+            recorded = b" ".join(self._expected_sent).hex(" ")
+            self._note(Difference(t_ns, "sent bytes", recorded, b" ".join(sent).hex(" ")))
+
+    def _note(self, difference: Difference) -> None:
+        self.result.difference_count += 1
+        if len(self.result.differences) < DIFFERENCES_KEPT:
+            self.result.differences.append(difference)
+
+
+def _feed_link(link: ReplayLink[PayloadT], message: LogMessage, payload: PayloadT | None) -> None:
+    if payload is not None:
+        link.feed(Received(message.t_ns, payload))
+        return
+    change = message.json()
+    if not isinstance(change, dict):
+        msg = f"message on {message.topic} at {message.t_ns} ns is no link change: the log is damaged"
+        raise LogError(msg)
+    link.feed(LinkChange(message.t_ns, bool(change["up"]), str(change["reason"]), bool(change["gave_up"])))
+
+
+def _unequal_fields(t_ns: int, name: str, recorded: object, replayed: object) -> Iterator[Difference]:
+    if isinstance(recorded, dict) and isinstance(replayed, dict):
+        for key in {**recorded, **replayed}:
+            yield from _unequal_fields(t_ns, f"{name}.{key}", recorded.get(key), replayed.get(key))
+    elif isinstance(recorded, list) and isinstance(replayed, list) and len(recorded) == len(replayed):
+        for index, (was, now) in enumerate(zip(recorded, replayed, strict=True)):
+            yield from _unequal_fields(t_ns, f"{name}[{index}]", was, now)
+    elif repr(recorded) != repr(replayed):  # repr, so that two NaN are equal and -0.0 differs from 0.0
+        yield Difference(t_ns, name, recorded, replayed)

@@ -1,0 +1,86 @@
+"""The pictures of a report, each with one sentence that says what to look at."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from rover_hil.report import style
+from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
+from rover_hil.report.run_data import RunData
+from rover_hil.report.summary import Summary
+from rover_hil.report.system_figures import draw_innovations, draw_timeline, draw_timing
+from rover_hil.report.wheel_figures import draw_currents, draw_slip, draw_speeds
+
+Draw = Callable[[RunData, Summary], Figure | None]
+
+PICTURES: tuple[tuple[str, str, Draw], ...] = (
+    (
+        "Path",
+        "How far do encoders and estimate end from the truth? The ellipses are where the estimate believes "
+        "the rover to be (two standard deviations); the truth should lie inside.",
+        draw_path,
+    ),
+    (
+        "Distance from the truth",
+        "When did it go wrong? A step is a single event, a slope is steady slip.",
+        draw_error,
+    ),
+    (
+        "Headings",
+        "Who turns away from the truth first? One degree costs 17 mm per metre driven.",
+        draw_headings,
+    ),
+    (
+        "Slip",
+        "Where did the wheels turn for nothing? 0 % is pure rolling, 100 % is standing with turning wheels.",
+        draw_slip,
+    ),
+    (
+        "Motor currents",
+        "Which wheel works hardest, and when? Soft ground and slopes show as higher current.",
+        draw_currents,
+    ),
+    (
+        "Wheel speeds",
+        "Do the wheels do what they are told? The measured speed should lie on the set-point.",
+        draw_speeds,
+    ),
+    (
+        "Time-line",
+        "What held the rover up? Red marks safety stops, links that were down, and the watchdog.",
+        draw_timeline,
+    ),
+    (
+        "Innovations",
+        "Do the sensors agree with the estimate? 95 % of the dots should lie inside the band; crosses were "
+        "refused.",
+        draw_innovations,
+    ),
+    (
+        "Timing",
+        "Is the computer fast enough? Both heaps should end well to the left of the period.",
+        draw_timing,
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture: its title, what to look at, and the picture itself as an address that holds it."""
+
+    title: str
+    caption: str
+    source: str
+
+
+def draw_pictures(run: RunData, summary: Summary) -> list[Picture]:
+    """Return the pictures that the log has data for, in the order of the report."""
+    pictures: list[Picture] = []
+    with mpl.rc_context(style.STYLE):
+        for title, caption, draw in PICTURES:
+            figure = draw(run, summary)
+            if figure is not None:
+                pictures.append(Picture(title, caption, style.data_uri(figure)))
+    return pictures

@@ -1,0 +1,112 @@
+"""Pictures of where the rover was: path, distance from the truth, headings."""
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+
+from controllers.mission import corner_points
+from rover_hil.report import style
+from rover_hil.report.run_data import RunData
+from rover_hil.report.summary import Summary, TrackError, position_error_m
+from rover_hil.report.tracks import Series, Track
+from rover_hil.report.verdict import length
+
+ELLIPSES = 10
+ELLIPSE_SIGMAS = 2.0
+PATH_HEIGHT_IN = (3.4, 6.6)
+
+
+def draw_path(run: RunData, summary: Summary) -> Figure:
+    """Draw the ways seen from above, as commanded, estimated, measured by the wheels, and in truth."""
+    figure = Figure(figsize=(style.WIDTH_IN, _path_height_in(run)), layout="constrained")
+    axes = figure.add_subplot(aspect="equal", adjustable="datalim", xlabel="x (m)", ylabel="y (m)")
+    if run.config.mission is not None:
+        corners = np.array(corner_points(run.config.mission))
+        axes.plot(*corners.T, color=style.COMMANDED, linestyle=(0, (5, 3)), label="commanded")
+    if run.truth is not None:
+        _draw_way(axes, run.truth, style.TRUTH, "truth", 2.6)
+    _draw_way(axes, run.encoders, style.ENCODERS, _with_error("encoders", summary.encoders_error))
+    _draw_way(axes, run.estimate, style.ESTIMATE, _with_error("estimate", summary.estimate_error))
+    for index in np.linspace(0, len(run.estimate.t_s) - 1, ELLIPSES, dtype=int)[1:]:
+        _draw_ellipse(axes, run, int(index))
+    axes.plot(0, 0, "o", color="white", markeredgecolor=style.TRUTH, markersize=9, zorder=5, label="start")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    return figure
+
+
+def draw_error(run: RunData, summary: Summary) -> Figure | None:
+    """Draw how far estimate and encoders are off the truth."""
+    if run.truth is None:
+        return None
+    figure, (axes,) = style.rows(1, 2.4)
+    for track, colour, label in (
+        (run.encoders, style.ENCODERS, "encoders"),
+        (run.estimate, style.ESTIMATE, "estimate"),
+    ):
+        error = position_error_m(track, run.truth)
+        style.line(axes, Series(error.t_s, 1e3 * error.value), colour, label)
+    axes.set_ylabel("off the truth (mm)")
+    axes.set_ylim(bottom=0)
+    style.finish(figure, [axes], summary)
+    return figure
+
+
+def draw_headings(run: RunData, summary: Summary) -> Figure:
+    """Draw every account of the yaw, in the local frame."""
+    figure, (axes,) = style.rows(1, 2.8)
+    if run.truth is not None:
+        _draw_yaw(axes, Series(run.truth.t_s, run.truth.yaw_rad), style.TRUTH, "truth", 2.6)
+    for (name, heading), colour in zip(run.headings.items(), style.HEADINGS, strict=False):
+        _draw_yaw(axes, heading, colour, name, 1.0)
+    _draw_yaw(axes, Series(run.encoders.t_s, run.encoders.yaw_rad), style.ENCODERS, "encoders")
+    if run.gyro is not None:
+        _draw_yaw(axes, run.gyro, style.GYRO, "gyro, integrated")
+    _draw_yaw(axes, Series(run.estimate.t_s, run.estimate.yaw_rad), style.ESTIMATE, "estimate")
+    axes.set_ylabel("yaw (deg)")
+    style.finish(figure, [axes], summary)
+    return figure
+
+
+def _draw_way(axes: Axes, track: Track, colour: str, label: str, width: float = 1.8) -> None:
+    every = max(1, len(track.t_s) // style.THIN_BINS)
+    x_m, y_m = (np.append(values[::every], values[-1]) for values in (track.x_m, track.y_m))
+    axes.plot(x_m, y_m, color=colour, label=label, linewidth=width)
+    axes.plot(x_m[-1], y_m[-1], "o", color=colour, markersize=7, markeredgecolor="white", zorder=6)
+
+
+def _draw_ellipse(axes: Axes, run: RunData, index: int) -> None:
+    xx, xy, _, yy, _, _ = run.covariance[index]
+    values, vectors = np.linalg.eigh([[xx, xy], [xy, yy]])
+    width_m, height_m = 2.0 * ELLIPSE_SIGMAS * np.sqrt(np.maximum(values, 0.0))
+    axes.add_patch(
+        Ellipse(
+            (run.estimate.x_m[index], run.estimate.y_m[index]),
+            width_m,
+            height_m,
+            angle=math.degrees(math.atan2(vectors[1, 0], vectors[0, 0])),
+            facecolor=style.ESTIMATE,
+            edgecolor=style.ESTIMATE,
+            alpha=0.13,
+        )
+    )
+
+
+def _draw_yaw(axes: Axes, yaw: Series, colour: str, label: str, width: float = 1.6) -> None:
+    style.line(axes, Series(yaw.t_s, np.degrees(yaw.value)), colour, label, width)
+
+
+def _with_error(name: str, error: TrackError | None) -> str:
+    return name if error is None else f"{name}, ends {length(error.position_final_m)} off"
+
+
+def _path_height_in(run: RunData) -> float:
+    tracks = [run.estimate, run.encoders, *([] if run.truth is None else [run.truth])]
+    width_m, height_m = (
+        float(np.ptp(np.concatenate(values)))
+        for values in ([track.x_m for track in tracks], [track.y_m for track in tracks])
+    )
+    lowest, highest = PATH_HEIGHT_IN
+    return min(highest, max(lowest, style.WIDTH_IN * height_m / max(width_m, 1e-3) + 1.2))

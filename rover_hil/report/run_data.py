@@ -1,0 +1,106 @@
+"""A run as its log tells it: times in s since the start of the run, everything else in SI units."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from controllers.limits import Limit
+from controllers.safety import Mode
+from drivers.driver import Health
+from rover_hil.config import Config
+from rover_hil.loop.executive import RunResult
+from rover_hil.report.tracks import Array, Series, Track
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycles:
+    """What the loop did in each cycle; times of work and lateness in microseconds."""
+
+    t_s: Array
+    mode: Sequence[Mode]
+    reason: Sequence[str]
+    limit: Sequence[Limit]
+    late_us: Array
+    work_us: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WheelData:
+    """One wheel over time; None for what the log does not hold.
+
+    Attributes:
+        name: Its index and, where the kinematics gives it one, its place.
+        set_point: As really sent, rad/s.
+        speed: Measured, rad/s.
+        current: As measured, A; a magnitude where the device knows no sign.
+        slip: The true slip ratio.
+        true_speed: The true speed, rad/s.
+    """
+
+    name: str
+    set_point: Series | None
+    speed: Series | None
+    current: Series | None
+    slip: Series | None
+    true_speed: Series | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InnovationData:
+    """What one measurement said against the estimate: residual, its expected deviation, 1 if accepted."""
+
+    t_s: Array
+    residual: Array
+    deviation: Array
+    is_accepted: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkEvent:
+    """A link went down or came up."""
+
+    t_s: float
+    device: str
+    up: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunData:
+    """A run as its log tells it.
+
+    Attributes:
+        is_complete: False when the log was cut off.
+        end: How the run ended by its own account; None when it was killed or imported.
+        duration_s: By the run's own account, else up to the last message.
+        estimate: The filter's pose at the time of the wheel positions that it stands on.
+        covariance: Its covariance, in rows xx, xy, x yaw, yy, y yaw, yaw yaw.
+        encoders: The pose of the wheels alone.
+        truth: The true pose as seen from its own first one; None where nobody recorded it.
+        cross_track: Distance to the left of the path in m; None without a mission.
+        headings: Yaw in the local frame, by device and reference.
+        gyro: The integrated gyro, its bias taken off; None without one.
+        health: The last health facts of each device.
+        watchdog_s: When the watchdog stopped the drive.
+    """
+
+    path: Path
+    origin: str
+    config: Config
+    config_json: bytes
+    is_complete: bool
+    end: RunResult | None
+    duration_s: float
+    cycles: Cycles
+    estimate: Track
+    covariance: Array
+    encoders: Track
+    truth: Track | None
+    cross_track: Series | None
+    headings: Mapping[str, Series]
+    gyro: Series | None
+    innovations: Mapping[str, InnovationData]
+    wheels: Sequence[WheelData]
+    health: Sequence[Health]
+    link_events: Sequence[LinkEvent]
+    watchdog_s: Sequence[float]

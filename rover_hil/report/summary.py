@@ -1,0 +1,234 @@
+"""The numbers of a run: how it ended, and how far estimate and encoders are off the truth."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.limits import Limit
+from controllers.planar import wrap_angle
+from controllers.safety import Mode
+from drivers.driver import Health
+from rover_hil.report.run_data import RunData
+from rover_hil.report.tracks import Array, Series, Track, spans
+
+LEAST_DISTANCE_M = 0.05
+STOP_MODES = (Mode.SAFE_STOP, Mode.EMERGENCY_STOP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinalPose:
+    """Where the rover was at the end, in the local frame: m, m, rad within [-pi, pi)."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackError:
+    """How far a track is off the truth; the final values are those of the last time that both have.
+
+    Attributes:
+        position_final_m: Distance from the truth at the end.
+        position_rms_m: Root mean square of that distance over the run.
+        position_max_m: The greatest.
+        position_final_share: Final distance as a share of the true distance driven; None when that is
+            less than 0.05 m.
+        yaw_final_rad: Yaw minus the true yaw at the end, within [-pi, pi).
+        yaw_rms_rad: Root mean square of that difference over the run.
+    """
+
+    position_final_m: float
+    position_rms_m: float
+    position_max_m: float
+    position_final_share: float | None
+    yaw_final_rad: float
+    yaw_rms_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How a time spreads over the cycles, in microseconds."""
+
+    p50_us: float
+    p99_us: float
+    max_us: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """A safety stop: begin and end in s since the start of the run, and its reasons in their order."""
+
+    start_s: float
+    end_s: float
+    mode: Mode
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What a run came to. None stands for what its log does not tell.
+
+    Attributes:
+        log: Path of the log.
+        origin: What made the log: "virtual", "real", or what was imported.
+        is_complete: False when the log was cut off.
+        end: Why the run ended; None when the log was cut off or imported.
+        reason: The same with its particulars.
+        mode: What the rover was doing at the end.
+        cycles: How many cycles the log holds.
+        skipped: Cycles left out because an earlier one took too long.
+        watchdog_interventions: How often the watchdog stopped a hanging loop.
+        duration_s: Length of the run.
+        final_estimate, final_encoders, final_truth: Poses at the end.
+        distance_encoders_m: Length of the way by the wheels.
+        distance_truth_m: Length of the true way.
+        estimate_error, encoders_error: Distance from the truth.
+        slip_ratio: 1 - true distance / encoder distance; None when the latter is less than 0.05 m.
+        wheel_slip: True slip ratio of each wheel, its mean over the angle turned; None where it is not known.
+        cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
+        lateness: How late cycles began; None for imported logs.
+        work: How long they took; None likewise.
+        limited_cycles: In how many cycles which limit held the set-points back.
+        refused_innovations: How many measurements were refused by the filter, by name.
+        stops: Safety stops.
+        devices: Health facts at the end of the run.
+    """
+
+    log: str
+    origin: str
+    is_complete: bool
+    end: str | None
+    reason: str
+    mode: Mode
+    cycles: int
+    skipped: int
+    watchdog_interventions: int
+    duration_s: float
+    final_estimate: FinalPose
+    final_encoders: FinalPose
+    final_truth: FinalPose | None
+    distance_encoders_m: float
+    distance_truth_m: float | None
+    estimate_error: TrackError | None
+    encoders_error: TrackError | None
+    slip_ratio: float | None
+    wheel_slip: tuple[float | None, ...]
+    cross_track_rms_m: float | None
+    cross_track_max_m: float | None
+    lateness: Spread | None
+    work: Spread | None
+    limited_cycles: dict[str, int]
+    refused_innovations: dict[str, int]
+    stops: tuple[Stop, ...]
+    devices: tuple[Health, ...]
+
+
+def summarise(run: RunData) -> Summary:
+    """Return the numbers of a run."""
+    end, cycles, truth = run.end, run.cycles, run.truth
+    encoders_m = float(run.encoders.distance_m()[-1])
+    truth_m = None if truth is None else float(truth.distance_m()[-1])
+    period_us = 1e6 / run.config.loop.rate_hz
+    is_timed = bool(cycles.work_us.any())
+    cross_m = None if run.cross_track is None else np.abs(run.cross_track.value)
+    return Summary(
+        log=str(run.path),
+        origin=run.origin,
+        is_complete=run.is_complete,
+        end=None if end is None or end.end is None else end.end.value,
+        reason=cycles.reason[-1] if end is None else end.reason,
+        mode=cycles.mode[-1],
+        cycles=len(cycles.late_us),
+        skipped=int(np.sum(cycles.late_us // period_us)) if end is None else end.skipped,
+        watchdog_interventions=len(run.watchdog_s),
+        duration_s=run.duration_s,
+        final_estimate=_final_pose(run.estimate),
+        final_encoders=_final_pose(run.encoders),
+        final_truth=None if truth is None else _final_pose(truth),
+        distance_encoders_m=encoders_m,
+        distance_truth_m=truth_m,
+        estimate_error=_track_error(run.estimate, truth, truth_m),
+        encoders_error=_track_error(run.encoders, truth, truth_m),
+        slip_ratio=None if truth_m is None or encoders_m < LEAST_DISTANCE_M else 1.0 - truth_m / encoders_m,
+        wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
+        cross_track_rms_m=None if cross_m is None else _rms(cross_m),
+        cross_track_max_m=None if cross_m is None else float(cross_m.max()),
+        lateness=_spread(cycles.late_us) if is_timed else None,
+        work=_spread(cycles.work_us) if is_timed else None,
+        limited_cycles=dict(Counter(limit.value for limit in cycles.limit if limit is not Limit.NONE)),
+        refused_innovations={
+            name: int(np.sum(data.is_accepted == 0)) for name, data in run.innovations.items()
+        },
+        stops=_stops(run),
+        devices=tuple(run.health),
+    )
+
+
+def position_error_m(track: Track, truth: Track) -> Series:
+    """Return the distance from the truth wherever both are known."""
+    true = truth.at(track.t_s)
+    return _known(track.t_s, np.hypot(track.x_m - true.x_m, track.y_m - true.y_m))
+
+
+def _known(t_s: Array, value: Array) -> Series:
+    known = np.isfinite(value)
+    return Series(t_s[known], value[known])
+
+
+def _track_error(track: Track, truth: Track | None, distance_m: float | None) -> TrackError | None:
+    if truth is None or distance_m is None:
+        return None
+    position_m = position_error_m(track, truth).value
+    yaw_rad = _known(track.t_s, wrap_angles(track.yaw_rad - truth.at(track.t_s).yaw_rad)).value
+    if len(position_m) == 0:
+        return None
+    final_m = float(position_m[-1])
+    return TrackError(
+        position_final_m=final_m,
+        position_rms_m=_rms(position_m),
+        position_max_m=float(position_m.max()),
+        position_final_share=None if distance_m < LEAST_DISTANCE_M else final_m / distance_m,
+        yaw_final_rad=float(yaw_rad[-1]),
+        yaw_rms_rad=_rms(yaw_rad),
+    )
+
+
+def wrap_angles(angle_rad: Array) -> Array:
+    """Return the same directions within [-pi, pi)."""
+    return (angle_rad + math.pi) % math.tau - math.pi
+
+
+def _final_pose(track: Track) -> FinalPose:
+    return FinalPose(
+        x_m=float(track.x_m[-1]), y_m=float(track.y_m[-1]), yaw_rad=wrap_angle(float(track.yaw_rad[-1]))
+    )
+
+
+def _mean_slip(slip: Series | None, true_speed: Series | None) -> float | None:
+    if slip is None or true_speed is None:
+        return None
+    weight = np.abs(np.interp(slip.t_s, true_speed.t_s, true_speed.value))
+    return float(np.average(slip.value, weights=weight)) if weight.any() else None
+
+
+def _spread(time_us: Array) -> Spread:
+    p50_us, p99_us = np.percentile(time_us, (50, 99))
+    return Spread(p50_us=float(p50_us), p99_us=float(p99_us), max_us=float(time_us.max()))
+
+
+def _stops(run: RunData) -> tuple[Stop, ...]:
+    cycles = run.cycles
+    stops: list[Stop] = []
+    for start_s, end_s, mode in spans(cycles.t_s, cycles.mode):
+        if mode in STOP_MODES:
+            first, after = np.searchsorted(cycles.t_s, (start_s, end_s))
+            reasons = tuple(dict.fromkeys(cycles.reason[first : max(after, first + 1)]))
+            stops.append(Stop(start_s=start_s, end_s=end_s, mode=Mode(mode), reasons=reasons))
+    return tuple(stops)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,95 @@
+"""What a run came to, in words."""
+
+from enum import StrEnum
+
+from controllers.settings import LineMission, RectangleMission
+from rover_hil.loop.executive import End
+from rover_hil.report.run_data import RunData
+from rover_hil.report.summary import Summary, TrackError
+
+
+class Grade(StrEnum):
+    """How a run went, at a glance."""
+
+    GOOD = "good"
+    ATTENTION = "attention"
+    BAD = "bad"
+
+
+def grade(summary: Summary) -> Grade:
+    """Return how a run went: the mission's end first, then whatever disturbed it."""
+    if summary.end in (End.EMERGENCY_STOP, End.DEVICE_FAILED) or _is_abandoned(summary):
+        return Grade.BAD
+    is_disturbed = bool(summary.stops or summary.watchdog_interventions or not summary.is_complete)
+    if is_disturbed or summary.end in (End.TIME_OVER, End.STOPPED_BY_USER):
+        return Grade.ATTENTION
+    return Grade.GOOD
+
+
+def verdict(run: RunData, summary: Summary) -> str:
+    """Return what was driven, how it ended, and how far estimate and encoders are off the truth."""
+    return f"{_what(run)}{_how_it_ended(summary)} {_how_far_off(summary)}"
+
+
+def length(length_m: float) -> str:
+    """Return a length as people say it: millimetres below one metre."""
+    return f"{1e3 * length_m:.0f} mm" if abs(length_m) < 1.0 else f"{length_m:.2f} m"
+
+
+def percent(share: float) -> str:
+    """Return a share as a percentage."""
+    return f"{100.0 * share:.1f} %"
+
+
+def time_text(time_us: float) -> str:
+    """Return a time in the unit that keeps it short."""
+    return f"{time_us:.0f} µs" if time_us < 1000.0 else f"{time_us / 1e3:.1f} ms"
+
+
+def _what(run: RunData) -> str:
+    mission = run.config.mission
+    if mission is None:
+        driven = "A drive that was only observed"
+    elif isinstance(mission, RectangleMission):
+        driven = f"Rectangle of {length(mission.length_m)} × {length(mission.width_m)}"
+    elif isinstance(mission, LineMission):
+        driven = f"Straight line of {length(mission.length_m)}"
+    else:
+        driven = f"Path through {len(mission.points)} points"
+    rovers = {"virtual": " on the simulated rover", "real": " on the rover"}
+    return driven + rovers.get(run.origin, f", {run.origin}")
+
+
+def _how_it_ended(summary: Summary) -> str:
+    time = f"{summary.duration_s:.1f} s"
+    if not summary.is_complete:
+        return f": the log was cut off after {time}, the program was killed or the disk was full."
+    if _is_abandoned(summary):
+        return f": the program ended after {time} without saying why."
+    if summary.end is None:
+        return f": {time} long."
+    stops = len(summary.stops)
+    stopped = {0: "", 1: " and one safety stop"}.get(stops, f" and {stops} safety stops")
+    return f": {summary.reason} after {time}{stopped}."
+
+
+def _how_far_off(summary: Summary) -> str:
+    estimate, encoders = summary.estimate_error, summary.encoders_error
+    if estimate is None or encoders is None or summary.distance_truth_m is None:
+        return (
+            "Nobody recorded the truth, so nobody knows how far off the estimate is; the wheels turned for "
+            f"{length(summary.distance_encoders_m)}."
+        )
+    return (
+        f"Of {length(summary.distance_truth_m)} driven, the estimate is {_off(estimate)} off the truth at the "
+        f"end and the encoders alone {_off(encoders)}."
+    )
+
+
+def _off(error: TrackError) -> str:
+    share = error.position_final_share
+    return length(error.position_final_m) + ("" if share is None else f" ({percent(share)})")
+
+
+def _is_abandoned(summary: Summary) -> bool:
+    return summary.is_complete and summary.end is None and summary.origin in ("virtual", "real")

@@ -1,0 +1,4 @@
+from pathlib import Path
+def write_report(log_path: Path, folder: Path) -> str:
+    """Stub."""
+    return "{}"

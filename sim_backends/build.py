@@ -1,0 +1,124 @@
+"""Builds a simulated world: a plant, and an emulator for every device of the configuration."""
+
+import zlib
+from collections.abc import Mapping
+from typing import TypeAlias, TypeVar
+
+import numpy as np
+
+from drivers.camera.settings import CameraSettings
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.errors import ConfigError
+from drivers.link import CameraImage
+from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.registry import AnyDeviceSettings
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.settings import Settings
+from drivers.witmotion.settings import WitMotionSettings
+from sim_backends.camera import CameraEmulatorSettings, make_camera
+from sim_backends.can_node import CanNodeSettings, make_can_node
+from sim_backends.compass import CompassEmulatorSettings, make_compass
+from sim_backends.faults import flip_bit, grey_lower_half, schedule_faults
+from sim_backends.four_wheel_plant import FourWheelPlant, FourWheelPlantSettings
+from sim_backends.imu import ImuEmulatorSettings, make_imu
+from sim_backends.plant import Plant
+from sim_backends.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
+from sim_backends.robotino_plant import RobotinoPlant, RobotinoPlantSettings
+from sim_backends.settings import SimulationSettings
+from sim_backends.world import EmulatedDevice, World
+
+Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
+ByteDevice: TypeAlias = CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | WitMotionSettings
+EmulatorT = TypeVar("EmulatorT", bound=Settings)
+
+
+def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int) -> World:
+    """Put the simulated rover together.
+
+    Each device, its faults and the plant draw from generators of their own, so that adding a device changes
+    nothing for the others.
+
+    Args:
+        devices: The devices of the configuration, by name.
+        simulation: The rover, the errors of its devices, and the faults.
+        start_ns: When the simulation starts.
+
+    Raises:
+        ConfigError: The simulation speaks of devices that do not exist, or its rover does not fit them.
+    """
+    _check_names(devices, simulation)
+    plant = _make_plant(simulation, start_ns)
+    byte_devices: dict[str, EmulatedDevice[bytes]] = {}
+    image_devices: dict[str, EmulatedDevice[CameraImage]] = {}
+    for name, settings in devices.items():
+        rng = _generator(simulation.seed, f"device {name}")
+        fault_rng = _generator(simulation.seed, f"faults {name}")
+        faults = [fault for fault in simulation.faults if fault.device == name]
+        if isinstance(settings, CameraSettings):
+            errors = _errors_of(CameraEmulatorSettings, name, settings, simulation)
+            camera = make_camera(name, settings, errors, plant, rng, start_ns)
+            schedule_faults(camera, faults, grey_lower_half, fault_rng, start_ns)
+            image_devices[name] = camera
+        else:
+            device = _make_byte_device(name, settings, simulation, plant, rng, start_ns)
+            schedule_faults(device, faults, flip_bit, fault_rng, start_ns)
+            byte_devices[name] = device
+    return World(plant, byte_devices, image_devices)
+
+
+def _check_names(devices: Devices, simulation: SimulationSettings) -> None:
+    named = [(f"devices.{name}", name) for name in simulation.devices]
+    named += [(f"faults.{index}.device", fault.device) for index, fault in enumerate(simulation.faults)]
+    for key, name in named:
+        if name not in devices:
+            msg = f"simulation.{key}: [devices] has no '{name}': name one of {', '.join(devices)}"
+            raise ConfigError(msg)
+
+
+def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
+    rng = _generator(simulation.seed, "plant")
+    match simulation.plant:
+        case RobotinoPlantSettings() as robotino:
+            return RobotinoPlant(robotino, rng, start_ns)
+        case FourWheelPlantSettings() as four_wheel:
+            return FourWheelPlant(four_wheel, rng, start_ns)
+
+
+def _make_byte_device(
+    name: str,
+    device: ByteDevice,
+    simulation: SimulationSettings,
+    plant: Plant,
+    rng: np.random.Generator,
+    start_ns: int,
+) -> EmulatedDevice[bytes]:
+    match device:
+        case CanWheelsSettings():
+            node = _errors_of(CanNodeSettings, name, device, simulation)
+            return make_can_node(name, device, node, plant, rng, start_ns)
+        case NmeaCompassSettings():
+            compass = _errors_of(CompassEmulatorSettings, name, device, simulation)
+            return make_compass(name, device, compass, plant, rng, start_ns)
+        case RobotinoBoardSettings():
+            board = _errors_of(RobotinoBoardEmulatorSettings, name, device, simulation)
+            return make_robotino_board(name, device, board, plant, rng, start_ns)
+        case WitMotionSettings():
+            imu = _errors_of(ImuEmulatorSettings, name, device, simulation)
+            return make_imu(name, device, imu, plant, rng, start_ns)
+
+
+def _errors_of(
+    kind: type[EmulatorT], name: str, device: AnyDeviceSettings, simulation: SimulationSettings
+) -> EmulatorT:
+    """Return how a device errs, by default where the configuration does not say."""
+    settings = simulation.devices.get(name)
+    if settings is None:
+        return kind.model_validate({"type": device.type})
+    if not isinstance(settings, kind):
+        msg = f"simulation.devices.{name}.type: must be '{device.type}', as in [devices]"
+        raise ConfigError(msg)
+    return settings
+
+
+def _generator(seed: int, name: str) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),)))

@@ -1,0 +1,1 @@
+"""Serves a simulated rover in real time on the bus protocols of the real one."""

@@ -1,0 +1,158 @@
+"""The server: runs a simulated world on the host's clock and carries bytes between it and real ports."""
+
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Generic, Self, TypeAlias
+
+from drivers.camera.settings import CameraSettings
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.clock import Clock, nanoseconds
+from drivers.errors import ConfigError
+from drivers.link import CameraImage, PayloadT
+from drivers.registry import AnyDeviceSettings
+from sim_backends.serving.can_bus_port import CanBusPort
+from sim_backends.serving.frame_port import FramePort
+from sim_backends.serving.port import Port
+from sim_backends.serving.pty_port import PtyPort
+from sim_backends.serving.slcan_port import SlcanPort
+from sim_backends.world import EmulatedDevice, World
+
+CYCLE_NS = 1_000_000
+
+
+class ServedDevice(Generic[PayloadT]):
+    """An emulated device and the port it is served on.
+
+    Attributes:
+        sent: Payloads that a listening host was given.
+        dropped: Payloads that it was to be given and that the port could not take.
+    """
+
+    def __init__(self, device: EmulatedDevice[PayloadT], port: Port[PayloadT]) -> None:
+        self.port: Port[PayloadT] = port
+        self.sent = 0
+        self.dropped = 0
+        self._device: EmulatedDevice[PayloadT] = device
+
+    @property
+    def name(self) -> str:
+        """Name of the device in the configuration."""
+        return self._device.name
+
+    def take_in(self, now_ns: int) -> None:
+        """Put what the host has sent on the wire to the device."""
+        for payload in self.port.read():
+            self._device.to_device.put(now_ns, payload)
+
+    def give_out(self, now_ns: int) -> None:
+        """Move the plug when the device's has moved; give the host what has reached it."""
+        if self._device.unplugged:
+            self.port.close()
+            return
+        self.port.open()
+        for arrival in self._device.to_host.take(now_ns):
+            if self.port.has_listener():
+                was_taken = self.port.write(arrival.payload)
+                self.sent += was_taken
+                self.dropped += not was_taken
+
+
+AnyServedDevice: TypeAlias = ServedDevice[bytes] | ServedDevice[CameraImage]
+
+
+class Server:
+    """Serves a world in real time, in cycles of 1 ms; a late cycle is skipped and counted.
+
+    A context manager: the ports appear on entry and vanish on exit.
+
+    Args:
+        world: The simulated rover, built for the present time of `clock`.
+        served: Its devices on their ports.
+        clock: The host's clock.
+
+    Attributes:
+        skipped_cycles: How many cycles were skipped because the machine, or a camera frame, took too long.
+    """
+
+    def __init__(self, world: World, served: Sequence[AnyServedDevice], clock: Clock) -> None:
+        self.world = world
+        self.served = served
+        self.skipped_cycles = 0
+        self._clock = clock
+        self._next_cycle_ns = 0
+
+    def __enter__(self) -> Self:
+        try:
+            for device in self.served:
+                device.port.open()
+        except BaseException:
+            self.close()
+            raise
+        self._next_cycle_ns = self._clock.now_ns()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Make every port vanish; may be called again."""
+        for device in self.served:
+            device.port.close()
+
+    def run(self, duration_s: float) -> None:
+        """Serve for so long.
+
+        Raises:
+            NotConnectedError: A plug was restored, but its port could not be.
+        """
+        end_ns = self._clock.now_ns() + nanoseconds(duration_s)
+        while self._next_cycle_ns < end_ns:
+            self._clock.sleep_until(self._next_cycle_ns)
+            now_ns = self._clock.now_ns()
+            self._cycle(now_ns)
+            skipped = (self._clock.now_ns() - self._next_cycle_ns) // CYCLE_NS
+            self.skipped_cycles += skipped
+            self._next_cycle_ns += (skipped + 1) * CYCLE_NS
+
+    def _cycle(self, now_ns: int) -> None:
+        for device in self.served:
+            device.take_in(now_ns)
+        self.world.advance(now_ns)
+        for device in self.served:
+            device.give_out(now_ns)
+
+
+def put_on_ports(world: World, settings: Mapping[str, AnyDeviceSettings]) -> list[AnyServedDevice]:
+    """Give every device of a world the port that its settings name; nothing is opened yet.
+
+    Raises:
+        ConfigError: The settings name a port that no other process can reach.
+    """
+    served: list[AnyServedDevice] = []
+    for name, device in settings.items():
+        if isinstance(device, CameraSettings):
+            served.append(ServedDevice(world.image_devices[name], _frame_port(name, device)))
+        elif isinstance(device, CanWheelsSettings):
+            served.append(ServedDevice(world.byte_devices[name], _can_port(name, device)))
+        else:
+            served.append(ServedDevice(world.byte_devices[name], PtyPort(device.port)))
+    return served
+
+
+def _frame_port(name: str, camera: CameraSettings) -> Port[CameraImage]:
+    if camera.source != "live_folder":
+        msg = f"devices.{name}.source: a simulated camera is served as source = 'live_folder'; set that"
+        raise ConfigError(msg)
+    return FramePort(camera.path)
+
+
+def _can_port(name: str, bus: CanWheelsSettings) -> Port[bytes]:
+    if bus.interface == "virtual":
+        msg = f"devices.{name}.interface: no other process can reach a virtual bus; use slcan or socketcan"
+        raise ConfigError(msg)
+    return SlcanPort(bus.channel) if bus.interface == "slcan" else CanBusPort(bus.interface, bus.channel)

@@ -1,0 +1,43 @@
+"""What the configuration says about the simulated rover: [simulation]."""
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Field
+
+from drivers.settings import Settings
+from sim_backends.camera import CameraEmulatorSettings
+from sim_backends.can_node import CanNodeSettings
+from sim_backends.compass import CompassEmulatorSettings
+from sim_backends.faults import FaultSettings
+from sim_backends.four_wheel_plant import FourWheelPlantSettings
+from sim_backends.imu import ImuEmulatorSettings
+from sim_backends.robotino_board import RobotinoBoardEmulatorSettings
+from sim_backends.robotino_plant import RobotinoPlantSettings
+
+PlantSettings: TypeAlias = Annotated[
+    RobotinoPlantSettings | FourWheelPlantSettings, Field(discriminator="type")
+]
+EmulatorSettings: TypeAlias = Annotated[
+    CameraEmulatorSettings
+    | CanNodeSettings
+    | CompassEmulatorSettings
+    | ImuEmulatorSettings
+    | RobotinoBoardEmulatorSettings,
+    Field(discriminator="type"),
+]
+
+
+class SimulationSettings(Settings):
+    """The simulated rover, the errors of its devices, and what goes wrong.
+
+    Attributes:
+        seed: The same seed gives the same run.
+        plant: The true rover and its ground.
+        devices: How devices of [devices] err, by name; those not named err as by default.
+        faults: What fails, and when.
+    """
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    plant: PlantSettings
+    devices: dict[str, EmulatorSettings] = Field(default_factory=dict)
+    faults: tuple[FaultSettings, ...] = ()

@@ -1,0 +1,145 @@
+"""Guidance along missions, without dynamics: the pose moves as it is told."""
+
+import math
+from dataclasses import dataclass
+
+import pytest
+from pydantic import TypeAdapter
+
+from controllers.mission import corner_points
+from controllers.path_control import Guidance, PathFollower
+from controllers.planar import Pose, move
+from controllers.settings import MissionSettings, PathSettings
+from drivers.errors import ConfigError
+
+ADAPTER: TypeAdapter[MissionSettings] = TypeAdapter(MissionSettings)
+DT_S = 0.02
+
+
+def mission(**values: object) -> MissionSettings:
+    return ADAPTER.validate_python(values)
+
+
+@dataclass
+class Track:
+    poses: list[Pose]
+    guidances: list[Guidance]
+
+
+def follow(follower: PathFollower, pose: Pose, limit_s: float) -> Track:
+    track = Track([pose], [])
+    for _ in range(round(limit_s / DT_S)):
+        guidance = follower.guide(track.poses[-1])
+        track.guidances.append(guidance)
+        if guidance.finished:
+            break
+        track.poses.append(
+            move(
+                track.poses[-1],
+                guidance.velocity_x_m_s * DT_S,
+                guidance.velocity_y_m_s * DT_S,
+                guidance.yaw_rate_rad_s * DT_S,
+            )
+        )
+    return track
+
+
+def test_missions_become_corners() -> None:
+    assert corner_points(mission(type="line", length_m=2.0)) == ((0.0, 0.0), (2.0, 0.0))
+    assert corner_points(mission(type="rectangle", length_m=0.9, width_m=0.4)) == (
+        (0.0, 0.0),
+        (0.9, 0.0),
+        (0.9, 0.4),
+        (0.0, 0.4),
+        (0.0, 0.0),
+    )
+    assert corner_points(mission(type="waypoints", points=[[1, 2], [3, 4]])) == ((0, 0), (1, 2), (3, 4))
+
+
+@pytest.mark.parametrize(
+    ("heading", "moves_sideways"), [("hold", True), ("along_path", True), ("along_path", False)]
+)
+def test_the_rectangle_is_driven_through_all_corners(heading: str, moves_sideways: bool) -> None:
+    rectangle = mission(type="rectangle", length_m=0.9, width_m=0.4, heading=heading, speed_m_s=0.1)
+    track = follow(PathFollower(rectangle, moves_sideways), Pose(), 120.0)
+    assert track.guidances[-1].finished
+    assert track.guidances[-1].velocity_x_m_s == track.guidances[-1].yaw_rate_rad_s == 0.0
+    for corner in corner_points(rectangle):
+        assert min(math.dist(corner, (pose.x_m, pose.y_m)) for pose in track.poses) < 0.015
+    assert max(abs(guidance.cross_track_m) for guidance in track.guidances) < 0.03
+    speeds = [math.hypot(guidance.velocity_x_m_s, guidance.velocity_y_m_s) for guidance in track.guidances]
+    assert max(speeds) == pytest.approx(0.1)
+    if heading == "hold":
+        assert all(pose.yaw_rad == 0.0 for pose in track.poses)
+    if not moves_sideways:
+        assert all(guidance.velocity_y_m_s == 0.0 for guidance in track.guidances)
+
+
+def test_speed_falls_towards_the_corner_and_not_below_a_fifth() -> None:
+    line = mission(type="line", length_m=1.0, speed_m_s=0.1, approach_gain_per_s=1.0)
+    follower = PathFollower(line, moves_sideways=True)
+    for x_m, expected in ((0.0, 0.1), (0.9, 0.1), (0.95, 0.05), (0.985, 0.02)):
+        assert follower.guide(Pose(x_m=x_m)).velocity_x_m_s == pytest.approx(expected)
+    assert follower.guide(Pose(x_m=0.991)).finished
+
+
+@pytest.mark.parametrize("moves_sideways", [True, False])
+@pytest.mark.parametrize("speed_m_s", [0.1, 0.4])
+def test_a_deviation_decays_over_the_lookahead_distance(moves_sideways: bool, speed_m_s: float) -> None:
+    line = mission(
+        type="line",
+        length_m=5.0,
+        speed_m_s=speed_m_s,
+        heading="along_path",
+        lookahead_m=0.5,
+        heading_gain_per_s=8.0,
+        yaw_rate_limit_rad_s=5.0,
+    )
+    track = follow(PathFollower(line, moves_sideways), Pose(y_m=0.1), 120.0)
+    assert track.guidances[0].cross_track_m == 0.1
+    one_lookahead = next(pose for pose in track.poses if pose.x_m > 0.5)
+    assert one_lookahead.y_m == pytest.approx(0.1 * math.exp(-1.0), abs=0.008)
+    assert abs(track.poses[-1].y_m) < 0.001
+
+
+def test_a_skid_steer_rover_turns_on_the_spot_where_it_faces_away() -> None:
+    line = mission(type="line", length_m=1.0, heading="along_path")
+    guidance = PathFollower(line, moves_sideways=False).guide(Pose(yaw_rad=1.0))
+    assert (guidance.velocity_x_m_s, guidance.yaw_rate_rad_s) == (0.0, -0.5)
+
+
+def test_the_omni_rover_turns_back_to_the_heading_it_holds() -> None:
+    follower = PathFollower(mission(type="line", length_m=1.0, speed_m_s=0.1), moves_sideways=True)
+    guidance = follower.guide(Pose(yaw_rad=0.1))
+    assert guidance.yaw_rate_rad_s == pytest.approx(-0.2)
+    assert guidance.velocity_x_m_s == pytest.approx(0.1 * math.cos(0.1))
+    assert guidance.velocity_y_m_s == pytest.approx(-0.1 * math.sin(0.1))
+    assert follower.guide(Pose(yaw_rad=3.0)).yaw_rate_rad_s == -0.5
+
+
+def test_corners_that_are_already_passed_are_skipped() -> None:
+    points = [[1.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
+    follower = PathFollower(mission(type="waypoints", points=points), moves_sideways=True)
+    guidance = follower.guide(Pose(x_m=2.5))
+    assert not guidance.finished
+    assert guidance.cross_track_m == pytest.approx(-0.5)
+    assert follower.guide(Pose(x_m=2.5, y_m=1.0)).finished
+
+
+def test_a_skid_steer_rover_cannot_hold_its_heading() -> None:
+    assert PathSettings().heading == "hold"
+    with pytest.raises(ConfigError, match="along_path"):
+        PathFollower(mission(type="line", length_m=1.0), moves_sideways=False)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"type": "waypoints", "points": [[0.0, 0.01]]},
+        {"type": "waypoints", "points": [[1.0, 0.0], [1.0, 0.0]]},
+        {"type": "rectangle", "length_m": 0.9, "width_m": 0.3, "position_tolerance_m": 0.3},
+    ],
+)
+def test_lines_that_would_be_skipped_at_once_are_refused(values: dict[str, object]) -> None:
+    with pytest.raises(ConfigError, match="not longer than position_tolerance_m"):
+        PathFollower(mission(**values), moves_sideways=True)

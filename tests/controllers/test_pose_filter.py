@@ -1,0 +1,210 @@
+"""The pose filter: honest covariances on simulated data, headings, bias."""
+
+import cmath
+import json
+import math
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from controllers.odometry import BodyIncrement
+from controllers.planar import wrap_angle
+from controllers.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.settings import FilterSettings
+from drivers.samples import HeadingReference
+
+SETTINGS = FilterSettings(
+    position_noise_m_sqrt_m=0.05, gyro_noise_rad_sqrt_s=0.01, gyro_bias_rad_s=0.02, heading_noise_rad=0.05
+)
+MAGNETIC, TRUE = HeadingReference.MAGNETIC, HeadingReference.TRUE
+DT_S = 0.02
+STANDING = BodyIncrement(x_m=0.0, y_m=0.0, turn_rad=0.0, duration_s=DT_S)
+AHEAD = replace(STANDING, x_m=0.01)
+NO_TURN = Turn(angle_rad=0.0, source=YawSource.WHEELS)
+
+
+class NoisyDrive:
+    """Truth and what the sensors make of it, with exactly the noise that the settings tell the filter."""
+
+    def __init__(self, seed: int, source: YawSource) -> None:
+        self.draw = np.random.default_rng(seed).normal
+        self.source = source
+        self.offset_rad = float(np.random.default_rng(seed + 1000).uniform(-math.pi, math.pi))
+        self.bias_rad_s = SETTINGS.gyro_bias_rad_s * self.draw()
+        self.filter = PoseFilter(SETTINGS, ("compass",))
+        self.place, self.yaw_rad = 0j, 0.0
+        self.heading_nis: list[float] = []
+
+    def settle(self) -> None:
+        for _ in range(20):
+            self._hear_compass()
+
+    def drive(self, steps: int) -> None:
+        for step in range(steps):
+            self._move(x_m=0.004, y_m=0.002 * math.sin(0.05 * step), turn_rad=0.01)
+            if step % 5 == 0:
+                self._hear_compass()
+
+    def nees(self) -> float:
+        """Squared error of (x, y, yaw) over its covariance."""
+        pose, (xx, xy, xw, yy, yw, ww) = self.filter.pose, self.filter.covariance
+        error = np.array(
+            [
+                pose.x_m - self.place.real,
+                pose.y_m - self.place.imag,
+                wrap_angle(pose.yaw_rad - self.yaw_rad),
+            ]
+        )
+        covariance = np.array([[xx, xy, xw], [xy, yy, yw], [xw, yw, ww]])
+        return float(error @ np.linalg.solve(covariance, error))
+
+    def _move(self, x_m: float, y_m: float, turn_rad: float) -> None:
+        self.place += cmath.rect(1.0, self.yaw_rad + 0.5 * turn_rad) * complex(x_m, y_m)
+        self.yaw_rad += turn_rad
+        distance_m = math.hypot(x_m, y_m)
+        slip_m = SETTINGS.position_noise_m_sqrt_m * math.sqrt(distance_m)
+        measured = replace(STANDING, x_m=x_m + slip_m * self.draw(), y_m=y_m + slip_m * self.draw())
+        if self.source is YawSource.GYRO:
+            noise_rad = SETTINGS.gyro_noise_rad_sqrt_s * math.sqrt(DT_S) * self.draw()
+            angle_rad = turn_rad + self.bias_rad_s * DT_S + noise_rad
+            turn = Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=DT_S)
+        else:
+            variance = (
+                SETTINGS.wheel_yaw_noise_rad_sqrt_rad**2 * turn_rad
+                + SETTINGS.wheel_yaw_noise_rad_sqrt_m**2 * distance_m
+            )
+            noise_rad = math.sqrt(variance) * self.draw()
+            turn = Turn(angle_rad=turn_rad + noise_rad, source=YawSource.WHEELS)
+        self.filter.predict(measured, turn)
+
+    def _hear_compass(self) -> None:
+        heading_rad = self.yaw_rad + self.offset_rad + SETTINGS.heading_noise_rad * self.draw()
+        innovation = self.filter.correct_heading("compass", MAGNETIC, wrap_angle(heading_rad), 0.0)
+        if innovation.nis is not None:
+            self.heading_nis.append(innovation.nis)
+
+
+@pytest.mark.parametrize("source", list(YawSource))
+def test_errors_are_as_large_as_the_covariance_says(source: YawSource) -> None:
+    drives = [NoisyDrive(seed, source) for seed in range(60)]
+    for drive in drives:
+        drive.settle()
+        drive.drive(400)
+    low, high = chi2.ppf((0.001, 0.999), 3 * len(drives))
+    assert low < sum(drive.nees() for drive in drives) < high
+
+
+@pytest.mark.parametrize("source", list(YawSource))
+def test_innovations_are_as_large_as_the_filter_expects(source: YawSource) -> None:
+    drives = [NoisyDrive(seed, source) for seed in range(20)]
+    for drive in drives:
+        drive.settle()
+        drive.drive(400)
+    # The first heading only teaches the offset.
+    nis = [value for drive in drives for value in drive.heading_nis[1:]]
+    low, high = chi2.ppf((0.001, 0.999), len(nis))
+    assert low < sum(nis) < high
+
+
+def test_without_a_settling_phase_the_yaw_is_honest_too() -> None:
+    drives = [NoisyDrive(seed, YawSource.GYRO) for seed in range(60)]
+    for drive in drives:
+        drive.drive(400)
+    low, high = chi2.ppf((0.001, 0.999), 3 * len(drives))
+    assert low < sum(drive.nees() for drive in drives) < high
+
+
+def test_headings_at_rest_teach_the_offset_and_do_not_turn_the_rover() -> None:
+    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    for heading_rad in (3.1, -3.1, 3.12, -3.12):
+        pose_filter.correct_heading("compass", MAGNETIC, heading_rad, 0.0)
+    assert pose_filter.pose.yaw_rad == pytest.approx(0.0, abs=1e-6)
+    pose_filter.predict(AHEAD, replace(NO_TURN, angle_rad=0.4))
+    innovation = pose_filter.correct_heading("compass", MAGNETIC, wrap_angle(math.pi + 0.4), 0.0)
+    assert innovation.residual == pytest.approx(0.0, abs=1e-3)
+
+
+def test_magnetic_and_true_headings_are_not_mixed() -> None:
+    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    for _ in range(10):
+        pose_filter.correct_heading("compass", MAGNETIC, 1.0, 0.0)
+        pose_filter.correct_heading("compass", TRUE, 1.2, 0.0)
+    for reference, heading_rad in ((MAGNETIC, 1.0), (TRUE, 1.2)):
+        innovation = pose_filter.correct_heading("compass", reference, heading_rad, 0.0)
+        assert innovation.residual == pytest.approx(0.0, abs=1e-4)
+        assert innovation.name == f"compass {reference.value}"
+
+
+def test_a_wild_heading_is_refused() -> None:
+    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    for _ in range(10):
+        pose_filter.correct_heading("compass", MAGNETIC, 1.0, 0.0)
+    before = pose_filter.pose
+    assert not pose_filter.correct_heading("compass", MAGNETIC, 2.0, 0.0).accepted
+    assert not pose_filter.correct_heading("compass", MAGNETIC, math.nan, 0.0).accepted
+    assert pose_filter.pose == before
+
+
+def test_a_late_heading_is_compared_with_the_yaw_of_its_time() -> None:
+    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    pose_filter.correct_heading("compass", MAGNETIC, 1.0, 0.0)
+    pose_filter.predict(STANDING, replace(NO_TURN, angle_rad=0.5))
+    innovation = pose_filter.correct_heading("compass", MAGNETIC, 1.3, 0.2)
+    assert innovation.residual == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_bias_learnt_at_rest_is_taken_off_the_gyro() -> None:
+    pose_filter = PoseFilter(SETTINGS, ())
+    for _ in range(200):
+        pose_filter.correct_bias("gyro", 0.03)
+    assert pose_filter.gyro_bias_rad_s == pytest.approx(0.03, abs=1e-4)
+    turn = Turn(angle_rad=1.03, source=YawSource.GYRO, covered_s=1.0)
+    pose_filter.predict(replace(STANDING, duration_s=1.0), turn)
+    assert pose_filter.pose.yaw_rad == pytest.approx(1.0, abs=1e-3)
+
+
+def test_uncertainty_does_not_depend_on_the_cycle() -> None:
+    variances = []
+    for parts in (1, 100):
+        pose_filter = PoseFilter(SETTINGS, ())
+        for _ in range(parts):
+            part = BodyIncrement(x_m=1.0 / parts, y_m=0.0, turn_rad=0.0, duration_s=5.0 / parts)
+            pose_filter.predict(part, Turn(angle_rad=0.0, source=YawSource.GYRO, covered_s=5.0 / parts))
+        variances.append(pose_filter.covariance)
+    (xx, _, _, _, _, ww), (fine_xx, _, _, _, _, fine_ww) = variances
+    assert fine_xx == pytest.approx(xx, rel=1e-6)
+    assert xx == pytest.approx(0.05**2, rel=1e-3)
+    assert fine_ww == pytest.approx(ww, rel=0.01)
+
+
+def test_the_yaw_spreads_the_position_across_the_course() -> None:
+    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter.predict(STANDING, Turn(angle_rad=0.25, source=YawSource.WHEELS))
+    pose_filter.predict(replace(STANDING, x_m=10.0), Turn(angle_rad=-0.25, source=YawSource.WHEELS))
+    xx, xy, _, yy, yw, ww = pose_filter.covariance
+    assert yy > 0.05**2 * 10.0 + 0.1**2 * 0.25 * 9.0**2
+    assert yw > 0.0
+    assert abs(xy) < 0.2 * yy
+    assert xx < yy
+    assert ww == pytest.approx(0.1**2 * 0.5 + 0.05**2 * 10.0)
+
+
+def test_an_estimate_can_be_logged_and_knows_when_it_is_not_finite() -> None:
+    estimate = PoseEstimate(
+        t_ns=1,
+        x_m=1.0,
+        y_m=2.0,
+        yaw_rad=0.5,
+        velocity_x_m_s=0.1,
+        velocity_y_m_s=0.0,
+        yaw_rate_rad_s=0.0,
+        gyro_bias_rad_s=0.0,
+        covariance=(1.0, 0.0, 0.0, 1.0, 0.0, 1.0),
+        yaw_source=YawSource.GYRO,
+    )
+    assert json.loads(json.dumps(asdict(estimate)))["yaw_source"] == "gyro"
+    assert estimate.is_finite
+    assert not replace(estimate, yaw_rate_rad_s=math.nan).is_finite
+    assert not replace(estimate, covariance=(math.inf, 0.0, 0.0, 1.0, 0.0, 1.0)).is_finite

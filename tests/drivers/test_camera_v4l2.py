@@ -1,0 +1,329 @@
+"""The V4L2 link against a camera that has the faults that OpenCV and kernel drivers are known for."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from cv2.typing import MatLike
+
+from drivers.camera.settings import CameraSettings
+from drivers.camera.v4l2_link import V4l2Link
+from drivers.clock import Clock, SystemClock, VirtualClock, nanoseconds
+from drivers.driver import DeviceState, Driver
+from drivers.errors import NotConnectedError
+from drivers.link import CameraImage, Received
+from drivers.samples import FrameSample, LinkSample, Sample
+
+PERIOD_NS = 10_000_000
+MJPG = float(int.from_bytes(b"MJPG", "little"))
+YUYV = float(int.from_bytes(b"YUYV", "little"))
+DEADLINE_S = 5.0
+
+
+@dataclass
+class FakeCamera:
+    """A camera as seen through `cv2.VideoCapture`: it says True to every setting, and takes some.
+
+    Attributes:
+        fixed: Properties that the driver does not change, with their values.
+        latency_ns: From the time stamp to the moment when `grab` returns.
+        stamps_at_all: False for drivers that always say 0.
+        unplugged: `grab` fails at once while `isOpened` stays True.
+        frozen: `grab` succeeds at once with the frame before.
+        corrupt: `retrieve` succeeds without pixels.
+        slow_start: How many grabs time out after opening.
+        calls: What was done, in order.
+    """
+
+    clock: Clock
+    fixed: dict[int, float] = field(default_factory=dict)
+    latency_ns: int = 4_000_000
+    stamps_at_all: bool = True
+    unplugged: bool = False
+    frozen: bool = False
+    corrupt: bool = False
+    slow_start: int = 0
+    calls: list[str] = field(default_factory=list)
+
+    def open(self, path: str, backend: int) -> "FakeCapture":
+        assert backend == cv2.CAP_V4L2
+        self.calls.append("open")
+        return FakeCapture(self)
+
+
+class FakeCapture:
+    def __init__(self, camera: FakeCamera) -> None:
+        self.camera = camera
+        self.properties: dict[int, float] = {cv2.CAP_PROP_FOURCC: YUYV, cv2.CAP_PROP_FPS: 30.0}
+        self.stamp_ms = 0.0
+        self.is_open = True
+        self.slow_start = camera.slow_start
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        return self.is_open
+
+    def release(self) -> None:
+        self.is_open = False
+        self.camera.calls.append("release")
+
+    def set(self, key: int, value: float) -> bool:
+        self.camera.calls.append(f"set {key}")
+        self.properties[key] = value
+        return True
+
+    def get(self, key: int) -> float:
+        if key == cv2.CAP_PROP_POS_MSEC:
+            return self.stamp_ms
+        return self.camera.fixed.get(key, self.properties.get(key, -1.0))
+
+    def grab(self) -> bool:
+        camera = self.camera
+        assert self.is_open
+        if self.slow_start:
+            self.slow_start -= 1
+            return False
+        if camera.unplugged:
+            return False
+        if not camera.frozen:
+            camera.clock.sleep_until(camera.clock.now_ns() + PERIOD_NS)
+            if camera.stamps_at_all:
+                self.stamp_ms = (camera.clock.now_ns() - camera.latency_ns) // 1000 / 1000
+        return True
+
+    def retrieve(self) -> tuple[bool, MatLike | None]:
+        return True, None if self.camera.corrupt else np.full((48, 64, 3), 9, np.uint8)
+
+
+def make_settings(path: Path, **changes: object) -> CameraSettings:
+    base: dict[str, object] = {
+        "type": "camera",
+        "source": "v4l2",
+        "path": str(path),
+        "width": 64,
+        "height": 48,
+        "frame_rate_hz": 100,
+    }
+    return CameraSettings.model_validate(base | changes)
+
+
+@pytest.fixture
+def camera(monkeypatch: pytest.MonkeyPatch) -> FakeCamera:
+    camera = FakeCamera(VirtualClock(100_000_000_000))
+    monkeypatch.setattr("drivers.camera.v4l2_link.cv2.VideoCapture", camera.open)
+    return camera
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> Path:
+    path = tmp_path / "usb-camera-index0"
+    path.touch()
+    return path
+
+
+def open_link(camera: FakeCamera, device: Path, **changes: object) -> V4l2Link:
+    """Open the handle without starting the thread, so that reads are called one by one."""
+    link = V4l2Link(make_settings(device, **changes), camera.clock)
+    link._open_handle()
+    return link
+
+
+def read(link: V4l2Link) -> Received[CameraImage]:
+    received = link._read()
+    assert received is not None
+    return received
+
+
+def test_opencv_is_told_not_to_wait_ten_seconds_for_a_dead_camera() -> None:
+    assert os.environ["OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT"] == "1"
+
+
+def test_the_format_is_set_before_the_size_and_the_size_before_the_rate(
+    camera: FakeCamera, device: Path
+) -> None:
+    open_link(camera, device)
+    keys = [cv2.CAP_PROP_FOURCC, cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FPS]
+    assert [call for call in camera.calls if call in {f"set {key}" for key in keys}] == [
+        f"set {key}" for key in keys
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fixed", "changes", "complaint"),
+    [
+        ({cv2.CAP_PROP_FRAME_WIDTH: 80.0}, {}, "gives MJPG 80 x 48 .* instead of MJPG 64 x 48"),
+        ({cv2.CAP_PROP_FRAME_HEIGHT: 40.0}, {}, "64 x 40"),
+        ({cv2.CAP_PROP_FPS: 30.0}, {}, "at 30 Hz instead of .* at 100 Hz"),
+        ({cv2.CAP_PROP_FPS: float("nan")}, {}, "nan Hz"),
+        ({cv2.CAP_PROP_FOURCC: YUYV}, {}, "gives YUYV"),
+        ({cv2.CAP_PROP_EXPOSURE: 100.0}, {"exposure_100us": 80}, "refuses exposure_100us = 80"),
+        ({cv2.CAP_PROP_EXPOSURE: -1.0}, {"exposure_100us": 80}, "refuses exposure_100us = 80"),
+        ({cv2.CAP_PROP_AUTO_EXPOSURE: 1.0}, {}, "refuses exposure_100us = automatic"),
+    ],
+)
+def test_a_refused_setting_is_an_error_and_leaves_no_handle(
+    fixed: dict[int, float], changes: dict[str, object], complaint: str, camera: FakeCamera, device: Path
+) -> None:
+    camera.fixed = fixed
+    link = V4l2Link(make_settings(device, **changes), camera.clock)
+    with pytest.raises(NotConnectedError, match=f"cannot open camera {device}: .*{complaint}"):
+        link.open(0.2)
+    assert camera.calls.count("open") == camera.calls.count("release") > 1
+    assert link._capture is None
+
+
+@pytest.mark.parametrize(
+    ("fixed", "changes"),
+    [
+        ({cv2.CAP_PROP_FPS: 99.9}, {}),
+        ({cv2.CAP_PROP_FOURCC: YUYV}, {"fourcc": "YUYV"}),
+        ({cv2.CAP_PROP_AUTO_EXPOSURE: -1.0}, {}),
+        ({}, {"exposure_100us": 80}),
+    ],
+)
+def test_what_the_camera_grants_is_accepted(
+    fixed: dict[int, float], changes: dict[str, object], camera: FakeCamera, device: Path
+) -> None:
+    camera.fixed = fixed
+    assert read(open_link(camera, device, **changes)).payload.image.shape == (48, 64, 3)
+
+
+def test_a_missing_device_says_how_to_find_one(camera: FakeCamera, tmp_path: Path) -> None:
+    link = V4l2Link(make_settings(tmp_path / "video7"), camera.clock)
+    with pytest.raises(NotConnectedError, match=r"video7: no such device.*/dev/v4l/by-id/"):
+        link.open(0.1)
+    assert camera.calls == []
+
+
+def test_a_device_without_permission_says_so(
+    camera: FakeCamera, device: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.camera.v4l2_link.os.access", lambda path, mode: False)
+    with pytest.raises(NotConnectedError, match="no permission: add the user to the group"):
+        V4l2Link(make_settings(device), camera.clock).open(0.1)
+
+
+def test_a_camera_that_needs_a_second_to_start_is_waited_for(camera: FakeCamera, device: Path) -> None:
+    camera.slow_start = 1
+    assert read(open_link(camera, device)).payload.t_capture_ns is not None
+
+
+def test_a_camera_that_sends_nothing_is_an_error(camera: FakeCamera, device: Path) -> None:
+    camera.unplugged = True
+    with pytest.raises(NotConnectedError, match="sends no frames"):
+        V4l2Link(make_settings(device), camera.clock).open(0.1)
+    assert camera.calls.count("open") == camera.calls.count("release")
+
+
+def test_kernel_stamps_become_capture_times_to_the_microsecond(camera: FakeCamera, device: Path) -> None:
+    received = read(open_link(camera, device))
+    assert received.t_ns == camera.clock.now_ns()
+    assert received.payload.t_capture_ns == received.t_ns - camera.latency_ns
+
+
+@pytest.mark.parametrize(
+    ("latency_ns", "stamps_at_all"),
+    [(-33_000_000, True), (0, True), (1_500_000_000, True), (-1_700_000_000_000_000_000, True), (0, False)],
+    ids=["33 ms in the future", "now", "too old", "wall clock", "always zero"],
+)
+def test_stamps_that_cannot_be_captures_give_frames_without_one(
+    latency_ns: int, stamps_at_all: bool, camera: FakeCamera, device: Path
+) -> None:
+    camera.latency_ns = latency_ns
+    camera.stamps_at_all = stamps_at_all
+    link = open_link(camera, device)
+    for _ in range(10):
+        received = read(link)
+        assert received.t_ns == camera.clock.now_ns()
+        assert received.payload.t_capture_ns is None
+
+
+@pytest.mark.parametrize("latency_ns", [4_000_000, -33_000_000])
+def test_a_frame_that_repeats_is_never_delivered_and_breaks_the_link_after_three_periods(
+    latency_ns: int, camera: FakeCamera, device: Path
+) -> None:
+    camera.latency_ns = latency_ns
+    link = open_link(camera, device)
+    newest_ns = read(link).t_ns
+    camera.frozen = True
+    assert [link._read() for _ in range(3)] == [None, None, None]
+    with pytest.raises(NotConnectedError, match="repeats one frame"):
+        link._read()
+    assert camera.clock.now_ns() - newest_ns == 3 * PERIOD_NS
+
+
+def test_one_repeat_is_no_break(camera: FakeCamera, device: Path) -> None:
+    link = open_link(camera, device)
+    read(link)
+    camera.frozen = True
+    assert link._read() is None
+    camera.frozen = False
+    read(link)
+
+
+def test_a_failing_grab_breaks_the_link_at_once(camera: FakeCamera, device: Path) -> None:
+    link = open_link(camera, device)
+    read(link)
+    camera.unplugged = True
+    with pytest.raises(NotConnectedError, match="sends no more frames: check its cable"):
+        link._read()
+
+
+def test_a_corrupt_frame_is_handed_on_to_be_counted(camera: FakeCamera, device: Path) -> None:
+    link = open_link(camera, device)
+    camera.corrupt = True
+    assert read(link).payload.image.size == 0
+
+
+def test_the_newest_frames_win_and_lost_ones_are_counted(camera: FakeCamera, device: Path) -> None:
+    link = open_link(camera, device)
+    frames = [read(link) for _ in range(7)]
+    for frame in frames:
+        link._append(frame)
+    assert link.receive() == frames[-4:]
+    assert link.dropped == 3
+
+
+def collect(driver: Driver[CameraImage], wanted: Callable[[Sample], bool]) -> Sample:
+    """Return the first sample that is wanted; fails at the deadline."""
+    clock = SystemClock()
+    deadline_ns = clock.now_ns() + nanoseconds(DEADLINE_S)
+    while clock.now_ns() < deadline_ns:
+        for sample in driver.poll():
+            if wanted(sample):
+                return sample
+        clock.sleep_until(clock.now_ns() + 1_000_000)
+    pytest.fail("the deadline has passed")
+
+
+def test_an_unplugged_camera_is_closed_reopened_and_streams_again(
+    device: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = SystemClock()
+    camera = FakeCamera(clock)
+    monkeypatch.setattr("drivers.camera.v4l2_link.cv2.VideoCapture", camera.open)
+    settings = make_settings(device)
+    driver = settings.make_driver("camera", settings.make_link(clock), clock)
+    with driver:
+        first = driver.wait_next(FrameSample, DEADLINE_S)
+        camera.unplugged = True
+        down = collect(driver, lambda sample: isinstance(sample, LinkSample))
+        assert isinstance(down, LinkSample)
+        assert not down.up
+        assert "check its cable" in down.reason
+        assert driver.health().state is DeviceState.DEGRADED
+        camera.unplugged = False
+        up = collect(driver, lambda sample: isinstance(sample, LinkSample))
+        assert isinstance(up, LinkSample)
+        assert up.up
+        later = driver.wait_next(FrameSample, DEADLINE_S)
+        assert later.index > first.index
+        assert driver.health().breaks == 1
+        assert driver.health().state is DeviceState.STREAMING
+    handles = [call for call in camera.calls if call in {"open", "release"}]
+    assert handles == ["open", "release"] * (len(handles) // 2), (
+        "two handles would give /dev/video1 on replug"
+    )

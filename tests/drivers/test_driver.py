@@ -1,0 +1,276 @@
+"""The driver contract, on a link and a codec small enough to see through."""
+
+import math
+from collections.abc import Sequence
+
+import pytest
+
+from drivers.clock import VirtualClock, nanoseconds
+from drivers.driver import DeviceState, Driver, Rejection, WheelDrive
+from drivers.errors import LinkTimeoutError, NotConnectedError, StaleSampleError
+from drivers.link import LinkChange, LinkItem, NoTap, Received
+from drivers.samples import BumperSample, LinkSample, PowerSample, Sample, WheelCommand
+
+
+class ScriptedLink:
+    """Delivers what the test put in; keeps what was sent."""
+
+    def __init__(self) -> None:
+        self.items: list[LinkItem[bytes]] = []
+        self.sent: list[bytes] = []
+        self.accepts = True
+        self.opened = 0
+        self.closed = 0
+        self.refuses_to_open = False
+
+    def open(self, timeout_s: float) -> None:
+        if self.refuses_to_open:
+            raise NotConnectedError("cannot open scripted port: no such device")
+        self.opened += 1
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def receive(self) -> list[LinkItem[bytes]]:
+        items, self.items = self.items, []
+        return items
+
+    def send(self, payload: bytes) -> bool:
+        if self.accepts:
+            self.sent.append(payload)
+        return self.accepts
+
+
+class LetterCodec:
+    """`p` is a power sample, anything else is rejected; two wheels whose speeds are rounded to integers."""
+
+    wheel_count = 2
+
+    def __init__(self) -> None:
+        self.resets = 0
+
+    def decode(self, item: Received[bytes]) -> list[Sample | Rejection]:
+        return [
+            PowerSample(device="toy", t_ns=item.t_ns, voltage_v=24.0)
+            if letter == ord("p")
+            else Rejection("letter")
+            for letter in item.payload
+        ]
+
+    def reset(self) -> None:
+        self.resets += 1
+
+    def encode_start(self) -> list[bytes]:
+        return [b"start"]
+
+    def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[list[bytes], tuple[float, ...]]:
+        rounded = tuple(float(round(speed)) for speed in speed_rad_s)
+        return [repr(rounded).encode()], rounded
+
+    def encode_stop(self) -> list[bytes]:
+        return [b"off"]
+
+
+class RecordingTap(NoTap):
+    def __init__(self) -> None:
+        self.seen: list[tuple[str, object]] = []
+
+    def received(self, device: str, item: object) -> None:
+        self.seen.append((device, item))
+
+    def sent(self, device: str, t_ns: int, payload: bytes, delivered: bool) -> None:
+        self.seen.append((device, (t_ns, payload, delivered)))
+
+
+class Toy:
+    """A wheel drive with everything around it in reach."""
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock()
+        self.link = ScriptedLink()
+        self.codec = LetterCodec()
+        self.tap = RecordingTap()
+        self.drive = WheelDrive("toy", self.link, self.codec, self.clock, max_age_s=0.1, tap=self.tap)
+
+    def arrive(self, payload: bytes) -> None:
+        self.link.items.append(Received(self.clock.now_ns(), payload))
+
+    def forward(self, duration_s: float) -> None:
+        self.clock.sleep_until(self.clock.now_ns() + nanoseconds(duration_s))
+
+    def command(self, *speeds: float, valid_s: float = 0.15) -> WheelCommand:
+        now_ns = self.clock.now_ns()
+        return WheelCommand(t_ns=now_ns, expires_ns=now_ns + nanoseconds(valid_s), speed_rad_s=speeds)
+
+
+@pytest.fixture
+def toy() -> Toy:
+    return Toy()
+
+
+def test_constructor_touches_nothing(toy: Toy) -> None:
+    assert toy.link.opened == 0
+    assert toy.drive.health().state is DeviceState.CLOSED
+
+
+def test_connect_and_close_may_be_repeated(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.connect()
+    toy.drive.close()
+    toy.drive.close()
+    assert (toy.link.opened, toy.link.closed) == (1, 1)
+
+
+def test_failed_connect_leaves_the_driver_closed(toy: Toy) -> None:
+    toy.link.refuses_to_open = True
+    with pytest.raises(NotConnectedError, match="scripted port"):
+        toy.drive.connect()
+    assert toy.drive.health().state is DeviceState.CLOSED
+
+
+@pytest.mark.parametrize("method", ["poll", "stop"])
+def test_use_before_connect_names_device_and_method(toy: Toy, method: str) -> None:
+    with pytest.raises(NotConnectedError, match=rf"'toy' is closed: call connect\(\) before {method}"):
+        getattr(toy.drive, method)()
+
+
+def test_states_follow_the_data(toy: Toy) -> None:
+    toy.drive.connect()
+    assert toy.drive.health().state is DeviceState.CONNECTED
+    toy.arrive(b"p")
+    toy.drive.poll()
+    assert toy.drive.health().state is DeviceState.STREAMING
+    toy.forward(0.11)
+    assert toy.drive.health().state is DeviceState.DEGRADED
+
+
+def test_break_and_recovery_are_samples_and_reset_the_codec(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.arrive(b"p")
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=False, reason="unplugged"))
+    kinds = [type(sample) for sample in toy.drive.poll()]
+    assert kinds == [PowerSample, LinkSample]
+    assert toy.drive.health().state is DeviceState.DEGRADED
+    assert toy.drive.health().breaks == 1
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=True, reason="reopened"))
+    toy.drive.poll()
+    assert toy.drive.health().state is DeviceState.STREAMING
+    assert toy.codec.resets == 3  # at connect, at the break, at the recovery
+
+
+def test_giving_up_is_a_state_of_its_own(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=False, reason="gave up", gave_up=True))
+    toy.drive.poll()
+    assert toy.drive.health().state is DeviceState.FAILED
+
+
+def test_rejections_are_counted_by_reason_and_are_no_samples(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.arrive(b"xpx")
+    assert len(toy.drive.poll()) == 1
+    health = toy.drive.health()
+    assert health.rejected == {"letter": 2}
+    assert health.accepted == 1
+
+
+def test_latest_refuses_a_stale_or_missing_sample(toy: Toy) -> None:
+    toy.drive.connect()
+    with pytest.raises(StaleSampleError, match="no PowerSample yet"):
+        toy.drive.latest(PowerSample, max_age_s=1.0)
+    toy.arrive(b"p")
+    toy.drive.poll()
+    assert toy.drive.latest(PowerSample, max_age_s=0.1).voltage_v == 24.0
+    toy.forward(0.2)
+    with pytest.raises(StaleSampleError, match=r"0\.200 s old, limit 0\.100 s"):
+        toy.drive.latest(PowerSample, max_age_s=0.1)
+
+
+def test_wait_next_ignores_what_was_there_before(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.arrive(b"p")
+    before_ns = toy.clock.now_ns()
+    with pytest.raises(LinkTimeoutError, match=r"no PowerSample within 0\.050 s"):
+        toy.drive.wait_next(PowerSample, timeout_s=0.05)
+    assert toy.clock.now_ns() - before_ns >= nanoseconds(0.05)
+
+
+def test_wait_next_of_another_kind_times_out(toy: Toy) -> None:
+    toy.drive.connect()
+    with pytest.raises(LinkTimeoutError):
+        toy.drive.wait_next(BumperSample, timeout_s=0.01)
+
+
+def test_rate_counts_the_fastest_kind(toy: Toy) -> None:
+    toy.drive.connect()
+    for _ in range(100):
+        toy.forward(0.02)
+        toy.arrive(b"p")
+        toy.drive.poll()
+    assert toy.drive.health().rate_hz == pytest.approx(50, abs=1)
+
+
+def test_command_returns_what_was_really_sent(toy: Toy) -> None:
+    toy.drive.connect()
+    sent = toy.drive.command(toy.command(1.4, -2.6))
+    assert sent.speed_rad_s == (1.0, -3.0)
+    assert sent.delivered
+    assert toy.link.sent == [b"start", b"(1.0, -3.0)"]
+
+
+def test_start_is_sent_once_and_again_after_a_break(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.command(toy.command(1, 1))
+    toy.drive.command(toy.command(1, 1))
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=False, reason="unplugged"))
+    toy.drive.poll()
+    toy.drive.command(toy.command(1, 1))
+    assert toy.link.sent.count(b"start") == 2
+
+
+def test_undelivered_start_is_tried_again(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.link.accepts = False
+    assert not toy.drive.command(toy.command(1, 1)).delivered
+    toy.link.accepts = True
+    toy.drive.command(toy.command(1, 1))
+    assert toy.link.sent[0] == b"start"
+    assert toy.drive.health().send_failures == 2
+
+
+def test_expired_command_sends_zero(toy: Toy) -> None:
+    toy.drive.connect()
+    command = toy.command(1, 1, valid_s=0.15)
+    toy.forward(0.15)
+    assert toy.drive.command(command).speed_rad_s == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("speeds", [(1.0,), (1.0, 2.0, 3.0), (math.nan, 1.0), (math.inf, 1.0), ()])
+def test_malformed_command_sends_zero(toy: Toy, speeds: tuple[float, ...]) -> None:
+    toy.drive.connect()
+    assert toy.drive.command(toy.command(*speeds)).speed_rad_s == (0.0, 0.0)
+
+
+def test_stop_sends_zero_three_times_then_off(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.stop()
+    assert toy.link.sent == [b"(0.0, 0.0)"] * 3 + [b"off"]
+
+
+def test_tap_sees_raw_data_before_parsing_and_everything_sent(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.arrive(b"?")
+    toy.drive.poll()
+    toy.drive.command(toy.command(1, 1))
+    first_device, first_item = toy.tap.seen[0]
+    assert first_device == "toy"
+    assert isinstance(first_item, Received)
+    assert first_item.payload == b"?"
+    assert toy.tap.seen[-1][1] == (toy.clock.now_ns(), b"(1.0, 1.0)", True)
+
+
+def test_plain_driver_is_a_context_manager() -> None:
+    link = ScriptedLink()
+    with Driver("toy", link, LetterCodec(), VirtualClock(), max_age_s=1.0) as driver:
+        assert driver.health().state is DeviceState.CONNECTED
+    assert link.closed == 1

@@ -1,0 +1,157 @@
+"""The reader thread and its reconnects, on a pseudo-terminal and on a port that misbehaves on purpose."""
+
+import os
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import SystemClock, nanoseconds
+from drivers.errors import NotConnectedError
+from drivers.link import LinkChange, LinkItem, Received
+from drivers.serial_link import SerialLink
+from drivers.threaded_link import ThreadedLink
+
+DEADLINE_S = 5.0
+
+
+def collect(
+    link: ThreadedLink[bytes], enough: Callable[[list[LinkItem[bytes]]], bool]
+) -> list[LinkItem[bytes]]:
+    """Return what the link delivers until it is enough; fails at the deadline."""
+    clock = SystemClock()
+    deadline_ns = clock.now_ns() + nanoseconds(DEADLINE_S)
+    items: list[LinkItem[bytes]] = []
+    while not enough(items):
+        assert clock.now_ns() < deadline_ns, f"only got {items}"
+        clock.sleep_until(clock.now_ns() + nanoseconds(0.001))
+        items.extend(link.receive())
+    return items
+
+
+def bytes_of(items: list[LinkItem[bytes]]) -> bytes:
+    return b"".join(item.payload for item in items if isinstance(item, Received))
+
+
+class Terminal:
+    """A pseudo-terminal behind a symlink, as a serial adapter behind its by-id name."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "port"
+        self.master = -1
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(slave))
+        os.close(slave)
+
+    def pull_out(self) -> None:
+        if self.master >= 0:
+            os.close(self.master)
+        self.master = -1
+
+
+@pytest.fixture
+def terminal(tmp_path: Path) -> Iterator[Terminal]:
+    terminal = Terminal(tmp_path)
+    yield terminal
+    terminal.pull_out()
+
+
+@pytest.fixture
+def link(terminal: Terminal) -> Iterator[SerialLink]:
+    link = SerialLink(str(terminal.path), 115200, SystemClock(), reconnect_limit_s=5.0)
+    yield link
+    link.close()
+
+
+def test_bytes_pass_both_ways_and_are_stamped(terminal: Terminal, link: SerialLink) -> None:
+    before_ns = SystemClock().now_ns()
+    link.open(timeout_s=0.5)
+    os.write(terminal.master, b"hello")
+    items = collect(link, lambda items: len(bytes_of(items)) == 5)
+    assert bytes_of(items) == b"hello"
+    assert all(before_ns < item.t_ns <= SystemClock().now_ns() for item in items)
+    assert link.send(b"reply")
+    assert os.read(terminal.master, 100) == b"reply"
+
+
+def test_replug_is_reported_once_each_way_and_data_goes_on(terminal: Terminal, link: SerialLink) -> None:
+    link.open(timeout_s=0.5)
+    terminal.pull_out()
+    items = collect(link, lambda items: len(items) > 0)
+    assert [item.up for item in items if isinstance(item, LinkChange)] == [False]
+    assert not link.send(b"into the void")
+    terminal.plug_in()
+    items = collect(link, lambda items: any(isinstance(item, LinkChange) for item in items))
+    assert [item.up for item in items if isinstance(item, LinkChange)] == [True]
+    os.write(terminal.master, b"again")
+    assert bytes_of(collect(link, lambda items: len(bytes_of(items)) == 5)) == b"again"
+
+
+def test_gives_up_after_the_limit(terminal: Terminal) -> None:
+    link = SerialLink(str(terminal.path), 115200, SystemClock(), reconnect_limit_s=0.1)
+    link.open(timeout_s=0.5)
+    terminal.pull_out()
+    terminal.path.unlink()
+    items = collect(link, lambda items: len(items) == 2)
+    assert [item.gave_up for item in items if isinstance(item, LinkChange)] == [False, True]
+    link.close()
+
+
+def test_missing_port_is_a_clear_error(tmp_path: Path) -> None:
+    link = SerialLink(str(tmp_path / "nothing"), 9600, SystemClock(), reconnect_limit_s=1.0)
+    with pytest.raises(NotConnectedError, match=r"cannot open serial port .*nothing"):
+        link.open(timeout_s=0.0)
+    link.close()
+
+
+def test_open_waits_for_a_port_that_appears(tmp_path: Path) -> None:
+    class LatePort(MisbehavingPort):
+        def _open_handle(self) -> None:
+            self.attempts += 1
+            if self.attempts < 3:
+                raise OSError("not there yet")
+
+    link = LatePort()
+    link.open(timeout_s=2.0)
+    assert link.attempts == 3
+    link.close()
+
+
+class MisbehavingPort(ThreadedLink[bytes]):
+    """Raises whatever a library might raise, from the place that the test chooses."""
+
+    def __init__(self) -> None:
+        super().__init__("misbehaving port", SystemClock(), reconnect_limit_s=0.05)
+        self.attempts = 0
+
+    def _open_handle(self) -> None:
+        self.attempts += 1
+        if self.attempts > 1:
+            raise KeyError("no more handles")
+
+    def _close_handle(self) -> None:
+        pass
+
+    def _read(self) -> Received[bytes] | None:
+        raise TypeError("surprise")
+
+    def _write(self, payload: bytes) -> bool:
+        raise RuntimeError("cannot write")
+
+
+def test_any_exception_in_the_reader_reaches_the_user() -> None:
+    link = MisbehavingPort()
+    link.open(timeout_s=0.0)
+    items = collect(link, lambda items: len(items) == 2)
+    reasons = [item.reason for item in items if isinstance(item, LinkChange)]
+    assert reasons[0] == "surprise"
+    assert reasons[1].startswith("gave up: ")
+    assert not link.send(b"x")
+    link.close()
+    link.close()

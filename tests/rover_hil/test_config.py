@@ -1,0 +1,99 @@
+"""Configurations: the shipped ones load; every mistake is one sentence with file, key and fix."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import ConfigError
+from rover_hil.config import Config, load_config, shipped_configs
+
+SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
+
+
+@pytest.fixture
+def edit(tmp_path: Path) -> Callable[[str, str], Path]:
+    """Return a function that writes the robotino configuration with one text replaced."""
+
+    def write(old: str, new: str) -> Path:
+        text = (SHIPPED / "robotino.toml").read_text()
+        assert old in text
+        path = tmp_path / "edited.toml"
+        path.write_text(text.replace(old, new, 1))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["robotino", "el-dorado"])
+def test_shipped_configurations_load_and_survive_a_round_trip(name: str) -> None:
+    assert name in shipped_configs()
+    config = load_config(name)
+    assert Config.model_validate_json(config.model_dump_json(by_alias=True)) == config
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "wheel_radius_m = 0.040",
+            "wheel_radius_mm = 40",
+            "rover.wheel_radius_mm: unknown key; did you mean wheel_radius_m?",
+        ),
+        (
+            "wheel_radius_m = 0.040",
+            "wheel_radius_m = 40",
+            "rover.wheel_radius_m: input should be less than or equal to 1, got 40",
+        ),
+        ("wheel_radius_m = 0.040", "", "rover.wheel_radius_m: this key is missing"),
+        (
+            "wheel_radius_m = 0.040",
+            'wheel_radius_m = "big"',
+            "rover.wheel_radius_m: input should be a valid number",
+        ),
+        (
+            "wheel_radius_m = 0.040",
+            "wheel_radius_m = nan",
+            "rover.wheel_radius_m: input should be a finite number",
+        ),
+        ('kinematics = "omni3"', 'kinematics = "omni4"', "rover"),
+        ('port = "ports/board"', 'prot = "ports/board"', "devices.board"),
+        ('type = "robotino_board"', 'type = "robotino"', "devices.board"),
+        ('wheels = "board"', 'wheels = "bord"', "roles name a device 'bord' that [devices] does not have"),
+        (
+            'wheels = "board"',
+            'wheels = "imu"',
+            "roles.wheels is 'imu', but a device of that type turns no wheels",
+        ),
+        (
+            'schema = "rover-hil-config/1"',
+            'schema = "rover-hil-config/2"',
+            "schema: input should be 'rover-hil-config/1'",
+        ),
+        ("rate_hz = 50", "rate_hz = 0", "loop.rate_hz: input should be greater than or equal to 1"),
+        ("length_m = 0.9", "length_m = 900", "mission.length_m: input should be less than or equal to 100"),
+        ("[mission]", "[mission", "is no valid TOML"),
+    ],
+)
+def test_mistakes_are_named(edit: Callable[[str, str], Path], old: str, new: str, words: str) -> None:
+    path = edit(old, new)
+    with pytest.raises(ConfigError) as caught:
+        load_config(str(path))
+    sentence = str(caught.value)
+    assert sentence.startswith(str(path))
+    assert words in sentence
+    assert "\n" not in sentence.rstrip() or "TOML" in sentence
+
+
+def test_unknown_name_lists_the_shipped_ones() -> None:
+    with pytest.raises(ConfigError, match="give a TOML file or one of el-dorado, robotino"):
+        load_config("robotinho")
+
+
+def test_folder_and_binary_are_said_so(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="is a folder"):
+        load_config(str(tmp_path))
+    path = tmp_path / "binary.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="cannot read configuration"):
+        load_config(str(path))

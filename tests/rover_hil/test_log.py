@@ -1,0 +1,158 @@
+"""The log: what goes in comes out, in order, also when the file was cut off; damage is noticed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import LogError
+from drivers.link import CameraImage, LinkChange, Received
+from drivers.samples import FrameSample, PowerSample
+from rover_hil.recording.images import decode_image
+from rover_hil.recording.log_reader import LogMessage, LogReader
+from rover_hil.recording.log_writer import LogWriter
+
+START_NS = 1_000_000_000
+CONFIG = b'{"a": 1}'
+
+
+def write_log(path: Path, messages: int = 20) -> Path:
+    with LogWriter(path, START_NS, CONFIG, {"data/board/mapping/x.dbc": b"VERSION"}, "virtual") as log:
+        for index in range(messages):
+            t_ns = START_NS + index
+            log.received("board", Received(t_ns, bytes([index])))
+            log.sent("board", t_ns, b"out", delivered=index % 2 == 0)
+            log.write_json("/cycle", t_ns, {"index": index, "value": 0.1 + index})
+    return path
+
+
+def read_all(path: Path) -> tuple[LogReader, list[LogMessage]]:
+    log = LogReader(path)
+    return log, list(log.messages())
+
+
+def test_messages_come_back_in_the_order_of_writing(tmp_path: Path) -> None:
+    log, messages = read_all(write_log(tmp_path / "run.mcap", messages=2))
+    assert [(message.topic, message.t_ns - START_NS) for message in messages] == [
+        ("/raw/board", 0), ("/sent/board", 0), ("/cycle", 0),
+        ("/raw/board", 1), ("/unsent/board", 1), ("/cycle", 1),
+    ]  # fmt: skip
+    assert messages[3].data == b"\x01"
+    assert messages[5].json() == {"index": 1, "value": 1.1}
+    assert log.is_complete
+    assert log.origin == "virtual"
+    assert log.start_ns == START_NS
+    assert log.config_json == CONFIG
+    assert log.attachments["data/board/mapping/x.dbc"] == b"VERSION"
+
+
+def test_floats_come_back_bit_for_bit(tmp_path: Path) -> None:
+    values = [0.1 + 0.2, 1e-300, -0.0, 2.0**60 + 1, np.pi]
+    with LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual") as log:
+        log.write_json("/estimate", START_NS, values)
+    _, (message,) = read_all(tmp_path / "run.mcap")
+    assert repr(message.json()) == repr(values)
+
+
+def test_link_changes_and_images_come_back(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8)
+    with LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual") as log:
+        log.received("camera", Received(START_NS, CameraImage(pixels, 77)))
+        log.received("camera", Received(START_NS, CameraImage(pixels, None)))
+        log.received("camera", LinkChange(START_NS, up=False, reason="unplugged"))
+    _, messages = read_all(tmp_path / "run.mcap")
+    first, second = (decode_image(message.data) for message in messages[:2])
+    assert np.array_equal(first.image, pixels)
+    assert (first.t_capture_ns, second.t_capture_ns) == (77, None)
+    assert messages[2].json() == {"t_ns": START_NS, "up": False, "reason": "unplugged", "gave_up": False}
+
+
+def test_samples_are_grouped_by_kind_and_pixels_left_out(tmp_path: Path) -> None:
+    image = np.zeros((4, 5), np.uint8)
+    with LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual") as log:
+        log.samples(START_NS, [])
+        log.samples(
+            START_NS,
+            [
+                PowerSample(device="board", t_ns=START_NS, voltage_v=24.0),
+                FrameSample(device="camera", t_ns=START_NS, image=image, t_capture_ns=None, index=3),
+            ],
+        )
+    _, (message,) = read_all(tmp_path / "run.mcap")
+    record = message.json()
+    assert isinstance(record, dict)
+    assert record["PowerSample"][0]["voltage_v"] == 24.0
+    assert record["FrameSample"][0]["shape"] == [4, 5]
+
+
+def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "run.mcap")
+    before = path.read_bytes()
+    with pytest.raises(FileExistsError):
+        LogWriter(path, START_NS, CONFIG, {}, "virtual")
+    assert path.read_bytes() == before
+
+
+def test_cut_off_anywhere_it_opens_and_holds_every_whole_message_before_the_cut(tmp_path: Path) -> None:
+    whole = write_log(tmp_path / "run.mcap").read_bytes()
+    _, all_messages = read_all(tmp_path / "run.mcap")
+    cut_path = tmp_path / "cut.mcap"
+    counts = []
+    for length in range(whole.index(b"/raw/board"), len(whole)):
+        cut_path.write_bytes(whole[:length])
+        log, messages = read_all(cut_path)
+        assert messages == all_messages[: len(messages)]
+        assert log.is_complete == (len(messages) == len(all_messages) and log.is_complete)
+        counts.append(len(messages))
+    assert counts == sorted(counts)
+    assert counts[0] == 0
+    assert counts[-1] == len(all_messages)
+
+
+def test_every_flipped_byte_of_a_message_is_noticed(tmp_path: Path) -> None:
+    whole = bytearray(write_log(tmp_path / "run.mcap", messages=3).read_bytes())
+    place = whole.index(b'{"index":1')
+    whole[place + 3] ^= 0x20
+    path = tmp_path / "flipped.mcap"
+    path.write_bytes(whole)
+    with pytest.raises(LogError, match="checksum"):
+        read_all(path)
+
+
+def test_random_damage_never_escapes_as_another_exception(tmp_path: Path) -> None:
+    whole = write_log(tmp_path / "run.mcap", messages=5).read_bytes()
+    generator = np.random.default_rng(2)
+    path = tmp_path / "damaged.mcap"
+    noticed = 0
+    for _ in range(300):
+        damaged = bytearray(whole)
+        for place in generator.integers(0, len(whole), 3):
+            damaged[place] ^= int(generator.integers(1, 256))
+        path.write_bytes(damaged)
+        try:
+            read_all(path)
+        except LogError:
+            noticed += 1
+    assert noticed > 150  # the rest looks like a cut: a damaged length swallows what follows
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "empty"),
+        (b"not an mcap file at all", "no MCAP file"),
+        (b"\x89MCAP0\r\n", "no log of this software"),
+    ],
+)
+def test_what_is_no_log_is_said_so(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "other.mcap"
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=words):
+        LogReader(path)
+
+
+def test_missing_file_and_folder_are_said_so(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="No such file"):
+        LogReader(tmp_path / "missing.mcap")
+    with pytest.raises(LogError, match="directory"):
+        LogReader(tmp_path)
