@@ -41,6 +41,7 @@ class Estimator:
         self._wheel_turn_rad = 0.0
         self._yaw_source = YawSource.WHEELS
         self._bias_seen_ns: int | None = None
+        self._pose_ns: int | None = None
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
@@ -62,6 +63,7 @@ class Estimator:
         increment = self.odometry.take()
         is_still = self.odometry.is_still(now_ns, self._settings.standstill_s)
         if increment is not None:
+            self._pose_ns = self.odometry.t_ns
             self._filter.predict(increment, self._turn(increment, now_ns, is_still))
         innovations = [self._correct_heading(sample, t_ns) for sample, t_ns in self._headings]
         self._headings.clear()
@@ -72,11 +74,11 @@ class Estimator:
         return tuple(innovations)
 
     def estimate(self, now_ns: int) -> PoseEstimate:
-        """Return the estimate; before the first wheel positions it is the start, as of `now_ns`."""
-        pose, t_ns = self._filter.pose, self.odometry.t_ns
+        """Return the estimate; before the first motion of the wheels is known it is the start, `now_ns`."""
+        pose = self._filter.pose
         velocity_x_m_s, velocity_y_m_s, _ = self.odometry.velocity
         return PoseEstimate(
-            t_ns=now_ns if t_ns is None else t_ns,
+            t_ns=now_ns if self._pose_ns is None else self._pose_ns,
             x_m=pose.x_m,
             y_m=pose.y_m,
             yaw_rad=pose.yaw_rad,
@@ -121,8 +123,7 @@ class Estimator:
             self._headings.append((sample, t_ns))
 
     def _correct_heading(self, sample: HeadingSample, t_ns: int) -> Innovation:
-        pose_ns = self.odometry.t_ns
-        age_s = 0.0 if pose_ns is None else seconds(pose_ns - t_ns)
+        age_s = 0.0 if self._pose_ns is None else seconds(self._pose_ns - t_ns)
         lag_s = self._settings.heading_lag_s + age_s
         return self._filter.correct_heading(
             sample.device, sample.reference, sample.heading_rad, self._yaw_rate_rad_s() * lag_s

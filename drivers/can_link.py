@@ -16,6 +16,7 @@ from drivers.link import Received
 from drivers.threaded_link import ThreadedLink
 
 READ_TIMEOUT_S = 0.05
+"""Counted by python-can on the wall clock: a step of that clock may stretch one wait until the next frame."""
 WRITE_TIMEOUT_S = 0.005
 OLDEST_STAMP_NS = NANOSECONDS_PER_SECOND
 
@@ -51,12 +52,9 @@ class CanLink(ThreadedLink[bytes]):
         if self._interface == "socketcan":
             self._bus = _open_socketcan(self._channel)
         elif self._interface == "slcan":
-            bus = slcanBus(
+            self._bus = slcanBus(
                 self._channel, bitrate=self._bit_rate, sleep_after_open=0.0, timeout=READ_TIMEOUT_S
             )
-            with contextlib.suppress(can.CanOperationError):  # a break will show at the first read
-                bus.flush()  # frames from before are not fresh
-            self._bus = bus
         else:
             self._bus = can.Bus(self._channel, interface=self._interface, ignore_config=True)
 

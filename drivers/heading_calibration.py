@@ -140,7 +140,7 @@ def fit_magnetometer(
     """Fit hard and soft iron to magnetometer readings taken while turning in a uniform field.
 
     Least squares of the quadric x'Ax + 2b'x = 1 in centred, scaled readings; its centre is the hard iron, the
-    symmetric root of its shape matrix the soft iron, scaled so that the mean field strength is kept. A
+    symmetric root of A the soft iron, scaled to determinant 1, which keeps the mean strength of the field. A
     rotation of the sensor against the body cannot be seen in such readings and is not corrected.
 
     Args:
@@ -160,8 +160,8 @@ def fit_magnetometer(
         raise ModelError(msg)
     centre, shape = _fit_ellipsoid(points)
     values, vectors = np.linalg.eigh(shape)
-    radius = float(np.prod(values) ** (-0.5 / axes))
-    root = (vectors * np.sqrt(values)) @ vectors.T * radius
+    root = (vectors * np.sqrt(values)) @ vectors.T
+    root /= np.linalg.det(root) ** (1.0 / axes)
     _require_all_directions((points - centre) @ root)
     hard_iron, soft_iron = np.zeros(3), np.eye(3)
     hard_iron[:axes] = centre
@@ -177,7 +177,7 @@ def fit_magnetometer(
 
 
 def _fit_ellipsoid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return centre c and matrix M of the ellipsoid (x - c)' M (x - c) = 1 nearest to the points."""
+    """Return the centre of the nearest ellipsoid, and its shape matrix up to a factor."""
     axes = points.shape[1]
     middle = points.mean(axis=0)
     scale = float(np.abs(points - middle).max()) or 1.0
@@ -193,7 +193,7 @@ def _fit_ellipsoid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
         msg = "fit_magnetometer: the readings lie on no ellipsoid; turn the sensor through all directions"
         raise ModelError(msg)
     centre = -np.linalg.solve(quadratic, linear)
-    return middle + scale * centre, quadratic / (1.0 - linear @ centre) / scale**2
+    return middle + scale * centre, quadratic
 
 
 def _require_all_directions(field: NDArray[np.float64]) -> None:

@@ -107,17 +107,22 @@ class ThreadedLink(ABC, Generic[PayloadT]):
                 return False
 
     def _run(self) -> None:
-        while not self._stopping.is_set():
-            try:
-                received = self._read()
-            except Exception as error:  # noqa: BLE001 - whatever broke the port, the user must hear of it
-                self._take_down()
-                self._report(up=False, reason=str(error) or repr(error))
-                if not self._reopen():
-                    return
-                continue
-            if received is not None:
-                self._append(received)
+        try:
+            while not self._stopping.is_set() and self._read_once():
+                pass
+        finally:
+            self._take_down()  # also what a slow reopening opened after `close` had stopped waiting
+
+    def _read_once(self) -> bool:
+        try:
+            received = self._read()
+        except Exception as error:  # noqa: BLE001 - whatever broke the port, the user must hear of it
+            self._take_down()
+            self._report(up=False, reason=str(error) or repr(error))
+            return self._reopen()
+        if received is not None:
+            self._append(received)
+        return True
 
     def _reopen(self) -> bool:
         retry_ns = FIRST_RETRY_NS

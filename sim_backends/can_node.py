@@ -238,7 +238,7 @@ class CanNodes:
     def _raw_position(self, index: int, wheel: WheelMapping, scale: Scale) -> RawSignal:
         per_turn = wheel.position and wheel.position.ticks_per_revolution
         ticks = per_turn or self._settings.encoder_ticks_per_revolution
-        rad_per_tick = 2.0 * math.pi / ticks * wheel.sign / wheel.gear_ratio
+        rad_per_tick = 2.0 * math.pi / ticks / wheel.gear_ratio
         span = self._bus.position_span(wheel)
 
         def raw_of(truth: Truth) -> float:

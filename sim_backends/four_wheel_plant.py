@@ -57,8 +57,9 @@ class Ground(Settings):
 class FourWheelPlantSettings(Settings):
     """The true rover and its ground; the controller has its own, possibly wrong, idea of both.
 
-    Sizes and mass are those of a 26 kg rover with wheels of 92 mm radius (the wheel and its load in the
-    single-wheel tests of the slip-compensation paper); track, wheel base and motor data are chosen.
+    Wheel and load are those of the single-wheel tests in Reina, Ishigami, Nagatani and Yoshida, "Odometry
+    correction using visual slip angle estimation for planetary exploration rovers" (92 mm, 6.6 kg); track,
+    wheel base, motors and ground are chosen.
 
     Attributes:
         wheel_radius_error: The wheels really roll on wheel_radius_m * (1 + wheel_radius_error).

@@ -17,4 +17,4 @@ def sand_texture(size: int, rng: np.random.Generator) -> Image:
     frequency[0, 0] = np.inf
     ground = np.fft.irfft2(spectrum / frequency**SPECTRUM_EXPONENT, (size, size))
     grey = MEAN_GREY + GREY_DEVIATION * ground / ground.std()
-    return np.clip(grey, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(grey, 0, 255), np.uint8)

@@ -102,12 +102,14 @@ class ImuEmulator:
         self.next_event_ns += self._period_ns
         truth = self._plant.truth()
         frames = self._settings.frames
+        burst = b""
         if "acceleration" in frames:
-            self._to_host.put(t_ns, encode_acceleration(*self._acceleration(truth)))
+            burst += encode_acceleration(*self._acceleration(truth))
         if "rate" in frames:
-            self._to_host.put(t_ns, encode_rate(*self._rate(truth)))
+            burst += encode_rate(*self._rate(truth))
         if "angle" in frames:
-            self._to_host.put(t_ns, encode_angle(*self._angle(truth)))
+            burst += encode_angle(*self._angle(truth))
+        self._to_host.put(t_ns, burst)
         self._before = truth
 
     def hear(self, t_ns: int, payload: bytes) -> None:

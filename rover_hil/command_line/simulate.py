@@ -15,6 +15,7 @@ from sim_backends.build import build_world
 from sim_backends.serving.server import Server, put_on_ports
 
 STATUS_PERIOD_S = 0.25
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def simulate(config_name: str, duration_s: float | None) -> int:
@@ -30,7 +31,7 @@ def simulate(config_name: str, duration_s: float | None) -> int:
         raise ConfigError(msg)
     clock = SystemClock()
     world = build_world(config.devices, config.simulation, clock.now_ns())
-    previous_handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    previous = {number: signal.signal(number, signal.default_int_handler) for number in END_SIGNALS}
     try:
         with Server(world, put_on_ports(world, config.devices), clock) as server:
             console = Console(highlight=False)
@@ -39,7 +40,8 @@ def simulate(config_name: str, duration_s: float | None) -> int:
     except KeyboardInterrupt:
         pass
     finally:
-        signal.signal(signal.SIGTERM, previous_handler)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
     return 0
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeGuard
 
 from drivers.can_wheels.settings import CanWheelsSettings
-from rover_hil.doctor.finding import Finding, ok, problem, read_text, warning
+from rover_hil.doctor.finding import CAN_WIRING, Finding, ok, problem, read_text, warning
 
 CHECK = "CAN interface"
 CAN_LINK_TYPE = "280"
@@ -113,8 +113,8 @@ def _check_state(device: str, settings: CanWheelsSettings, data: dict[str, objec
                 CHECK,
                 device,
                 f"{channel} is in state {state}",
-                "many errors: wrong bit rate, missing termination, or nobody else on the bus who acknowledges",
-                "measure 60 ohm between CAN_H and CAN_L with power off, switch the drives on, compare bit rates",
+                "many errors: wrong bit rate, missing termination, or nobody else on the bus",
+                CAN_WIRING,
             )
         ]
     return []
@@ -169,8 +169,7 @@ def _check_queue(device: str, channel: str, details: dict[str, object]) -> list[
 
 def _bring_up(settings: CanWheelsSettings) -> str:
     return (
-        f"sudo ip link set {settings.channel} up type can "
-        f"bitrate {settings.bit_rate} restart-ms {RESTART_MS}"
+        f"sudo ip link set {settings.channel} up type can bitrate {settings.bit_rate} restart-ms {RESTART_MS}"
     )
 
 

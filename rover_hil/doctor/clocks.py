@@ -11,6 +11,7 @@ CHECK = "clock"
 LARGEST_STEP_S = 0.01
 """Slewing moves the wall clock by 500 ppm at most, which is 1 ms in two seconds."""
 EARLIEST_YEAR = 2026
+"""This program is not older."""
 LARGEST_DRIFT = 0.02
 SHORTEST_SPAN_S = 0.5
 
@@ -56,7 +57,9 @@ def check_host_clock(before: ClockPair, after: ClockPair) -> list[Finding]:
                 "sudo timedatectl set-ntp true; without a network: sudo date -s 'YYYY-MM-DD HH:MM'",
             )
         )
-    return findings or [ok(CHECK, "host", f"wall clock and monotonic clock agree to {abs(step_s) * 1e6:.0f} us")]
+    return findings or [
+        ok(CHECK, "host", f"wall clock and monotonic clock agree to {abs(step_s) * 1e6:.0f} us")
+    ]
 
 
 def check_device_clock(heard: Heard) -> list[Finding]:

@@ -43,6 +43,11 @@ class SystemPaths:
     proc: Path = Path("/proc")
 
 
+CAN_WIRING = (
+    "measure 60 ohm between CAN_H and CAN_L with power off; switch the drives on; compare all bit rates"
+)
+
+
 def ok(check: str, subject: str, what: str) -> Finding:
     """Return a finding that needs nothing."""
     return Finding(check, subject, Level.OK, what)

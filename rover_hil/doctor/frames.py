@@ -36,12 +36,13 @@ def check_frames(heard: Heard, settings: CameraSettings) -> list[Finding]:
                 CHECK,
                 heard.device,
                 f"no usable capture times{worst}",
-                "the driver or the program that fills the folder does not stamp with this host's monotonic clock",
-                "use a UVC camera with the kernel's own driver; until then trace angles are late by the exposure "
-                "and transfer time",
+                "whoever makes the frames does not stamp them with this host's monotonic clock",
+                "use a USB camera with the kernel's driver uvcvideo; frames now count as taken on arrival",
             )
         )
     if findings:
         return findings
     age_ms = 1000 * seconds(max(ages_ns))
-    return [ok(CHECK, heard.device, f"{rate_hz:.1f} frames per second, at most {age_ms:.0f} ms old on arrival")]
+    return [
+        ok(CHECK, heard.device, f"{rate_hz:.1f} frames per second, at most {age_ms:.0f} ms old on arrival")
+    ]

@@ -19,15 +19,15 @@ NO_PIXELS = np.zeros((0, 0), dtype=np.uint8)
 
 
 class Overhearing:
-    """A raw tap that keeps the payloads of a byte device."""
+    """A raw tap that keeps what arrives from a byte device."""
 
     def __init__(self) -> None:
-        self.payloads: list[bytes] = []
+        self.arrivals: list[Received[bytes]] = []
 
     def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
         """Keep what arrived."""
         if isinstance(item, Received) and isinstance(item.payload, bytes):
-            self.payloads.append(item.payload)
+            self.arrivals.append(Received(item.t_ns, item.payload))
 
     def sent(self, device: str, t_ns: int, payload: bytes, delivered: bool) -> None:
         """Ignore what was sent."""
@@ -39,14 +39,14 @@ class Heard:
 
     Attributes:
         end_ns: When listening ended.
-        payloads: What arrived before it was decoded; empty for cameras.
+        arrivals: What came before it was decoded; empty for cameras.
     """
 
     device: str
     settings: AnyDeviceSettings
     end_ns: int
     samples: tuple[Sample, ...]
-    payloads: tuple[bytes, ...]
+    arrivals: tuple[Received[bytes], ...]
     health: Health
 
 
@@ -137,6 +137,6 @@ def _heard(device: OpenDevice, end_ns: int) -> Heard:
         settings=device.settings,
         end_ns=end_ns,
         samples=tuple(device.samples),
-        payloads=tuple(device.overhearing.payloads),
+        arrivals=tuple(device.overhearing.arrivals),
         health=device.driver.health(),
     )

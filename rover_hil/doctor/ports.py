@@ -62,7 +62,7 @@ def check_port(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
     try:
         status = path.stat()
     except OSError as error:
-        return [_missing(device, port, paths, error.strerror)]
+        return [_missing(device, port, paths, error.strerror or str(error))]
     if not stat.S_ISCHR(status.st_mode):
         return [
             problem(
@@ -74,8 +74,7 @@ def check_port(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
             )
         ]
     if not os.access(path, os.R_OK | os.W_OK):
-        user = pwd.getpwuid(os.getuid()).pw_name
-        return [no_permission(device, port, status, user)]
+        return [no_permission(device, port, status, _user_name())]
     findings = [ok(check, device, f"{path} is there and may be opened")]
     findings += _check_name(device, port, paths)
     if port.kind is SERIAL:
@@ -137,6 +136,13 @@ def check_latency_timer(device: str, port: Port, paths: SystemPaths) -> list[Fin
     ]
 
 
+def _user_name() -> str:
+    try:
+        return pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:  # a container may run under a number that has no name
+        return str(os.getuid())
+
+
 def _missing(device: str, port: Port, paths: SystemPaths, reason: str) -> Finding:
     path = port.path
     what = f"{path} cannot be found: {reason.lower()}"
@@ -153,7 +159,7 @@ def _set_key(device: str, port: Port, paths: SystemPaths) -> str:
     names = _stable_names(port, paths)
     if not names:
         return (
-            f"plug the device in and look with `ls {paths.dev / port.kind.links[0]}`; "
+            f"plug the device in and look for its name with `ls {paths.dev / port.kind.links[0]}`; "
             "for the simulated rover start `rover-hil simulate CONFIG` in this folder first"
         )
     choices = " or ".join(f'"{name}"' for name in names)

@@ -2,20 +2,22 @@
 
 from typing import NamedTuple
 
-from rover_hil.doctor.finding import Finding, Level
+from rover_hil.doctor.finding import CAN_WIRING, Finding, Level
 from rover_hil.doctor.listening import Heard
 
 CHECK = "rejected data"
 
-NORMAL = frozenset({"other_sentence", "other_type", "other_traffic"})
-"""Valid data that is not for us."""
 TOLERATED = 2
 """Listening begins and ends within a frame, so that one or two are cut."""
 TOLERATED_SHARE = 0.01
 
 
 class Advice(NamedTuple):
-    """Cause and fix of one reason; `{device}` stands for the name of the device."""
+    """Cause and fix of one reason; `{device}` stands for the name of the device.
+
+    Attributes:
+        level: How bad it is beside good data; OK for valid data that is not for us.
+    """
 
     level: Level
     cause: str
@@ -53,7 +55,22 @@ _STANDING_CAMERA = Advice(
     "connect the camera without a hub, or lower frame_rate_hz in [devices.{device}]",
 )
 
-ADVICE = {
+_ADVICE = {
+    "other_sentence": Advice(
+        Level.OK,
+        "the device sends sentences, but none that tells heading, rate or attitude",
+        "set it to send HDG, HDM, HDT or THS",
+    ),
+    "other_type": Advice(
+        Level.OK,
+        "the device sends frames, but none with acceleration, rate or angle",
+        "switch on the outputs 0x51, 0x52 and 0x53 with the maker's program",
+    ),
+    "other_traffic": Advice(
+        Level.OK,
+        "frames come in, but none that the mapping knows",
+        "in [devices.{device}] set mapping to that of your drives, and in it the node number of each wheel",
+    ),
     "framing": _NOISE,
     "checksum": _NOISE,
     "format": Advice(
@@ -112,7 +129,7 @@ ADVICE = {
     "bus_warning": Advice(
         Level.WARNING,
         "the CAN controller counts errors",
-        "measure 60 ohm between CAN_H and CAN_L with power off; compare the bit rates of all nodes",
+        CAN_WIRING,
     ),
     "size": _OTHER_IMAGES,
     "dtype": _OTHER_IMAGES,
@@ -122,18 +139,30 @@ ADVICE = {
 _UNKNOWN = Advice(
     Level.WARNING,
     "the device sends data that its codec refuses",
-    "look the reason up in the codec of this device",
+    "compare the settings in [devices.{device}] with the device's manual",
 )
 
 
+def advice_for(reason: str) -> Advice:
+    """Return what a reason means and what to do about it."""
+    return _ADVICE.get(reason, _UNKNOWN)
+
+
+def list_reasons(heard: Heard) -> str:
+    """Return how often the codec refused what; "" when it refused nothing."""
+    return ", ".join(f"{count} x {reason}" for reason, count in sorted(heard.health.rejected.items()))
+
+
 def check_rejections(heard: Heard) -> list[Finding]:
-    """Look at what the codec refused, where it accepted something too."""
+    """Look at what the codec refused beside good data; says nothing when there was none."""
     accepted = heard.health.accepted
+    if not accepted:
+        return []
     findings: list[Finding] = []
     for reason, count in sorted(heard.health.rejected.items()):
-        advice = ADVICE.get(reason, _UNKNOWN)
+        advice = advice_for(reason)
         tolerated = max(TOLERATED, TOLERATED_SHARE * accepted) if advice.level is Level.WARNING else 0
-        if reason not in NORMAL and count > tolerated:
+        if advice.level is not Level.OK and count > tolerated:
             what = f"{count} x '{reason}' beside {accepted} samples"
             fix = advice.fix.format(device=heard.device)
             findings.append(Finding(CHECK, heard.device, advice.level, what, advice.cause, fix))

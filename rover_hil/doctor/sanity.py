@@ -17,7 +17,7 @@ def check_sanity(config: Config) -> list[Finding]:
             judge(
                 CHECK,
                 "safety",
-                f"expiry_s = {expiry_s:g} is less than two periods of the loop at {rate_hz:g} Hz",
+                f"expiry_s = {expiry_s:g} is less than two periods at rate_hz = {rate_hz:g}",
                 "set-points expire before the next ones come, so one late cycle stops the rover",
                 f"in [safety] set expiry_s = {min(1.0, 3 / rate_hz):g}, or raise rate_hz in [loop]",
             )
@@ -28,7 +28,7 @@ def check_sanity(config: Config) -> list[Finding]:
                 problem(
                     CHECK,
                     name,
-                    f"max_age_s = {settings.max_age_s:g} is less than two periods of the loop at {rate_hz:g} Hz",
+                    f"max_age_s = {settings.max_age_s:g} is less than two periods at rate_hz = {rate_hz:g}",
                     "the board answers once per cycle, so its samples are too old before the next come",
                     f"in [devices.{name}] set max_age_s = {3 / rate_hz:g}, or raise rate_hz in [loop]",
                 )

@@ -3,12 +3,12 @@
 import re
 
 from drivers.can_wheels.settings import CanWheelsSettings
-from drivers.device_settings import DeviceSettings, SerialDeviceSettings
+from drivers.device_settings import SerialDeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.doctor.finding import Finding, problem
 from rover_hil.doctor.listening import Heard
-from rover_hil.doctor.rejections import ADVICE, list_reasons
+from rover_hil.doctor.rejections import advice_for, list_reasons
 
 CHECK = "data"
 GARBLED = frozenset({"framing", "checksum"})
@@ -20,10 +20,10 @@ def check_silence(heard: Heard) -> list[Finding]:
     """Explain why no sample arrived; says nothing when one did."""
     if heard.health.accepted:
         return []
-    if not heard.payloads and not heard.health.rejected:
+    if not heard.arrivals and not heard.health.rejected:
         return [_nothing_arrives(heard)]
     reasons = list_reasons(heard)
-    byte_count = sum(map(len, heard.payloads))
+    byte_count = sum(len(arrival.payload) for arrival in heard.arrivals)
     what = f"nothing usable arrives; rejected: {reasons}" if reasons else f"{byte_count} bytes without sense"
     cause, fix = _explain_refusal(heard)
     return [problem(CHECK, heard.device, what + _sentences(heard), cause, fix)]
@@ -54,27 +54,20 @@ def _explain_refusal(heard: Heard) -> tuple[str, str]:
             f"if they end without *hh, in [devices.{name}] set require_checksum = false",
         )
     reason = max(rejected, key=lambda reason: rejected[reason], default="framing")
-    if isinstance(settings, SerialDeviceSettings) and (reason in GARBLED or reason not in ADVICE):
+    if isinstance(settings, SerialDeviceSettings) and reason in GARBLED:
         return (
             "the baud rate is wrong, or another kind of device is on this port",
             f"in [devices.{name}] set baud_rate to the device's own, e.g. 4800, 9600, 38400 or 115200 "
             f"(now {settings.baud_rate}), or set port to the right one",
         )
-    return _general_advice(settings, reason, name)
-
-
-def _general_advice(settings: DeviceSettings, reason: str, name: str) -> tuple[str, str]:
-    if reason in ADVICE:
-        return ADVICE[reason].cause, ADVICE[reason].fix.format(device=name)
-    return (
-        f"the {type(settings).__name__.removesuffix('Settings')} codec refuses everything as '{reason}'",
-        f"compare the settings in [devices.{name}] with the device",
-    )
+    advice = advice_for(reason)
+    return advice.cause, advice.fix.format(device=name)
 
 
 def _sentences(heard: Heard) -> str:
     """Return which NMEA sentences came from a compass, for a device that sends the wrong ones."""
     if not isinstance(heard.settings, NmeaCompassSettings):
         return ""
-    names = sorted({name.decode() for name in _SENTENCE_NAME.findall(b"".join(heard.payloads))})
+    data = b"".join(arrival.payload for arrival in heard.arrivals)
+    names = sorted({name.decode() for name in _SENTENCE_NAME.findall(data)})
     return f"; sentences heard: {', '.join(names)}" if names else ""

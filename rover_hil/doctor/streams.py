@@ -30,7 +30,7 @@ class Part(NamedTuple):
 class Stream(NamedTuple):
     """How often something came; `silence_s` is the longest time without it."""
 
-    count: int
+    sample_count: int
     rate_hz: float
     silence_s: float
 
@@ -67,8 +67,8 @@ def check_streams(heard: Heard, parts: Sequence[Part], *, is_required: bool) -> 
         part: stream_of([sample.t_ns for sample in told if _belongs_to(sample, part)], heard.end_ns)
         for part in parts
     }
-    missing = [part.name for part, stream in streams.items() if stream.count == 0]
-    present = {part: stream for part, stream in streams.items() if stream.count}
+    missing = [part.name for part, stream in streams.items() if stream.sample_count == 0]
+    present = {part: stream for part, stream in streams.items() if stream.sample_count}
     findings = [_no_part(heard, missing)] if missing else []
     if present:
         findings += _check_rates(heard, present, is_required=is_required)
@@ -103,7 +103,7 @@ def _no_part(heard: Heard, names: list[str]) -> Finding:
         heard.device,
         f"samples arrive, but no {', no '.join(names)}",
         "the device is not set to send that, although its role in [roles] needs it",
-        "switch this output on in the device with its maker's program, or give the role in [roles] to another",
+        "switch this output on with the maker's program, or give the role in [roles] to another device",
     )
 
 
@@ -129,7 +129,7 @@ def _check_rates(heard: Heard, streams: dict[Part, Stream], *, is_required: bool
                 CHECK,
                 heard.device,
                 f"{silent.name}: silent for {silence_s:.3f} s, the limit max_age_s is {max_age_s:g} s",
-                "samples were lost or late although the rate is right: a busy machine, a loose cable, a USB hub",
+                "samples were lost or late: a busy machine, a loose cable, a USB hub",
                 "end other programs, connect without a hub, replace the cable, and run the doctor again",
             )
         ]

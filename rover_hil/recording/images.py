@@ -10,18 +10,21 @@ from drivers.link import CameraImage
 
 _STAMP = struct.Struct("<q")
 _NO_STAMP = -1
+_DAMAGED = "a camera image in the log cannot be decoded: the log is damaged"
 
 
 def encode_image(image: CameraImage) -> bytes:
-    """Return the bytes of an image; nothing is lost, so that a replay sees the same pixels."""
+    """Return the bytes of an image; nothing is lost, so that a replay sees the same pixels.
+
+    An image without pixels, which stands for a frame that could not be decoded, becomes the stamp alone.
+    """
     import cv2
 
-    ok, bitmap = cv2.imencode(".bmp", image.image)
-    if not ok:
-        msg = f"camera image of shape {image.image.shape} cannot be logged"
-        raise LogError(msg)
-    stamp = _NO_STAMP if image.t_capture_ns is None else image.t_capture_ns
-    return _STAMP.pack(stamp) + bitmap.tobytes()
+    stamp = _STAMP.pack(_NO_STAMP if image.t_capture_ns is None else image.t_capture_ns)
+    if image.image.size == 0:
+        return stamp
+    _, bitmap = cv2.imencode(".bmp", image.image)
+    return stamp + bitmap.tobytes()
 
 
 def decode_image(data: bytes) -> CameraImage:
@@ -33,11 +36,13 @@ def decode_image(data: bytes) -> CameraImage:
     import cv2
     import numpy as np
 
-    pixels = None
-    if len(data) > _STAMP.size:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8, offset=_STAMP.size), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        msg = "a camera image in the log cannot be decoded: the log is damaged"
-        raise LogError(msg)
+    if len(data) < _STAMP.size:
+        raise LogError(_DAMAGED)
     (stamp,) = _STAMP.unpack_from(data)
-    return CameraImage(np.asarray(pixels, np.uint8), None if stamp == _NO_STAMP else stamp)
+    t_capture_ns = None if stamp == _NO_STAMP else stamp
+    if len(data) == _STAMP.size:
+        return CameraImage(np.zeros((0, 0), np.uint8), t_capture_ns)
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8, offset=_STAMP.size), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise LogError(_DAMAGED)
+    return CameraImage(np.asarray(pixels, np.uint8), t_capture_ns)

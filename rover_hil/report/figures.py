@@ -18,49 +18,49 @@ Draw = Callable[[RunData, Summary], Figure | None]
 PICTURES: tuple[tuple[str, str, Draw], ...] = (
     (
         "Path",
-        "How far do encoders and estimate end from the truth? The ellipses are where the estimate believes "
-        "the rover to be (two standard deviations); the truth should lie inside.",
+        "See where the ways part; the truth should lie inside the ellipses, two standard deviations of the "
+        "estimate.",
         draw_path,
     ),
     (
         "Distance from the truth",
-        "When did it go wrong? A step is a single event, a slope is steady slip.",
+        "See when it went wrong: a step is a single event, a slope is steady slip.",
         draw_error,
     ),
     (
         "Headings",
-        "Who turns away from the truth first? One degree costs 17 mm per metre driven.",
+        "See who turns away from the others first: one degree costs 17 mm per metre driven.",
         draw_headings,
     ),
     (
         "Slip",
-        "Where did the wheels turn for nothing? 0 % is pure rolling, 100 % is standing with turning wheels.",
+        "See where the wheels turned for nothing: 0 % is pure rolling, 100 % is turning without moving.",
         draw_slip,
     ),
     (
         "Motor currents",
-        "Which wheel works hardest, and when? Soft ground and slopes show as higher current.",
+        "See which wheel works hardest, and when: soft ground and slopes ask for more current.",
         draw_currents,
     ),
     (
         "Wheel speeds",
-        "Do the wheels do what they are told? The measured speed should lie on the set-point.",
+        "See whether the wheels do what they are told: the measured speed should lie on the set-point.",
         draw_speeds,
     ),
     (
         "Time-line",
-        "What held the rover up? Red marks safety stops, links that were down, and the watchdog.",
+        "See what held the rover up: safety stops, broken links and the watchdog are red.",
         draw_timeline,
     ),
     (
         "Innovations",
-        "Do the sensors agree with the estimate? 95 % of the dots should lie inside the band; crosses were "
-        "refused.",
+        "See whether the sensors agree with the estimate: 95 % of the dots should lie inside the band of two "
+        "standard deviations.",
         draw_innovations,
     ),
     (
         "Timing",
-        "Is the computer fast enough? Both heaps should end well to the left of the period.",
+        "See whether the computer is fast enough: everything should end well to the left of the period.",
         draw_timing,
     ),
 )

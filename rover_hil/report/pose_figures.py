@@ -17,23 +17,26 @@ from rover_hil.report.verdict import length
 ELLIPSES = 10
 ELLIPSE_SIGMAS = 2.0
 PATH_HEIGHT_IN = (3.4, 6.6)
+# So that lines that coincide can all be seen.
+WIDE, MIDDLE, NARROW = 3.0, 2.0, 1.3
 
 
 def draw_path(run: RunData, summary: Summary) -> Figure:
     """Draw the ways seen from above, as commanded, estimated, measured by the wheels, and in truth."""
     figure = Figure(figsize=(style.WIDTH_IN, _path_height_in(run)), layout="constrained")
     axes = figure.add_subplot(aspect="equal", adjustable="datalim", xlabel="x (m)", ylabel="y (m)")
+    axes.plot(0, 0, "o", color="white", markeredgecolor=style.TRUTH, markersize=9, zorder=5, label="start")
     if run.config.mission is not None:
         corners = np.array(corner_points(run.config.mission))
         axes.plot(*corners.T, color=style.COMMANDED, linestyle=(0, (5, 3)), label="commanded")
+    _draw_way(axes, run.encoders, style.ENCODERS, _with_error("encoders", summary.encoders_error), WIDE)
     if run.truth is not None:
-        _draw_way(axes, run.truth, style.TRUTH, "truth", 2.6)
-    _draw_way(axes, run.encoders, style.ENCODERS, _with_error("encoders", summary.encoders_error))
-    _draw_way(axes, run.estimate, style.ESTIMATE, _with_error("estimate", summary.estimate_error))
-    for index in np.linspace(0, len(run.estimate.t_s) - 1, ELLIPSES, dtype=int)[1:]:
+        _draw_way(axes, run.truth, style.TRUTH, "truth", MIDDLE)
+    _draw_way(axes, run.estimate, style.ESTIMATE, _with_error("estimate", summary.estimate_error), NARROW)
+    way_m = run.estimate.distance_m()
+    for index in np.searchsorted(way_m, np.linspace(0.0, way_m[-1], ELLIPSES)[1:]):
         _draw_ellipse(axes, run, int(index))
-    axes.plot(0, 0, "o", color="white", markeredgecolor=style.TRUTH, markersize=9, zorder=5, label="start")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 
@@ -42,12 +45,12 @@ def draw_error(run: RunData, summary: Summary) -> Figure | None:
     if run.truth is None:
         return None
     figure, (axes,) = style.rows(1, 2.4)
-    for track, colour, label in (
-        (run.encoders, style.ENCODERS, "encoders"),
-        (run.estimate, style.ESTIMATE, "estimate"),
+    for track, colour, label, width in (
+        (run.encoders, style.ENCODERS, "encoders", WIDE),
+        (run.estimate, style.ESTIMATE, "estimate", NARROW),
     ):
         error = position_error_m(track, run.truth)
-        style.line(axes, Series(error.t_s, 1e3 * error.value), colour, label)
+        style.line(axes, Series(error.t_s, 1e3 * error.value), colour, label, width)
     axes.set_ylabel("off the truth (mm)")
     axes.set_ylim(bottom=0)
     style.finish(figure, [axes], summary)
@@ -57,20 +60,20 @@ def draw_error(run: RunData, summary: Summary) -> Figure | None:
 def draw_headings(run: RunData, summary: Summary) -> Figure:
     """Draw every account of the yaw, in the local frame."""
     figure, (axes,) = style.rows(1, 2.8)
-    if run.truth is not None:
-        _draw_yaw(axes, Series(run.truth.t_s, run.truth.yaw_rad), style.TRUTH, "truth", 2.6)
     for (name, heading), colour in zip(run.headings.items(), style.HEADINGS, strict=False):
-        _draw_yaw(axes, heading, colour, name, 1.0)
-    _draw_yaw(axes, Series(run.encoders.t_s, run.encoders.yaw_rad), style.ENCODERS, "encoders")
+        _draw_yaw(axes, heading, style.pale(colour), name, NARROW)
+    _draw_yaw(axes, Series(run.encoders.t_s, run.encoders.yaw_rad), style.ENCODERS, "encoders", WIDE)
     if run.gyro is not None:
-        _draw_yaw(axes, run.gyro, style.GYRO, "gyro, integrated")
-    _draw_yaw(axes, Series(run.estimate.t_s, run.estimate.yaw_rad), style.ESTIMATE, "estimate")
+        _draw_yaw(axes, run.gyro, style.GYRO, "gyro, integrated", NARROW)
+    if run.truth is not None:
+        _draw_yaw(axes, Series(run.truth.t_s, run.truth.yaw_rad), style.TRUTH, "truth", MIDDLE)
+    _draw_yaw(axes, Series(run.estimate.t_s, run.estimate.yaw_rad), style.ESTIMATE, "estimate", NARROW)
     axes.set_ylabel("yaw (deg)")
     style.finish(figure, [axes], summary)
     return figure
 
 
-def _draw_way(axes: Axes, track: Track, colour: str, label: str, width: float = 1.8) -> None:
+def _draw_way(axes: Axes, track: Track, colour: str, label: str, width: float) -> None:
     every = max(1, len(track.t_s) // style.THIN_BINS)
     x_m, y_m = (np.append(values[::every], values[-1]) for values in (track.x_m, track.y_m))
     axes.plot(x_m, y_m, color=colour, label=label, linewidth=width)
@@ -94,7 +97,7 @@ def _draw_ellipse(axes: Axes, run: RunData, index: int) -> None:
     )
 
 
-def _draw_yaw(axes: Axes, yaw: Series, colour: str, label: str, width: float = 1.6) -> None:
+def _draw_yaw(axes: Axes, yaw: Series, colour: str, label: str, width: float) -> None:
     style.line(axes, Series(yaw.t_s, np.degrees(yaw.value)), colour, label, width)
 
 

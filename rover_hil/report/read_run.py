@@ -30,7 +30,6 @@ from rover_hil.report.tracks import (
     speed_from_positions,
 )
 
-PLAUSIBLE_SPEED_FACTOR = 2.0
 SKID_STEER_PLACES = ("front left", "front right", "rear left", "rear right")
 
 
@@ -254,7 +253,7 @@ class _Collector:
 
     def _wheels(self) -> list[WheelData]:
         rover = self._config.rover
-        limit_rad_s = PLAUSIBLE_SPEED_FACTOR * self._config.limits.wheel_speed_rad_s
+        limit_rad_s = self._config.limits.wheel_speed_rad_s
         wheels: list[WheelData] = []
         for wheel in range(make_kinematics(rover).wheel_count):
             place = f" ({SKID_STEER_PLACES[wheel]})" if isinstance(rover, SkidSteerRoverSettings) else ""

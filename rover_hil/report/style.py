@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
-from rover_hil.report.tracks import Array, Series
+from rover_hil.report.summary import Summary
+from rover_hil.report.tracks import Series
 
 COMMANDED = "#8a94a6"
 TRUTH = "#111827"
@@ -21,28 +23,31 @@ MEASURED = "#0f7f9c"
 STOPPED = "#f6c6c6"
 ALARM = "#c81e1e"
 
-WIDTH_IN = 7.2
-THIN_BINS = 600
+WIDTH_IN = 6.9
+THIN_BINS = 400
+GAP_FACTOR = 10.0
 
-STYLE = {
-    "font.size": 10.5,
-    "axes.titlesize": 10.5,
-    "axes.titlelocation": "left",
-    "axes.labelcolor": "#374151",
-    "axes.edgecolor": "#9ca3af",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e5e7eb",
-    "grid.linewidth": 0.8,
-    "xtick.color": "#4b5563",
-    "ytick.color": "#4b5563",
-    "lines.linewidth": 1.6,
-    "legend.frameon": False,
-    "figure.facecolor": "white",
-    "svg.hashsalt": "rover_hil",
-}
+STYLE = mpl.RcParams(
+    {
+        "font.size": 11.0,
+        "axes.titlesize": 11.0,
+        "axes.titlelocation": "left",
+        "axes.labelcolor": "#374151",
+        "axes.edgecolor": "#9ca3af",
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": "#e5e7eb",
+        "grid.linewidth": 0.8,
+        "xtick.color": "#4b5563",
+        "ytick.color": "#4b5563",
+        "lines.linewidth": 1.6,
+        "legend.frameon": False,
+        "figure.facecolor": "white",
+        "svg.hashsalt": "rover_hil",
+    }
+)
 
 
 def data_uri(figure: Figure) -> str:
@@ -53,26 +58,47 @@ def data_uri(figure: Figure) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
-def rows(count: int, row_height_in: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure of `count` plots below each other, over the same time."""
-    figure = Figure(figsize=(WIDTH_IN, row_height_in * count + 0.5), layout="constrained")
-    axes = figure.subplots(count, sharex=True, squeeze=False)[:, 0]
-    axes[-1].set_xlabel("time since start (s)")
-    return figure, list(axes)
+def rows(count: int, row_height_in: float, label: str = "") -> tuple[Figure, list[Axes]]:
+    """Return a figure of `count` plots below each other, over the same time and on the same scale."""
+    figure = Figure(figsize=(WIDTH_IN, row_height_in * count + 0.6), layout="constrained")
+    plots = list(figure.subplots(count, sharex=True, sharey=count > 1 and bool(label), squeeze=False)[:, 0])
+    plots[-1].set_xlabel("time since start (s)")
+    if label:
+        figure.supylabel(label, fontsize="medium", color="#374151")
+    return figure, plots
 
 
-def line(axes: Axes, t_s: Array, value: Array, colour: str, label: str, width: float = 1.6) -> None:
+def line(axes: Axes, series: Series, colour: str, label: str, width: float = 1.6) -> None:
     """Draw values over time; of a long series only what can be seen."""
-    seen = thin(Series(t_s, value))
+    seen = with_gaps(thin(series))
     axes.plot(seen.t_s, seen.value, color=colour, label=label, linewidth=width)
 
 
-def shade(axes: Sequence[Axes], stops: Sequence[tuple[float, float]]) -> None:
-    """Shade the safety stops."""
-    for part in axes:
-        for index, (start_s, end_s) in enumerate(stops):
+def pale(colour: str) -> str:
+    """Return a colour for the noise behind a line of the given one."""
+    red, green, blue = (0.35 * part + 0.65 for part in to_rgb(colour))
+    return to_hex((red, green, blue))
+
+
+def finish(figure: Figure, plots: Sequence[Axes], summary: Summary) -> None:
+    """Shade the safety stops, span the whole run, and say above what is what."""
+    for axes in plots:
+        for index, stop in enumerate(summary.stops):
             label = "safety stop" if index == 0 else None
-            part.axvspan(start_s, end_s, color=STOPPED, linewidth=0, zorder=0.5, label=label)
+            axes.axvspan(stop.start_s, stop.end_s, color=STOPPED, linewidth=0, zorder=0.5, label=label)
+        axes.set_xlim(0, summary.duration_s)
+    handles, labels = plots[0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
+
+
+def with_gaps(series: Series) -> Series:
+    """Return the series with NaN where nothing was heard for long, so that no line is drawn there."""
+    steps_s = np.diff(series.t_s)
+    if len(steps_s) == 0:
+        return series
+    gaps = np.flatnonzero(steps_s > GAP_FACTOR * np.median(steps_s)) + 1
+    return Series(np.insert(series.t_s, gaps, series.t_s[gaps]), np.insert(series.value, gaps, np.nan))
 
 
 def thin(series: Series) -> Series:

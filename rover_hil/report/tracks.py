@@ -7,6 +7,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.odometry import ARRIVAL_JITTER_S, PLAUSIBLE_SPEED_FACTOR
+
 Array = NDArray[np.float64]
 
 DISTANCE_STEP_M = 0.02
@@ -118,15 +120,22 @@ def integrate_rate(rate: Series, first_motion_s: float) -> Series:
 
 
 def speed_from_positions(position: Series, limit_rad_s: float) -> Series:
-    """Return speeds over about `SPEED_WINDOW_S`; NaN beyond the limit, where a counter restarted."""
+    """Return speeds over about `SPEED_WINDOW_S`.
+
+    NaN where nothing was heard for long, and around steps that no wheel of this speed limit can make.
+    """
     if len(position.t_s) < 2:
         return Series(position.t_s[:0], position.value[:0])
-    period_s = float(np.median(np.diff(position.t_s)))
-    width = min(len(position.t_s) - 1, max(1, round(SPEED_WINDOW_S / period_s)))
+    steps_s, steps_rad = np.diff(position.t_s), np.diff(position.value)
+    width = min(len(steps_s), max(1, round(SPEED_WINDOW_S / float(np.median(steps_s)))))
+    jumps = np.abs(steps_rad) > PLAUSIBLE_SPEED_FACTOR * limit_rad_s * (steps_s + ARRIVAL_JITTER_S)
+    jumps_before = np.concatenate(([0], np.cumsum(jumps)))
+    elapsed_s = position.t_s[width:] - position.t_s[:-width]
     turned_rad = position.value[width:] - position.value[:-width]
-    speed_rad_s = turned_rad / (position.t_s[width:] - position.t_s[:-width])
+    is_known = elapsed_s <= 2.0 * np.median(elapsed_s)
+    is_known &= jumps_before[width:] == jumps_before[:-width]
     middle_s = 0.5 * (position.t_s[width:] + position.t_s[:-width])
-    return Series(middle_s, np.where(np.abs(speed_rad_s) <= limit_rad_s, speed_rad_s, np.nan))
+    return Series(middle_s, np.where(is_known, turned_rad / elapsed_s, np.nan))
 
 
 def spans(t_s: Array, keys: Sequence[str]) -> list[tuple[float, float, str]]:

@@ -1,7 +1,11 @@
 """What a run came to, in words."""
 
+import math
+from dataclasses import dataclass
 from enum import StrEnum
+from statistics import fmean
 
+from controllers.safety import Mode
 from controllers.settings import LineMission, RectangleMission
 from rover_hil.loop.executive import End
 from rover_hil.report.run_data import RunData
@@ -14,16 +18,38 @@ class Grade(StrEnum):
     GOOD = "good"
     ATTENTION = "attention"
     BAD = "bad"
+    NEUTRAL = "neutral"
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """One number that matters, with what belongs to it."""
+
+    name: str
+    value: str
+    detail: str
 
 
 def grade(summary: Summary) -> Grade:
-    """Return how a run went: the mission's end first, then whatever disturbed it."""
+    """Return how a run went: the mission's end first, then whatever disturbed it.
+
+    NEUTRAL is a drive that was only observed: there was nothing to achieve.
+    """
     if summary.end in (End.EMERGENCY_STOP, End.DEVICE_FAILED) or _is_abandoned(summary):
         return Grade.BAD
     is_disturbed = bool(summary.stops or summary.watchdog_interventions or not summary.is_complete)
     if is_disturbed or summary.end in (End.TIME_OVER, End.STOPPED_BY_USER):
         return Grade.ATTENTION
-    return Grade.GOOD
+    return Grade.NEUTRAL if summary.mode is Mode.OBSERVING else Grade.GOOD
+
+
+def tag(summary: Summary) -> str:
+    """Return how the run ended in one or two words."""
+    if not summary.is_complete:
+        return "log cut off"
+    if _is_abandoned(summary):
+        return "ended without a word"
+    return summary.end or "only observed"
 
 
 def verdict(run: RunData, summary: Summary) -> str:
@@ -31,9 +57,45 @@ def verdict(run: RunData, summary: Summary) -> str:
     return f"{_what(run)}{_how_it_ended(summary)} {_how_far_off(summary)}"
 
 
+def facts(summary: Summary) -> list[Fact]:
+    """Return the numbers that matter most."""
+    found = [
+        Fact(name, length(error.position_final_m), _error_detail(error))
+        for name, error in (
+            ("estimate off by", summary.estimate_error),
+            ("encoders off by", summary.encoders_error),
+        )
+        if error is not None
+    ]
+    wheel_slips = [slip for slip in summary.wheel_slip if slip is not None]
+    if wheel_slips:
+        each = " / ".join(f"{100.0 * slip:.1f}" for slip in wheel_slips)
+        found.append(Fact("slip", percent(fmean(wheel_slips)), f"by wheel {each} %"))
+    elif summary.slip_ratio is not None:
+        found.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' way, as driven"))
+    if summary.cross_track_rms_m is not None and summary.cross_track_max_m is not None:
+        greatest = length(summary.cross_track_max_m)
+        found.append(
+            Fact(
+                "beside the path",
+                length(summary.cross_track_rms_m),
+                f"rms by its own estimate, at most {greatest}",
+            )
+        )
+    if summary.work is not None:
+        work = f"99 % took less than {time_text(summary.work.p99_us)}"
+        found.append(Fact("skipped cycles", f"{summary.skipped} of {summary.cycles}", work))
+    if summary.mode is not Mode.OBSERVING:
+        stopped_s = sum(stop.end_s - stop.start_s for stop in summary.stops)
+        found.append(Fact("safety stops", str(len(summary.stops)), f"{stopped_s:.1f} s in all"))
+    return found
+
+
 def length(length_m: float) -> str:
     """Return a length as people say it: millimetres below one metre."""
-    return f"{1e3 * length_m:.0f} mm" if abs(length_m) < 1.0 else f"{length_m:.2f} m"
+    if abs(length_m) >= 1.0:
+        return f"{length_m:.2f} m"
+    return f"{1e3 * length_m:.0f} mm" if abs(length_m) >= 0.01 else f"{1e3 * length_m:.1f} mm"
 
 
 def percent(share: float) -> str:
@@ -81,14 +143,18 @@ def _how_far_off(summary: Summary) -> str:
             f"{length(summary.distance_encoders_m)}."
         )
     return (
-        f"Of {length(summary.distance_truth_m)} driven, the estimate is {_off(estimate)} off the truth at the "
-        f"end and the encoders alone {_off(encoders)}."
+        f"Of {length(summary.distance_truth_m)} driven, the estimate is {_off(estimate)} off the truth at "
+        f"the end and the encoders alone {_off(encoders)}."
     )
 
 
 def _off(error: TrackError) -> str:
     share = error.position_final_share
     return length(error.position_final_m) + ("" if share is None else f" ({percent(share)})")
+
+
+def _error_detail(error: TrackError) -> str:
+    return f"rms {length(error.position_rms_m)}, yaw {math.degrees(error.yaw_final_rad):+.1f}°"
 
 
 def _is_abandoned(summary: Summary) -> bool:

@@ -38,10 +38,10 @@ def draw_speeds(run: RunData, summary: Summary) -> Figure | None:
     figure, plots = style.rows(len(wheels), ROW_HEIGHT_IN, "speed (rad/s)")
     for axes, wheel in zip(plots, wheels, strict=True):
         axes.set_title(wheel.name)
+        if wheel.set_point is not None:
+            style.line(axes, wheel.set_point, style.pale(style.COMMANDED), "set-point", 4.0)
         if wheel.speed is not None:
             style.line(axes, wheel.speed, style.MEASURED, "measured")
-        if wheel.set_point is not None:
-            style.line(axes, wheel.set_point, style.COMMANDED, "set-point")
     style.finish(figure, plots, summary)
     return figure
 
@@ -54,7 +54,7 @@ def _draw_with_means(
     figure, plots = style.rows(len(values), ROW_HEIGHT_IN, label)
     for axes, (name, series) in zip(plots, values.items(), strict=True):
         axes.set_title(name)
-        style.line(axes, series, style.pale(colour), "as measured", 0.8)
+        style.line(axes, series, style.pale(colour), "unsmoothed", 0.8)
         style.line(axes, _mean(series), colour, f"mean over {MEAN_WINDOW_S:g} s")
     style.finish(figure, plots, summary)
     return figure

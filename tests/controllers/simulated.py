@@ -118,9 +118,9 @@ class SimulatedRover:
         self.position_rad = self.position_rad + self.speed_rad_s * dt_s
         velocity, self.yaw_rate_rad_s = self.geometry.twist(self.speed_rad_s * (1.0 - self.slip))
         turn_rad = self.yaw_rate_rad_s * dt_s
-        # Exact arc of a constant twist.
-        arc = dt_s if turn_rad == 0.0 else (cmath.exp(1j * turn_rad) - 1.0) / (1j * self.yaw_rate_rad_s)
-        self.place += cmath.exp(1j * self.yaw_rad) * velocity * arc
+        # Exact arc of a constant twist: its chord points half the turn ahead.
+        chord_s = dt_s * float(np.sinc(0.5 * turn_rad / math.pi))
+        self.place += cmath.rect(chord_s, self.yaw_rad + 0.5 * turn_rad) * velocity
         self.yaw_rad += turn_rad
         self.t_ns += TICK_NS
 

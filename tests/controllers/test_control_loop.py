@@ -219,7 +219,10 @@ def test_a_wheel_link_that_comes_back_counting_from_zero_does_not_move_the_estim
     simulated.advance(simulated.t_ns + SECOND_NS)
     simulated.position_rad = simulated.position_rad + np.array([2.0, 0.0, 0.0])
     loop.step(simulated.t_ns, [replace(down, up=True, t_ns=simulated.t_ns)])
-    after = run(loop, simulated, 0.3)[-1]
+    outputs = run(loop, simulated, 0.3)
+    assert all(old.estimate.t_ns <= new.estimate.t_ns for old, new in pairwise(outputs))
+    assert outputs[0].estimate.t_ns == before.t_ns
+    after = outputs[-1]
     assert (after.estimate.x_m, after.estimate.y_m) == pytest.approx((before.x_m, before.y_m), abs=1e-3)
     assert after.odometry_rebases == 1
 

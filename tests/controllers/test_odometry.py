@@ -230,3 +230,25 @@ def test_a_quarter_circle_lands_where_it_should() -> None:
         odometry.take()
     assert abs(complex(odometry.pose.x_m, odometry.pose.y_m) - (1.0 + 1.0j)) < 1e-4
     assert cmath.rect(1.0, odometry.pose.yaw_rad) == pytest.approx(1j)
+
+
+def test_a_rover_just_switched_on_has_not_stood_still_yet() -> None:
+    odometry = make()
+    for i in range(40):
+        feed(odometry, 10 * SECOND_NS + i * 10 * MS, 0.0, 0.0, 0.0)
+        odometry.take()
+        assert odometry.is_still(10 * SECOND_NS + i * 10 * MS, 0.3) == (i >= 30)
+
+
+def test_positions_of_before_and_after_a_broken_link_are_not_interpolated() -> None:
+    odometry = make(SKID)
+    feed(odometry, 0, 3.0, 3.0, 3.0, 3.0)
+    odometry.take()
+    odometry.rebase()
+    for wheel in (1, 2, 3):
+        odometry.feed(wheel, 10 * MS, 0.0)
+    odometry.feed(0, 15 * MS, 0.0)
+    assert odometry.take() is None
+    feed(odometry, 20 * MS, 0.0, 0.0, 0.0, 0.0)
+    odometry.take()
+    assert (odometry.pose.x_m, odometry.pose.yaw_rad) == (0.0, 0.0)

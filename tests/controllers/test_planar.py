@@ -3,6 +3,7 @@
 import cmath
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +29,7 @@ def test_wrapping_what_is_not_finite_gives_nan(angle: float) -> None:
 
 @given(yaw=st.floats(-3.0, 3.0), x=st.floats(-1.0, 1.0), y=st.floats(-1.0, 1.0), turn=st.floats(-0.05, 0.05))
 def test_a_small_move_is_the_arc_to_second_order(yaw: float, x: float, y: float, turn: float) -> None:
-    arc = 1.0 if turn == 0.0 else cmath.exp(0.5j * turn) * (2.0 * math.sin(0.5 * turn) / turn)
+    arc = cmath.exp(0.5j * turn) * float(np.sinc(0.5 * turn / math.pi))
     expected = complex(0.5, -0.5) + cmath.rect(1.0, yaw) * complex(x, y) * arc
     moved = move(Pose(x_m=0.5, y_m=-0.5, yaw_rad=yaw), x, y, turn)
     assert abs(complex(moved.x_m, moved.y_m) - expected) <= turn**2 / 12.0 * math.hypot(x, y) + 1e-12

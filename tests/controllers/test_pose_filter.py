@@ -177,6 +177,41 @@ def test_uncertainty_does_not_depend_on_the_cycle() -> None:
     assert fine_xx == pytest.approx(xx, rel=1e-6)
     assert xx == pytest.approx(0.05**2, rel=1e-3)
     assert fine_ww == pytest.approx(ww, rel=0.01)
+    assert ww == pytest.approx(0.01**2 * 5.0 + (0.02 * 5.0) ** 2)
+
+
+@pytest.mark.parametrize(("yaw_rad", "across"), [(0.0, 1j), (0.5 * math.pi, -1.0 + 0j)])
+def test_what_is_unsure_about_the_yaw_is_unsure_across_the_course(yaw_rad: float, across: complex) -> None:
+    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter.predict(STANDING, Turn(angle_rad=1.0, source=YawSource.WHEELS))
+    turn = Turn(angle_rad=yaw_rad - 1.0, source=YawSource.GYRO)
+    pose_filter.predict(STANDING, turn)
+    _, _, _, _, _, before = pose_filter.covariance
+    pose_filter.predict(replace(STANDING, x_m=2.0), Turn(angle_rad=0.0, source=YawSource.GYRO))
+    xx, _, xw, yy, yw, _ = pose_filter.covariance
+    assert before == pytest.approx(0.1**2)
+    assert complex(xw, yw) == pytest.approx(2.0 * before * across, abs=1e-9)
+    assert complex(xx, yy) == pytest.approx(
+        0.05**2 * 2.0 * (1 + 1j) + 4.0 * before * complex(abs(across.real), across.imag), abs=1e-9
+    )
+
+
+@pytest.mark.parametrize(("yaw_rad", "across"), [(0.0, 1j), (0.5 * math.pi, -1.0 + 0j)])
+def test_an_unknown_bias_bends_the_course(yaw_rad: float, across: complex) -> None:
+    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter.predict(STANDING, Turn(angle_rad=yaw_rad, source=YawSource.GYRO))
+    increment = replace(STANDING, x_m=2.0, duration_s=3.0)
+    pose_filter.predict(increment, Turn(angle_rad=0.0, source=YawSource.GYRO, covered_s=3.0))
+    _, _, xw, _, yw, _ = pose_filter.covariance
+    # Yaw error -3 s b at the end, half of it on the way.
+    assert complex(xw, yw) == pytest.approx(2.0 * 1.5 * 3.0 * 0.02**2 * across, rel=1e-3, abs=1e-7)
+
+
+def test_the_bias_is_forgotten_slowly() -> None:
+    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter.predict(replace(STANDING, duration_s=10_000.0), NO_TURN)
+    innovation = pose_filter.correct_bias("gyro", 0.0)
+    assert innovation.variance == pytest.approx(0.02**2 + 1e-4**2 * 10_000.0 + 0.01**2)
 
 
 def test_the_yaw_spreads_the_position_across_the_course() -> None:

@@ -116,6 +116,7 @@ def test_what_is_no_frame_is_not_sent(virtual: tuple[CanLink, can.BusABC]) -> No
     "wrong",
     [
         can.Message(arbitration_id=1, is_extended_id=False, data=bytes(12), is_fd=True, dlc=12),
+        can.Message(arbitration_id=1, is_extended_id=False, data=bytes(8), is_fd=True, dlc=8),
         can.Message(arbitration_id=1, is_extended_id=False, data=b"abc", dlc=2),
         can.Message(arbitration_id=1, is_extended_id=False, data=bytes(9), dlc=9),
         can.Message(arbitration_id=0xFFFFFFFF, is_extended_id=True, data=b""),
@@ -334,6 +335,20 @@ def test_garbled_line_is_passed_on_as_such_and_the_next_is_read(
     assert good.payload == pack_can_frame(CanFrame(0x123, b"\xaa"))
 
 
+def test_frames_from_before_the_connection_are_not_taken_for_fresh(
+    adapter: SlcanPeer, tmp_path: Path
+) -> None:
+    for _ in range(3):
+        adapter.send(pack_can_frame(FRAMES[0]))
+    link = make_link("slcan", str(tmp_path / "can"))
+    link.open(0.0)
+    adapter.send(pack_can_frame(FRAMES[1]))
+    (item,) = receive(link, 1)
+    link.close()
+    assert isinstance(item, Received)
+    assert item.payload == pack_can_frame(FRAMES[1])
+
+
 def test_unplugged_adapter_comes_back_under_its_name(tmp_path: Path) -> None:
     path = tmp_path / "can"
     adapter = SlcanPeer(path)
@@ -341,8 +356,11 @@ def test_unplugged_adapter_comes_back_under_its_name(tmp_path: Path) -> None:
     with settings.make_driver("wheels", settings.make_link(CLOCK), CLOCK) as drive:
         adapter.send(generic_state(0, 1, 2, 3, 0))
         assert next_sample(drive, WheelSample).speed_rad_s == pytest.approx(0.002)
+        terminal = str(path.readlink())
         adapter.unplug()
         assert not next_sample(drive, LinkSample).up
+        open_files = [str(file.readlink()) for file in Path("/proc/self/fd").iterdir() if file.is_symlink()]
+        assert not [name for name in open_files if name.startswith(terminal)]
         adapter = SlcanPeer(path)
         assert next_sample(drive, LinkSample).up
         adapter.send(generic_state(0, 1, 4, 3, 0))

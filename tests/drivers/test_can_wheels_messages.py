@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import cantools
 import pytest
@@ -27,6 +28,9 @@ BO_ 2147483939 Floats: 8 A
  SG_ Second : 32|32@1- (1,0) [0|0] "x" B
 BO_ 5 Falling: 2 A
  SG_ Value : 0|16@1+ (-0.1,5) [-20|4] "x" B
+BO_ 6 Checksum_First: 3 A
+ SG_ Checksum : 7|8@0+ (1,0) [0|255] "" B
+ SG_ Value : 8|16@1+ (1,0) [0|0] "x" B
 SIG_VALTYPE_ 2147483939 First : 1;
 SIG_VALTYPE_ 2147483939 Second : 1;
 """
@@ -115,6 +119,18 @@ def test_written_message_is_read_back_and_guarded_against_every_single_bit_error
 def test_checksum_covers_the_other_bytes_in_order() -> None:
     data = data_of(MessageWriter(message("Protected"), protection()).write({"Value": 1, "Other": 2}))
     assert data[3] == slow_crc8_j1850(data[:3])
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "expected"), [("crc8_j1850", 0xA5), ("xor8", 0x34 ^ 0x12), ("sum8", 0x46)]
+)
+def test_checksum_may_come_first(algorithm: Literal["crc8_j1850", "xor8", "sum8"], expected: int) -> None:
+    first = Protection(messages=("Checksum_First",), checksum="Checksum", algorithm=algorithm)
+    data = data_of(MessageWriter(message("Checksum_First"), first).write({"Value": 0x1234}))
+    assert data == bytes((expected, 0x34, 0x12))
+    values, _ = MessageReader(message("Checksum_First"), ["Value"], first).read(data)
+    assert values is not None
+    assert values["Value"] == 0x1234
 
 
 def test_writer_counts_up_and_starts_again_at_the_modulus() -> None:

@@ -95,7 +95,12 @@ def test_angles_stay_in_their_half_open_ranges(angle: float) -> None:
 @pytest.mark.parametrize("angle", [math.pi, -math.pi, 3 * math.pi, math.nextafter(-math.pi, -4), -1e-20])
 def test_angle_ranges_at_their_ends(angle: float) -> None:
     assert -math.pi <= wrap_rad(angle) < math.pi
+    assert -math.pi <= yaw_from_compass_deg(90.0 + math.degrees(angle)) < math.pi
     assert 0.0 <= compass_deg_from_yaw(math.pi / 2 + angle) < 360.0
+
+
+def test_compass_heading_just_west_of_north_does_not_round_to_360() -> None:
+    assert compass_deg_from_yaw(math.nextafter(math.pi / 2, 2.0)) == 0.0
 
 
 @given(

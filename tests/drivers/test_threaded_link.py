@@ -1,6 +1,7 @@
 """The reader thread and its reconnects, on a pseudo-terminal and on a port that misbehaves on purpose."""
 
 import os
+import threading
 import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -155,3 +156,33 @@ def test_any_exception_in_the_reader_reaches_the_user() -> None:
     assert not link.send(b"x")
     link.close()
     link.close()
+
+
+class SlowlyReopening(MisbehavingPort):
+    """Breaks at the first read; the second opening waits until the test lets it go on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.reopening = threading.Event()
+        self.may_reopen = threading.Event()
+        self.closed_after_reopening = threading.Event()
+
+    def _open_handle(self) -> None:
+        self.attempts += 1
+        if self.attempts > 1:
+            self.reopening.set()
+            self.may_reopen.wait(DEADLINE_S)
+
+    def _close_handle(self) -> None:
+        if self.attempts > 1 and self.may_reopen.is_set():
+            self.closed_after_reopening.set()
+
+
+def test_a_handle_opened_after_close_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.threaded_link.JOIN_TIMEOUT_S", 0.05)
+    link = SlowlyReopening()
+    link.open(timeout_s=0.0)
+    assert link.reopening.wait(DEADLINE_S)
+    link.close()
+    link.may_reopen.set()
+    assert link.closed_after_reopening.wait(DEADLINE_S)

@@ -170,6 +170,8 @@ def test_resynchronises_behind_noise_and_half_frames() -> None:
 def test_stretch_of_noise_is_counted_once() -> None:
     noise = bytes(range(0x60, 0xA0)) * 3
     assert list(decode(noise)) == [Rejection("framing")]
+    results = decode(noise + RATE_GOLDEN + noise)
+    assert [type(result) for result in results] == [Rejection, RateSample, Rejection]
 
 
 def test_split_at_every_byte_changes_nothing() -> None:
@@ -231,7 +233,7 @@ def test_settings_load_hard_and_soft_iron(tmp_path: Path) -> None:
     assert settings.data_files() == {"calibration": (file,)}
     codec = settings.make_codec("imu")
     codec.decode(Received(1, encode_angle(0.0, 0.0, 0.0)))
-    raw: Vector = (100 + 150, -50 + 300, 30)
+    raw: Vector = (100 + 50, -50 + 100, 30)
     (heading,) = codec.decode(Received(1, encode_frame(MAGNETIC, *map(int, raw))))
     assert isinstance(heading, HeadingSample)
     assert heading.heading_rad == pytest.approx(math.radians(45.0))

@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, Received
 from drivers.samples import FrameSample, PowerSample
-from rover_hil.recording.images import decode_image
+from rover_hil.recording.images import decode_image, encode_image
 from rover_hil.recording.log_reader import LogMessage, LogReader
 from rover_hil.recording.log_writer import LogWriter
 
@@ -16,7 +16,7 @@ START_NS = 1_000_000_000
 CONFIG = b'{"a": 1}'
 
 
-def write_log(path: Path, messages: int = 20) -> Path:
+def write_log(path: Path, messages: int = 6) -> Path:
     with LogWriter(path, START_NS, CONFIG, {"data/board/mapping/x.dbc": b"VERSION"}, "virtual") as log:
         for index in range(messages):
             t_ns = START_NS + index
@@ -65,6 +65,20 @@ def test_link_changes_and_images_come_back(tmp_path: Path) -> None:
     assert np.array_equal(first.image, pixels)
     assert (first.t_capture_ns, second.t_capture_ns) == (77, None)
     assert messages[2].json() == {"t_ns": START_NS, "up": False, "reason": "unplugged", "gave_up": False}
+
+
+def test_an_image_without_pixels_and_a_grey_one_survive() -> None:
+    for shape in ((0, 0), (4, 5), (4, 5, 3)):
+        pixels = np.arange(np.prod(shape), dtype=np.uint8).reshape(shape)
+        image = decode_image(encode_image(CameraImage(pixels, 5)))
+        assert np.array_equal(image.image, pixels)
+        assert image.t_capture_ns == 5
+
+
+@pytest.mark.parametrize("data", [b"", b"short", bytes(8) + b"no bitmap"])
+def test_damaged_images_are_a_log_error(data: bytes) -> None:
+    with pytest.raises(LogError, match="damaged"):
+        decode_image(data)
 
 
 def test_samples_are_grouped_by_kind_and_pixels_left_out(tmp_path: Path) -> None:

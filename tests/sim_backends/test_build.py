@@ -11,6 +11,7 @@ from drivers.driver import Driver, WheelDrive
 from drivers.errors import ConfigError
 from drivers.registry import AnyDeviceSettings
 from drivers.samples import FrameSample, HeadingSample, RateSample, Sample, WheelCommand, WheelSample
+from sim_backends import build
 from sim_backends.build import build_world
 from sim_backends.loopback import LoopbackLink
 from sim_backends.settings import SimulationSettings
@@ -114,6 +115,19 @@ def test_a_camera_is_built_beside_the_byte_devices() -> None:
 def test_a_seed_gives_one_run_and_another_seed_another() -> None:
     runs = [drive(world(*ROBOTINO, seed=seed), ROBOTINO, (-4.0, 0.0, 4.0), 1.0) for seed in (1, 1, 2)]
     assert runs[0] == runs[1] != runs[2]
+
+
+def test_a_seed_means_the_same_in_every_process() -> None:
+    assert build._generator(1, "plant").integers(1_000_000) == 886_854
+
+
+def test_two_devices_of_a_kind_do_not_share_their_noise() -> None:
+    settings = devices("compass")["compass"]
+    simulation = SimulationSettings.model_validate({"plant": {"type": "robotino"}})
+    rover = build_world({"left": settings, "right": settings}, simulation, START_NS)
+    rover.advance(START_NS + nanoseconds(2.0))
+    left, right = (rover.byte_devices[name].to_host.take(2 * START_NS + 1) for name in ("left", "right"))
+    assert [item.payload for item in left] != [item.payload for item in right]
 
 
 def test_another_device_changes_nothing_for_the_others() -> None:

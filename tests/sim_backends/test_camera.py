@@ -197,6 +197,14 @@ def test_a_rover_that_spins_or_reverses_over_its_trace_is_rendered() -> None:
     assert image.shape == (HEIGHT, WIDTH, 3)
 
 
+def test_a_trace_ahead_of_the_camera_is_not_seen() -> None:
+    reversing, fresh = scene(WIDE_TRACE), scene(WIDE_TRACE)
+    for step in range(150):
+        pose = truth_at(-0.02 * step)
+        picture = reversing.render(pose)
+    assert np.array_equal(picture, fresh.render(pose))
+
+
 def test_noise_has_the_configured_size_and_differs_from_frame_to_frame() -> None:
     noisy = scene(CameraEmulatorSettings(type="camera", noise_grey=4))
     first, second = (noisy.render(truth_at())[..., 0].astype(int) for _ in range(2))

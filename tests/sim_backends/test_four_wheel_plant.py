@@ -58,6 +58,12 @@ def test_attitude_on_a_slope(yaw_deg: float, roll_deg: float, pitch_deg: float) 
     assert math.degrees(truth.pitch_rad) == pytest.approx(pitch_deg, abs=1e-9)
 
 
+def test_the_body_stands_upright_on_the_slope_whatever_its_heading() -> None:
+    truth = drive(settings(Ground(inclination_deg=30), start_yaw_deg=40.0), 0, 0, 0.1)
+    upright = math.cos(truth.roll_rad) * math.cos(truth.pitch_rad)
+    assert math.degrees(math.acos(upright)) == pytest.approx(30)
+
+
 def test_slip_uphill_is_what_the_traction_curve_gives() -> None:
     ground = Ground(inclination_deg=12, grip=0.6, rolling_resistance=0.08, slip_at_half_grip=0.15)
     truth = drive(settings(ground), 1.0, 1.0, 5.0)
@@ -134,6 +140,23 @@ HILLY = FourWheelPlantSettings(
 def test_a_seed_gives_one_run_and_another_seed_another() -> None:
     assert drive(HILLY, 1.0, 1.1, 20.0, seed=3) == drive(HILLY, 1.0, 1.1, 20.0, seed=3)
     assert drive(HILLY, 1.0, 1.1, 20.0, seed=3).x_m != drive(HILLY, 1.0, 1.1, 20.0, seed=4).x_m
+
+
+def test_slip_and_drift_fluctuate_by_the_share_in_the_settings() -> None:
+    slope = Ground(inclination_deg=10, uphill_deg=45)
+    fluctuating = settings(slope, slip_fluctuation=0.1, drift_fluctuation=0.2)
+    rover = FourWheelPlant(fluctuating, np.random.default_rng(1), START_NS)
+    rover.set_wheel_speeds((0.1,) * 4)
+    slips, drifts = [], []
+    for second in range(10, 500):
+        rover.advance(START_NS + nanoseconds(second))
+        truth = rover.truth()
+        slips.append(1 - truth.velocity_x_m_s / (RADIUS_M * truth.wheel_speed_rad_s[0]))
+        drifts.append(truth.velocity_y_m_s / truth.velocity_x_m_s)
+    steady = drive(settings(slope), 0.1, 0.1, 10.0)
+    assert np.std(slips) / steady.slip[0] == pytest.approx(0.1 / math.sqrt(2), rel=0.3)  # mean of two sides
+    steady_drift = steady.velocity_y_m_s / steady.velocity_x_m_s
+    assert np.std(drifts) / abs(steady_drift) == pytest.approx(0.2, rel=0.3)
 
 
 def test_half_the_step_gives_the_same_path() -> None:

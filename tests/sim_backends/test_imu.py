@@ -79,13 +79,21 @@ def test_gyro_bias_and_noise_have_the_set_size() -> None:
     settings = PERFECT.model_copy(
         update={"frames": ("rate",), "gyro_bias_deg_s": 0.5, "gyro_noise_deg_s": 0.3}
     )
-    rates = np.degrees(rates_z_rad_s(samples_of(settings, TurningPlant(yaw_rate_rad_s=0.2), 100.0)))
-    error_deg_s = rates - math.degrees(0.2)
-    count = len(rates)
+    samples = samples_of(settings, TurningPlant(yaw_rate_rad_s=0.2), 100.0)
+    rates_rad_s = np.array(
+        [
+            (sample.rate_x_rad_s, sample.rate_y_rad_s, sample.rate_z_rad_s)
+            for sample in samples
+            if isinstance(sample, RateSample)
+        ],
+        dtype=np.float64,
+    )
+    error_deg_s = np.degrees(rates_rad_s - [0.0, 0.0, 0.2])
+    count = len(error_deg_s)
     assert count > 4990
-    assert error_deg_s.mean() == pytest.approx(0.5, abs=4 * 0.3 / math.sqrt(count))
-    assert error_deg_s.std() == pytest.approx(0.3, abs=4 * 0.3 / math.sqrt(2 * count))
-    words = np.radians(rates) / RATE_STEP_RAD_S
+    assert error_deg_s.mean(axis=0) == pytest.approx([0.5] * 3, abs=4 * 0.3 / math.sqrt(count))
+    assert error_deg_s.std(axis=0) == pytest.approx([0.3] * 3, abs=4 * 0.3 / math.sqrt(2 * count))
+    words = rates_rad_s / RATE_STEP_RAD_S
     assert np.abs(words - np.round(words)).max() < 1e-6
 
 

@@ -56,6 +56,7 @@ def test_it_drives_left_with_the_rear_wheel_turning_twice_as_fast() -> None:
     truth = drive(IDEAL, (0.5 * speed, -speed, 0.5 * speed), 3.0)
     assert (truth.velocity_x_m_s, truth.velocity_y_m_s) == pytest.approx((0, 0.1), abs=1e-12)
     assert (truth.x_m, truth.yaw_rad) == pytest.approx((0, 0), abs=1e-12)
+    assert truth.y_m == pytest.approx(0.1 * (3.0 - 0.1), rel=1e-4)
 
 
 def test_it_turns_on_the_spot_when_all_wheels_turn_alike() -> None:

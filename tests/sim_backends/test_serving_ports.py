@@ -48,12 +48,21 @@ def test_pyserial_and_the_port_hear_each_other(pty: PtyPort) -> None:
     assert pty.read() == []
 
 
+def test_bytes_pass_unchanged_even_to_a_host_that_sets_nothing(pty: PtyPort) -> None:
+    host = os.open(pty.where, os.O_RDWR | os.O_NOCTTY)
+    pty.write(b"\x03\r\n\x04\x11")
+    assert os.read(host, 100) == b"\x03\r\n\x04\x11"
+    assert pty.read() == []  # no echo
+    os.close(host)
+
+
 def test_what_the_host_does_not_read_in_time_is_lost(pty: PtyPort) -> None:
-    with serial.Serial(pty.where, timeout=5.0) as host:
+    with serial.Serial(pty.where, timeout=1.0) as host:
         taken = [pty.write(bytes(1000)) for _ in range(100)]
         assert taken[0]
         assert not taken[-1]
-        host.read(taken.count(True) * 1000)
+        complete = taken.count(True) * 1000
+        assert len(host.read(complete)) == complete  # a payload cut short counts as lost
         host.reset_input_buffer()
         assert pty.write(b"again")
         assert host.read(5) == b"again"
@@ -100,6 +109,14 @@ def test_a_file_is_not_replaced_nor_is_the_link_of_a_running_simulator(tmp_path:
             PtyPort(str(taken)).open()
     assert path.read_text() == "precious"
     assert pty.write(b"") or not pty.has_listener()
+
+
+def test_what_has_taken_the_place_of_the_link_stays(pty: PtyPort) -> None:
+    path = Path(pty.where)
+    path.unlink()
+    path.write_text("precious")
+    pty.close()
+    assert path.read_text() == "precious"
 
 
 def test_a_path_that_cannot_be_made_leaves_no_handle(tmp_path: Path) -> None:
@@ -187,6 +204,8 @@ def test_an_slcan_adapter_forgets_a_host_that_has_gone(tmp_path: Path) -> None:
         b"t800100",
         b"T2000000000",
         b"r12",
+        b"t1232AA",
+        b"r1231AA",
         b"x",
         b"\xff\xfe",
         b"t",

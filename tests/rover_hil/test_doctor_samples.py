@@ -1,0 +1,227 @@
+"""The doctor's checks of what the devices said, on made-up samples."""
+
+import datetime as dt
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from drivers.camera.settings import CameraSettings
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.clock import nanoseconds
+from drivers.driver import DeviceState, Health
+from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.registry import AnyDeviceSettings
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.samples import (
+    BumperSample,
+    FaultSample,
+    FrameSample,
+    HeadingReference,
+    HeadingSample,
+    PowerSample,
+    RateSample,
+    Sample,
+)
+from rover_hil.doctor.clocks import check_device_clock
+from rover_hil.doctor.faults import check_faults
+from rover_hil.doctor.finding import Finding, Level
+from rover_hil.doctor.frames import check_frames
+from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.rejections import check_rejections
+from rover_hil.doctor.silence import check_silence
+from rover_hil.doctor.streams import Part, check_breaks, check_streams, stream_of
+
+COMPASS = NmeaCompassSettings(port="/dev/null")
+CAN = CanWheelsSettings(interface="socketcan", channel="can0", mapping="generic_wheel", bit_rate=500_000)
+SECOND = 1_000_000_000
+DAY = dt.date(2026, 11, 21)
+
+
+def levels(findings: list[Finding]) -> list[Level]:
+    return [finding.level for finding in findings]
+
+
+def heard(
+    *samples: Sample,
+    settings: AnyDeviceSettings = COMPASS,
+    rejected: Mapping[str, int] | None = None,
+    accepted: int | None = None,
+    breaks: int = 0,
+) -> Heard:
+    health = Health(
+        device="compass",
+        state=DeviceState.STREAMING,
+        rate_hz=10.0,
+        age_s=0.05,
+        accepted=len(samples) if accepted is None else accepted,
+        rejected=rejected or {},
+        breaks=breaks,
+        sent=0,
+        send_failures=0,
+        last_link_reason="pulled" if breaks else "",
+    )
+    return Heard("compass", settings, 2 * SECOND, samples, (), health)
+
+
+def headings(*times_s: float) -> tuple[HeadingSample, ...]:
+    magnetic = HeadingReference.MAGNETIC
+    return tuple(
+        HeadingSample(device="compass", t_ns=nanoseconds(t), heading_rad=0.0, reference=magnetic)
+        for t in times_s
+    )
+
+
+# What was heard
+
+
+def test_a_stream_is_counted_by_its_intervals() -> None:
+    stream = stream_of([nanoseconds(t) for t in (1.0, 1.1, 1.2, 1.7)], nanoseconds(1.8))
+    assert stream.rate_hz == pytest.approx(3 / 0.7)
+    assert stream.silence_s == pytest.approx(0.5)
+    assert stream_of([5], 7).rate_hz == 0.0
+
+
+HEADING = Part(HeadingSample, None, "heading")
+
+
+@pytest.mark.parametrize(
+    ("times_s", "is_required", "level", "what"),
+    [
+        ((1.7, 1.8, 1.9), True, Level.OK, "10.0 Hz, newest 50 ms old"),
+        ((1.4, 1.8, 1.9), True, Level.PROBLEM, "heading: 4.0 Hz, needed are 5.6 Hz"),
+        ((1.4, 1.8, 1.9), False, Level.WARNING, "heading: 4.0 Hz"),
+        ((1.3, 1.35, 1.4, 1.45, 1.5, 1.9), True, Level.WARNING, "heading: silent for 0.400 s"),
+        ((1.7, 1.71, 1.72), True, Level.WARNING, "heading: silent for 0.280 s"),
+        ((1.9,), True, Level.PROBLEM, "heading: 0.0 Hz"),
+    ],
+)
+def test_rates_and_silences(times_s: tuple[float, ...], is_required: bool, level: Level, what: str) -> None:
+    (finding,) = check_streams(heard(*headings(*times_s)), [HEADING], is_required=is_required)
+    assert (finding.level, finding.what[: len(what)]) == (level, what)
+
+
+def test_the_suggested_age_limit_is_enough() -> None:
+    (finding,) = check_streams(heard(*headings(1.0, 1.5, 2.0)), [HEADING], is_required=True)
+    assert finding.fix.endswith("set max_age_s = 0.9")
+
+
+def test_a_role_needs_its_own_kind_of_sample() -> None:
+    rate = RateSample(device="compass", t_ns=1, rate_z_rad_s=0.0)
+    (finding,) = check_streams(heard(rate), [HEADING], is_required=True)
+    assert finding.what == "samples arrive, but no heading"
+
+
+def test_a_broken_link_is_a_problem() -> None:
+    assert check_breaks(heard()) == []
+    assert "broke 2 times while listening: pulled" in check_breaks(heard(breaks=2))[0].what
+
+
+@pytest.mark.parametrize(
+    ("rejected", "accepted", "level"),
+    [
+        ({"checksum": 2}, 100, None),
+        ({"checksum": 3}, 100, Level.WARNING),
+        ({"checksum": 3}, 1000, None),
+        ({"other_sentence": 500}, 100, None),
+        ({"motor_fault": 1}, 100, Level.PROBLEM),
+        ({"never_heard_of": 50}, 100, Level.WARNING),
+        ({"checksum": 50}, 0, None),
+    ],
+)
+def test_rejections_beside_good_data(rejected: dict[str, int], accepted: int, level: Level | None) -> None:
+    findings = check_rejections(heard(rejected=rejected, accepted=accepted))
+    assert levels(findings) == ([] if level is None else [level])
+    assert all("{" not in finding.fix for finding in findings)
+
+
+def test_a_silent_board_is_probably_off() -> None:
+    (finding,) = check_silence(heard(settings=RobotinoBoardSettings(type="robotino_board", port="/dev/x")))
+    assert finding.fix.startswith("switch the rover on")
+
+
+def test_foreign_can_traffic_only_is_a_wrong_mapping() -> None:
+    (finding,) = check_silence(heard(settings=CAN, rejected={"other_traffic": 9}))
+    assert "none that the mapping knows" in finding.cause
+    assert "[devices.compass]" in finding.fix
+
+
+def test_faults_active_and_over() -> None:
+    def fault(wheel: int | None, code: int, text: str) -> FaultSample:
+        return FaultSample(device="compass", t_ns=1, wheel=wheel, code=code, text=text)
+
+    samples = (
+        fault(1, 8, "overcurrent"),
+        fault(2, 4, "hot"),
+        fault(2, 0, ""),
+        fault(None, 32, "CAN bus: no acknowledge"),
+    )
+    first, second, third = check_faults(heard(*samples), bumper_stops=True)
+    assert (first.level, first.what) == (Level.PROBLEM, "wheel 1: fault 8 (overcurrent)")
+    assert (second.level, second.what) == (Level.WARNING, "wheel 2: fault 4 (hot), now over")
+    assert "60 ohm" in third.fix
+
+
+def test_a_pressed_bumper_matters_only_where_it_stops_the_rover() -> None:
+    pressed = heard(
+        BumperSample(device="compass", t_ns=1, pressed=True),
+        PowerSample(device="compass", t_ns=1, voltage_v=24.06),
+    )
+    assert levels(check_faults(pressed, bumper_stops=True)) == [Level.WARNING, Level.OK]
+    (supply,) = check_faults(pressed, bumper_stops=False)
+    assert supply.what == "24.1 V"
+
+
+def frames(rate_hz: float, age_s: float | None) -> Heard:
+    settings = CameraSettings(
+        type="camera", source="v4l2", path="/dev/video0", width=64, height=48, frame_rate_hz=10
+    )
+    image = np.zeros((0, 0), np.uint8)
+    samples = [
+        FrameSample(
+            device="compass",
+            t_ns=(t_ns := nanoseconds(1 + index / rate_hz)),
+            image=image,
+            t_capture_ns=None if age_s is None else t_ns - nanoseconds(age_s),
+            index=index,
+        )
+        for index in range(8)
+    ]
+    return heard(*samples, settings=settings)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "age_s", "level", "what"),
+    [
+        (10.0, 0.03, Level.OK, "10.0 frames per second, at most 30 ms"),
+        (5.0, 0.03, Level.WARNING, "5.0 frames per second, the configuration says 10"),
+        (10.0, None, Level.WARNING, "no usable capture times"),
+        (10.0, -0.2, Level.WARNING, "no usable capture times: up to -0.200 s"),
+        (10.0, 7.0, Level.WARNING, "no usable capture times: up to 7.000 s"),
+    ],
+)
+def test_frames(rate_hz: float, age_s: float | None, level: Level, what: str) -> None:
+    record = frames(rate_hz, age_s)
+    assert isinstance(record.settings, CameraSettings)
+    (finding,) = check_frames(record, record.settings)
+    assert (finding.level, finding.what[: len(what)]) == (level, what)
+
+
+@pytest.mark.parametrize(
+    ("speed", "expected"), [(1.0, [Level.OK]), (1.1, [Level.WARNING]), (0.0, [Level.WARNING]), (None, [])]
+)
+def test_device_clock(speed: float | None, expected: list[Level]) -> None:
+    samples = [
+        PowerSample(
+            device="compass",
+            t_ns=index * SECOND // 10,
+            t_device_ns=None
+            if speed is None
+            else round(index * speed * SECOND / 10)
+            if index
+            else -99 * SECOND,
+            voltage_v=24.0,
+        )
+        for index in range(15)
+    ]
+    assert levels(check_device_clock(heard(*samples))) == expected

@@ -1,0 +1,336 @@
+"""The doctor's checks of the computer, its ports and the configuration, on made-up systems."""
+
+import datetime as dt
+import grp
+import json
+import os
+import stat
+from collections.abc import Callable
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.clock import nanoseconds
+from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.witmotion.settings import WitMotionSettings
+from rover_hil.config import Config
+from rover_hil.doctor.calibration import check_calibration
+from rover_hil.doctor.can_interface import check_interface
+from rover_hil.doctor.clocks import ClockPair, check_host_clock
+from rover_hil.doctor.finding import Finding, Level, SystemPaths
+from rover_hil.doctor.installation import OWNERS, check_installation
+from rover_hil.doctor.ports import (
+    CAMERA,
+    SERIAL,
+    Port,
+    PortKind,
+    check_latency_timer,
+    check_port,
+    no_permission,
+    port_of,
+)
+from rover_hil.doctor.sanity import check_sanity
+from rover_hil.doctor.scheduling import check_scheduling
+
+COMPASS = NmeaCompassSettings(port="/dev/null")
+CAN = CanWheelsSettings(interface="socketcan", channel="can0", mapping="generic_wheel", bit_rate=500_000)
+SECOND = 1_000_000_000
+DAY = dt.date(2026, 11, 21)
+
+
+def levels(findings: list[Finding]) -> list[Level]:
+    return [finding.level for finding in findings]
+
+
+# Installation
+
+
+def test_a_second_owner_of_an_import_name_is_to_be_uninstalled() -> None:
+    owners = {**packages_distributions(), "serial": ["pyserial", "serial"]}
+    (finding,) = check_installation(owners, ())
+    assert finding.level is Level.PROBLEM
+    assert finding.fix.startswith("pip uninstall serial; ")
+
+
+def test_a_name_that_nobody_owns_is_a_problem() -> None:
+    owners = {name: [owner] for name, owner in OWNERS.items() if name != "drivers"}
+    (finding,) = check_installation(owners, ())
+    assert finding.subject == "import name 'drivers'"
+
+
+@pytest.mark.parametrize(
+    ("requirement", "what"),
+    [
+        ("numpy>=999", "needed is 999 or newer"),
+        ("no-such-library<3,>=1.0", "no-such-library is missing"),
+        ("numpy>=2.1", None),
+        ('no-such-library>=1.0; extra == "live"', None),
+    ],
+)
+def test_libraries_must_reach_their_lower_bound(requirement: str, what: str | None) -> None:
+    (finding,) = check_installation({name: [owner] for name, owner in OWNERS.items()}, (requirement,))
+    assert (finding.level is Level.OK) == (what is None)
+    assert (what or "") in finding.what
+
+
+# Ports
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> SystemPaths:
+    paths = SystemPaths(tmp_path / "dev", tmp_path / "sys", tmp_path / "proc")
+    for path in (paths.dev, paths.sys, paths.proc):
+        path.mkdir()
+    return paths
+
+
+def plug_in(system: SystemPaths, name: str, link: str) -> Path:
+    """Make a device file that is really /dev/null, and its stable name."""
+    device, stable = system.dev / name, system.dev / link
+    device.symlink_to("/dev/null")
+    stable.parent.mkdir(parents=True, exist_ok=True)
+    stable.symlink_to(device)
+    return device
+
+
+def test_a_missing_port_is_told_with_the_names_that_are_there(system: SystemPaths) -> None:
+    plug_in(system, "ttyUSB3", "serial/by-id/usb-FTDI_A7")
+    (finding,) = check_port("imu", Port(SERIAL, "port", system.dev / "ttyUSB0"), system)
+    assert finding.level is Level.PROBLEM
+    assert finding.fix == f'in [devices.imu] set port = "{system.dev}/serial/by-id/usb-FTDI_A7"'
+
+
+def test_a_dangling_link_is_an_unplugged_device(system: SystemPaths) -> None:
+    link = system.dev / "imu"
+    link.symlink_to("/nowhere/pts/9")
+    (finding,) = check_port("imu", Port(SERIAL, "port", link), system)
+    assert "/nowhere/pts/9, which is gone" in finding.cause
+
+
+def test_a_file_is_no_port(system: SystemPaths) -> None:
+    (system.dev / "imu").write_text("not a device")
+    (finding,) = check_port("imu", Port(SERIAL, "port", system.dev / "imu"), system)
+    assert finding.what.endswith("is no device file")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "link"),
+    [
+        (SERIAL, "ttyACM0", "serial/by-id/usb-x"),
+        (SERIAL, "ttyUSB0", "serial/by-path/pci-1"),
+        (CAMERA, "video0", "v4l/by-id/cam"),
+    ],
+)
+def test_a_moving_name_is_a_warning_with_the_stable_one(
+    kind: PortKind, name: str, link: str, system: SystemPaths
+) -> None:
+    port = Port(kind, "port", plug_in(system, name, link))
+    fine, moving = check_port("imu", port, system)
+    assert fine.level is Level.OK
+    assert moving.level is Level.WARNING
+    assert moving.fix.endswith(f'= "{system.dev / link}"')
+    assert levels(check_port("imu", port._replace(path=system.dev / link), system)) == [Level.OK]
+
+
+def test_who_holds_the_port_is_named(system: SystemPaths) -> None:
+    for pid in (4242, os.getpid()):
+        (system.proc / f"{pid}/fd").mkdir(parents=True)
+        (system.proc / f"{pid}/fd/3").symlink_to("/dev/null")
+        (system.proc / f"{pid}/comm").write_text("gpsd\n")
+    finding = check_port("imu", Port(SERIAL, "port", Path("/dev/null")), system)[-1]
+    assert finding.level is Level.PROBLEM
+    assert finding.cause == "it is in use by gpsd (process 4242)"
+    assert "kill 4242" in finding.fix
+
+
+@pytest.mark.parametrize(
+    ("mode", "fix"),
+    [
+        (0o660, "sudo usermod -aG {group} anna"),
+        (0o600, "sudo chgrp dialout /dev/ttyS9"),
+        (0o620, "sudo chgrp dialout"),
+    ],
+)
+def test_the_fix_of_a_permission_follows_the_bits(mode: int, fix: str) -> None:
+    group = next(entry for entry in grp.getgrall() if entry.gr_name != "root" and "anna" not in entry.gr_mem)
+    status = os.stat_result((stat.S_IFCHR | mode, 0, 0, 1, 0, group.gr_gid, 0, 0, 0, 0))
+    finding = no_permission("imu", Port(SERIAL, "port", Path("/dev/ttyS9")), status, "anna")
+    assert finding.level is Level.PROBLEM
+    assert finding.fix.startswith(fix.format(group=group.gr_name))
+
+
+@pytest.mark.skipif(os.getuid() == 0, reason="root may open everything")
+def test_a_port_without_permission_is_found(system: SystemPaths) -> None:
+    assert check_port("imu", Port(SERIAL, "port", Path("/dev/mem")), system)[0].what.startswith("user ")
+
+
+@pytest.mark.parametrize(("text", "count"), [("16\n", 1), ("1\n", 0), ("?", 0)])
+def test_a_slow_latency_timer_is_a_warning(text: str, count: int, system: SystemPaths) -> None:
+    folder = system.sys / "bus/usb-serial/devices/ttyUSB0"
+    folder.mkdir(parents=True)
+    (folder / "latency_timer").write_text(text)
+    findings = check_latency_timer("imu", Port(SERIAL, "port", system.dev / "ttyUSB0"), system)
+    assert levels(findings) == [Level.WARNING] * count
+
+
+def test_only_devices_with_a_device_file_have_a_port() -> None:
+    slcan = CanWheelsSettings(interface="slcan", channel="/dev/ttyACM0", mapping="generic_wheel")
+    assert port_of(slcan) == Port(SERIAL, "channel", Path("/dev/ttyACM0"))
+    assert port_of(CAN) is None
+
+
+# CAN interface
+
+
+def make_interface(system: SystemPaths, flags: str = "0x40081", kind: str = "280") -> None:
+    folder = system.sys / "class/net/can0"
+    folder.mkdir(parents=True)
+    (folder / "type").write_text(f"{kind}\n")
+    (folder / "flags").write_text(f"{flags}\n")
+
+
+def ip_details(**changes: object) -> str:
+    data = {
+        "state": "ERROR-ACTIVE",
+        "restart_ms": 100,
+        "bittiming": {"bitrate": 500_000},
+        "txqlen": 100,
+        **changes,
+    }
+    queue = data.pop("txqlen")
+    return json.dumps(
+        [{"ifname": "can0", "txqlen": queue, "linkinfo": {"info_kind": "can", "info_data": data}}]
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "what", "fix"),
+    [
+        ({}, Level.OK, "can0 is up", ""),
+        (
+            {"state": "BUS-OFF"},
+            Level.PROBLEM,
+            "BUS-OFF",
+            "sudo ip link set can0 down; sudo ip link set can0 up",
+        ),
+        ({"state": "ERROR-PASSIVE"}, Level.WARNING, "ERROR-PASSIVE", "60 ohm"),
+        ({"bittiming": {"bitrate": 250_000}}, Level.PROBLEM, "250000", "bitrate 500000 restart-ms 100"),
+        ({"restart_ms": 0}, Level.WARNING, "stays off", "restart-ms 100"),
+        ({"txqlen": 10}, Level.WARNING, "10 frames", "txqueuelen 100"),
+    ],
+)
+def test_the_state_of_a_can_interface(
+    changes: dict[str, object], level: Level, what: str, fix: str, system: SystemPaths
+) -> None:
+    make_interface(system)
+    (finding,) = check_interface("wheels", CAN, system.sys, ip_details(**changes))
+    assert finding.level is level
+    assert what in finding.what
+    assert fix in finding.fix
+
+
+def test_a_can_interface_that_is_down_missing_or_none(system: SystemPaths) -> None:
+    (missing,) = check_interface("wheels", CAN, system.sys, "")
+    assert missing.what == "there is no network interface can0"
+    make_interface(system, flags="0x40080")
+    (down,) = check_interface("wheels", CAN, system.sys, "")
+    assert down.fix == "sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
+    (other,) = check_interface("wheels", CAN.model_copy(update={"channel": "can1"}), system.sys, "")
+    assert other.fix.endswith("set channel to one of: can0")
+    (system.sys / "class/net/can0/type").write_text("1")
+    (ethernet,) = check_interface("wheels", CAN, system.sys, "")
+    assert ethernet.what == "can0 is no CAN interface"
+
+
+@pytest.mark.parametrize("text", ["", "no json", "[]", "[3]", '[{"linkinfo": 3}]'])
+def test_without_the_ip_tool_the_rest_is_still_looked_at(text: str, system: SystemPaths) -> None:
+    make_interface(system)
+    assert levels(check_interface("wheels", CAN, system.sys, text)) == [Level.OK]
+
+
+# Clocks, scheduling, calibration, configuration
+
+
+@pytest.mark.parametrize(
+    ("wall_s", "step_s", "level"),
+    [(1.795e9, 0.0, Level.OK), (1.795e9, -0.5, Level.WARNING), (1.0e6, 0.0, Level.WARNING)],
+)
+def test_host_clock(wall_s: float, step_s: float, level: Level) -> None:
+    before = ClockPair(nanoseconds(wall_s), 5 * SECOND)
+    after = ClockPair(nanoseconds(wall_s + 2.0 + step_s), 7 * SECOND)
+    assert levels(check_host_clock(before, after)) == [level]
+
+
+@pytest.mark.parametrize(
+    ("governor", "allowed", "expected"),
+    [
+        ("performance", True, [Level.OK]),
+        ("powersave", True, [Level.WARNING]),
+        ("powersave", False, [Level.WARNING, Level.WARNING]),
+    ],
+)
+def test_scheduling(governor: str, allowed: bool, expected: list[Level], system: SystemPaths) -> None:
+    folder = system.sys / "devices/system/cpu/cpu0/cpufreq"
+    folder.mkdir(parents=True)
+    (folder / "scaling_governor").write_text(f"{governor}\n")
+    assert levels(check_scheduling(system, realtime_allowed=allowed)) == expected
+
+
+@pytest.fixture
+def configure() -> Callable[..., Config]:
+    def make(
+        rate_hz: float = 50.0, expiry_s: float = 0.15, max_age_s: float = 0.15, calibration: str | None = None
+    ) -> Config:
+        return Config.model_validate(
+            {
+                "schema": "rover-hil-config/1",
+                "rover": {"kinematics": "omni3", "wheel_radius_m": 0.04, "base_radius_m": 0.125},
+                "limits": {"wheel_speed_rad_s": 4, "wheel_acceleration_rad_s2": 4},
+                "loop": {"rate_hz": rate_hz},
+                "safety": {"expiry_s": expiry_s},
+                "roles": {"wheels": "board", "headings": ["compass"]},
+                "devices": {
+                    "board": RobotinoBoardSettings(type="robotino_board", port="/dev/x", max_age_s=max_age_s),
+                    "compass": NmeaCompassSettings(port="/dev/y", calibration=calibration),
+                    "imu": WitMotionSettings(port="/dev/z"),
+                },
+            }
+        )
+
+    return make
+
+
+def test_calibration_is_recent_old_from_the_future_or_missing(
+    configure: Callable[..., Config], tmp_path: Path
+) -> None:
+    table = tmp_path / "deviation.toml"
+    for date, level in (
+        ("2026-11-01", Level.OK),
+        ("2025-06-01", Level.WARNING),
+        ("2027-01-01", Level.WARNING),
+    ):
+        table.write_text(
+            f'source = "swung"\ndate = {date}\n'
+            "heading_deg = [0, 90, 180, 270]\ndeviation_deg = [1, 2, 1, 0]\n"
+        )
+        assert levels(check_calibration(configure(calibration=str(table)), DAY)) == [level]
+    (finding,) = check_calibration(configure(), DAY)
+    assert (finding.subject, finding.level) == ("compass", Level.WARNING)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "expiry_s", "max_age_s", "expected"),
+    [
+        (50, 0.15, 0.15, [Level.OK]),
+        (10, 0.15, 0.5, [Level.WARNING]),
+        (5, 0.15, 0.5, [Level.PROBLEM]),
+        (50, 0.15, 0.03, [Level.PROBLEM]),
+    ],
+)
+def test_times_that_do_not_fit(
+    rate_hz: float, expiry_s: float, max_age_s: float, expected: list[Level], configure: Callable[..., Config]
+) -> None:
+    assert levels(check_sanity(configure(rate_hz, expiry_s, max_age_s))) == expected
