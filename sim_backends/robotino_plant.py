@@ -77,6 +77,7 @@ class RobotinoPlantSettings(Settings):
         droop_rad_s_per_a: How far the wheel stays behind its set-point per ampere of friction current.
         inertia_kg_m2: Of rotor, wheel and a third of the rover, seen at the motor.
         idle_current_a: What the electronics draw from the battery.
+        bumper_x_m: Centre of the rover where it touches a wall, which presses the bumper; None: no wall.
         step_s: Longest integration step.
     """
 
@@ -102,6 +103,7 @@ class RobotinoPlantSettings(Settings):
     battery_v: Annotated[float, Field(gt=0)] = 25.0
     battery_resistance_ohm: Annotated[float, Field(ge=0)] = 0.15
     idle_current_a: Annotated[float, Field(ge=0)] = 1.5
+    bumper_x_m: float | None = None
     step_s: Annotated[float, Field(gt=0, le=0.02)] = 0.005
 
 
@@ -129,7 +131,7 @@ class RobotinoPlant:
 
     Left out: sideways slip of the rollers, slip that depends on traction, load transfer and tilt, stalling
     wheels, saturation of the motor voltage, discharge of the battery, the motors' electrical time
-    constant, obstacles (the bumper is never pressed), and the momentum of the body.
+    constant, obstacles that hold the rover back (a wall only presses the bumper), and the body's momentum.
 
     Args:
         settings: The true rover and its ground.
@@ -194,7 +196,7 @@ class RobotinoPlant:
             motor_current_a=currents,
             slip=tuple(self._slip),
             battery_v=settings.battery_v - settings.battery_resistance_ohm * supply_a,
-            bumper_pressed=False,
+            bumper_pressed=settings.bumper_x_m is not None and self._x_m > settings.bumper_x_m,
         )
 
     def _feel_ground(self) -> None:

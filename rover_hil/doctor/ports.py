@@ -168,7 +168,7 @@ def _set_key(device: str, port: Port, paths: SystemPaths) -> str:
 
 def _check_name(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
     path = port.path
-    if path.parent != paths.dev or not path.name.startswith(port.kind.moving_names):
+    if not path.name.startswith(port.kind.moving_names):
         return []
     target = path.resolve()
     stable = next((name for name in _stable_names(port, paths) if name.resolve() == target), None)

@@ -84,7 +84,7 @@ def check_breaks(heard: Heard) -> list[Finding]:
         problem(
             CHECK,
             heard.device,
-            f"the link broke {health.breaks} times while listening: {health.last_link_reason}",
+            f"the link broke while listening: {health.last_link_reason}",
             "a loose plug or cable, too little power on the USB port, or the end of a recording",
             "press the plugs home, replace the cable, look at `sudo dmesg | tail`",
         )

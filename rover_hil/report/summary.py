@@ -152,7 +152,7 @@ def summarise(run: RunData) -> Summary:
         distance_truth_m=truth_m,
         estimate_error=_track_error(run.estimate, truth, truth_m),
         encoders_error=_track_error(run.encoders, truth, truth_m),
-        slip_ratio=None if truth_m is None or encoders_m < LEAST_DISTANCE_M else 1.0 - truth_m / encoders_m,
+        slip_ratio=_slip_ratio(run),
         wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
         cross_track_rms_m=None if cross_m is None else _rms(cross_m),
         cross_track_max_m=None if cross_m is None else float(cross_m.max()),
@@ -205,6 +205,15 @@ def _final_pose(track: Track) -> FinalPose:
     return FinalPose(
         x_m=float(track.x_m[-1]), y_m=float(track.y_m[-1]), yaw_rad=wrap_angle(float(track.yaw_rad[-1]))
     )
+
+
+def _slip_ratio(run: RunData) -> float | None:
+    encoders, truth = run.encoders, run.truth
+    encoders_m = float(encoders.distance_m()[-1])
+    if truth is None or encoders_m < LEAST_DISTANCE_M:
+        return None
+    # Up to the same time: the newest wheel positions are older than the newest truth.
+    return 1.0 - float(np.interp(encoders.t_s[-1], truth.t_s, truth.distance_m())) / encoders_m
 
 
 def _mean_slip(slip: Series | None, true_speed: Series | None) -> float | None:

@@ -1,5 +1,6 @@
 """Writes summary and report of a run, made from its log alone."""
 
+import contextlib
 from importlib import resources
 from pathlib import Path
 
@@ -66,6 +67,7 @@ def _write_all(folder: Path, texts: dict[str, str]) -> None:
             part.replace(path)
     except OSError as error:
         for part in parts.values():
-            part.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                part.unlink()
         msg = f"cannot write the report into {folder}: {error.strerror}; choose another --out"
         raise ConfigError(msg) from error

@@ -62,7 +62,14 @@ class Terminal:
         self._next_s = 0.0
         self._talk = talk
 
+    def unplug(self) -> None:
+        if self.master >= 0:
+            os.close(self.master)
+        self.master = -1
+
     def live(self, now_s: float) -> None:
+        if self.master < 0:
+            return
         try:
             request = os.read(self.master, 4096)
         except BlockingIOError:
@@ -83,7 +90,7 @@ def terminal() -> Iterator[TerminalMaker]:
 
     yield make
     for made in terminals:
-        os.close(made.master)
+        made.unplug()
 
 
 def listen_to(
@@ -170,6 +177,18 @@ def test_the_other_board_is_named(terminal: TerminalMaker) -> None:
     assert "set board" in finding.fix
 
 
+def test_a_plug_pulled_while_listening_is_a_problem(terminal: TerminalMaker) -> None:
+    imu = terminal(0.02, turn)
+
+    def pull(now_s: float) -> None:
+        if now_s > LISTEN_S / 2:
+            imu.unplug()
+
+    devices: Devices = {"imu": {"type": "witmotion", "port": imu.path}, "board": SILENT_BOARD}
+    findings = listen_to(make_config(devices, wheels="board"), imu.live, pull)
+    assert any(finding.what.startswith("the link broke while listening: ") for finding in findings)
+
+
 def test_a_device_without_a_role_may_be_slow(terminal: TerminalMaker) -> None:
     imu = terminal(0.03, turn)
     devices: Devices = {
@@ -207,7 +226,7 @@ def test_a_wheel_missing_on_the_can_bus_is_named_and_nothing_is_sent() -> None:
     missing = next(finding for finding in findings if finding.what.startswith("never came"))
     assert "Wheel3_State" in missing.what
     assert "Wheel2_State" not in missing.what
-    assert "0x7A1" in missing.what
+    assert missing.what.endswith("; on the bus but not in the mapping: 0x7A1")
     lacking = next(finding for finding in findings if finding.what.startswith("samples arrive, but"))
     assert lacking.what == "samples arrive, but no position of wheel 3"
     assert any("Wheel0_State" in finding.what and finding.level is Level.OK for finding in findings)

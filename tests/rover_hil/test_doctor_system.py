@@ -1,11 +1,14 @@
 """The doctor's checks of the computer, its ports and the configuration, on made-up systems."""
 
+import ast
 import datetime as dt
 import grp
 import json
 import os
+import pwd
+import re
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -35,7 +38,7 @@ from rover_hil.doctor.ports import (
 from rover_hil.doctor.sanity import check_sanity
 from rover_hil.doctor.scheduling import check_scheduling
 
-COMPASS = NmeaCompassSettings(port="/dev/null")
+ROOT = Path(__file__).parents[2]
 CAN = CanWheelsSettings(interface="socketcan", channel="can0", mapping="generic_wheel", bit_rate=500_000)
 SECOND = 1_000_000_000
 DAY = dt.date(2026, 11, 21)
@@ -164,7 +167,13 @@ def test_the_fix_of_a_permission_follows_the_bits(mode: int, fix: str) -> None:
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may open everything")
 def test_a_port_without_permission_is_found(system: SystemPaths) -> None:
-    assert check_port("imu", Port(SERIAL, "port", Path("/dev/mem")), system)[0].what.startswith("user ")
+    master, slave = os.openpty()
+    path = Path(os.ttyname(slave))
+    path.chmod(0)
+    (finding,) = check_port("imu", Port(SERIAL, "port", path), system)
+    os.close(master)
+    os.close(slave)
+    assert finding.what.startswith(f"user {pwd.getpwuid(os.getuid()).pw_name} may not open {path}")
 
 
 @pytest.mark.parametrize(("text", "count"), [("16\n", 1), ("1\n", 0), ("?", 0)])
@@ -334,3 +343,32 @@ def test_times_that_do_not_fit(
     rate_hz: float, expiry_s: float, max_age_s: float, expected: list[Level], configure: Callable[..., Config]
 ) -> None:
     assert levels(check_sanity(configure(rate_hz, expiry_s, max_age_s))) == expected
+
+
+# The page
+
+
+def source_texts() -> Iterator[str]:
+    """Yield every text in the program, with `…` for what it fills in."""
+    for package in ("drivers", "controllers", "sim_backends", "rover_hil"):
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.JoinedStr):
+                    yield "".join(
+                        str(part.value) if isinstance(part, ast.Constant) else "…" for part in node.values
+                    )
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    yield node.value
+
+
+def test_the_page_words_messages_as_the_program_does() -> None:
+    page = (ROOT / "docs" / "troubleshooting.md").read_text("utf-8")
+    cells = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
+    messages = [
+        message for cell in cells for message in re.findall(r"`([^`]+)`", cell) if message != "brltty"
+    ]
+    texts = list(source_texts())
+    patterns = {message: ".*".join(map(re.escape, message.split("…"))) for message in messages}
+    unknown = [m for m, pattern in patterns.items() if not any(re.search(pattern, text) for text in texts)]
+    assert len(messages) > 50
+    assert unknown == []

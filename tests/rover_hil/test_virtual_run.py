@@ -183,6 +183,14 @@ def test_a_bad_line_never_breaks_the_loop(kind: str, tmp_path: Path) -> None:
     assert replay_file(path).differences == []
 
 
+def test_the_bumper_ends_the_run_and_the_wheels_stand(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    result = run_virtual(with_changes("robotino", simulation__plant__bumper_x_m=0.2), path, 20.0, None)
+    assert result.end is End.EMERGENCY_STOP
+    assert result.reason == "board: bumper pressed"
+    assert records(path, "/command")[-1]["speed_rad_s"] == [0.0, 0.0, 0.0]
+
+
 def test_time_limit_ends_the_run(tmp_path: Path) -> None:
     result = run_virtual(load_config("robotino"), tmp_path / "run.mcap", 2.0, None)
     assert result.end is End.TIME_OVER

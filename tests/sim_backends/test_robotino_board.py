@@ -308,7 +308,7 @@ def test_driver_in_lockstep_hears_a_sample_per_cycle_without_rejections() -> Non
         health = drive.health()
     assert health.rejected == {}
     assert health.accepted == 500
-    assert health.rate_hz == pytest.approx(150, rel=0.02)
+    assert health.rate_hz == pytest.approx(50, rel=0.02)
 
 
 def test_rover_must_have_three_wheels() -> None:

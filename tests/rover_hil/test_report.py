@@ -1,0 +1,402 @@
+"""Summary and report, from logs whose truth is known."""
+
+import base64
+import json
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from pydantic_core import to_json
+
+from controllers.control_loop import StepOutput
+from controllers.guarded_filter import Innovation
+from controllers.limits import Limit
+from controllers.planar import Pose
+from controllers.pose_filter import PoseEstimate, YawSource
+from controllers.safety import Mode
+from drivers.clock import nanoseconds
+from drivers.driver import DeviceState, Health
+from drivers.errors import ConfigError, LogError
+from drivers.link import LinkChange
+from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
+from rover_hil.command_line.run import run_rover
+from rover_hil.config import load_config
+from rover_hil.importing.robotino_csv import read_run as read_csv
+from rover_hil.importing.to_log import observing_config, write_run_as_log
+from rover_hil.loop.executive import End, RunResult
+from rover_hil.recording.log_writer import LogWriter
+from rover_hil.report.read_run import read_run
+from rover_hil.report.summary import Spread, Summary, summarise
+from rover_hil.report.verdict import Grade, grade, verdict
+from rover_hil.report.write import write_report
+
+START_NS = 5_000_000_000
+PERIOD_S = 0.02
+WAIT_S = 1.0
+SPEED_M_S = 0.1
+SLIP = 0.2
+WHEEL_RAD_S = 2.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """A drive along x of which everything is known: the encoders overstate the way, the estimate does not.
+
+    After a second of settling the wheels turn for `SPEED_M_S`; the rover moves at (1 - SLIP) of it and turns
+    by `yaw_rate_rad_s`, which the encoders do not see. The truth is told in a world frame of its own.
+    """
+
+    duration_s: float = 11.0
+    yaw_rate_rad_s: float = 0.0
+    stop: tuple[float, float] = (0.0, 0.0)
+    has_truth: bool = True
+    has_end: bool = True
+    estimate_is_nan: bool = False
+    origin: str = "virtual"
+    world: tuple[float, float, float] = (7.0, -3.0, 2.5)
+
+    def way_m(self, t_s: float) -> float:
+        return SPEED_M_S * max(0.0, t_s - WAIT_S)
+
+    def yaw_rad(self, t_s: float) -> float:
+        return self.yaw_rate_rad_s * max(0.0, t_s - WAIT_S)
+
+    def mode(self, t_s: float) -> Mode:
+        if self.stop[0] <= t_s < self.stop[1]:
+            return Mode.SAFE_STOP
+        return Mode.SETTLING if t_s <= WAIT_S else Mode.RUNNING
+
+    def output(self, t_s: float) -> StepOutput:
+        t_ns, mode = START_NS + nanoseconds(t_s), self.mode(t_s)
+        estimate = PoseEstimate(
+            t_ns=t_ns,
+            x_m=math.nan if self.estimate_is_nan and t_s > 5.0 else (1.0 - SLIP) * self.way_m(t_s),
+            y_m=0.003,
+            yaw_rad=self.yaw_rad(t_s),
+            velocity_x_m_s=SPEED_M_S,
+            velocity_y_m_s=0.0,
+            yaw_rate_rad_s=0.0,
+            gyro_bias_rad_s=0.0,
+            covariance=(1e-4, 0.0, 0.0, 4e-4, 0.0, 1e-6),
+            yaw_source=YawSource.GYRO,
+        )
+        innovation = Innovation(
+            name="imu standstill", residual=0.01, variance=1e-4, nis=1.0, accepted=t_s > 0.1
+        )
+        command = WheelCommand(t_ns=t_ns, expires_ns=t_ns + 1, speed_rad_s=(WHEEL_RAD_S,) * 3)
+        return StepOutput(
+            t_ns=t_ns,
+            mode=mode,
+            reason="imu: silent" if mode is Mode.SAFE_STOP else "",
+            estimate=estimate,
+            odometry=Pose(x_m=self.way_m(t_s)),
+            odometry_rebases=0,
+            innovations=(innovation,) if t_s < WAIT_S else (),
+            command=command,
+            limit=Limit.ACCELERATION if WAIT_S < t_s < WAIT_S + 0.11 else Limit.NONE,
+            cross_track_m=0.003 if mode is Mode.RUNNING else None,
+        )
+
+    def truth(self, t_s: float) -> dict[str, object]:
+        x_m, y_m, yaw_rad = self.world
+        way_m = (1.0 - SLIP) * self.way_m(t_s)
+        return {
+            "t_ns": START_NS + nanoseconds(t_s),
+            "x_m": x_m + way_m * math.cos(yaw_rad),
+            "y_m": y_m + way_m * math.sin(yaw_rad),
+            "yaw_rad": yaw_rad + self.yaw_rad(t_s),
+            "wheel_speed_rad_s": [WHEEL_RAD_S if t_s > WAIT_S else 0.0, 0.0, -WHEEL_RAD_S],
+            "slip": [SLIP if t_s > WAIT_S else 0.9, 0.5, SLIP],
+        }
+
+
+HEALTH = Health(
+    device="board",
+    state=DeviceState.STREAMING,
+    rate_hz=150.0,
+    age_s=0.01,
+    accepted=100,
+    rejected={"checksum": 3},
+    breaks=1,
+    sent=50,
+    send_failures=0,
+    last_link_reason="<reopened>",
+)
+
+
+def open_log(path: Path, origin: str) -> LogWriter:
+    config_json = load_config("robotino").model_dump_json(by_alias=True).encode()
+    return LogWriter(path, START_NS, config_json, {}, origin)
+
+
+def write_log(path: Path, drive: Drive) -> Path:
+    with open_log(path, drive.origin) as log:
+        count = round(drive.duration_s / PERIOD_S)
+        for t_s in (index * PERIOD_S for index in range(1, count + 1)):
+            write_cycle(log, drive, t_s)
+        now_ns = START_NS + nanoseconds(drive.duration_s)
+        log.health(now_ns, [HEALTH])
+        if drive.has_end:
+            result = RunResult(End.FINISHED, "mission finished", Mode.FINISHED, count, 0, drive.duration_s, 0)
+            log.write_json("/end", now_ns, result.record())
+    return path
+
+
+def write_cycle(log: LogWriter, drive: Drive, t_s: float) -> None:
+    t_ns = START_NS + nanoseconds(t_s)
+    wheels = [
+        WheelSample(device="board", t_ns=t_ns, wheel=i, position_rad=WHEEL_RAD_S * t_s, current_a=0.5)
+        for i in range(3)
+    ]
+    log.samples(t_ns, [*wheels, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=0.01)])
+    log.write_json("/estimate", t_ns, drive.output(t_s))
+    log.write_json("/command", t_ns, SentCommand(t_ns=t_ns, speed_rad_s=(WHEEL_RAD_S,) * 3, delivered=True))
+    if drive.has_truth:
+        log.write_json("/truth", t_ns, drive.truth(t_s))
+    if drive.stop[0] <= t_s < drive.stop[0] + PERIOD_S / 2 and drive.stop[1] > 0.0:
+        log.received("imu", LinkChange(t_ns, up=False, reason="unplugged"))
+        log.write_json("/watchdog", t_ns, None)
+    late_ns = 45_000_000 if 5.0 < t_s < 5.0 + PERIOD_S * 1.5 else 50_000
+    log.write_json("/cycle", t_ns, {"late_ns": late_ns, "work_ns": 400_000})
+
+
+def summary_of(tmp_path: Path, drive: Drive) -> Summary:
+    return summarise(read_run(write_log(tmp_path / "run.mcap", drive)))
+
+
+def page_of(log_path: Path) -> str:
+    folder = log_path.parent / "out"
+    write_report(log_path, folder)
+    return (folder / "report.html").read_text("utf-8")
+
+
+def test_errors_against_a_known_truth(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, Drive(yaw_rate_rad_s=0.01))
+    encoders, estimate = summary.encoders_error, summary.estimate_error
+    assert encoders is not None
+    assert estimate is not None
+    assert summary.distance_encoders_m == pytest.approx(1.0, abs=1e-6)
+    assert summary.distance_truth_m == pytest.approx(0.8, abs=1e-6)
+    assert summary.slip_ratio == pytest.approx(SLIP, abs=1e-6)
+    assert encoders.position_final_m == pytest.approx(0.2, abs=1e-6)
+    assert encoders.position_max_m == pytest.approx(0.2, abs=1e-6)
+    assert encoders.position_final_share == pytest.approx(0.25, abs=1e-6)
+    # The error grows linearly over 10 of 11 seconds.
+    assert encoders.position_rms_m == pytest.approx(0.2 * math.sqrt(10 / 33), rel=0.01)
+    assert encoders.yaw_final_rad == pytest.approx(-0.1, abs=1e-6)
+    assert estimate.position_final_m == pytest.approx(0.003, abs=1e-6)
+    assert estimate.yaw_rms_rad == pytest.approx(0.0, abs=1e-6)
+    assert summary.final_truth is not None
+    assert (summary.final_truth.x_m, summary.final_truth.y_m) == pytest.approx((0.8, 0.0), abs=1e-6)
+    assert summary.final_truth.yaw_rad == pytest.approx(0.1, abs=1e-6)
+
+
+def test_slip_of_a_wheel_is_its_mean_over_the_angle_turned(tmp_path: Path) -> None:
+    # The 0.9 at standstill must not count, and a wheel that never turned has none.
+    first, second, third = summary_of(tmp_path, Drive()).wheel_slip
+    assert (first, third) == pytest.approx((SLIP, SLIP))
+    assert second is None
+
+
+def test_cycles_limits_and_cross_track(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, Drive())
+    assert (summary.end, summary.mode, summary.cycles) == ("mission finished", Mode.RUNNING, 550)
+    assert summary.limited_cycles == {"acceleration": 5}
+    assert summary.refused_innovations == {"imu standstill": 5}
+    assert summary.cross_track_rms_m == pytest.approx(0.003)
+    assert summary.lateness == Spread(p50_us=50.0, p99_us=50.0, max_us=45_000.0)
+    assert summary.work == Spread(p50_us=400.0, p99_us=400.0, max_us=400.0)
+
+
+def test_a_safety_stop_is_told_with_its_time_and_reason(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, Drive(stop=(4.0, 6.0)))
+    (stop,) = summary.stops
+    assert (stop.start_s, stop.end_s) == pytest.approx((4.0, 6.0))
+    assert (stop.mode, stop.reasons) == (Mode.SAFE_STOP, ("imu: silent",))
+    assert summary.watchdog_interventions == 1
+    assert grade(summary) is Grade.ATTENTION
+
+
+def test_a_log_without_truth_says_so(tmp_path: Path) -> None:
+    log_path = write_log(tmp_path / "run.mcap", Drive(has_truth=False, origin="real"))
+    summary = json.loads(write_report(log_path, tmp_path / "out"))
+    missing = ("final_truth", "distance_truth_m", "estimate_error", "encoders_error", "slip_ratio")
+    assert [summary[key] for key in missing] == [None] * 5
+    assert summary["wheel_slip"] == [None, None, None]
+    html = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "Nobody recorded the truth" in html
+    assert "<h2>Distance from the truth</h2>" not in html
+    assert "<h2>Slip</h2>" not in html
+
+
+def test_only_new_camera_poses_count_as_truth(tmp_path: Path) -> None:
+    drive = Drive(origin="imported", has_end=False)
+    with open_log(tmp_path / "run.mcap", "imported") as log:
+        for index in range(1, 551):
+            t_s = index * PERIOD_S
+            write_cycle(log, replace(drive, has_truth=False), t_s)
+            is_new = index % 2 == 0
+            pose = {key: drive.truth(t_s)[key] for key in ("t_ns", "x_m", "y_m", "yaw_rad")}
+            if not is_new:
+                pose["x_m"] = 99.0
+            log.write_json("/truth", START_NS + nanoseconds(t_s), {**pose, "is_new": is_new})
+    summary = summarise(read_run(tmp_path / "run.mcap"))
+    assert summary.slip_ratio == pytest.approx(SLIP, abs=1e-3)
+    assert summary.encoders_error is not None
+    assert summary.encoders_error.position_max_m < 0.21
+    assert summary.end is None
+
+
+def test_a_killed_run_is_reported_up_to_the_cut(tmp_path: Path) -> None:
+    whole = write_log(tmp_path / "whole.mcap", Drive()).read_bytes()
+    cut = tmp_path / "run.mcap"
+    cut.write_bytes(whole[: len(whole) * 3 // 5])
+    run = read_run(cut)
+    summary = summarise(run)
+    assert (summary.is_complete, summary.end) == (False, None)
+    assert 5.1 < summary.duration_s < 8.0
+    assert summary.skipped == 2  # the cycle that came 45 ms late had left out two of 20 ms
+    assert "the log was cut off after" in verdict(run, summary)
+    assert grade(summary) is Grade.ATTENTION
+
+
+def test_wherever_a_log_is_cut_it_is_read_or_refused(tmp_path: Path) -> None:
+    whole = write_log(tmp_path / "whole.mcap", Drive(duration_s=0.2)).read_bytes()
+    cut = tmp_path / "run.mcap"
+    outcomes = set()
+    for size in range(1, len(whole), 97):
+        cut.write_bytes(whole[:size])
+        try:
+            outcomes.add(summarise(read_run(cut)).cycles > 0)
+        except LogError:
+            outcomes.add(False)
+    assert outcomes == {True, False}
+
+
+def test_a_run_that_ended_without_a_word_is_bad(tmp_path: Path) -> None:
+    run = read_run(write_log(tmp_path / "run.mcap", Drive(has_end=False)))
+    summary = summarise(run)
+    assert "without saying why" in verdict(run, summary)
+    assert grade(summary) is Grade.BAD
+
+
+def test_numbers_that_are_not_finite_never_reach_the_summary(tmp_path: Path) -> None:
+    log_path = write_log(tmp_path / "run.mcap", Drive(estimate_is_nan=True, duration_s=6.0))
+    summary = json.loads(write_report(log_path, tmp_path / "out"), parse_constant=pytest.fail)
+    assert summary["final_estimate"] == pytest.approx({"x_m": 0.32, "y_m": 0.003, "yaw_rad": 0.0})
+    assert (tmp_path / "out" / "summary.json").read_text("utf-8") == to_json(summary, indent=2).decode()
+
+
+def test_the_page_is_complete_and_needs_nothing_else(tmp_path: Path) -> None:
+    html = page_of(write_log(tmp_path / "run.mcap", Drive(stop=(4.0, 6.0), origin="<b>odd</b> & co")))
+    titles = re.findall(r"<h2>(.*?)</h2>", html)
+    assert titles == [
+        "Path",
+        "Distance from the truth",
+        "Headings",
+        "Slip",
+        "Motor currents",
+        "Wheel speeds",
+        "Time-line",
+        "Innovations",
+        "Timing",
+        "Devices at the end",
+        "Log",
+    ]
+    pictures = re.findall(r'<img src="data:image/svg\+xml;base64,([^"]+)"', html)
+    assert len(pictures) == html.count("<img") == 9
+    for picture in pictures:
+        assert re.fullmatch(r"<\?xml.*<svg.*</svg>\s*", base64.b64decode(picture).decode(), re.DOTALL)
+    assert "http" not in html
+    assert "<script" not in html
+    assert "<b>odd" not in html
+    assert "and one safety stop." in html
+    assert "imu: silent" in html
+    assert "&lt;reopened&gt;" in html
+    assert "3 checksum" in html
+    assert '"base_radius_m": 0.125' in html.replace("&#34;", '"')
+
+
+def test_the_same_log_gives_the_same_page(tmp_path: Path) -> None:
+    log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=3.0))
+    pages = []
+    for name in ("first", "second"):
+        write_report(log_path, tmp_path / name)
+        pages.append((tmp_path / name / "report.html").read_bytes())
+    assert pages[0] == pages[1]
+
+
+def test_a_log_without_a_cycle_is_refused(tmp_path: Path) -> None:
+    log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=0.0))
+    with pytest.raises(LogError, match="no complete cycle"):
+        write_report(log_path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_message_of_another_shape_is_refused_by_name(tmp_path: Path) -> None:
+    with open_log(tmp_path / "run.mcap", "virtual") as log:
+        write_cycle(log, Drive(), PERIOD_S)
+        log.write_json("/cycle", START_NS, {"late_ns": "soon"})
+    with pytest.raises(LogError, match="/cycle at 5000000000 ns: late_ns"):
+        write_report(tmp_path / "run.mcap", tmp_path / "out")
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
+    log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=2.0))
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ConfigError, match=r"cannot write the report into .*choose another --out"):
+        write_report(log_path, tmp_path / "file" / "out")
+
+
+def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=2.0))
+    write_text = Path.write_text
+
+    def fail_on_report(path: Path, text: str, encoding: str) -> int:
+        count = write_text(path, text[:100], encoding)
+        if "report" in path.name:
+            raise OSError(28, "No space left on device")
+        return count
+
+    monkeypatch.setattr(Path, "write_text", fail_on_report)
+    with pytest.raises(ConfigError, match="No space left"):
+        write_report(log_path, tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_virtual_run_has_a_report(tmp_path: Path) -> None:
+    run_rover("robotino", virtual=True, duration_s=5.0, out=tmp_path / "out", realtime=False, as_json=True)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (summary["cycles"], summary["skipped"], summary["duration_s"]) == (250, 0, 5.0)
+    assert [device["device"] for device in summary["devices"]] == ["board", "imu"]
+    assert 0.4 < summary["distance_truth_m"] < summary["distance_encoders_m"] < 0.6
+    assert 0.0 < summary["slip_ratio"] < 0.15
+    assert 0.0 < summary["wheel_slip"][0] < 0.15
+    html = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "Rectangle of 900 mm × 400 mm on the simulated rover" in html
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("table_surface/exp00", 0.05, 0.15),
+        ("gray_surface/exp52", 0.2, 0.4),
+        ("green_surface/exp76", 0.4, 0.7),
+    ],
+)
+def test_slip_of_measured_runs(
+    tmp_path: Path, shared_data: Path, name: str, least: float, most: float
+) -> None:
+    source = shared_data / "robotino_2023" / "one_surface_type" / f"{name}.csv.gz"
+    log_path = tmp_path / "run.mcap"
+    config = observing_config(load_config("robotino"))
+    for _ in write_run_as_log(read_csv(source, 1.84), config, log_path):
+        pass
+    summary = summarise(read_run(log_path))
+    assert summary.slip_ratio is not None
+    assert least < summary.slip_ratio < most
+    assert (summary.end, summary.lateness, summary.work, summary.devices) == (None, None, None, ())
+    assert grade(summary) is Grade.NEUTRAL
+    assert f"imported from {source.name}: " in page_of(log_path)
