@@ -2,8 +2,8 @@
 
 import gc
 import signal
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
@@ -14,7 +14,7 @@ from rich.text import Text
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, RoverHilError
 from rover_hil.composition import build_real_rig, build_virtual_rig
 from rover_hil.config import Config, load_config
 from rover_hil.loop.executive import End, Executive, RunResult
@@ -142,9 +142,21 @@ def _run_real(
                 watchdog.end()
 
 
-def _open_log(path: Path, config: Config, start_ns: int, origin: str) -> LogWriter:
+@contextmanager
+def _open_log(path: Path, config: Config, start_ns: int, origin: str) -> Iterator[LogWriter]:
+    """Give a log that vanishes again when the run fails before anything was recorded."""
     config_json = config.model_dump_json(by_alias=True).encode()
-    return LogWriter(path, start_ns, config_json, collect_data_files(config), origin)
+    log = LogWriter(path, start_ns, config_json, collect_data_files(config), origin)
+    try:
+        yield log
+    except RoverHilError:
+        if log.is_empty:
+            path.unlink()
+            with suppress(OSError):
+                path.parent.rmdir()
+        raise
+    finally:
+        log.close()
 
 
 def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:

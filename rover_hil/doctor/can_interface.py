@@ -47,17 +47,9 @@ def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_deta
     channel = settings.channel
     folder = sys / "class/net" / channel
     if not folder.is_dir():
-        return [_missing(device, channel, sys)]
+        return [_no_interface(device, sys, f"there is no network interface {channel}")]
     if read_text(folder / "type") != CAN_LINK_TYPE:
-        return [
-            problem(
-                CHECK,
-                device,
-                f"{channel} is no CAN interface",
-                "the name belongs to another kind of network",
-                f"in [devices.{device}] set channel to one of: {_can_interfaces(sys)}",
-            )
-        ]
+        return [_no_interface(device, sys, f"{channel} is no CAN interface")]
     details = _details_of(ip_details)
     data = _table(_table(details.get("linkinfo")).get("info_data"))
     if not int(read_text(folder / "flags") or "0", 16) & UP_FLAG:
@@ -79,7 +71,7 @@ def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_deta
     return findings or [ok(CHECK, device, f"{channel} is up")]
 
 
-def _missing(device: str, channel: str, sys: Path) -> Finding:
+def _no_interface(device: str, sys: Path, what: str) -> Finding:
     others = _can_interfaces(sys)
     if others:
         cause = f"the interface has another name: there is {others}"
@@ -87,7 +79,7 @@ def _missing(device: str, channel: str, sys: Path) -> Finding:
     else:
         cause = "the adapter is not plugged in, or its kernel driver is not loaded"
         fix = "plug it in and look with `ip -brief link show type can` and `sudo dmesg | tail`"
-    return problem(CHECK, device, f"there is no network interface {channel}", cause, fix)
+    return problem(CHECK, device, what, cause, fix)
 
 
 def _can_interfaces(sys: Path) -> str:

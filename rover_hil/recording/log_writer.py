@@ -70,6 +70,11 @@ class LogWriter:
     ) -> None:
         self.close()
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing has been written but the header."""
+        return not self._channels
+
     def close(self) -> None:
         """Finish the file; may be called again."""
         with self._lock:

@@ -53,7 +53,7 @@ def draw_error(run: RunData, summary: Summary) -> Figure | None:
         style.line(axes, Series(error.t_s, 1e3 * error.value), colour, label, width)
     axes.set_ylabel("off the truth (mm)")
     axes.set_ylim(bottom=0)
-    style.finish(figure, [axes], summary)
+    style.finish(figure, [axes], run, summary)
     return figure
 
 
@@ -69,7 +69,7 @@ def draw_headings(run: RunData, summary: Summary) -> Figure:
         _draw_yaw(axes, Series(run.truth.t_s, run.truth.yaw_rad), style.TRUTH, "truth", MIDDLE)
     _draw_yaw(axes, Series(run.estimate.t_s, run.estimate.yaw_rad), style.ESTIMATE, "estimate", NARROW)
     axes.set_ylabel("yaw (deg)")
-    style.finish(figure, [axes], summary)
+    style.finish(figure, [axes], run, summary)
     return figure
 
 

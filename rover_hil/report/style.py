@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
+from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary
 from rover_hil.report.tracks import Series
 
@@ -80,13 +81,13 @@ def pale(colour: str) -> str:
     return to_hex((red, green, blue))
 
 
-def finish(figure: Figure, plots: Sequence[Axes], summary: Summary) -> None:
+def finish(figure: Figure, plots: Sequence[Axes], run: RunData, summary: Summary) -> None:
     """Shade the safety stops, span the whole run, and say above what is what."""
     for axes in plots:
         for index, stop in enumerate(summary.stops):
             label = "safety stop" if index == 0 else None
             axes.axvspan(stop.start_s, stop.end_s, color=STOPPED, linewidth=0, zorder=0.5, label=label)
-        axes.set_xlim(0, summary.duration_s)
+        axes.set_xlim(0, run.cycles.t_s[-1])
     handles, labels = plots[0].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=3)

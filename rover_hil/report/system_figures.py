@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, ScalarFormatter
+from matplotlib.ticker import EngFormatter
 
 from controllers.limits import Limit
 from controllers.safety import Mode
@@ -60,7 +60,7 @@ def draw_innovations(run: RunData, summary: Summary) -> Figure | None:
         axes.set_title(name)
         _draw_innovation(axes, data)
         axes.set_ylabel("residual (deg/s)" if name.endswith("standstill") else "residual (deg)")
-    style.finish(figure, plots, summary)
+    style.finish(figure, plots, run, summary)
     return figure
 
 
@@ -76,7 +76,7 @@ def draw_timing(run: RunData, summary: Summary) -> Figure | None:
     figure = Figure(figsize=(style.WIDTH_IN, 2.9), layout="constrained")
     axes = figure.add_subplot(xscale="log", yscale="log", xlabel="time", ylabel="cycles")
     axes.xaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_major_formatter(ScalarFormatter())
+    axes.yaxis.set_major_formatter("{x:.0f}")
     for time_us, spread, colour, name in (
         (run.cycles.late_us, summary.lateness, style.COMMANDED, "late"),
         (run.cycles.work_us, summary.work, style.MEASURED, "work"),
@@ -99,7 +99,7 @@ def _draw_bar(
 
 def _draw_link(axes: Axes, row: int, device: str, run: RunData) -> None:
     changes = [event for event in run.link_events if event.device == device]
-    times_s = [0.0, *(event.t_s for event in changes), run.duration_s]
+    times_s = [0.0, *(event.t_s for event in changes), float(run.cycles.t_s[-1])]
     states = [True, *(event.up for event in changes)]
     for start_s, end_s, up in zip(times_s[:-1], times_s[1:], states, strict=True):
         _draw_bar(axes, row, start_s, end_s, "#d9efe1" if up else style.ALARM)

@@ -87,7 +87,8 @@ def facts(summary: Summary) -> list[Fact]:
         found.append(Fact("skipped cycles", f"{summary.skipped} of {summary.cycles}", work))
     if summary.mode is not Mode.OBSERVING:
         stopped_s = sum(stop.end_s - stop.start_s for stop in summary.stops)
-        found.append(Fact("safety stops", str(len(summary.stops)), f"{stopped_s:.1f} s in all"))
+        detail = f"{stopped_s:.1f} s in all" if summary.stops else ""
+        found.append(Fact("safety stops", str(len(summary.stops)), detail))
     return found
 
 
@@ -132,7 +133,9 @@ def _how_it_ended(summary: Summary) -> str:
         return f": {time} long."
     stops = len(summary.stops)
     stopped = {0: "", 1: " and one safety stop"}.get(stops, f" and {stops} safety stops")
-    return f": {summary.reason} after {time}{stopped}."
+    particulars = summary.reason.removeprefix("time is over; ")
+    why = "" if summary.end in (End.FINISHED, End.STOPPED_BY_USER) else f" ({particulars})"
+    return f": {summary.end} after {time}{stopped}{why}."
 
 
 def _how_far_off(summary: Summary) -> str:

@@ -21,13 +21,13 @@ def draw_slip(run: RunData, summary: Summary) -> Figure | None:
     if not slips and run.truth is not None:
         slips = {"whole rover": slip_over_time(run.encoders, run.truth)}
     shown = {name: Series(slip.t_s, 100.0 * slip.value) for name, slip in slips.items()}
-    return _draw_with_means(shown, style.TRUTH, "slip (%)", summary)
+    return _draw_with_means(shown, style.TRUTH, "slip (%)", run, summary)
 
 
 def draw_currents(run: RunData, summary: Summary) -> Figure | None:
     """Draw the motor current of each wheel."""
     currents = {wheel.name: wheel.current for wheel in run.wheels if wheel.current is not None}
-    return _draw_with_means(currents, style.MEASURED, "current (A)", summary)
+    return _draw_with_means(currents, style.MEASURED, "current (A)", run, summary)
 
 
 def draw_speeds(run: RunData, summary: Summary) -> Figure | None:
@@ -42,12 +42,12 @@ def draw_speeds(run: RunData, summary: Summary) -> Figure | None:
             style.line(axes, wheel.set_point, style.pale(style.COMMANDED), "set-point", 4.0)
         if wheel.speed is not None:
             style.line(axes, wheel.speed, style.MEASURED, "measured")
-    style.finish(figure, plots, summary)
+    style.finish(figure, plots, run, summary)
     return figure
 
 
 def _draw_with_means(
-    values: Mapping[str, Series], colour: str, label: str, summary: Summary
+    values: Mapping[str, Series], colour: str, label: str, run: RunData, summary: Summary
 ) -> Figure | None:
     if not values:
         return None
@@ -56,7 +56,7 @@ def _draw_with_means(
         axes.set_title(name)
         style.line(axes, series, style.pale(colour), "unsmoothed", 0.8)
         style.line(axes, _mean(series), colour, f"mean over {MEAN_WINDOW_S:g} s")
-    style.finish(figure, plots, summary)
+    style.finish(figure, plots, run, summary)
     return figure
 
 

@@ -19,11 +19,14 @@ from controllers.settings import (
     RectangleMission,
     SafetySettings,
     SkidSteerRoverSettings,
+    WaypointsMission,
 )
 from drivers.samples import HeadingReference, HeadingSample, RateSample, Sample, WheelSample
 
+MS = 1_000_000
 SECOND_NS = 1_000_000_000
-TICK_NS = 1_000_000
+TICK_NS = MS
+PERIOD_NS = 20 * MS
 START_NS = SECOND_NS
 
 OMNI = OmniRoverSettings(kinematics="omni3", wheel_radius_m=0.04, base_radius_m=0.125)
@@ -182,3 +185,20 @@ def run(
         outputs.append(loop.step(rover.t_ns, samples))
         rover.set_point_rad_s = np.array(outputs[-1].command.speed_rad_s)
     return outputs
+
+
+HONEST = Noise(gyro_rad_s=0.01, gyro_bias_rad_s=0.02, heading_rad=0.03)
+LONG_WAY = WaypointsMission(type="waypoints", points=((50.0, 0.0),), speed_m_s=0.2)
+
+
+def omni_rover(seed: int = 0, noise: Noise = HONEST) -> SimulatedRover:
+    return SimulatedRover(omni_geometry(), np.random.default_rng(seed), noise)
+
+
+def long_drive() -> ControlLoop:
+    return ControlLoop(make_settings(mission=LONG_WAY), ROLES)
+
+
+def silent(device: str) -> Callable[[Sample], Sample | None]:
+    """Return a fault: nothing from `device`."""
+    return lambda sample: None if sample.device == device else sample

@@ -71,6 +71,8 @@ def test_the_rectangle_is_driven_through_all_corners(heading: str, moves_sideway
     assert max(speeds) == pytest.approx(0.1)
     if heading == "hold":
         assert all(pose.yaw_rad == 0.0 for pose in track.poses)
+    else:
+        assert track.poses[-1].yaw_rad == pytest.approx(-0.5 * math.pi, abs=0.1)
     if not moves_sideways:
         assert all(guidance.velocity_y_m_s == 0.0 for guidance in track.guidances)
 

@@ -205,6 +205,26 @@ def test_a_break_within_one_cycle_stops_too(pair: tuple[Sample, Sample]) -> None
     assert watch.healthy_until_running() == 410
 
 
+def test_an_old_stamp_after_a_new_one_does_not_make_a_device_stale() -> None:
+    watch = running()
+    for _ in range(30):
+        now_ns = watch.now_ns + 10 * MS
+        assert watch.cycle(*everything(now_ns), *everything(now_ns - 400 * MS)) is Mode.RUNNING
+
+
+def test_clearing_one_device_leaves_the_faults_of_others() -> None:
+    watch = running()
+    for sample in (
+        FaultSample(device="drive", t_ns=0, wheel=0, code=1, text="stalled"),
+        FaultSample(device="imu", t_ns=0, code=2, text="saturated"),
+        FaultSample(device="drive", t_ns=0, code=0, text="ok"),
+    ):
+        watch.supervisor.observe(sample, 0)
+    for _ in range(2):
+        watch.cycle(*everything(watch.now_ns + 10 * MS))
+    assert watch.supervisor.reason == "imu: fault 2 (saturated)"
+
+
 def test_devices_that_are_not_required_do_not_stop() -> None:
     watch = running()
     for sample in (

@@ -90,10 +90,10 @@ def system(tmp_path: Path) -> SystemPaths:
     return paths
 
 
-def plug_in(system: SystemPaths, name: str, link: str) -> Path:
-    """Make a device file that is really /dev/null, and its stable name."""
+def plug_in(system: SystemPaths, name: str, link: str, target: str = "/dev/null") -> Path:
+    """Make a device file that is really `target`, and its stable name."""
     device, stable = system.dev / name, system.dev / link
-    device.symlink_to("/dev/null")
+    device.symlink_to(target)
     stable.parent.mkdir(parents=True, exist_ok=True)
     stable.symlink_to(device)
     return device
@@ -130,6 +130,7 @@ def test_a_file_is_no_port(system: SystemPaths) -> None:
 def test_a_moving_name_is_a_warning_with_the_stable_one(
     kind: PortKind, name: str, link: str, system: SystemPaths
 ) -> None:
+    plug_in(system, "other", f"{Path(link).parent}/a-first-name", "/dev/zero")
     port = Port(kind, "port", plug_in(system, name, link))
     fine, moving = check_port("imu", port, system)
     assert fine.level is Level.OK

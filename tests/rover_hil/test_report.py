@@ -29,7 +29,7 @@ from rover_hil.loop.executive import End, RunResult
 from rover_hil.recording.log_writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
-from rover_hil.report.verdict import Grade, grade, verdict
+from rover_hil.report.verdict import Grade, grade, tag, verdict
 from rover_hil.report.write import write_report
 
 START_NS = 5_000_000_000
@@ -150,7 +150,8 @@ def write_cycle(log: LogWriter, drive: Drive, t_s: float) -> None:
         WheelSample(device="board", t_ns=t_ns, wheel=i, position_rad=WHEEL_RAD_S * t_s, current_a=0.5)
         for i in range(3)
     ]
-    log.samples(t_ns, [*wheels, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=0.01)])
+    stranger = WheelSample(device="arm", t_ns=t_ns - 1, wheel=0, position_rad=0.0)
+    log.samples(t_ns, [*wheels, stranger, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=0.01)])
     log.write_json("/estimate", t_ns, drive.output(t_s))
     log.write_json("/command", t_ns, SentCommand(t_ns=t_ns, speed_rad_s=(WHEEL_RAD_S,) * 3, delivered=True))
     if drive.has_truth:
@@ -259,7 +260,7 @@ def test_a_killed_run_is_reported_up_to_the_cut(tmp_path: Path) -> None:
     assert 5.1 < summary.duration_s < 8.0
     assert summary.skipped == 2  # the cycle that came 45 ms late had left out two of 20 ms
     assert "the log was cut off after" in verdict(run, summary)
-    assert grade(summary) is Grade.ATTENTION
+    assert (tag(summary), grade(summary)) == ("log cut off", Grade.ATTENTION)
 
 
 def test_wherever_a_log_is_cut_it_is_read_or_refused(tmp_path: Path) -> None:
@@ -273,6 +274,12 @@ def test_wherever_a_log_is_cut_it_is_read_or_refused(tmp_path: Path) -> None:
         except LogError:
             outcomes.add(False)
     assert outcomes == {True, False}
+
+
+def test_only_the_wheel_device_turns_wheels(tmp_path: Path) -> None:
+    speed = read_run(write_log(tmp_path / "run.mcap", Drive())).wheels[0].speed
+    assert speed is not None
+    assert speed.value == pytest.approx(WHEEL_RAD_S)
 
 
 def test_a_run_that_ended_without_a_word_is_bad(tmp_path: Path) -> None:

@@ -1,0 +1,174 @@
+"""The commands as a user meets them: exit codes, one-sentence errors, nothing half-done left behind."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import SystemClock, nanoseconds
+from rover_hil.command_line.app import main
+from rover_hil.recording.log_reader import LogReader
+
+SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
+RUN_LIMIT_S = 60.0
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> "Command":
+    monkeypatch.chdir(tmp_path)
+    return Command(monkeypatch, capsys)
+
+
+class Command:
+    """Runs the command line in this process."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._monkeypatch = monkeypatch
+        self._capsys = capsys
+        self.out = ""
+        self.error = ""
+
+    def __call__(self, *arguments: str) -> int:
+        self._monkeypatch.setattr(sys, "argv", ["rover-hil", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            main()
+        self.out, self.error = self._capsys.readouterr()
+        return caught.value.code if isinstance(caught.value.code, int) else 0
+
+
+def assert_one_sentence(error: str, *words: str) -> None:
+    assert error.startswith("rover-hil: ")
+    assert error.count("\n") == 1
+    assert "Traceback" not in error
+    for word in words:
+        assert word in error
+
+
+@pytest.mark.parametrize("name", ["run", "simulate", "replay", "doctor", "import"])
+def test_every_command_has_help_with_an_example(command: Command, name: str) -> None:
+    arguments = ("import", "robotino") if name == "import" else (name,)
+    assert command(*arguments, "--help") == 0
+    assert "Example:" in command.out
+    assert "rover-hil" in command.out
+
+
+def test_virtual_run_writes_log_summary_and_report(command: Command, tmp_path: Path) -> None:
+    assert command("run", "robotino", "--virtual", "--duration", "2", "--out", "a", "--json") == 0
+    assert json.loads(command.out) == json.loads((tmp_path / "a" / "summary.json").read_text())
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == [
+        "report.html", "run.mcap", "summary.json",
+    ]  # fmt: skip
+    assert command("replay", "a/run.mcap", "--json") == 0
+    assert json.loads(command.out)["identical"] is True
+
+
+def test_a_run_that_ends_in_a_safe_stop_says_no(command: Command, tmp_path: Path) -> None:
+    text = (SHIPPED / "robotino.toml").read_text()
+    fault = '[[simulation.faults]]\ntype = "unplug"\ndevice = "imu"\nstart_s = 1.5\nduration_s = 100\n'
+    (tmp_path / "broken.toml").write_text(f"{text}\n{fault}")
+    assert command("run", "broken.toml", "--virtual", "--duration", "3", "--out", "a") == 1
+    assert "imu" in command.out
+
+
+def test_a_log_is_not_overwritten(command: Command) -> None:
+    assert command("run", "robotino", "--virtual", "--duration", "1", "--out", "a") == 0
+    before = Path("a/run.mcap").read_bytes()
+    assert command("run", "robotino", "--virtual", "--duration", "1", "--out", "a") == 2
+    assert_one_sentence(command.error, "a/run.mcap", "never overwritten")
+    assert Path("a/run.mcap").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "nothing.toml"), ("nothing.toml", "el-dorado, robotino")),
+        (("run", "robotino", "--out", "a"), ("ports/board",)),
+        (("run", "robotino", "--virtual", "--realtime"), ("--realtime",)),
+        (("run", "robotino", "--virtual", "--out", "taken"), ("taken",)),
+        (("replay", "nothing.mcap"), ("nothing.mcap",)),
+        (("replay", "taken"), ("taken",)),
+        (("replay", "."), (".",)),
+        (("doctor", "nothing.toml"), ("nothing.toml",)),
+        (("simulate", "nothing.toml"), ("nothing.toml",)),
+        (("import", "robotino", "nothing.csv", "-o", "a.mcap"), ("nothing.csv",)),
+        (("import", "robotino", "taken", "-o", "a.mcap"), ("taken",)),
+        (("import", "robotino", "taken", "-o", "a.mcap", "--millimetres-per-pixel", "-1"), ("positive",)),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(
+    command: Command, tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    (tmp_path / "taken").write_text("a file of somebody else")
+    assert command(*arguments) == 2
+    assert_one_sentence(command.error, *words)
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+    assert (tmp_path / "taken").read_text() == "a file of somebody else"
+
+
+def test_configuration_without_simulation_leaves_nothing(command: Command, tmp_path: Path) -> None:
+    text = (SHIPPED / "robotino.toml").read_text()
+    (tmp_path / "real.toml").write_text(text[: text.index("[simulation]")])
+    assert command("run", "real.toml", "--virtual", "--out", "a") == 2
+    assert_one_sentence(command.error, "[simulation]")
+    assert not (tmp_path / "a").exists()
+
+
+def test_usage_errors_exit_with_two(command: Command) -> None:
+    assert command("run") == 2
+    assert command("run", "robotino", "--no-such-option") == 2
+    assert command("fly") == 2
+
+
+def test_measured_run_from_csv_to_report(command: Command, shared_data: Path, tmp_path: Path) -> None:
+    file = shared_data / "robotino_2023" / "one_surface_type" / "gray_surface" / "exp00.csv.gz"
+    assert command("import", "robotino", str(file), "-o", "a.mcap") == 0
+    assert command("import", "robotino", str(file), "-o", "a.mcap") == 2
+    assert_one_sentence(command.error, "a.mcap", "never overwritten")
+    assert command("replay", "a.mcap", "--out", "report") == 0
+    summary = json.loads((tmp_path / "report" / "summary.json").read_text())
+    assert summary["origin"].startswith("imported from exp00")
+    # Gray textile: the shared data's own check finds a mean slip of 0.30 to 0.33 on it at 1.84 mm per pixel.
+    assert summary["distance_encoders_m"] > 1.2 * summary["distance_truth_m"]
+
+
+def test_two_processes_over_pseudo_terminals_and_ctrl_c(tmp_path: Path) -> None:
+    """Simulator and loop as separate processes, ended by ctrl-C: the run is complete and replays."""
+    program = Path(sys.executable).with_name("rover-hil")
+    clock = SystemClock()
+    simulator = subprocess.Popen([program, "simulate", "robotino"], cwd=tmp_path, stdout=subprocess.DEVNULL)
+    runner: subprocess.Popen[bytes] | None = None
+    try:
+        deadline_ns = clock.now_ns() + nanoseconds(RUN_LIMIT_S)
+        while not (tmp_path / "ports" / "imu").exists():
+            assert clock.now_ns() < deadline_ns
+            clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
+        runner = subprocess.Popen(
+            [program, "run", "robotino", "--out", "a"], cwd=tmp_path, stdout=subprocess.DEVNULL
+        )
+        log_path = tmp_path / "a" / "run.mcap"
+        while not log_path.exists() or log_path.stat().st_size < 300_000:
+            assert clock.now_ns() < deadline_ns
+            assert runner.poll() is None
+            clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
+        runner.send_signal(signal.SIGINT)
+        assert runner.wait(RUN_LIMIT_S) == 0
+        runner = None
+    finally:
+        simulator.send_signal(signal.SIGINT)
+        assert simulator.wait(RUN_LIMIT_S) == 0
+        if runner is not None:
+            runner.kill()
+            runner.wait()
+    assert not (tmp_path / "ports" / "imu").exists()
+    summary = json.loads((tmp_path / "a" / "summary.json").read_text())
+    assert summary["end"] == "stopped by user"
+    assert summary["stops"] == []
+    assert all(device["rejected"] == {} for device in summary["devices"])
+    log = LogReader(log_path)
+    assert list(log.messages())
+    assert log.is_complete
+    replayed = subprocess.run([program, "replay", log_path], check=False, capture_output=True, text=True)
+    assert replayed.returncode == 0, replayed.stdout
