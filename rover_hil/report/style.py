@@ -54,8 +54,7 @@ STYLE = mpl.RcParams(
 def data_uri(figure: Figure) -> str:
     """Return a figure as an SVG picture inside an address; the same figure gives the same text."""
     stream = io.BytesIO()
-    with mpl.rc_context(STYLE):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
+    figure.savefig(stream, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
@@ -81,13 +80,18 @@ def pale(colour: str) -> str:
     return to_hex((red, green, blue))
 
 
+def span(axes: Axes, run: RunData) -> None:
+    """Show the whole run; a log of a single cycle has no length to show."""
+    axes.set_xlim(0, float(run.cycles.t_s[-1]) or None)
+
+
 def finish(figure: Figure, plots: Sequence[Axes], run: RunData, summary: Summary) -> None:
     """Shade the safety stops, span the whole run, and say above what is what."""
     for axes in plots:
         for index, stop in enumerate(summary.stops):
             label = "safety stop" if index == 0 else None
             axes.axvspan(stop.start_s, stop.end_s, color=STOPPED, linewidth=0, zorder=0.5, label=label)
-        axes.set_xlim(0, run.cycles.t_s[-1])
+        span(axes, run)
     handles, labels = plots[0].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
@@ -96,9 +100,10 @@ def finish(figure: Figure, plots: Sequence[Axes], run: RunData, summary: Summary
 def with_gaps(series: Series) -> Series:
     """Return the series with NaN where nothing was heard for long, so that no line is drawn there."""
     steps_s = np.diff(series.t_s)
-    if len(steps_s) == 0:
+    if not steps_s.any():
         return series
-    gaps = np.flatnonzero(steps_s > GAP_FACTOR * np.median(steps_s)) + 1
+    # Poses repeat their time in every cycle without new wheel positions.
+    gaps = np.flatnonzero(steps_s > GAP_FACTOR * np.median(steps_s[steps_s > 0.0])) + 1
     return Series(np.insert(series.t_s, gaps, series.t_s[gaps]), np.insert(series.value, gaps, np.nan))
 
 

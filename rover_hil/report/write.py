@@ -58,13 +58,13 @@ def _render(run: RunData, summary: Summary) -> str:
 
 def _write_all(folder: Path, texts: dict[str, str]) -> None:
     """Write all files under temporary names, then move them into place."""
-    parts = {folder / name: folder / f".{name}.part" for name in texts}
+    parts = {name: folder / f".{name}.part" for name in texts}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for part, text in zip(parts.values(), texts.values(), strict=True):
-            part.write_text(text, "utf-8")
-        for path, part in parts.items():
-            part.replace(path)
+        for name, part in parts.items():
+            part.write_text(texts[name], "utf-8")
+        for name, part in parts.items():
+            part.replace(folder / name)
     except OSError as error:
         for part in parts.values():
             with contextlib.suppress(OSError):

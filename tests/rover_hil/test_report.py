@@ -1,14 +1,10 @@
-"""Summary and report, from logs whose truth is known."""
+"""Summary and verdict, from logs whose truth is known."""
 
-import base64
-import json
 import math
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from pydantic_core import to_json
 
 from controllers.control_loop import StepOutput
 from controllers.guarded_filter import Innovation
@@ -18,10 +14,9 @@ from controllers.pose_filter import PoseEstimate, YawSource
 from controllers.safety import Mode
 from drivers.clock import nanoseconds
 from drivers.driver import DeviceState, Health
-from drivers.errors import ConfigError, LogError
+from drivers.errors import LogError
 from drivers.link import LinkChange
 from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
-from rover_hil.command_line.run import run_rover
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
@@ -167,12 +162,6 @@ def summary_of(tmp_path: Path, drive: Drive) -> Summary:
     return summarise(read_run(write_log(tmp_path / "run.mcap", drive)))
 
 
-def page_of(log_path: Path) -> str:
-    folder = log_path.parent / "out"
-    write_report(log_path, folder)
-    return (folder / "report.html").read_text("utf-8")
-
-
 def test_errors_against_a_known_truth(tmp_path: Path) -> None:
     summary = summary_of(tmp_path, Drive(yaw_rate_rad_s=0.01))
     encoders, estimate = summary.encoders_error, summary.estimate_error
@@ -218,18 +207,6 @@ def test_a_safety_stop_is_told_with_its_time_and_reason(tmp_path: Path) -> None:
     assert (stop.mode, stop.reasons) == (Mode.SAFE_STOP, ("imu: silent",))
     assert summary.watchdog_interventions == 1
     assert grade(summary) is Grade.ATTENTION
-
-
-def test_a_log_without_truth_says_so(tmp_path: Path) -> None:
-    log_path = write_log(tmp_path / "run.mcap", Drive(has_truth=False, origin="real"))
-    summary = json.loads(write_report(log_path, tmp_path / "out"))
-    missing = ("final_truth", "distance_truth_m", "estimate_error", "encoders_error", "slip_ratio")
-    assert [summary[key] for key in missing] == [None] * 5
-    assert summary["wheel_slip"] == [None, None, None]
-    html = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "Nobody recorded the truth" in html
-    assert "<h2>Distance from the truth</h2>" not in html
-    assert "<h2>Slip</h2>" not in html
 
 
 def test_only_new_camera_poses_count_as_truth(tmp_path: Path) -> None:
@@ -289,50 +266,14 @@ def test_a_run_that_ended_without_a_word_is_bad(tmp_path: Path) -> None:
     assert grade(summary) is Grade.BAD
 
 
-def test_numbers_that_are_not_finite_never_reach_the_summary(tmp_path: Path) -> None:
-    log_path = write_log(tmp_path / "run.mcap", Drive(estimate_is_nan=True, duration_s=6.0))
-    summary = json.loads(write_report(log_path, tmp_path / "out"), parse_constant=pytest.fail)
-    assert summary["final_estimate"] == pytest.approx({"x_m": 0.32, "y_m": 0.003, "yaw_rad": 0.0})
-    assert (tmp_path / "out" / "summary.json").read_text("utf-8") == to_json(summary, indent=2).decode()
-
-
-def test_the_page_is_complete_and_needs_nothing_else(tmp_path: Path) -> None:
-    html = page_of(write_log(tmp_path / "run.mcap", Drive(stop=(4.0, 6.0), origin="<b>odd</b> & co")))
-    titles = re.findall(r"<h2>(.*?)</h2>", html)
-    assert titles == [
-        "Path",
-        "Distance from the truth",
-        "Headings",
-        "Slip",
-        "Motor currents",
-        "Wheel speeds",
-        "Time-line",
-        "Innovations",
-        "Timing",
-        "Devices at the end",
-        "Log",
-    ]
-    pictures = re.findall(r'<img src="data:image/svg\+xml;base64,([^"]+)"', html)
-    assert len(pictures) == html.count("<img") == 9
-    for picture in pictures:
-        assert re.fullmatch(r"<\?xml.*<svg.*</svg>\s*", base64.b64decode(picture).decode(), re.DOTALL)
-    assert "http" not in html
-    assert "<script" not in html
-    assert "<b>odd" not in html
-    assert "and one safety stop." in html
-    assert "imu: silent" in html
-    assert "&lt;reopened&gt;" in html
-    assert "3 checksum" in html
-    assert '"base_radius_m": 0.125' in html.replace("&#34;", '"')
-
-
-def test_the_same_log_gives_the_same_page(tmp_path: Path) -> None:
-    log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=3.0))
-    pages = []
-    for name in ("first", "second"):
-        write_report(log_path, tmp_path / name)
-        pages.append((tmp_path / name / "report.html").read_bytes())
-    assert pages[0] == pages[1]
+def test_the_verdict_says_why_a_run_did_not_finish(tmp_path: Path) -> None:
+    run = read_run(write_log(tmp_path / "run.mcap", Drive(duration_s=2.0)))
+    summary = summarise(run)
+    late = replace(summary, end=End.TIME_OVER, reason="time is over; the rover was running")
+    bumped = replace(summary, end=End.EMERGENCY_STOP, reason="board: bumper pressed")
+    assert ": time over after 2.0 s (the rover was running)." in verdict(run, late)
+    assert ": emergency stop after 2.0 s (board: bumper pressed)." in verdict(run, bumped)
+    assert [grade(each) for each in (summary, late, bumped)] == [Grade.GOOD, Grade.ATTENTION, Grade.BAD]
 
 
 def test_a_log_without_a_cycle_is_refused(tmp_path: Path) -> None:
@@ -348,41 +289,6 @@ def test_a_message_of_another_shape_is_refused_by_name(tmp_path: Path) -> None:
         log.write_json("/cycle", START_NS, {"late_ns": "soon"})
     with pytest.raises(LogError, match="/cycle at 5000000000 ns: late_ns"):
         write_report(tmp_path / "run.mcap", tmp_path / "out")
-
-
-def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
-    log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=2.0))
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(ConfigError, match=r"cannot write the report into .*choose another --out"):
-        write_report(log_path, tmp_path / "file" / "out")
-
-
-def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=2.0))
-    write_text = Path.write_text
-
-    def fail_on_report(path: Path, text: str, encoding: str) -> int:
-        count = write_text(path, text[:100], encoding)
-        if "report" in path.name:
-            raise OSError(28, "No space left on device")
-        return count
-
-    monkeypatch.setattr(Path, "write_text", fail_on_report)
-    with pytest.raises(ConfigError, match="No space left"):
-        write_report(log_path, tmp_path / "out")
-    assert list((tmp_path / "out").iterdir()) == []
-
-
-def test_a_virtual_run_has_a_report(tmp_path: Path) -> None:
-    run_rover("robotino", virtual=True, duration_s=5.0, out=tmp_path / "out", realtime=False, as_json=True)
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (summary["cycles"], summary["skipped"], summary["duration_s"]) == (250, 0, 5.0)
-    assert [device["device"] for device in summary["devices"]] == ["board", "imu"]
-    assert 0.4 < summary["distance_truth_m"] < summary["distance_encoders_m"] < 0.6
-    assert 0.0 < summary["slip_ratio"] < 0.15
-    assert 0.0 < summary["wheel_slip"][0] < 0.15
-    html = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "Rectangle of 900 mm × 400 mm on the simulated rover" in html
 
 
 @pytest.mark.parametrize(
@@ -406,4 +312,3 @@ def test_slip_of_measured_runs(
     assert least < summary.slip_ratio < most
     assert (summary.end, summary.lateness, summary.work, summary.devices) == (None, None, None, ())
     assert grade(summary) is Grade.NEUTRAL
-    assert f"imported from {source.name}: " in page_of(log_path)

@@ -140,3 +140,7 @@ def test_no_line_is_drawn_across_a_gap() -> None:
     t_s = np.array([0.0, 0.1, 0.2, 0.3, 5.0, 5.1])
     gapped = with_gaps(Series(t_s, np.ones(6)))
     assert np.isnan(gapped.value).tolist() == [False, False, False, False, True, False, False]
+
+
+def test_times_that_repeat_are_no_gaps() -> None:
+    assert np.isfinite(with_gaps(Series(np.repeat(np.arange(5.0), 4), np.ones(20))).value).all()
