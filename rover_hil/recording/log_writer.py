@@ -51,7 +51,11 @@ class LogWriter:
         # The index of a killed run is lost anyway, and the data checksum finds corruption on reading.
         self._writer = Writer(self._stream, use_chunking=False, enable_data_crcs=True)
         self._writer.start(profile="", library="rover_hil")
-        self._json_schema_id = self._writer.register_schema("object", "jsonschema", JSON_SCHEMA)
+        # Raw channels have a schema too, an empty one: PlotJuggler refuses a log with channels that have none.
+        self._schema_ids = {
+            "json": self._writer.register_schema("object", "jsonschema", JSON_SCHEMA),
+            "raw": self._writer.register_schema("raw", "", b""),
+        }
         self._writer.add_metadata(
             "rover_hil",
             {"schema": LOG_SCHEMA, "start_ns": str(start_ns), "origin": origin},
@@ -116,7 +120,7 @@ class LogWriter:
                 return
             channel = self._channels.get(topic)
             if channel is None:
-                schema_id = self._json_schema_id if encoding == "json" else 0
+                schema_id = self._schema_ids[encoding]
                 channel = self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
             self._writer.add_message(channel, self._wall_offset_ns + t_ns, data, t_ns)
             if t_ns >= self._next_flush_ns:
