@@ -51,7 +51,7 @@ class LogWriter:
         # The index of a killed run is lost anyway, and the data checksum finds corruption on reading.
         self._writer = Writer(self._stream, use_chunking=False, enable_data_crcs=True)
         self._writer.start(profile="", library="rover_hil")
-        # Raw channels have a schema too, an empty one: PlotJuggler refuses a log with channels that have none.
+        # An empty schema is still one: PlotJuggler refuses a log with channels that have none.
         self._schema_ids = {
             "json": self._writer.register_schema("object", "jsonschema", JSON_SCHEMA),
             "raw": self._writer.register_schema("raw", "", b""),
