@@ -15,7 +15,7 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $@
 
 run: setup
-	$(BIN)/rover-hil run robotino --virtual --out runs/robotino
+	$(BIN)/rover-hil run robotino --virtual
 
 test: setup
 	$(BIN)/python -m pytest -n auto

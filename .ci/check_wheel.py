@@ -9,6 +9,9 @@ DATA_FILES = {
     "rover_hil/configs/robotino.toml",
     "rover_hil/configs/el-dorado.toml",
     "rover_hil/report/report.html",
+    "rover_hil/tune/report.html",
+    "sim_backends/robotino/surfaces.toml",
+    "sim_backends/robotino/sites/paper_like.toml",
     "drivers/can_wheels/generic_wheel.dbc",
     "drivers/can_wheels/generic_wheel.toml",
 } | {f"{package}/py.typed" for package in PACKAGES}

@@ -48,7 +48,7 @@ def kill_once(folder: Path, name: str, delay_s: float) -> dict[str, object]:
         "killed_after_s": round(delay_s, 2),
         "missing_ms": round((killed_ns - last_ns) / 1e6, 1),
         "cycles": result.cycles,
-        "replay_differences": result.difference_count,
+        "replay_differences": len(result.differences),
     }
 
 

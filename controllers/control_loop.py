@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from controllers.doubts import FollowMonitor, RefusalCounter
 from controllers.estimator import Estimator
 from controllers.guarded_filter import Innovation
 from controllers.kinematics import make_kinematics
@@ -72,6 +73,9 @@ class ControlLoop:
         self._estimator = Estimator(kinematics, settings.filter, settings.limits.wheel_speed_rad_s, roles)
         self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
+        self._refusals = RefusalCounter()
+        self._follow_monitor = FollowMonitor(kinematics.wheel_count, settings.limits.wheel_speed_rad_s)
+        self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._follower = None if mission is None else PathFollower(mission, kinematics.moves_sideways)
 
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
@@ -83,9 +87,11 @@ class ControlLoop:
             self._supervisor.observe(sample, t_ns)
             self._estimator.take(sample, t_ns)
         innovations = self._estimator.advance(now_ns)
+        self._refusals.note(innovations)
         estimate = self._estimator.estimate(now_ns)
         guidance = self._guide(now_ns, estimate)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
+        self._commanded_rad_s = speed_rad_s
         odometry = self._estimator.odometry
         return StepOutput(
             t_ns=now_ns,
@@ -104,7 +110,11 @@ class ControlLoop:
         if self._follower is None:
             return None
         supervisor = self._supervisor
-        supervisor.update(now_ns, estimate.is_finite)
+        does_not_follow = self._follow_monitor.find_doubt(
+            now_ns, self._commanded_rad_s, self._estimator.odometry.wheel_speed_rad_s
+        )
+        doubt = self._refusals.doubt or does_not_follow
+        supervisor.update(now_ns, estimate.is_finite, self._estimator.motion_ns, doubt)
         if supervisor.mode is not Mode.RUNNING:
             return None
         guidance = self._follower.guide(Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad))

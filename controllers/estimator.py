@@ -1,5 +1,6 @@
 """From samples to the estimated pose."""
 
+from controllers.fixes import FixQueue, late
 from controllers.guarded_filter import Innovation
 from controllers.gyro import GyroIntegrator
 from controllers.kinematics import Kinematics
@@ -7,8 +8,16 @@ from controllers.odometry import BodyIncrement, WheelOdometry
 from controllers.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
 from controllers.roles import DeviceRoles
 from controllers.settings import FilterSettings
-from drivers.clock import seconds
-from drivers.samples import HeadingReference, HeadingSample, LinkSample, RateSample, Sample, WheelSample
+from drivers.clock import nanoseconds, seconds
+from drivers.samples import (
+    HeadingReference,
+    HeadingSample,
+    LinkSample,
+    PoseFixSample,
+    RateSample,
+    Sample,
+    WheelSample,
+)
 
 
 class Estimator:
@@ -22,6 +31,7 @@ class Estimator:
 
     Attributes:
         odometry: The wheels' own account.
+        motion_ns: Time of the wheel positions that the pose stands on; None before the first motion.
     """
 
     def __init__(
@@ -34,14 +44,15 @@ class Estimator:
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
-        self._gyro = GyroIntegrator()
-        self._filter = PoseFilter(settings, roles.headings)
+        self._gyro = GyroIntegrator(roles.max_age_s(roles.gyro))
+        self._filter = PoseFilter(settings, roles.headings, roles.fixes)
+        self._fixes = FixQueue(roles.fixes)
         self._headings: list[tuple[HeadingSample, int]] = []
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
         self._wheel_turn_rad = 0.0
         self._yaw_source = YawSource.WHEELS
         self._bias_seen_ns: int | None = None
-        self._pose_ns: int | None = None
+        self.motion_ns: int | None = None
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
@@ -54,6 +65,8 @@ class Estimator:
                 self._gyro.feed(t_ns, sample.rate_z_rad_s)
         elif isinstance(sample, HeadingSample):
             self._take_heading(sample, t_ns)
+        elif isinstance(sample, PoseFixSample):
+            self._fixes.add(sample, t_ns)
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
             # The codec counts turns afresh after a break.
             self.odometry.rebase()
@@ -62,11 +75,16 @@ class Estimator:
         """Bring the estimate up to the samples taken; return what the corrections said."""
         increment = self.odometry.take()
         is_still = self.odometry.is_still(now_ns, self._settings.standstill_s)
-        if increment is not None:
-            self._pose_ns = self.odometry.t_ns
-            self._filter.predict(increment, self._turn(increment, now_ns, is_still))
-        innovations = [self._correct_heading(sample, t_ns) for sample, t_ns in self._headings]
+        if increment is not None and self.odometry.t_ns is not None:
+            self.motion_ns = self.odometry.t_ns
+            step = self._filter.predict(increment, self._turn(increment, now_ns, is_still))
+            self._fixes.move(self.motion_ns, step)
+        innovations = [
+            self._correct_heading(sample, t_ns) for sample, t_ns in self._headings if self._is_usable(t_ns)
+        ]
         self._headings.clear()
+        for fix, way_back in self._fixes.take():
+            innovations += (late(fix),) if way_back is None else self._filter.correct_pose(fix, way_back)
         gyro = self._gyro
         if is_still and gyro.t_ns != self._bias_seen_ns and self._roles.gyro is not None:
             self._bias_seen_ns = gyro.t_ns
@@ -78,7 +96,7 @@ class Estimator:
         pose = self._filter.pose
         velocity_x_m_s, velocity_y_m_s, _ = self.odometry.velocity
         return PoseEstimate(
-            t_ns=now_ns if self._pose_ns is None else self._pose_ns,
+            t_ns=now_ns if self.motion_ns is None else self.motion_ns,
             x_m=pose.x_m,
             y_m=pose.y_m,
             yaw_rad=pose.yaw_rad,
@@ -122,8 +140,14 @@ class Estimator:
             self._heading_ns[source] = t_ns
             self._headings.append((sample, t_ns))
 
+    def _is_usable(self, heading_ns: int) -> bool:
+        """Say whether the motion is known well enough up to a heading to compare it with the yaw."""
+        if self.motion_ns is None:
+            return True
+        return heading_ns - self.motion_ns <= nanoseconds(self._roles.motion_age_s)
+
     def _correct_heading(self, sample: HeadingSample, t_ns: int) -> Innovation:
-        age_s = 0.0 if self._pose_ns is None else seconds(self._pose_ns - t_ns)
+        age_s = 0.0 if self.motion_ns is None else seconds(self.motion_ns - t_ns)
         lag_s = self._settings.heading_lag_s + age_s
         return self._filter.correct_heading(
             sample.device, sample.reference, sample.heading_rad, self._yaw_rate_rad_s() * lag_s

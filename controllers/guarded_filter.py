@@ -53,10 +53,9 @@ class _ExtendedKalmanFilter(Protocol):
 
 
 class GuardedFilter:
-    """An extended Kalman filter for scalar measurements.
+    """An extended Kalman filter for measurements with independent errors.
 
-    The update is filterpy's, in Joseph form; vector measurements with independent errors are given as
-    scalars one after the other.
+    The update is filterpy's, in Joseph form.
 
     Args:
         state: First estimate.
@@ -79,6 +78,7 @@ class GuardedFilter:
         self._filter.x = np.array(state, dtype=float)
         self._filter.P = np.diag(np.array(variances, dtype=float))
         self._angles = tuple(angles)
+        self._gate_probability = gate_probability
         # With one degree of freedom the chi-square quantile is that of a normal deviate, squared.
         self._gate = NormalDist().inv_cdf(0.5 * (1.0 + gate_probability)) ** 2
 
@@ -130,15 +130,56 @@ class GuardedFilter:
         if not (math.isfinite(residual) and 0.0 < variance <= total < math.inf):
             return Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
         nis = residual * residual / total
-        accepted = nis <= self._gate and self._correct(residual, row, variance)
+        accepted = nis <= self._gate and self._correct(
+            np.array([residual]), row.reshape(1, -1), np.array([[variance]])
+        )
         return Innovation(name=name, residual=residual, variance=total, nis=nis, accepted=accepted)
 
-    def _correct(self, residual: float, row: Array, variance: float) -> bool:
-        before = (self._filter.x, self._filter.P)
-        jacobian = row.reshape(1, -1)
-        self._filter.update(
-            np.array([residual]), lambda _: jacobian, lambda _: np.zeros(1), np.array([[variance]])
+    def update_together(
+        self, names: Sequence[str], residuals: Array, rows: Array, variances: Array
+    ) -> tuple[Innovation, ...]:
+        """Correct the estimate by what belongs together: all of it is accepted, or nothing.
+
+        Args:
+            names: Which measurements, for the report.
+            residuals: As for `update`, shape (n,).
+            rows: Jacobians, shape (n, number of states).
+            variances: Of the measurements' own errors, shape (n,).
+        """
+        from scipy.stats import chi2
+
+        with np.errstate(all="ignore"):
+            totals = rows @ self._filter.P @ rows.T + np.diag(variances)
+        if not (np.isfinite(residuals).all() and np.isfinite(totals).all() and (variances > 0.0).all()):
+            return tuple(
+                Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
+                for name in names
+            )
+        nis = float(residuals @ np.linalg.solve(totals, residuals))
+        gate = float(chi2.ppf(self._gate_probability, len(names)))
+        accepted = nis <= gate and self._correct(residuals, rows, np.diag(variances))
+        return tuple(
+            Innovation(
+                name=name,
+                residual=residual,
+                variance=total,
+                nis=residual * residual / total,
+                accepted=accepted,
+            )
+            for name, residual, total in zip(names, residuals.tolist(), np.diag(totals).tolist(), strict=True)
         )
+
+    def assign(self, index: int, value: float) -> None:
+        """Set a state that is not known yet, so that its first measurement is linearised where it is."""
+        self._filter.x[index] = value
+
+    def widen(self, index: int, variance: float) -> None:
+        """Make a state less certain by a variance, not negative."""
+        self._filter.P[index, index] += variance
+
+    def _correct(self, residuals: Array, rows: Array, noise: Array) -> bool:
+        before = (self._filter.x, self._filter.P)
+        self._filter.update(residuals, lambda _: rows, lambda _: np.zeros(len(rows)), noise)
         return self._settle(before)
 
     def _settle(self, before: tuple[Array, Array]) -> bool:

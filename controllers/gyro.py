@@ -3,18 +3,21 @@
 from drivers.clock import nanoseconds, seconds
 
 GREATEST_RATE_RAD_S = 100.0
-GREATEST_GAP_NS = nanoseconds(0.15)
 
 
 class GyroIntegrator:
-    """Integrates yaw rates by the trapezoid rule, never across a gap longer than 0.15 s.
+    """Integrates yaw rates by the trapezoid rule, never across too long a gap.
+
+    Args:
+        greatest_gap_s: Readings further apart leave a turn between them unknown.
 
     Attributes:
         rate_rad_s: Newest reading.
         t_ns: Its time; None before the first.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, greatest_gap_s: float) -> None:
+        self._greatest_gap_ns = nanoseconds(greatest_gap_s)
         self.rate_rad_s = 0.0
         self.t_ns: int | None = None
         self._angle_rad = 0.0
@@ -24,7 +27,7 @@ class GyroIntegrator:
         """Take a reading; False when it is not newer, not finite, or beyond 100 rad/s."""
         if not abs(rate_rad_s) <= GREATEST_RATE_RAD_S or (self.t_ns is not None and t_ns <= self.t_ns):
             return False
-        if self.t_ns is not None and t_ns - self.t_ns <= GREATEST_GAP_NS:
+        if self.t_ns is not None and t_ns - self.t_ns <= self._greatest_gap_ns:
             elapsed_s = seconds(t_ns - self.t_ns)
             self._angle_rad += 0.5 * (self.rate_rad_s + rate_rad_s) * elapsed_s
             self._covered_s += elapsed_s
@@ -32,8 +35,8 @@ class GyroIntegrator:
         return True
 
     def is_fresh(self, now_ns: int) -> bool:
-        """Say whether the newest reading is at most 0.15 s old."""
-        return self.t_ns is not None and now_ns - self.t_ns <= GREATEST_GAP_NS
+        """Say whether the newest reading is no older than the greatest gap."""
+        return self.t_ns is not None and now_ns - self.t_ns <= self._greatest_gap_ns
 
     def take(self) -> tuple[float, float]:
         """Return the angle in rad turned since the last call, bias included, and the time in s it covers."""

@@ -62,7 +62,7 @@ class WheelOdometry:
     Attributes:
         t_ns: Time up to which the motion is known; None while there is no base.
         pose: The integral of the increments: pure wheel odometry.
-        velocity: Body velocity in m/s, m/s, rad/s, smoothed over 0.05 s.
+        velocity: Body velocity in m/s, m/s, rad/s, smoothed over 0.05 s; from zero after a rebase.
         wheel_speed_rad_s: Speed of each wheel, smoothed alike.
         rebases: How often the base was lost, each time with the motion meanwhile.
     """
@@ -118,6 +118,8 @@ class WheelOdometry:
             self.rebases += 1
         self.t_ns = None
         self._unheard.update(range(len(self._tracks)))
+        self.velocity = (0.0, 0.0, 0.0)
+        self.wheel_speed_rad_s = (0.0,) * len(self._tracks)
 
     def is_still(self, now_ns: int, for_s: float) -> bool:
         """Say whether all wheels are heard of and have not moved for `for_s` seconds."""

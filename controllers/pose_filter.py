@@ -1,5 +1,6 @@
-"""Where the rover is: an extended Kalman filter over pose, gyro bias and the offsets of the headings."""
+"""Where the rover is: an extended Kalman filter over pose, gyro bias and what ties other frames to it."""
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,15 +8,18 @@ from enum import StrEnum
 
 import numpy as np
 
+from controllers.fixes import Step, WayBack
 from controllers.guarded_filter import GuardedFilter, Innovation
 from controllers.odometry import BodyIncrement
 from controllers.planar import Pose, move, wrap_angle
 from controllers.settings import FilterSettings
-from drivers.samples import HeadingReference
+from drivers.samples import HeadingReference, PoseFixSample
 
 X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
 CERTAIN = 1e-12
 UNKNOWN_ANGLE_RAD2 = 10.0
+UNKNOWN_POSITION_M2 = 1e4
+MOST_REFUSALS = 2
 
 
 class YawSource(StrEnum):
@@ -79,28 +83,41 @@ class PoseEstimate:
 
 
 class PoseFilter:
-    """State [x, y, yaw, gyro bias, offsets]: one offset per heading device and reference.
+    """State [x, y, yaw, gyro bias, offsets, origins]: one offset per heading device and reference.
 
     An offset is what a heading reads when the yaw is zero. It starts unknown; while the rover settles the yaw
     is certain, so the first headings teach the offset, and later ones correct the yaw only as far as the
     offset is known. Magnetic and true headings have offsets of their own and are never mixed.
 
+    An origin is the pose of the local frame on the floor of a device that gives fixes, three states. It is
+    learnt in the same way: the first fix ties the frames together, best while the rover still stands, and the
+    later ones correct pose and origin as far as each is known. The mission stays in the local frame.
+
     Args:
         settings: Noise.
         heading_devices: Names of the devices that give headings.
+        fix_devices: Names of the devices that give absolute fixes.
     """
 
-    def __init__(self, settings: FilterSettings, heading_devices: Sequence[str]) -> None:
+    def __init__(
+        self, settings: FilterSettings, heading_devices: Sequence[str], fix_devices: Sequence[str] = ()
+    ) -> None:
         sources = [(device, reference) for device in heading_devices for reference in HeadingReference]
         self._settings = settings
         self._offset_index = {source: FIRST_OFFSET + i for i, source in enumerate(sources)}
+        first_origin = FIRST_OFFSET + len(sources)
+        self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
+        self._refusals: dict[str, int] = {}
+        size = first_origin + 3 * len(fix_devices)
         self._filter = GuardedFilter(
-            state=[0.0] * (FIRST_OFFSET + len(sources)),
-            variances=[CERTAIN] * BIAS + [settings.gyro_bias_rad_s**2] + [UNKNOWN_ANGLE_RAD2] * len(sources),
-            angles=[YAW, *self._offset_index.values()],
+            state=[0.0] * size,
+            variances=[CERTAIN] * BIAS
+            + [settings.gyro_bias_rad_s**2]
+            + [UNKNOWN_ANGLE_RAD2] * len(sources)
+            + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices),
+            angles=[YAW, *self._offset_index.values(), *(i + YAW for i in self._origin_index.values())],
             gate_probability=settings.gate_probability,
         )
-        size = FIRST_OFFSET + len(sources)
         self._transition = np.eye(size)
         self._noise = np.zeros((size, size))
         self._bias_row = np.eye(size)[BIAS]
@@ -125,8 +142,12 @@ class PoseFilter:
         x_row, y_row, yaw_row = self._filter.covariance[:BIAS]
         return (x_row[X], x_row[Y], x_row[YAW], y_row[Y], y_row[YAW], yaw_row[YAW])
 
-    def predict(self, increment: BodyIncrement, turn: Turn) -> None:
-        """Move by the wheels' increment, turned by the mid heading; `turn` replaces the increment's own."""
+    def predict(self, increment: BodyIncrement, turn: Turn) -> Step:
+        """Move by the wheels' increment, turned by the mid heading; `turn` replaces the increment's own.
+
+        Returns:
+            The step as it was taken.
+        """
         state = self._filter.state
         before = Pose(x_m=state[X], y_m=state[Y], yaw_rad=state[YAW])
         turn_rad = turn.angle_rad - state[BIAS] * turn.covered_s
@@ -141,6 +162,14 @@ class PoseFilter:
         transition[YAW, BIAS] = -turn.covered_s
         self._set_noise(increment, turn)
         self._filter.predict(increment.duration_s, state, transition, self._noise)
+        return Step(
+            x_m=increment.x_m,
+            y_m=increment.y_m,
+            turn_rad=turn_rad,
+            duration_s=increment.duration_s,
+            position_m2=float(self._noise[X, X]),
+            yaw_rad2=float(self._noise[YAW, YAW]),
+        )
 
     def correct_heading(
         self, device: str, reference: HeadingReference, heading_rad: float, turned_since_rad: float
@@ -163,6 +192,70 @@ class PoseFilter:
             rate_rad_s - self._filter.state[BIAS],
             self._bias_row,
             self._settings.gyro_rate_noise_rad_s**2,
+        )
+
+    def correct_pose(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
+        """Correct by a fix of the pose; `way_back` leads from the present pose to that in the picture.
+
+        A fix is accepted or refused as a whole. After two refusals in a row the rover has evidently been
+        moved, or has slipped more than the noise allows: the pose then becomes as uncertain as the next fix
+        differs from it.
+        """
+        origin = self._origin_index[fix.device]
+        if fix.device not in self._refusals and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
+            self._refusals[fix.device] = 0
+            self._assign_origin(origin, fix, way_back)
+        innovations = self._update_pose(origin, fix, way_back)
+        if innovations[0].accepted:
+            self._refusals[fix.device] = 0
+            return innovations
+        off = [innovation.residual for innovation in innovations if innovation.residual is not None]
+        if len(off) < len(innovations):
+            return innovations
+        self._refusals[fix.device] += 1
+        if self._refusals[fix.device] <= MOST_REFUSALS:
+            return innovations
+        # The axes of the floor are not those of the local frame: widen both by the distance.
+        distance_m2 = off[X] ** 2 + off[Y] ** 2
+        for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, off[YAW] ** 2)):
+            self._filter.widen(index, variance)
+        return self._update_pose(origin, fix, way_back)
+
+    def _then(self, way_back: WayBack) -> tuple[complex, float]:
+        """Return place and yaw of the rover in the local frame when the picture was taken."""
+        x_m, y_m, yaw_rad = self._filter.state[:BIAS]
+        arm_m = complex(way_back.x_m, way_back.y_m) * cmath.rect(1.0, yaw_rad)
+        return complex(x_m, y_m) + arm_m, yaw_rad - way_back.turned_rad
+
+    def _assign_origin(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> None:
+        """Put the origin where the first fix wants it; nothing is known of it yet."""
+        then_m, then_rad = self._then(way_back)
+        origin_rad = wrap_angle(fix.yaw_rad - then_rad)
+        origin_m = complex(fix.x_m, fix.y_m) - then_m * cmath.rect(1.0, origin_rad)
+        for index, value in zip((X, Y, YAW), (origin_m.real, origin_m.imag, origin_rad), strict=True):
+            self._filter.assign(origin + index, value)
+
+    def _update_pose(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
+        state = self._filter.state
+        then_m, then_rad = self._then(way_back)
+        frame = cmath.rect(1.0, state[origin + YAW])
+        seen_m = complex(state[origin + X], state[origin + Y]) + frame * then_m
+        off_m = complex(fix.x_m, fix.y_m) - seen_m
+        # How the place that is seen moves with each state; x is the real part, y the imaginary one.
+        slopes = np.zeros(len(state), dtype=complex)
+        slopes[X], slopes[Y] = frame, 1j * frame
+        slopes[YAW] = 1j * frame * (then_m - complex(state[X], state[Y]))
+        slopes[origin + X], slopes[origin + Y] = 1.0, 1j
+        slopes[origin + YAW] = 1j * frame * then_m
+        yaw_row = np.zeros(len(state))
+        yaw_row[YAW] = yaw_row[origin + YAW] = 1.0
+        position_m2 = fix.position_std_m**2 + way_back.position_m2
+        yaw_rad2 = fix.yaw_std_rad**2 + way_back.yaw_rad2
+        return self._filter.update_together(
+            [f"{fix.device} {part}" for part in ("x", "y", "yaw")],
+            np.array([off_m.real, off_m.imag, wrap_angle(fix.yaw_rad - then_rad - state[origin + YAW])]),
+            np.array([slopes.real, slopes.imag, yaw_row]),
+            np.array([position_m2, position_m2, yaw_rad2]),
         )
 
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:

@@ -15,9 +15,20 @@ class DeviceRoles:
             a heading, any other device anything.
         gyro: Its yaw rate turns the estimate.
         headings: Their headings correct the yaw.
+        fixes: Their fixes correct the pose. They may be sparse, so they need not be required.
     """
 
     wheels: str
     required: Mapping[str, float]
     gyro: str | None = None
     headings: tuple[str, ...] = ()
+    fixes: tuple[str, ...] = ()
+
+    @property
+    def motion_age_s(self) -> float:
+        """How long the motion may be unknown: twice the wheels' age limit, as they report one by one."""
+        return 2.0 * self.max_age_s(self.wheels)
+
+    def max_age_s(self, device: str | None) -> float:
+        """Return how old the newest sample of a device may be; for one that is not required, 0.15 s."""
+        return self.required.get(device or "", 0.15)

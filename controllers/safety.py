@@ -54,6 +54,7 @@ class SafetySupervisor:
 
     def __init__(self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> None:
         self._settings = settings
+        self._roles = roles
         self._required = frozenset(roles.required)
         self._limits = _freshness_limits(roles, wheel_count)
         self._heard_ns: dict[Part, int] = {}
@@ -78,9 +79,16 @@ class SafetySupervisor:
                 if part in self._limits:
                     self._heard_ns[part] = max(t_ns, self._heard_ns.get(part, t_ns))
 
-    def update(self, now_ns: int, estimate_is_finite: bool) -> None:
-        """Decide the mode at `now_ns`."""
-        problem = self._incident or self._problem(now_ns, estimate_is_finite)
+    def update(self, now_ns: int, estimate_is_finite: bool, motion_ns: int | None, doubt: str = "") -> None:
+        """Decide the mode at `now_ns`.
+
+        Args:
+            now_ns: Time of the cycle.
+            estimate_is_finite: Whether the estimate is made of numbers.
+            motion_ns: When the motion of the wheels was last known.
+            doubt: What else speaks against moving; empty when nothing does.
+        """
+        problem = self._incident or self._problem(now_ns, estimate_is_finite, motion_ns) or doubt
         self._incident = ""
         if self._emergency:
             self.mode, self.reason = Mode.EMERGENCY_STOP, self._emergency
@@ -106,13 +114,17 @@ class SafetySupervisor:
         if self.mode is not Mode.SAFE_STOP:
             self.reason = ""
 
-    def _problem(self, now_ns: int, estimate_is_finite: bool) -> str:
+    def _problem(self, now_ns: int, estimate_is_finite: bool, motion_ns: int | None) -> str:
         if self._down or self._faults:
             return next(iter((*self._down.values(), *self._faults.values())))
         for part, (limit_ns, reason) in self._limits.items():
             heard_ns = self._heard_ns.get(part)
             if heard_ns is None or now_ns - heard_ns > limit_ns:
                 return reason
+        motion_age_s = self._roles.motion_age_s
+        if motion_ns is None or now_ns - motion_ns > nanoseconds(motion_age_s):
+            # Fresh positions that jump so much that none is a motion: the pose would stay where it is.
+            return f"{self._roles.wheels}: no motion to be made out within {motion_age_s:g} s"
         return "" if estimate_is_finite else "pose filter: the estimate is not finite"
 
     def _observe_link(self, sample: LinkSample) -> None:

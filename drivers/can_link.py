@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import fcntl
 import os
 import socket
 
@@ -46,19 +47,39 @@ class CanLink(ThreadedLink[bytes]):
         self._channel = channel
         self._bit_rate = bit_rate
         self._bus: can.BusABC | None = None
+        self._lock: int | None = None
         self._last_ns = 0
 
     def _open_handle(self) -> None:
         if self._interface == "socketcan":
             self._bus = _open_socketcan(self._channel)
         elif self._interface == "slcan":
-            self._bus = slcanBus(
-                self._channel, bitrate=self._bit_rate, sleep_after_open=0.0, timeout=READ_TIMEOUT_S
-            )
+            self._bus = self._open_slcan()
         else:
             self._bus = can.Bus(self._channel, interface=self._interface, ignore_config=True)
 
+    def _open_slcan(self) -> can.BusABC:
+        """Open an adapter that nobody else uses: opening it a second time would close the other's channel."""
+        lock = os.open(self._channel, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            bus = slcanBus(
+                self._channel, bitrate=self._bit_rate, sleep_after_open=0.0, timeout=READ_TIMEOUT_S
+            )
+        except BlockingIOError as error:
+            os.close(lock)
+            msg = f"another program uses {self._channel}: end it first"
+            raise NotConnectedError(msg) from error
+        except BaseException:
+            os.close(lock)
+            raise
+        self._lock = lock
+        return bus
+
     def _close_handle(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
         bus, self._bus = self._bus, None
         if bus is None:
             return
@@ -143,7 +164,7 @@ def _payload_of(message: can.Message) -> bytes:
         message.is_fd
         or len(message.data) != length
         or length > 8
-        or message.arbitration_id > EXTENDED_ID_MASK
+        or not 0 <= message.arbitration_id <= EXTENDED_ID_MASK
     ):
         return GARBLED
     return pack_can_frame(

@@ -3,6 +3,8 @@
 A new device is a settings model, a codec and a registry line; `docs/adding_a_device.md` is the form.
 """
 
+import math
+import threading
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -55,9 +57,9 @@ class Health:
 
     Attributes:
         rate_hz: Messages of the most frequent kind per second, over the last two seconds.
-        age_s: Age of the newest sample, or None before the first.
+        age_s: Age of the newest sample, or None before the first since the link came up.
         rejected: How often the codec refused wire data, by reason.
-        breaks: How often the link broke.
+        breaks: How often the link broke; giving up afterwards is no further break.
     """
 
     device: str
@@ -159,6 +161,7 @@ class Driver(Generic[PayloadT]):
             return
         self._link.open(timeout_s)
         self._codec.reset()
+        self._forget_samples()
         self._open = True
         self._link_up = True
         self._gave_up = False
@@ -204,7 +207,7 @@ class Driver(Generic[PayloadT]):
         return samples
 
     def latest(self, kind: type[SampleT], max_age_s: float) -> SampleT:
-        """Return the newest sample of a kind.
+        """Return the newest sample of a kind since the link came up.
 
         Raises:
             NotConnectedError: Before `connect` or after `close`.
@@ -217,10 +220,8 @@ class Driver(Generic[PayloadT]):
             raise StaleSampleError(msg)
         age_s = seconds(self._clock.now_ns() - sample.t_ns)
         if age_s > max_age_s:
-            msg = (
-                f"newest {kind.__name__} of device '{self.name}' is {age_s:.3f} s old, "
-                f"limit {max_age_s:.3f} s"
-            )
+            what = f"newest {kind.__name__} of device '{self.name}'"
+            msg = f"{what} is {age_s:.3f} s old, limit {max_age_s:.3f} s"
             raise StaleSampleError(msg)
         return sample
 
@@ -289,13 +290,20 @@ class Driver(Generic[PayloadT]):
             arrivals.append(sample.t_ns)
 
     def _note_link_change(self, change: LinkChange) -> LinkSample:
+        if change.up:
+            self._forget_samples()
+        elif self._link_up:
+            self._breaks += 1
         self._link_up = change.up
         self._gave_up = change.gave_up
         self._last_link_reason = change.reason
         self._codec.reset()
-        if not change.up:
-            self._breaks += 1
         return LinkSample(device=self.name, t_ns=change.t_ns, up=change.up, reason=change.reason)
+
+    def _forget_samples(self) -> None:
+        """Let nothing from before the link came up pass for fresh."""
+        self._latest.clear()
+        self._newest_ns = None
 
     def _require_open(self, method: str) -> None:
         if not self._open:
@@ -304,7 +312,11 @@ class Driver(Generic[PayloadT]):
 
 
 class WheelDrive(Driver[bytes]):
-    """A driver whose device also turns wheels."""
+    """A driver whose device also turns wheels.
+
+    A command and a stop from another thread follow each other, they never mix. Only sending is done in turn;
+    the tap hears of it afterwards, so that a recorder that hangs keeps no stop from the drive.
+    """
 
     def __init__(
         self,
@@ -318,7 +330,17 @@ class WheelDrive(Driver[bytes]):
     ) -> None:
         super().__init__(name, link, codec, clock, max_age_s=max_age_s, tap=tap)
         self._drive_codec = codec
+        self.wheel_count = codec.wheel_count
         self._started = False
+        self._turn = threading.Lock()
+
+    def close(self) -> None:
+        """Close the link; may be called again. A drive that was commanded last is stopped first."""
+        try:
+            if self._open and self._started:
+                self.stop()
+        finally:
+            super().close()
 
     def command(self, command: WheelCommand) -> SentCommand:
         """Send wheel speed set-points; an expired or malformed command sends zero speeds instead.
@@ -330,37 +352,44 @@ class WheelDrive(Driver[bytes]):
             NotConnectedError: Before `connect` or after `close`.
         """
         self._require_open("command")
-        now_ns = self._clock.now_ns()
-        count = self._drive_codec.wheel_count
-        speeds = command.speed_rad_s
-        trustworthy = len(speeds) == count and all(abs(speed) < float("inf") for speed in speeds)
-        if not trustworthy or now_ns >= command.expires_ns:
-            speeds = (0.0,) * count
-        if not self._started:
-            self._started = self._send_all(self._drive_codec.encode_start(), now_ns)
-        payloads, really = self._drive_codec.encode_speeds(speeds)
-        delivered = self._send_all(payloads, now_ns)
+        sent: list[tuple[bytes, bool]] = []
+        with self._turn:
+            now_ns = self._clock.now_ns()
+            speeds = command.speed_rad_s
+            is_sound = len(speeds) == self.wheel_count and all(map(math.isfinite, speeds))
+            if not is_sound or now_ns >= command.expires_ns:
+                speeds = (0.0,) * self.wheel_count
+            if not self._started:
+                self._started = self._send(self._drive_codec.encode_start(), sent)
+            payloads, really = self._drive_codec.encode_speeds(speeds)
+            delivered = self._send(payloads, sent)
+        self._note_sent(now_ns, sent)
         return SentCommand(t_ns=now_ns, speed_rad_s=really, delivered=delivered)
 
     def stop(self) -> None:
         """Send zero speeds three times, then switch the drive off. Silent when the link is down."""
         self._require_open("stop")
-        now_ns = self._clock.now_ns()
-        zeros, _ = self._drive_codec.encode_speeds((0.0,) * self._drive_codec.wheel_count)
-        for _ in range(3):
-            self._send_all(zeros, now_ns)
-        self._send_all(self._drive_codec.encode_stop(), now_ns)
-        self._started = False
+        sent: list[tuple[bytes, bool]] = []
+        with self._turn:
+            now_ns = self._clock.now_ns()
+            for _ in range(3):  # encoded anew: a counter must not stand still
+                payloads, _ = self._drive_codec.encode_speeds((0.0,) * self.wheel_count)
+                self._send(payloads, sent)
+            self._send(self._drive_codec.encode_stop(), sent)
+            self._started = False
+        self._note_sent(now_ns, sent)
 
-    def _send_all(self, payloads: Sequence[bytes], now_ns: int) -> bool:
-        delivered = True
-        for payload in payloads:
-            went_out = self._link.send(payload)
-            self._tap.sent(self.name, now_ns, payload, went_out)
+    def _send(self, payloads: Sequence[bytes], sent: list[tuple[bytes, bool]]) -> bool:
+        """Send payloads, append each with its outcome to `sent`, and tell whether all went out."""
+        outcomes = [self._link.send(payload) for payload in payloads]
+        sent.extend(zip(payloads, outcomes, strict=True))
+        return all(outcomes)
+
+    def _note_sent(self, now_ns: int, sent: Sequence[tuple[bytes, bool]]) -> None:
+        for payload, went_out in sent:
             self._sent += went_out
             self._send_failures += not went_out
-            delivered = delivered and went_out
-        return delivered
+            self._tap.sent(self.name, now_ns, payload, went_out)
 
     def _note_link_change(self, change: LinkChange) -> LinkSample:
         self._started = False

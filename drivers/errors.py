@@ -22,7 +22,7 @@ class StaleSampleError(RoverHilError, TimeoutError):
 
 
 class LogError(RoverHilError, ValueError):
-    """A recorded log cannot be read, or holds something it must not."""
+    """A log cannot be read or written, or holds something it must not."""
 
 
 class ModelError(RoverHilError, ValueError):

@@ -106,7 +106,7 @@ class MagnetometerCalibration(Calibration):
         )
 
 
-CalibrationT = TypeVar("CalibrationT", DeviationTable, MagnetometerCalibration)
+CalibrationT = TypeVar("CalibrationT", bound=Calibration)
 
 
 def load_calibration(path: Path, kind: type[CalibrationT]) -> CalibrationT:
@@ -128,9 +128,10 @@ def load_calibration(path: Path, kind: type[CalibrationT]) -> CalibrationT:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
+        place = f", key '{key}'" if key else ""
         problem = first["msg"].removeprefix("Value error, ")
         known = ", ".join(kind.model_fields)
-        msg = f"calibration file {path}, key '{key}': {problem}; the file has exactly the keys {known}"
+        msg = f"calibration file {path}{place}: {problem}; the file has the keys {known}"
         raise ConfigError(msg) from error
 
 

@@ -7,10 +7,16 @@ from pydantic import Field
 from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.witmotion.settings import WitMotionSettings
 
 AnyDeviceSettings: TypeAlias = Annotated[
-    CameraSettings | CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | WitMotionSettings,
+    CameraSettings
+    | CanWheelsSettings
+    | NmeaCompassSettings
+    | OverheadCameraSettings
+    | RobotinoBoardSettings
+    | WitMotionSettings,
     Field(discriminator="type"),
 ]

@@ -124,6 +124,26 @@ class FrameSample(Sample):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PoseFixSample(Sample):
+    """Where the rover was, seen from outside: position in m and yaw in rad within [-pi, pi) on the floor.
+
+    The floor frame is that of the device's calibration, not that of the pose at start.
+
+    Attributes:
+        position_std_m: Standard deviation of x and of y.
+        yaw_std_rad: Standard deviation of the yaw.
+        t_capture_ns: Host monotonic time at which the rover was there, not later than `t_ns`.
+    """
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    position_std_m: float
+    yaw_std_rad: float
+    t_capture_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSample(Sample):
     """The device or its bus reports an error by itself.
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import termios
+from pathlib import Path
 
 import serial
 
@@ -30,6 +31,9 @@ class SerialLink(ThreadedLink[bytes]):
         self._serial: serial.Serial | None = None
 
     def _open_handle(self) -> None:
+        if not Path(self._port).exists():
+            msg = "there is no such port"
+            raise NotConnectedError(msg)
         port = serial.Serial(
             self._port,
             self._baud_rate,

@@ -26,8 +26,9 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         reconnect_limit_s: Stop trying this long after a break.
 
     Attributes:
-        queue_limit: How many items wait to be received; beyond it the oldest is lost.
-        dropped: How many items were lost so.
+        queue_limit: How many items wait to be received; beyond it the oldest payload is lost, never a break
+            or recovery.
+        dropped: How many payloads were lost so.
     """
 
     queue_limit = QUEUE_LIMIT
@@ -37,7 +38,8 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         self._clock = clock
         self._reconnect_limit_ns = nanoseconds(reconnect_limit_s)
         self.dropped = 0
-        self._items: deque[LinkItem[PayloadT]] = deque(maxlen=self.queue_limit)
+        self._items: deque[LinkItem[PayloadT]] = deque()
+        self._items_lock = threading.Lock()
         self._stopping = threading.Event()
         self._handle_lock = threading.Lock()
         self._is_up = False
@@ -68,6 +70,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         deadline_ns = self._clock.now_ns() + nanoseconds(timeout_s)
         while True:
             try:
+                self._require_no_reader()
                 self._open_handle()
                 break
             except Exception as error:  # any library may raise anything here
@@ -86,14 +89,13 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         self._stopping.set()
         if self._thread is not None:
             self._thread.join(JOIN_TIMEOUT_S)
-            self._thread = None
         self._take_down()
 
     def receive(self) -> list[LinkItem[PayloadT]]:
         """Return what has arrived since the last call, oldest first."""
-        items: list[LinkItem[PayloadT]] = []
-        while self._items:
-            items.append(self._items.popleft())
+        with self._items_lock:
+            items = list(self._items)
+            self._items.clear()
         return items
 
     def send(self, payload: bytes) -> bool:
@@ -118,16 +120,16 @@ class ThreadedLink(ABC, Generic[PayloadT]):
             received = self._read()
         except Exception as error:  # noqa: BLE001 - whatever broke the port, the user must hear of it
             self._take_down()
-            self._report(up=False, reason=str(error) or repr(error))
-            return self._reopen()
+            reason = str(error) or repr(error)
+            self._report(up=False, reason=reason)
+            return self._reopen(reason)
         if received is not None:
             self._append(received)
         return True
 
-    def _reopen(self) -> bool:
+    def _reopen(self, reason: str) -> bool:
         retry_ns = FIRST_RETRY_NS
         give_up_ns = self._clock.now_ns() + self._reconnect_limit_ns
-        reason = ""
         while self._clock.now_ns() < give_up_ns:
             if self._stopping.wait(retry_ns / NANOSECONDS_PER_SECOND):
                 return False
@@ -143,6 +145,12 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         self._report(up=False, reason=f"gave up: {reason}", gave_up=True)
         return False
 
+    def _require_no_reader(self) -> None:
+        # A reader that hangs in the library outlives `close`; two would share one handle.
+        if self._thread is not None and self._thread.is_alive():
+            msg = "it is open, or still being closed; try again later"
+            raise NotConnectedError(msg)
+
     def _take_down(self) -> None:
         with self._handle_lock:
             self._is_up = False
@@ -152,5 +160,14 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         self._append(LinkChange(self._clock.now_ns(), up, reason, gave_up))
 
     def _append(self, item: LinkItem[PayloadT]) -> None:
-        self.dropped += len(self._items) == self.queue_limit
-        self._items.append(item)
+        with self._items_lock:
+            if len(self._items) >= self.queue_limit:
+                self._drop_oldest_payload()
+            self._items.append(item)
+
+    def _drop_oldest_payload(self) -> None:
+        for index, item in enumerate(self._items):
+            if isinstance(item, Received):
+                del self._items[index]
+                self.dropped += 1
+                return

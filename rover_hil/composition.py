@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from controllers.control_loop import ControlLoop
+from controllers.control_loop import ControlLoop, StepOutput
+from controllers.kinematics import make_kinematics
 from drivers.clock import Clock, VirtualClock
 from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver, Health, WheelDrive
 from drivers.errors import ConfigError
 from drivers.link import CameraImage, RawTap
-from drivers.samples import Sample
+from drivers.samples import Sample, SentCommand
 from rover_hil.config import Config
 from rover_hil.recording.replay_link import ReplayLink
 from sim_backends.build import build_world
@@ -18,12 +19,18 @@ from sim_backends.world import World
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """Drivers and control loop, put together; nothing is connected yet."""
+    """Drivers and control loop, put together; nothing is connected yet.
+
+    Attributes:
+        drive: The one of the drivers that turns the wheels.
+        required: Names of the devices without which a mission cannot go on.
+    """
 
     clock: Clock
     drivers: dict[str, AnyDriver]
     drive: WheelDrive
     loop: ControlLoop
+    required: frozenset[str]
 
     def connect(self, timeout_s: float) -> None:
         """Connect every device, or none.
@@ -44,6 +51,12 @@ class Rig:
         for driver in self.drivers.values():
             samples.extend(driver.poll())
         return samples
+
+    def cycle(self, now_ns: int) -> tuple[list[Sample], StepOutput, SentCommand]:
+        """Run one cycle: poll all devices, step the loop, command the wheels."""
+        samples = self.poll()
+        output = self.loop.step(now_ns, samples)
+        return samples, output, self.drive.command(output.command)
 
     def healths(self) -> list[Health]:
         """Return the health facts of all devices."""
@@ -114,4 +127,12 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
     if not isinstance(drive, WheelDrive):
         msg = f"device '{config.roles.wheels}' turns no wheels"
         raise ConfigError(msg)
-    return Rig(clock, drivers, drive, ControlLoop(config, config.device_roles()))
+    wheel_count = make_kinematics(config.rover).wheel_count
+    if drive.wheel_count != wheel_count:
+        msg = (
+            f"rover.kinematics is '{config.rover.kinematics}', which has {wheel_count} wheels, but device "
+            f"'{drive.name}' has {drive.wheel_count}: correct one of them"
+        )
+        raise ConfigError(msg)
+    loop = ControlLoop(config, config.device_roles())
+    return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

@@ -1,5 +1,6 @@
 """The configuration: a TOML file, validated to the last key, or the name of a shipped one."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -7,16 +8,29 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
 from drivers.device_settings import DriveSettings, FrameDeviceSettings
 from drivers.errors import ConfigError
+from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import Settings
+from rover_hil.tune.settings import TuneSettings
 from sim_backends.settings import SimulationSettings
+
+
+def _check_device_name(name: str) -> str:
+    # It is part of topics and of paths in the log.
+    if not re.fullmatch(r"\w[\w-]*", name):
+        msg = f"a device cannot be called '{name}', use letters, digits, _ and -"
+        raise ValueError(msg)
+    return name
+
+
+DeviceName = Annotated[str, AfterValidator(_check_device_name)]
 
 
 class LoopSettings(Settings):
@@ -38,15 +52,20 @@ class RoleSettings(Settings):
         wheels: The device that reports wheel positions and takes set-points.
         gyro: The device whose yaw rate is used, or None to take the yaw from the wheels.
         headings: The devices whose headings are used.
+        fixes: The overhead cameras whose poses are used. What happens before the first one cannot be
+            corrected: let `safety.settle_s` outlast their period.
+        require_fixes: The rover stops also when one of them falls silent, e.g. because it left the view.
     """
 
     wheels: str
     gyro: str | None = None
     headings: tuple[str, ...] = ()
+    fixes: tuple[str, ...] = ()
+    require_fixes: bool = False
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of all devices in a role, each once."""
-        candidates = (self.wheels, self.gyro, *self.headings)
+        """Return the names of all devices that the rover needs for moving, each once."""
+        candidates = (self.wheels, self.gyro, *self.headings, *(self.fixes if self.require_fixes else ()))
         return tuple(dict.fromkeys(name for name in candidates if name is not None))
 
 
@@ -56,30 +75,36 @@ class Config(ControlSettings):
     schema_name: Annotated[Literal["rover-hil-config/1"], Field(alias="schema")]
     loop: LoopSettings
     roles: RoleSettings
-    devices: Annotated[dict[str, AnyDeviceSettings], Field(min_length=1)]
+    devices: Annotated[dict[DeviceName, AnyDeviceSettings], Field(min_length=1)]
     simulation: SimulationSettings | None = None
+    tune: TuneSettings | None = None
 
     def device_roles(self) -> DeviceRoles:
-        """Return the roles as the controller needs them: every device in a role is required."""
+        """Return the roles as the controller needs them."""
         return DeviceRoles(
             wheels=self.roles.wheels,
             required={name: self.devices[name].max_age_s for name in self.roles.names()},
             gyro=self.roles.gyro,
             headings=self.roles.headings,
+            fixes=self.roles.fixes,
         )
 
     @model_validator(mode="after")
     def _check_roles(self) -> Self:
-        for name in self.roles.names():
+        for name in (*self.roles.names(), *self.roles.fixes):
             if name not in self.devices:
                 msg = f"roles name a device '{name}' that [devices] does not have"
                 raise ValueError(msg)
         if not isinstance(self.devices[self.roles.wheels], DriveSettings):
             msg = f"roles.wheels is '{self.roles.wheels}', but a device of that type turns no wheels"
             raise ValueError(msg)
-        for name in self.roles.names():
-            if isinstance(self.devices[name], FrameDeviceSettings):
-                msg = f"device '{name}' is a camera and can have no role"
+        for role in (self.roles.wheels, self.roles.gyro, *self.roles.headings):
+            if role is not None and isinstance(self.devices[role], FrameDeviceSettings):
+                msg = f"device '{role}' is a camera and can only be named in roles.fixes, if it is overhead"
+                raise ValueError(msg)
+        for name in self.roles.fixes:
+            if not isinstance(self.devices[name], OverheadCameraSettings):
+                msg = f"roles.fixes names '{name}', but only a device of type 'overhead_camera' gives fixes"
                 raise ValueError(msg)
         return self
 
@@ -97,12 +122,8 @@ def load_config(name_or_path: str) -> Config:
         ConfigError: No such file, no TOML, an unknown key, a value out of range; one sentence naming
             file, key and fix.
     """
-    if name_or_path in shipped_configs():
-        text = (resources.files("rover_hil") / "configs" / f"{name_or_path}.toml").read_text("utf-8")
-    else:
-        text = _read_text(Path(name_or_path))
     try:
-        table = tomllib.loads(text)
+        table = tomllib.loads(read_config_text(name_or_path))
     except tomllib.TOMLDecodeError as error:
         msg = f"{name_or_path} is no valid TOML: {error}"
         raise ConfigError(msg) from error
@@ -110,6 +131,17 @@ def load_config(name_or_path: str) -> Config:
         return Config.model_validate(table)
     except ValidationError as error:
         raise ConfigError(describe_validation_error(name_or_path, error, table)) from error
+
+
+def read_config_text(name_or_path: str) -> str:
+    """Return the text of a configuration, given as for `load_config`.
+
+    Raises:
+        ConfigError: No such file, or one that cannot be read.
+    """
+    if name_or_path in shipped_configs():
+        return (resources.files("rover_hil") / "configs" / f"{name_or_path}.toml").read_text("utf-8")
+    return _read_text(Path(name_or_path))
 
 
 def _read_text(path: Path) -> str:
@@ -160,6 +192,10 @@ def _explain(detail: ErrorDetails) -> str:
         return "this key is missing; add it"
     if kind == "extra_forbidden":
         return f"unknown key; {_suggest_key(str(detail['loc'][-1]))}"
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        tag = detail.get("ctx", {}).get("discriminator", "'type'")
+        expected = detail.get("ctx", {}).get("expected_tags", "")
+        return f"{tag} must be one of {expected}" if expected else f"the key {tag} is missing; add it"
     message = detail["msg"].removeprefix("Value error, ")
     if kind == "value_error":
         return message
@@ -173,5 +209,5 @@ def _suggest_key(key: str) -> str:
         kind = kinds.pop()
         known.update(kind.model_fields)
         kinds.extend(kind.__subclasses__())
-    close = get_close_matches(key, known, n=1, cutoff=0.6)
-    return f"did you mean {close[0]}?" if close else "remove it"
+    close = get_close_matches(key, known - {key}, n=1, cutoff=0.6)
+    return f"did you mean {close[0]}?" if close and key not in known else "it does not belong here, remove it"

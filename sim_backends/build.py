@@ -11,6 +11,7 @@ from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
@@ -21,7 +22,9 @@ from sim_backends.compass import CompassEmulatorSettings, make_compass
 from sim_backends.faults import flip_bit, grey_lower_half, schedule_faults
 from sim_backends.four_wheel_plant import FourWheelPlant, FourWheelPlantSettings
 from sim_backends.imu import ImuEmulatorSettings, make_imu
+from sim_backends.overhead_camera import OverheadCameraEmulatorSettings, make_overhead_camera
 from sim_backends.plant import Plant
+from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
 from sim_backends.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
 from sim_backends.robotino_plant import RobotinoPlant, RobotinoPlantSettings
 from sim_backends.settings import SimulationSettings
@@ -54,9 +57,8 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
         rng = _generator(simulation.seed, f"device {name}")
         fault_rng = _generator(simulation.seed, f"faults {name}")
         faults = [fault for fault in simulation.faults if fault.device == name]
-        if isinstance(settings, CameraSettings):
-            errors = _errors_of(CameraEmulatorSettings, name, settings, simulation)
-            camera = make_camera(name, settings, errors, plant, rng, start_ns)
+        if isinstance(settings, CameraSettings | OverheadCameraSettings):
+            camera = _make_image_device(name, settings, simulation, plant, rng, start_ns)
             schedule_faults(camera, faults, grey_lower_half, fault_rng, start_ns)
             image_devices[name] = camera
         else:
@@ -80,8 +82,29 @@ def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
     match simulation.plant:
         case RobotinoPlantSettings() as robotino:
             return RobotinoPlant(robotino, rng, start_ns)
+        case RobotinoDynamicPlantSettings() as dynamic:
+            from sim_backends.robotino.plant import RobotinoDynamicPlant  # it takes numba a second to load
+
+            return RobotinoDynamicPlant(dynamic, rng, start_ns)
         case FourWheelPlantSettings() as four_wheel:
             return FourWheelPlant(four_wheel, rng, start_ns)
+
+
+def _make_image_device(
+    name: str,
+    device: CameraSettings | OverheadCameraSettings,
+    simulation: SimulationSettings,
+    plant: Plant,
+    rng: np.random.Generator,
+    start_ns: int,
+) -> EmulatedDevice[CameraImage]:
+    match device:
+        case CameraSettings():
+            camera = _errors_of(CameraEmulatorSettings, name, device, simulation)
+            return make_camera(name, device, camera, plant, rng, start_ns)
+        case OverheadCameraSettings():
+            overhead = _errors_of(OverheadCameraEmulatorSettings, name, device, simulation)
+            return make_overhead_camera(name, device, overhead, plant, rng, start_ns)
 
 
 def _make_byte_device(

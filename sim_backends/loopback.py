@@ -24,7 +24,10 @@ class LoopbackLink(Generic[PayloadT]):
         self._was_unplugged = False
 
     def open(self, timeout_s: float) -> None:
-        """Attach to the emulated device."""
+        """Attach to the emulated device; what it has said before is lost."""
+        now_ns = self._clock.now_ns()
+        self._world.advance(now_ns)
+        self._device.to_host.take(now_ns)
         self._is_open = True
 
     def close(self) -> None:
@@ -38,8 +41,11 @@ class LoopbackLink(Generic[PayloadT]):
         items: list[LinkItem[PayloadT]] = list(self._device.to_host.take(now_ns))
         if self._device.unplugged != self._was_unplugged:
             self._was_unplugged = self._device.unplugged
-            reason = "unplugged" if self._was_unplugged else "reopened"
-            items.append(LinkChange(now_ns, not self._was_unplugged, reason))
+            if self._was_unplugged:
+                items.append(LinkChange(now_ns, up=False, reason="unplugged"))
+            else:  # at the latest when the first payload came
+                up_ns = items[0].t_ns if items else now_ns
+                items.insert(0, LinkChange(up_ns, up=True, reason="reopened"))
         return items
 
     def send(self, payload: bytes) -> bool:

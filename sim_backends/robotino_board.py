@@ -35,6 +35,7 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
 from sim_backends.line import NEVER_NS, Line, serial_bits
 from sim_backends.plant import Plant
+from sim_backends.sensor_errors import standard_normals, standard_uniforms
 from sim_backends.world import EmulatedDevice
 
 SILENCE_S = {"EA05": 1.04, "EA09": 0.2}
@@ -81,7 +82,9 @@ class RobotinoBoardEmulator:
         self._ripple_a = settings.current_ripple_a
         self._plant = plant
         self._to_host = to_host
-        self._rng = rng
+        normal_rng, uniform_rng = rng.spawn(2)
+        self._normals = standard_normals(normal_rng)
+        self._uniforms = standard_uniforms(uniform_rng)
         self._start_ns = start_ns
         self._silence_ns = nanoseconds(SILENCE_S[device.board])
         self._stop_ns = NEVER_NS
@@ -125,14 +128,15 @@ class RobotinoBoardEmulator:
         answer = self._measured_before if self._board == "EA05" else measured
         self._measured_before = measured
         begin_ns = self._replies[-1].t_ns if self._replies else t_ns
-        delay_ns = nanoseconds(self._rng.uniform(FASTEST_REPLY_S, SLOWEST_REPLY_S))
+        delay_s = FASTEST_REPLY_S + (SLOWEST_REPLY_S - FASTEST_REPLY_S) * next(self._uniforms)
+        delay_ns = nanoseconds(delay_s)
         self._replies.append(Received(begin_ns + delay_ns, answer))
 
     def _measure(self, t_ns: int) -> bytes:
         truth = self._plant.truth()
         scale = self._scales
-        phases = self._rng.random(3).tolist()
-        ripples = self._rng.standard_normal(3).tolist()
+        phases = [next(self._uniforms) for _ in range(3)]
+        ripples = [next(self._normals) for _ in range(3)]
         t0, t1, t2 = (math.floor(angle / scale.position_rad) for angle in truth.wheel_position_rad)
         s0, s1, s2 = (
             _ticks_in_window(speed / scale.speed_rad_s, phase)

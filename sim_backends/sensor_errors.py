@@ -16,6 +16,12 @@ def standard_normals(rng: np.random.Generator) -> Iterator[float]:
         yield from rng.standard_normal(NOISE_BLOCK).tolist()
 
 
+def standard_uniforms(rng: np.random.Generator) -> Iterator[float]:
+    """Yield independent numbers spread evenly over [0, 1); drawn in blocks."""
+    while True:
+        yield from rng.random(NOISE_BLOCK).tolist()
+
+
 class DirectionLag:
     """First-order low-pass of a direction: filters its unit vector, so it never goes the long way round.
 

@@ -11,17 +11,20 @@ from sim_backends.compass import CompassEmulatorSettings
 from sim_backends.faults import FaultSettings
 from sim_backends.four_wheel_plant import FourWheelPlantSettings
 from sim_backends.imu import ImuEmulatorSettings
+from sim_backends.overhead_camera import OverheadCameraEmulatorSettings
+from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
 from sim_backends.robotino_board import RobotinoBoardEmulatorSettings
 from sim_backends.robotino_plant import RobotinoPlantSettings
 
 PlantSettings: TypeAlias = Annotated[
-    RobotinoPlantSettings | FourWheelPlantSettings, Field(discriminator="type")
+    RobotinoPlantSettings | RobotinoDynamicPlantSettings | FourWheelPlantSettings, Field(discriminator="type")
 ]
 EmulatorSettings: TypeAlias = Annotated[
     CameraEmulatorSettings
     | CanNodeSettings
     | CompassEmulatorSettings
     | ImuEmulatorSettings
+    | OverheadCameraEmulatorSettings
     | RobotinoBoardEmulatorSettings,
     Field(discriminator="type"),
 ]

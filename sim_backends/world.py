@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Generic, Protocol
 
 from drivers.link import CameraImage, PayloadT
-from sim_backends.line import NEVER_NS, Line
+from sim_backends.line import Line
 from sim_backends.plant import Plant
 
 
@@ -51,8 +51,8 @@ class EmulatedDevice(Generic[PayloadT]):
     @property
     def next_event_ns(self) -> int:
         """When the emulator must run or the plug be moved next."""
-        next_move_ns = self.plug_moves[0][0] if self.plug_moves else NEVER_NS
-        return min(self.emulator.next_event_ns, self.to_device.next_arrival_ns, next_move_ns)
+        next_ns = min(self.emulator.next_event_ns, self.to_device.next_arrival_ns)
+        return min(next_ns, self.plug_moves[0][0]) if self.plug_moves else next_ns
 
     def run_event(self, t_ns: int) -> None:
         """Move the plug when that is due; let the emulator hear what has arrived and do what is due."""
@@ -94,14 +94,11 @@ class World:
     def advance(self, now_ns: int) -> None:
         """Run every event up to `now_ns`, in order, then the plant to `now_ns`."""
         while True:
-            device = min(self._devices, key=_next_event_ns)
-            t_ns = device.next_event_ns
+            events_ns = [device.next_event_ns for device in self._devices]
+            t_ns = min(events_ns)
             if t_ns > now_ns:
                 break
+            device = self._devices[events_ns.index(t_ns)]
             self.plant.advance(t_ns)
             device.run_event(t_ns)
         self.plant.advance(now_ns)
-
-
-def _next_event_ns(device: AnyEmulatedDevice) -> int:
-    return device.next_event_ns

@@ -8,15 +8,15 @@ SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--rover", action="store_true", help="run the tests that need a real rover")
+    parser.addoption("--rover", metavar="CONFIG", help="run the tests on the rover of this configuration")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if config.getoption("--rover"):
         return
-    skip = pytest.mark.skip(reason="needs a real rover: run with --rover")
+    skip = pytest.mark.skip(reason="needs a real rover: run with --rover CONFIG")
     for item in items:
-        if "rover" in item.keywords:
+        if item.get_closest_marker("rover") is not None:
             item.add_marker(skip)
 
 

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from typing import NamedTuple
 
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import FrameSourceSettings
 from drivers.clock import Clock, nanoseconds
 from drivers.link import CameraImage, LinkChange, LinkItem, Received
 from drivers.samples import Image
@@ -33,7 +33,7 @@ class PlaybackLink(ABC):
         dropped: Frames skipped because nobody received them in time.
     """
 
-    def __init__(self, settings: CameraSettings, clock: Clock) -> None:
+    def __init__(self, settings: FrameSourceSettings, clock: Clock) -> None:
         self.dropped = 0
         self._settings = settings
         self._period_ns = nanoseconds(1 / settings.frame_rate_hz)
@@ -58,7 +58,7 @@ class PlaybackLink(ABC):
             NotConnectedError: There is nothing to play; the message says where and how to fix it.
         """
         self._frames = self._open_frames()
-        self._start_ns = self._clock.now_ns()
+        self._start_ns = self._end_ns = self._clock.now_ns()
         self._next = next(self._frames, None)
 
     def close(self) -> None:

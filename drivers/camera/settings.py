@@ -1,4 +1,4 @@
-"""Settings of a camera."""
+"""Settings of a camera, and of whatever else takes its measurements from frames."""
 
 from typing import Annotated, Literal, Self, TypeAlias
 
@@ -18,8 +18,8 @@ _ONLY_FOR = {
 }
 
 
-class CameraSettings(FrameDeviceSettings):
-    """A camera, or recorded frames in its place.
+class FrameSourceSettings(FrameDeviceSettings):
+    """Where frames come from: a camera, or recorded frames in its place.
 
     Attributes:
         source: "v4l2" is a camera of this machine; "folder" a finished folder of images, played on the
@@ -36,7 +36,6 @@ class CameraSettings(FrameDeviceSettings):
         loop: Start again at the end of a folder or video, instead of reporting the link down.
     """
 
-    type: Literal["camera"]
     source: Literal["v4l2", "folder", "live_folder", "video"]
     path: Annotated[str, Field(min_length=1)]
     width: Pixels
@@ -78,6 +77,12 @@ class CameraSettings(FrameDeviceSettings):
         from drivers.camera.folder_link import FolderLink, LiveFolderLink
 
         return FolderLink(self, clock) if self.source == "folder" else LiveFolderLink(self, clock)
+
+
+class CameraSettings(FrameSourceSettings):
+    """A camera whose frames are samples."""
+
+    type: Literal["camera"]
 
     def make_codec(self, name: str) -> Codec[CameraImage]:
         """Build the codec of the camera called `name`."""

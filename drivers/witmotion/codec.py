@@ -33,6 +33,9 @@ ACCELERATION_STEP_M_S2 = 16.0 * STANDARD_GRAVITY_M_S2 / 32768
 RATE_STEP_RAD_S = math.radians(2000.0) / 32768
 ANGLE_STEP_RAD = math.pi / 32768
 
+OLDEST_TILT_NS = 500_000_000
+"""The device sends the angle frame just before the magnetic one; some may be damaged in between."""
+
 _WORDS = struct.Struct("<BB4h")
 
 
@@ -100,8 +103,8 @@ class WitMotionCodec:
 
     Resynchronises by header, plausible type and sum. The sum catches every single-bit error in a frame; after
     a loss of synchronisation a chance match has probability 1/256 per candidate. Rejections: "framing" and
-    "checksum" (once per stretch of unreadable bytes), "other_type", "no_attitude" (a magnetic frame before
-    the first angle frame).
+    "checksum" (once per stretch of unreadable bytes), "other_type", "no_attitude" (a magnetic frame
+    without an angle frame in the half second before it).
 
     Args:
         name: Name of the device in the configuration.
@@ -125,7 +128,8 @@ class WitMotionCodec:
             self._readers[MAGNETIC] = self._read_magnetic
         self._buffer = b""
         self._lost = False
-        self._tilt_rad: tuple[float, float] | None = None
+        self._tilt_rad = (0.0, 0.0)
+        self._tilt_ns: int | None = None
 
     def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
         """Return the samples and rejections of the frames that `item` completes."""
@@ -153,7 +157,7 @@ class WitMotionCodec:
         """Forget a half-received frame and the last attitude."""
         self._buffer = b""
         self._lost = False
-        self._tilt_rad = None
+        self._tilt_ns = None
 
     def _read_frame(self, data: bytes, position: int, t_ns: int) -> Sequence[Sample | Rejection]:
         _, frame_type, first, second, third, _ = _WORDS.unpack_from(data, position)
@@ -171,14 +175,14 @@ class WitMotionCodec:
     def _read_angle(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
         roll_rad, pitch_rad, yaw_rad = (word * ANGLE_STEP_RAD for word in words)
         roll_rad, pitch_rad, yaw_rad = self._mounting.attitude_to_rover(roll_rad, pitch_rad, yaw_rad)
-        self._tilt_rad = (roll_rad, pitch_rad)
+        self._tilt_rad, self._tilt_ns = (roll_rad, pitch_rad), t_ns
         attitude = AttitudeSample(device=self._name, t_ns=t_ns, roll_rad=roll_rad, pitch_rad=pitch_rad)
         if self._calibration is not None:
             return (attitude,)
         return attitude, self._heading(t_ns, yaw_rad)
 
     def _read_magnetic(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
-        if self._tilt_rad is None or self._calibration is None:
+        if self._calibration is None or self._tilt_ns is None or t_ns - self._tilt_ns > OLDEST_TILT_NS:
             return (Rejection("no_attitude"),)
         x, y, z = self._mounting.vector_to_rover(self._calibration.apply(words))
         roll_rad, pitch_rad = self._tilt_rad

@@ -46,7 +46,7 @@ def run(
 ) -> None:
     """Run the loop, on real devices or on the simulated rover, and write log, summary and report.
 
-    Exit code 1: the mission was not finished.
+    Exit code 1: the rover could not finish the mission, or drive until you or --duration ended the run.
 
     Example: `rover-hil run robotino --virtual`
     """
@@ -74,7 +74,13 @@ def simulate(
 @app.command()
 def replay(
     log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`.")],
-    out: Annotated[Path | None, typer.Option(help="Also write summary and report into this folder.")] = None,
+    config: Annotated[
+        str | None,
+        typer.Option(help="Replay with rover, filter, limits, safety and mission of this configuration."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Also write summary and report of the recorded run into this folder.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Run a log again and compare every output.
@@ -85,7 +91,7 @@ def replay(
     """
     from rover_hil.command_line.replay import replay_log
 
-    sys.exit(replay_log(log, out=out, as_json=json))
+    sys.exit(replay_log(log, config_name=config, out=out, as_json=json))
 
 
 @app.command()
@@ -99,6 +105,46 @@ def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
     from rover_hil.command_line.doctor import examine
 
     sys.exit(examine(config, as_json=json))
+
+
+@app.command()
+def tune(
+    config: ConfigArgument,
+    study: Annotated[str, typer.Option(help="Name of the study; an existing one is continued.")],
+    trials: Annotated[int, typer.Option(min=1, help="Trials in all, earlier sessions included.")] = 60,
+    minutes: Annotated[float | None, typer.Option(min=0.01, help="End the search after this time.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the study [default: tuning/STUDY].")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Search for better gains on the simulated rover; compare them with the old on sites not searched.
+
+    Exit code 1: no values were acceptable, the old ones included.
+
+    Example: `rover-hil tune my_rover.toml --study gains`
+    """
+    from rover_hil.command_line.tune import tune as tune_rover
+
+    sys.exit(tune_rover(config, study=study, trials=trials, minutes=minutes, out=out, as_json=json))
+
+
+identify_app = typer.Typer(no_args_is_help=True, help="Fit models from logs or measured data.")
+app.add_typer(identify_app, name="identify")
+
+
+@identify_app.command("slip")
+def identify_slip(
+    train: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders to learn from.")],
+    test: Annotated[list[Path] | None, typer.Option(help="Logs, files or folders to test on.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the best map to this TOML file.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Fit slip maps, how much each wheel slips for the effort it takes, and compare them.
+
+    Example: `rover-hil identify slip one_surface_type --test two_surface_types --out textiles.toml`
+    """
+    from rover_hil.command_line.identify_slip import identify_slip as identify
+
+    sys.exit(identify(train, test=test or [], as_json=json, out=out))
 
 
 import_app = typer.Typer(no_args_is_help=True, help="Turn measured data of others into logs.")
@@ -123,10 +169,23 @@ def import_robotino(
     sys.exit(import_run(file, out=out, millimetres_per_pixel=millimetres_per_pixel, config_name=config))
 
 
+def _spread(arguments: list[str], option: str) -> list[str]:
+    """Let `--test A B` stand for `--test A --test B`, which is all that the library understands."""
+    spread: list[str] = []
+    is_open = False
+    for argument in arguments:
+        if is_open and not argument.startswith("-") and spread[-1] != option:
+            spread.append(option)
+        if argument.startswith("-"):
+            is_open = argument == option
+        spread.append(argument)
+    return spread
+
+
 def main() -> None:
     """Run the command line; our own errors become one sentence and exit code 2."""
     try:
-        app()
+        app(_spread(sys.argv[1:], "--test"))
     except RoverHilError as error:
         print(f"rover-hil: {error}", file=sys.stderr)  # noqa: T201 - the one place that reports errors
         sys.exit(EXIT_BAD_INPUT)

@@ -9,22 +9,31 @@ from rich.table import Table
 
 from drivers.clock import seconds
 from drivers.errors import LogError
-from rover_hil.recording.data_files import restore_config
+from rover_hil.config import load_config
+from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.log_reader import LogReader
 from rover_hil.recording.replay import ReplayResult, replay
 from rover_hil.report.write import write_report
 
+ROWS_SHOWN = 25
+TEXT_SHOWN = 40
 
-def replay_log(path: Path, *, out: Path | None, as_json: bool) -> int:
-    """Replay the log at `path`; returns the exit code.
+
+def replay_log(path: Path, *, config_name: str | None, out: Path | None, as_json: bool) -> int:
+    """Replay the log at `path`, with the controller of another configuration if named; returns the exit code.
 
     Raises:
         LogError: The log cannot be read.
-        ConfigError: The folder for the report cannot be used.
+        ConfigError: The configuration is wrong, or the folder for the report cannot be used.
     """
     log = LogReader(path)
-    with restore_config(log) as config, Progress(console=Console(stderr=True), transient=True) as progress:
+    controller = None if config_name is None else load_config(config_name)
+    with (
+        restore_config(log) as logged_config,
+        Progress(console=Console(stderr=True), transient=True) as progress,
+    ):
         task = progress.add_task("replaying", total=path.stat().st_size)
+        config = logged_config if controller is None else with_controller_of(logged_config, controller)
         result = replay(log, config, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
         msg = f"log {path} holds no complete cycle"
@@ -36,15 +45,14 @@ def replay_log(path: Path, *, out: Path | None, as_json: bool) -> int:
     if out is not None:
         write_report(path, out)
         if not as_json:
-            Console().print(f"report: {out / 'report.html'}")
-    return 0 if result.difference_count == 0 else 1
+            Console().print(f"report of the recorded run: {out / 'report.html'}", soft_wrap=True)
+    return 1 if result.differences else 0
 
 
 def _record(result: ReplayResult) -> dict[str, object]:
     return {
-        "identical": result.difference_count == 0,
+        "identical": not result.differences,
         "cycles": result.cycles,
-        "difference_count": result.difference_count,
         "differences": result.differences,
     }
 
@@ -53,12 +61,23 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
     console = Console()
     if not log.is_complete:
         console.print(f"{log.path} was cut off; everything up to the cut was replayed")
-    if result.difference_count == 0:
+    if not result.differences:
         console.print(f"{result.cycles} cycles replayed, every output identical")
         return
-    table = Table("time", "field", "recorded", "replayed", title="what came out different")
-    for difference in result.differences:
-        time_s = seconds(difference.t_ns - log.start_ns)
-        table.add_row(f"{time_s:.3f} s", difference.field, str(difference.recorded), str(difference.replayed))
+    table = Table("field", "cycles", "first at", "largest", "recorded last", "replayed last")
+    for difference in result.differences[:ROWS_SHOWN]:
+        table.add_row(
+            difference.field,
+            str(difference.count),
+            f"{seconds(difference.first_t_ns - log.start_ns):.3f} s",
+            "" if difference.largest is None else f"{difference.largest:.3g}",
+            _short(difference.recorded),
+            _short(difference.replayed),
+        )
     console.print(table)
-    console.print(f"{result.difference_count} differences in {result.cycles} cycles")
+    console.print(f"{len(result.differences)} fields came out different in {result.cycles} cycles")
+
+
+def _short(value: object) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= TEXT_SHOWN else f"{text[:TEXT_SHOWN]}..."

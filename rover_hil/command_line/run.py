@@ -1,6 +1,7 @@
 """`rover-hil run`: put the rover together, run the loop, write log, summary and report."""
 
 import gc
+import json
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -14,7 +15,7 @@ from rich.text import Text
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
-from drivers.errors import ConfigError, RoverHilError
+from drivers.errors import ConfigError, NotConnectedError, RoverHilError
 from rover_hil.composition import build_real_rig, build_virtual_rig
 from rover_hil.config import Config, load_config
 from rover_hil.loop.executive import End, Executive, RunResult
@@ -53,7 +54,10 @@ def run_rover(
         msg = "--virtual runs on simulated time: leave --realtime out"
         raise ConfigError(msg)
     folder = out or Path("runs") / f"{Path(config_name).stem}-{wall_time_text()}"
-    log_path = _prepare_folder(folder)
+    log_path = folder / LOG_NAME
+    if log_path.exists():
+        msg = f"{log_path} exists and a log is never overwritten: choose another --out"
+        raise ConfigError(msg)
     limit_s = duration_s or config.loop.time_limit_s
     messages = Console(stderr=True)
     with Live(console=messages, transient=True, auto_refresh=False) as live:
@@ -65,30 +69,21 @@ def run_rover(
             result = run_virtual(config, log_path, limit_s, show)
         else:
             result = _run_real(config, log_path, limit_s, show, realtime=realtime)
-    with messages.status("writing report"):
-        summary_json = write_report(log_path, folder)
+    try:
+        with messages.status("writing report"):
+            summary_json = write_report(log_path, folder)
+    except KeyboardInterrupt:
+        messages.print(
+            f"no report yet: `rover-hil replay {log_path} --out {folder}` writes it", soft_wrap=True
+        )
+        return 1
     if as_json:
         Console().out(summary_json)
     else:
-        console = Console(highlight=False)
-        console.print(
-            f"{result.reason}; {result.cycles} cycles, {result.duration_s:.1f} s, {result.skipped} skipped"
-        )
-        console.print(f"report: {folder / 'report.html'}", soft_wrap=True)
+        console = Console(highlight=False, soft_wrap=True)
+        console.print(f"report: {folder / 'report.html'}")
+        console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
     return 0 if _went_well(result, duration_s) else 1
-
-
-def _prepare_folder(folder: Path) -> Path:
-    log_path = folder / LOG_NAME
-    if log_path.exists():
-        msg = f"{log_path} exists and a log is never overwritten: choose another --out"
-        raise ConfigError(msg)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        msg = f"cannot make the folder {folder}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    return log_path
 
 
 def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisplay | None) -> RunResult:
@@ -124,7 +119,11 @@ def _run_real(
         enter_realtime()
     with _open_log(log_path, config, clock.now_ns(), "real") as log:
         rig = build_real_rig(config, clock, log)
-        rig.connect(CONNECT_TIMEOUT_S)
+        try:
+            rig.connect(CONNECT_TIMEOUT_S)
+        except NotConnectedError as error:
+            msg = f"{error}; `rover-hil doctor` says more, `rover-hil simulate` serves a simulated rover"
+            raise NotConnectedError(msg) from error
         with closing(rig):
             watchdog = Watchdog(
                 rig.drive,
@@ -144,12 +143,18 @@ def _run_real(
 
 @contextmanager
 def _open_log(path: Path, config: Config, start_ns: int, origin: str) -> Iterator[LogWriter]:
-    """Give a log that vanishes again when the run fails before anything was recorded."""
+    """Give a log, in a new folder if need be, that vanishes again when the run fails before it begins."""
     config_json = config.model_dump_json(by_alias=True).encode()
-    log = LogWriter(path, start_ns, config_json, collect_data_files(config), origin)
+    data_files = collect_data_files(config)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        log = LogWriter(path, start_ns, config_json, data_files, origin)
+    except OSError as error:
+        msg = f"cannot write {path}: {error.strerror}; choose another --out"
+        raise ConfigError(msg) from error
     try:
         yield log
-    except RoverHilError:
+    except (RoverHilError, KeyboardInterrupt):
         if log.is_empty:
             path.unlink()
             with suppress(OSError):
@@ -162,9 +167,8 @@ def _open_log(path: Path, config: Config, start_ns: int, origin: str) -> Iterato
 def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
     def on_signal(signal_number: int, frame: FrameType | None) -> None:
         executive.request_stop()
-        signal.signal(signal_number, signal.default_int_handler)  # a second one does not wait for the cycle
 
-    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    previous = {number: signal.signal(number, on_signal) for number in _end_signals()}
     try:
         result = executive.run(limit_s)
     finally:
@@ -174,9 +178,28 @@ def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
     return result
 
 
+def _end_signals() -> tuple[signal.Signals, ...]:
+    """Return what ends a run: ctrl-C, a request to end, and a lost terminal or network connection.
+
+    Under nohup the last of them is ignored and stays so.
+    """
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        return (signal.SIGINT, signal.SIGTERM)
+    return (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def _result_line(result: RunResult, stops: int) -> str:
+    parts = [result.reason, f"{result.duration_s:.1f} s"]
+    if stops:
+        parts.append(f"{stops} safety stop{'s' if stops > 1 else ''}")
+    if result.skipped:
+        parts.append(f"{result.skipped} of {result.cycles + result.skipped} cycles skipped")
+    return ", ".join(parts)
+
+
 def _went_well(result: RunResult, duration_s: float | None) -> bool:
     if result.end is End.TIME_OVER:
-        return duration_s is not None and result.mode in (Mode.SETTLING, Mode.RUNNING)
+        return duration_s is not None and result.mode is Mode.RUNNING
     return result.end in (End.FINISHED, End.STOPPED_BY_USER)
 
 

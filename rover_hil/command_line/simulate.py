@@ -15,7 +15,7 @@ from sim_backends.build import build_world
 from sim_backends.serving.server import Server, put_on_ports
 
 STATUS_PERIOD_S = 0.25
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def simulate(config_name: str, duration_s: float | None) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import FrameSourceSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.device_settings import SerialDeviceSettings
 from drivers.registry import AnyDeviceSettings
@@ -51,7 +51,7 @@ def port_of(settings: AnyDeviceSettings) -> Port | None:
         return Port(SERIAL, "port", Path(settings.port))
     if isinstance(settings, CanWheelsSettings) and settings.interface == "slcan":
         return Port(SERIAL, "channel", Path(settings.channel))
-    if isinstance(settings, CameraSettings) and settings.source == "v4l2":
+    if isinstance(settings, FrameSourceSettings) and settings.source == "v4l2":
         return Port(CAMERA, "path", Path(settings.path))
     return None
 

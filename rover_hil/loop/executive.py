@@ -88,9 +88,17 @@ class Executive:
         self._on_status = on_status
         self._watchdog = watchdog
         self._stop_request: tuple[End, str] | None = None
+        self._is_stopping = False
 
     def request_stop(self) -> None:
-        """End the run after the present cycle on the user's wish; safe to call from a signal handler."""
+        """End the run after the present cycle on the user's wish; for signal handlers.
+
+        Raises:
+            KeyboardInterrupt: Asked again, so that a cycle that hangs ends too; but never while the drive is
+                being stopped.
+        """
+        if self._stop_request is not None and not self._is_stopping:
+            raise KeyboardInterrupt
         self._stop_request = (End.STOPPED_BY_USER, "stopped by the user")
 
     def now_ns(self) -> int:
@@ -131,6 +139,7 @@ class Executive:
                 if self._is_over(output, now_ns, end_ns, result):
                     break
         finally:
+            self._is_stopping = True
             self._rig.drive.stop()
             self._log.health(self._clock.now_ns(), self._rig.healths())
         result.duration_s = seconds(now_ns - start_ns)
@@ -139,9 +148,7 @@ class Executive:
         return result
 
     def _cycle(self, now_ns: int) -> StepOutput:
-        samples = self._rig.poll()
-        output = self._rig.loop.step(now_ns, samples)
-        sent = self._rig.drive.command(output.command)
+        samples, output, sent = self._rig.cycle(now_ns)
         if self._watchdog is not None:
             self._watchdog.feed()
         self._log.samples(now_ns, samples)
@@ -155,7 +162,7 @@ class Executive:
         healths = self._rig.healths()
         self._log.health(now_ns, healths)
         for health in healths:
-            if health.state is DeviceState.FAILED:
+            if health.state is DeviceState.FAILED and health.device in self._rig.required:
                 self._stop_request = (
                     End.DEVICE_FAILED,
                     f"device '{health.device}' has failed: {health.last_link_reason}",
@@ -170,6 +177,7 @@ class Executive:
             result.end, result.reason = self._stop_request
         elif now_ns >= end_ns:
             result.end = End.TIME_OVER
-            result.reason = f"time is over; the rover was {output.mode.value} {output.reason}".rstrip()
+            mode = output.mode.value.replace("_", " ")
+            result.reason = f"time over in mode '{mode}'{': ' if output.reason else ''}{output.reason}"
         result.mode = output.mode
         return result.end is not None

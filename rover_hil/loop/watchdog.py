@@ -2,9 +2,11 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 
 from drivers.clock import Clock
 from drivers.driver import WheelDrive
+from drivers.errors import LogError
 
 CHECK_PERIOD_S = 0.02
 
@@ -16,7 +18,8 @@ class Watchdog:
         drive: What to stop.
         clock: The host's clock.
         limit_ns: How long the loop may stay silent.
-        on_intervention: Told the time of each intervention, just before the drive is stopped.
+        on_intervention: Told the time of each intervention. The drive has been stopped by then, because a log
+            that hangs may be what keeps the loop silent.
     """
 
     def __init__(
@@ -49,11 +52,13 @@ class Watchdog:
 
     def check(self) -> None:
         """Stop the drive, once per silence, if the loop has been silent for too long."""
-        if not self._has_stopped and self._clock.now_ns() - self._fed_ns > self._limit_ns:
+        now_ns = self._clock.now_ns()
+        if not self._has_stopped and now_ns - self._fed_ns > self._limit_ns:
             self._has_stopped = True
             self.interventions += 1
-            self._on_intervention(self._clock.now_ns())
-            self._drive.stop()
+            with suppress(LogError):  # the loop meets the same error, and ends
+                self._drive.stop()
+                self._on_intervention(now_ns)
 
     def _run(self) -> None:
         while not self._ending.wait(CHECK_PERIOD_S):

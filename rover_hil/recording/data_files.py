@@ -58,3 +58,20 @@ def restore_config(log: LogReader) -> Iterator[Config]:
             if device in devices:
                 devices[device] = devices[device].model_copy(update={key: str(path)})
         yield config.model_copy(update={"devices": devices})
+
+
+def with_controller_of(logged: Config, other: Config) -> Config:
+    """Return the configuration of a log with rover, filter, limits and safety of another one.
+
+    Devices and their roles stay: the log holds what these very devices said. A mission is taken over where
+    the log has one.
+    """
+    update: dict[str, object] = {
+        "rover": other.rover,
+        "filter": other.filter,
+        "limits": other.limits,
+        "safety": other.safety,
+    }
+    if logged.mission is not None and other.mission is not None:
+        update["mission"] = other.mission
+    return logged.model_copy(update=update)

@@ -6,6 +6,7 @@ a killed run loses at most the last tenth of a second. The layout is described i
 
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -15,6 +16,7 @@ from pydantic_core import to_json
 
 from drivers.clock import wall_time_ns
 from drivers.driver import Health
+from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, LinkItem
 from drivers.samples import FrameSample, Sample
 from rover_hil.recording.images import encode_image
@@ -28,6 +30,9 @@ JSON_SCHEMA = b'{"type":"object"}'
 
 class LogWriter:
     """A log being written; also the tap that sees raw data before it is parsed.
+
+    When the file cannot be written, every method that writes raises LogError from then on: a run must not go
+    on without its log. What was written before can be read as after a crash.
 
     Args:
         path: The file; must not exist.
@@ -43,7 +48,9 @@ class LogWriter:
     def __init__(
         self, path: Path, start_ns: int, config_json: bytes, attachments: Mapping[str, bytes], origin: str
     ) -> None:
+        self._path = path
         self._stream = path.open("xb")
+        self._failure = ""
         self._lock = threading.Lock()
         self._wall_offset_ns = wall_time_ns() - start_ns
         self._next_flush_ns = start_ns
@@ -80,11 +87,19 @@ class LogWriter:
         return not self._channels
 
     def close(self) -> None:
-        """Finish the file; may be called again."""
+        """Finish the file; may be called again, also after it could not be written.
+
+        Raises:
+            LogError: The end of the file cannot be written.
+        """
         with self._lock:
-            if not self._stream.closed:
+            if self._stream.closed:
+                return
+            try:
                 self._writer.finish()  # type: ignore[no-untyped-call]
                 self._stream.close()
+            except OSError as error:
+                raise self._give_up(error) from error
 
     def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
         """Note what arrived from a device."""
@@ -116,16 +131,31 @@ class LogWriter:
 
     def _write(self, topic: str, t_ns: int, data: bytes, *, encoding: str) -> None:
         with self._lock:
+            if self._failure:
+                raise LogError(self._failure)
             if self._stream.closed:
                 return
-            channel = self._channels.get(topic)
-            if channel is None:
-                schema_id = self._schema_ids[encoding]
-                channel = self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
-            self._writer.add_message(channel, self._wall_offset_ns + t_ns, data, t_ns)
-            if t_ns >= self._next_flush_ns:
-                self._stream.flush()
-                self._next_flush_ns = t_ns + FLUSH_PERIOD_NS
+            try:
+                self._write_message(topic, t_ns, data, encoding)
+            except OSError as error:
+                raise self._give_up(error) from error
+
+    def _write_message(self, topic: str, t_ns: int, data: bytes, encoding: str) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            schema_id = self._schema_ids[encoding]
+            channel = self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
+        self._writer.add_message(channel, self._wall_offset_ns + t_ns, data, t_ns)
+        if t_ns >= self._next_flush_ns:
+            self._stream.flush()
+            self._next_flush_ns = t_ns + FLUSH_PERIOD_NS
+
+    def _give_up(self, error: OSError) -> LogError:
+        # Nothing more goes to the file: a whole record after half a one would be damage in the middle.
+        with suppress(OSError):
+            self._stream.close()
+        self._failure = f"cannot write log {self._path}: {error.strerror}; make room, or choose another --out"
+        return LogError(self._failure)
 
 
 def samples_record(samples: Sequence[Sample]) -> dict[str, list[object]]:

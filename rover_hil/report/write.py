@@ -32,7 +32,7 @@ def write_report(log_path: Path, folder: Path) -> str:
     run = read_run(log_path)
     summary = summarise(run)
     summary_json = to_json(summary, indent=2, inf_nan_mode="null").decode()
-    _write_all(folder, {SUMMARY_NAME: summary_json, REPORT_NAME: _render(run, summary)})
+    write_all(folder, {SUMMARY_NAME: summary_json, REPORT_NAME: _render(run, summary)})
     return summary_json
 
 
@@ -56,8 +56,12 @@ def _render(run: RunData, summary: Summary) -> str:
     )
 
 
-def _write_all(folder: Path, texts: dict[str, str]) -> None:
-    """Write all files under temporary names, then move them into place."""
+def write_all(folder: Path, texts: dict[str, str]) -> None:
+    """Write text files by name into a folder: under temporary names first, then all moved into place.
+
+    Raises:
+        ConfigError: The folder cannot be made or written to. No half-written file is left behind.
+    """
     parts = {name: folder / f".{name}.part" for name in texts}
     try:
         folder.mkdir(parents=True, exist_ok=True)

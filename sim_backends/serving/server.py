@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Generic, Self, TypeAlias
 
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import FrameSourceSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import Clock, nanoseconds
 from drivers.errors import ConfigError
@@ -135,7 +135,7 @@ def put_on_ports(world: World, settings: Mapping[str, AnyDeviceSettings]) -> lis
     """
     served: list[AnyServedDevice] = []
     for name, device in settings.items():
-        if isinstance(device, CameraSettings):
+        if isinstance(device, FrameSourceSettings):
             served.append(ServedDevice(world.image_devices[name], _frame_port(name, device)))
         elif isinstance(device, CanWheelsSettings):
             served.append(ServedDevice(world.byte_devices[name], _can_port(name, device)))
@@ -144,7 +144,7 @@ def put_on_ports(world: World, settings: Mapping[str, AnyDeviceSettings]) -> lis
     return served
 
 
-def _frame_port(name: str, camera: CameraSettings) -> Port[CameraImage]:
+def _frame_port(name: str, camera: FrameSourceSettings) -> Port[CameraImage]:
     if camera.source != "live_folder":
         msg = f"devices.{name}.source: a simulated camera is served as source = 'live_folder'; set that"
         raise ConfigError(msg)

@@ -1,12 +1,19 @@
 """A CAN bus behind a serial adapter that speaks LAWICEL's ASCII protocol (slcan), on a pseudo-terminal."""
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can_frame import (
+    EXTENDED_ID_MASK,
+    STANDARD_ID_MASK,
+    CanFrame,
+    pack_can_frame,
+    unpack_can_frame,
+)
 from sim_backends.serving.port import Port
 from sim_backends.serving.pty_port import PtyPort
 
 OK = b"\r"
 ERROR = b"\a"
 LONGEST_LINE = 32
+HEX_DIGITS = frozenset(b"0123456789ABCDEFabcdef")
 
 
 class SlcanPort(Port[bytes]):
@@ -78,7 +85,7 @@ def _line(frame: CanFrame) -> bytes:
 def _frame(line: bytes) -> CanFrame | None:
     """Return the frame that a line sends, or None when it is not a complete t, T, r or R command."""
     letter, digits = line[:1], line[1:]
-    if letter not in (b"t", b"T", b"r", b"R"):
+    if letter not in (b"t", b"T", b"r", b"R") or not HEX_DIGITS.issuperset(digits):
         return None
     is_extended, is_remote = letter.isupper(), letter in (b"r", b"R")
     id_digits = 8 if is_extended else 3
@@ -90,5 +97,6 @@ def _frame(line: bytes) -> CanFrame | None:
         return None
     if length > 8 or len(data) != (0 if is_remote else length):
         return None
-    frame = CanFrame(can_id, bytes(length) if is_remote else data, is_extended, is_remote)
-    return unpack_can_frame(pack_can_frame(frame))
+    if can_id > (EXTENDED_ID_MASK if is_extended else STANDARD_ID_MASK):
+        return None
+    return CanFrame(can_id, bytes(length) if is_remote else data, is_extended, is_remote)

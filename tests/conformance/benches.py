@@ -14,7 +14,15 @@ from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver, WheelDrive
 from drivers.link import CameraImage, LinkItem, NoTap
 from drivers.registry import AnyDeviceSettings
-from drivers.samples import FrameSample, HeadingSample, RateSample, Sample, WheelCommand, WheelSample
+from drivers.samples import (
+    FrameSample,
+    HeadingSample,
+    PoseFixSample,
+    RateSample,
+    Sample,
+    WheelCommand,
+    WheelSample,
+)
 from sim_backends.build import build_world
 from sim_backends.loopback import LoopbackLink
 from sim_backends.serving.server import Server, put_on_ports
@@ -77,6 +85,22 @@ CASES = (
         },
         (FrameSample,),
         CameraImage(np.zeros((8, 8, 3), np.uint8), 1_500_000_000),
+    ),
+    Case(
+        "overhead_camera",
+        "robotino",
+        lambda folder: {
+            "source": "live_folder",
+            "path": str(folder / "port"),
+            "frame_rate_hz": 10,
+            "marker_id": 7,
+            "marker_size_m": 0.12,
+            "marker_height_m": 0.22,
+            "calibration": "simulated",
+            "max_age_s": 0.5,
+        },
+        (PoseFixSample,),
+        CameraImage(np.zeros((480, 640, 3), np.uint8), 1_500_000_000),
     ),
 )
 

@@ -77,6 +77,17 @@ def test_connect_and_close_may_be_repeated(bench: Bench) -> None:
     bench.forward_until(lambda samples: heard_all(bench, samples), START_LIMIT_S)
 
 
+def test_what_came_before_the_connection_is_not_told(bench: Bench) -> None:
+    bench.driver.connect()
+    bench.forward_until(lambda samples: heard_all(bench, samples), START_LIMIT_S)
+    bench.driver.close()
+    bench.pass_time(0.5)
+    before_ns = bench.clock.now_ns()
+    bench.driver.connect()
+    said = bench.forward_until(lambda samples: heard_all(bench, samples), START_LIMIT_S)
+    assert min(sample.t_ns for sample in said) >= before_ns
+
+
 def test_pulled_plug_is_told_and_a_restored_one_streams_again(bench: Bench) -> None:
     bench.driver.connect()
     bench.forward_until(lambda samples: heard_all(bench, samples), START_LIMIT_S)

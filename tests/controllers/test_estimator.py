@@ -85,6 +85,21 @@ def test_when_the_gyro_pauses_no_turn_is_lost_or_counted_twice(gyro_gap_s: float
     assert after.estimate.yaw_rad == pytest.approx(simulated.yaw_rad, abs=0.5 * 0.02)
 
 
+def test_a_gyro_that_is_slow_but_within_its_age_limit_turns_the_estimate() -> None:
+    loop = ControlLoop(make_settings(), DeviceRoles(wheels="wheels", gyro="gyro", required={"gyro": 0.25}))
+    simulated = omni_rover(noise=Noise())
+    simulated.mute = lambda sample: (
+        None if isinstance(sample, RateSample) and sample.t_ns % (200 * MS) else sample
+    )
+    for _ in range(100):
+        simulated.set_point_rad_s = simulated.geometry.wheel_speeds(0j, 0.5)
+        samples = simulated.advance(simulated.t_ns + PERIOD_NS)
+        output = loop.step(simulated.t_ns, samples)
+        if simulated.t_ns - START_NS > SECOND_NS:
+            assert output.estimate.yaw_source is YawSource.GYRO
+    assert output.estimate.yaw_rad == pytest.approx(simulated.yaw_rad, abs=0.5 * 0.22)
+
+
 def test_at_standstill_the_yaw_is_held_and_the_bias_learnt() -> None:
     simulated = omni_rover(noise=replace(HONEST, gyro_rad_s=0.05))
     noise = FilterSettings(gyro_rate_noise_rad_s=0.05)
@@ -185,3 +200,21 @@ def test_magnetic_and_true_headings_of_one_run_keep_apart() -> None:
         yaws.append(output.estimate.yaw_rad)
         assert all(item.accepted for item in output.innovations)
     assert max(map(abs, yaws)) < 0.01
+
+
+def test_headings_wait_while_the_motion_of_the_wheels_is_unknown() -> None:
+    roles = DeviceRoles(wheels="wheels", headings=("compass",), required={"wheels": 0.15})
+    loop, simulated = ControlLoop(make_settings(), roles), omni_rover(noise=Noise())
+    run(loop, simulated, 1.0)
+    for _ in range(100):
+        simulated.set_point_rad_s = simulated.geometry.wheel_speeds(0j, 0.3)
+        samples = simulated.advance(simulated.t_ns + PERIOD_NS)
+        turning = loop.step(simulated.t_ns, samples)
+    # The last known yaw rate would turn the yaw expected for each of the headings further and further.
+    simulated.mute = silent("wheels")
+    silence = run(loop, simulated, 30.0)
+    named = {item.name for output in silence[20:] for item in output.innovations}
+    assert named == set()
+    assert silence[-1].estimate.yaw_rad == pytest.approx(turning.estimate.yaw_rad, abs=0.02)
+    simulated.mute = lambda sample: sample
+    assert any(output.innovations for output in run(loop, simulated, 1.0))

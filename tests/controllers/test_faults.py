@@ -178,3 +178,50 @@ def test_a_stamp_from_the_future_neither_looks_fresh_nor_blocks_what_follows() -
     assert outputs[-1].estimate.x_m == pytest.approx(simulated.place.real, abs=0.005)
     simulated.mute = silent("wheels")
     assert run(loop, simulated, 0.2)[-1].mode is Mode.SAFE_STOP
+
+
+def test_after_a_short_break_of_the_wheels_link_motion_resumes_from_standstill() -> None:
+    safety = SafetySettings(recover_s=0.0)
+    loop, simulated = ControlLoop(make_settings(mission=LONG_WAY, safety=safety), ROLES), omni_rover()
+    run(loop, simulated, 4.0)
+    down = LinkSample(device="wheels", t_ns=simulated.t_ns, up=False, reason="unplugged")
+    stopped = loop.step(simulated.t_ns, [down])
+    simulated.speed_rad_s = np.zeros(3)
+    simulated.set_point_rad_s = np.zeros(3)
+    simulated.advance(simulated.t_ns + SECOND_NS)
+    loop.step(simulated.t_ns, [replace(down, up=True, t_ns=simulated.t_ns)])
+    resumed = run(loop, simulated, 1.0)
+    assert_no_jump([stopped, *resumed])
+    assert resumed[-1].mode is Mode.RUNNING
+
+
+def test_positions_that_jump_to_and_fro_stop_the_rover_although_they_are_fresh() -> None:
+    loop, simulated = long_drive(), omni_rover()
+    run(loop, simulated, 4.0)
+    began_ns = simulated.t_ns
+
+    def jumping(sample: Sample) -> Sample:
+        if isinstance(sample, WheelSample) and sample.wheel == 0 and sample.t_ns // (10 * MS) % 2:
+            return replace(sample, position_rad=(sample.position_rad or 0.0) + 100.0)
+        return sample
+
+    simulated.mute = jumping
+    faulty = run(loop, simulated, 3.0)
+    first = next(output for output in faulty if output.mode is Mode.SAFE_STOP)
+    assert (first.t_ns - began_ns) / MS <= 2 * 150 + 20
+    assert first.reason == "wheels: no motion to be made out within 0.3 s"
+    assert faulty[-1].mode is Mode.SAFE_STOP
+    simulated.mute = lambda sample: sample
+    assert run(loop, simulated, 1.0)[-1].mode is Mode.RUNNING
+
+
+def test_positions_that_jump_from_the_start_keep_the_rover_standing() -> None:
+    loop, simulated = long_drive(), omni_rover()
+
+    def jumping(sample: Sample) -> Sample:
+        if isinstance(sample, WheelSample):
+            return replace(sample, position_rad=float(sample.t_ns % (20 * MS)))
+        return sample
+
+    simulated.mute = jumping
+    assert {output.mode for output in run(loop, simulated, 4.0)} == {Mode.SETTLING}

@@ -10,7 +10,7 @@ MS = 1_000_000
 
 
 def test_the_trapezoid_rule_integrates_a_ramp_exactly() -> None:
-    gyro = GyroIntegrator()
+    gyro = GyroIntegrator(0.15)
     for i in range(11):
         gyro.feed(i * 10 * MS, 0.1 * i)
     angle_rad, covered_s = gyro.take()
@@ -20,7 +20,7 @@ def test_the_trapezoid_rule_integrates_a_ramp_exactly() -> None:
 
 
 def test_a_gap_is_not_integrated() -> None:
-    gyro = GyroIntegrator()
+    gyro = GyroIntegrator(0.15)
     gyro.feed(0, 1.0)
     gyro.feed(151 * MS, 1.0)
     assert gyro.take() == (0.0, 0.0)
@@ -30,14 +30,14 @@ def test_a_gap_is_not_integrated() -> None:
 
 @pytest.mark.parametrize("rate", [math.nan, math.inf, -math.inf, 100.1])
 def test_impossible_rates_are_refused(rate: float) -> None:
-    gyro = GyroIntegrator()
+    gyro = GyroIntegrator(0.15)
     assert not gyro.feed(0, rate)
     assert gyro.t_ns is None
     assert not gyro.is_fresh(0)
 
 
 def test_old_and_repeated_readings_are_refused() -> None:
-    gyro = GyroIntegrator()
+    gyro = GyroIntegrator(0.15)
     assert gyro.feed(10 * MS, 1.0)
     assert not gyro.feed(10 * MS, 5.0)
     assert not gyro.feed(9 * MS, 5.0)
@@ -45,7 +45,7 @@ def test_old_and_repeated_readings_are_refused() -> None:
 
 
 def test_freshness_ends_after_150_ms() -> None:
-    gyro = GyroIntegrator()
+    gyro = GyroIntegrator(0.15)
     gyro.feed(0, 1.0)
     assert gyro.is_fresh(150 * MS)
     assert not gyro.is_fresh(150 * MS + 1)

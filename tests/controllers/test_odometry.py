@@ -252,3 +252,14 @@ def test_positions_of_before_and_after_a_broken_link_are_not_interpolated() -> N
     feed(odometry, 20 * MS, 0.0, 0.0, 0.0, 0.0)
     odometry.take()
     assert (odometry.pose.x_m, odometry.pose.yaw_rad) == (0.0, 0.0)
+
+
+def test_after_a_broken_link_no_speed_of_before_is_told() -> None:
+    odometry = make(SKID)
+    for i in range(50):
+        feed(odometry, i * 20 * MS, *([0.1 * i] * 4))
+        odometry.take()
+    assert odometry.velocity[0] == pytest.approx(0.5)
+    odometry.rebase()
+    assert odometry.velocity == (0.0, 0.0, 0.0)
+    assert odometry.wheel_speed_rad_s == (0.0,) * 4

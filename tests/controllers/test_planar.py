@@ -18,8 +18,9 @@ def test_wrapping_keeps_the_direction_and_the_range(angle: float) -> None:
     assert abs(cmath.rect(1.0, wrapped) - cmath.rect(1.0, angle)) < 1e-9
 
 
-def test_wrapping_pi_gives_minus_pi() -> None:
-    assert wrap_angle(math.pi) == -math.pi
+@pytest.mark.parametrize("angle", [math.pi, -math.pi, math.nextafter(-math.pi, -4.0)])
+def test_wrapping_pi_gives_minus_pi(angle: float) -> None:
+    assert wrap_angle(angle) == -math.pi
 
 
 @pytest.mark.parametrize("angle", [math.inf, -math.inf, math.nan])

@@ -63,7 +63,7 @@ class Watch:
         self.now_ns += 10 * MS
         for sample in samples:
             self.supervisor.observe(sample, sample.t_ns)
-        self.supervisor.update(self.now_ns, finite)
+        self.supervisor.update(self.now_ns, finite, self.now_ns)
         return self.supervisor.mode
 
     def healthy_until_running(self) -> int:

@@ -1,13 +1,13 @@
 """Frames from folders and video files: timing, order, ends, damage, and the driver contract on each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from drivers.camera.playback_link import NEWEST_FRAMES
+from drivers.camera.playback_link import NEWEST_FRAMES, PlaybackLink, RecordedFrame
 from drivers.camera.settings import CameraSettings
 from drivers.clock import VirtualClock
 from drivers.driver import DeviceState, Driver
@@ -212,6 +212,18 @@ def test_a_truncated_video_plays_what_there_is_and_ends(tmp_path: Path) -> None:
         frames = frames_of(driver, clock, 650, 10_000_000)
         assert driver.health().state is DeviceState.FAILED
     assert 5 < len(frames) < 55
+
+
+def test_a_recording_without_frames_ends_when_it_begins(tmp_path: Path) -> None:
+    class EmptyLink(PlaybackLink):
+        def _open_frames(self) -> Generator[RecordedFrame]:
+            yield from ()
+
+    link = EmptyLink(settings("video", tmp_path), VirtualClock(START_NS))
+    link.open(1.0)
+    (end,) = link.receive()
+    assert isinstance(end, LinkChange)
+    assert (end.t_ns, end.gave_up) == (START_NS, True)
 
 
 @pytest.mark.parametrize(

@@ -318,7 +318,9 @@ def test_slcan_sets_the_bit_rate_and_carries_frames_both_ways(adapter: SlcanPeer
     wait_until(lambda: adapter.commands[-1] == "C")
 
 
-@pytest.mark.parametrize("text", ["t12\r", "t1232AAXX\r", "tXYZ0\r", "t1239001122334455667788\r", "\xe9t\r"])
+@pytest.mark.parametrize(
+    "text", ["t12\r", "t-010\r", "t1232AAXX\r", "tXYZ0\r", "t1239001122334455667788\r", "\xe9t\r"]
+)
 def test_garbled_line_is_passed_on_as_such_and_the_next_is_read(
     adapter: SlcanPeer, tmp_path: Path, text: str
 ) -> None:
@@ -372,3 +374,18 @@ def test_unplugged_adapter_comes_back_under_its_name(tmp_path: Path) -> None:
 def test_missing_adapter_is_not_connected(tmp_path: Path) -> None:
     with pytest.raises(NotConnectedError, match=r"cannot open CAN bus .*nothing \(slcan\): "):
         make_link("slcan", str(tmp_path / "nothing")).open(0.0)
+
+
+def test_a_second_program_cannot_take_an_slcan_adapter_from_the_first(
+    adapter: SlcanPeer, tmp_path: Path
+) -> None:
+    first, second = (CanLink("slcan", str(tmp_path / "can"), 500_000, CLOCK, 1.0) for _ in range(2))
+    first.open(timeout_s=1.0)
+    with pytest.raises(NotConnectedError, match="another program uses"):
+        second.open(timeout_s=0.0)
+    adapter.send(pack_can_frame(FRAMES[0]))
+    (item,) = receive(first, 1)
+    assert isinstance(item, Received)
+    first.close()
+    second.open(timeout_s=1.0)
+    second.close()

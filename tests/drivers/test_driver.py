@@ -1,6 +1,7 @@
 """The driver contract, on a link and a codec small enough to see through."""
 
 import math
+import threading
 from collections.abc import Sequence
 
 import pytest
@@ -154,15 +155,42 @@ def test_break_and_recovery_are_samples_and_reset_the_codec(toy: Toy) -> None:
     assert toy.drive.health().breaks == 1
     toy.link.items.append(LinkChange(toy.clock.now_ns(), up=True, reason="reopened"))
     toy.drive.poll()
-    assert toy.drive.health().state is DeviceState.STREAMING
     assert toy.codec.resets == 3  # at connect, at the break, at the recovery
 
 
-def test_giving_up_is_a_state_of_its_own(toy: Toy) -> None:
+def test_what_was_heard_before_a_break_does_not_pass_for_fresh_after_it(toy: Toy) -> None:
     toy.drive.connect()
+    toy.arrive(b"p")
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=False, reason="unplugged"))
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=True, reason="reopened"))
+    toy.drive.poll()
+    assert toy.drive.health().state is DeviceState.CONNECTED
+    with pytest.raises(StaleSampleError, match="no PowerSample yet"):
+        toy.drive.latest(PowerSample, max_age_s=1.0)
+    toy.arrive(b"p")
+    toy.drive.poll()
+    assert toy.drive.health().state is DeviceState.STREAMING
+
+
+def test_what_was_heard_before_close_does_not_pass_for_fresh_after_connect(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.arrive(b"p")
+    toy.drive.poll()
+    toy.drive.close()
+    toy.drive.connect()
+    assert toy.drive.health().state is DeviceState.CONNECTED
+    assert toy.drive.health().age_s is None
+    with pytest.raises(StaleSampleError, match="no PowerSample yet"):
+        toy.drive.latest(PowerSample, max_age_s=1.0)
+
+
+def test_giving_up_is_a_state_of_its_own_and_no_second_break(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=False, reason="unplugged"))
     toy.link.items.append(LinkChange(toy.clock.now_ns(), up=False, reason="gave up", gave_up=True))
     toy.drive.poll()
     assert toy.drive.health().state is DeviceState.FAILED
+    assert toy.drive.health().breaks == 1
 
 
 def test_rejections_are_counted_by_reason_and_are_no_samples(toy: Toy) -> None:
@@ -228,6 +256,26 @@ def test_start_is_sent_once_and_again_after_a_break(toy: Toy) -> None:
     assert toy.link.sent.count(b"start") == 2
 
 
+def test_start_is_sent_again_after_close_and_connect(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.command(toy.command(1, 1))
+    toy.drive.close()
+    toy.drive.connect()
+    toy.drive.command(toy.command(1, 1))
+    assert toy.link.sent[-2:] == [b"start", b"(1.0, 1.0)"]
+
+
+def test_close_stops_a_drive_that_was_commanded_and_no_other(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.close()
+    assert toy.link.sent == []
+    toy.drive.connect()
+    toy.drive.command(toy.command(1, 1))
+    toy.drive.close()
+    assert toy.link.sent[2:] == [b"(0.0, 0.0)"] * 3 + [b"off"]
+    assert toy.link.closed == 2
+
+
 def test_undelivered_start_is_tried_again(toy: Toy) -> None:
     toy.drive.connect()
     toy.link.accepts = False
@@ -255,6 +303,53 @@ def test_stop_sends_zero_three_times_then_off(toy: Toy) -> None:
     toy.drive.connect()
     toy.drive.stop()
     assert toy.link.sent == [b"(0.0, 0.0)"] * 3 + [b"off"]
+
+
+def test_each_zero_of_a_stop_is_encoded_anew(toy: Toy) -> None:
+    """A drive refuses a message whose counter stands still."""
+    counts = iter(range(10))
+
+    def encode(speed_rad_s: Sequence[float]) -> tuple[list[bytes], tuple[float, ...]]:
+        return [b"%d" % next(counts)], tuple(speed_rad_s)
+
+    toy.codec.encode_speeds = encode  # type: ignore[method-assign]
+    toy.drive.connect()
+    toy.drive.stop()
+    assert toy.link.sent == [b"0", b"1", b"2", b"off"]
+
+
+def test_stop_does_not_wait_for_the_tap(toy: Toy) -> None:
+    sent_before_tap: list[int] = []
+    toy.tap.sent = lambda *_: sent_before_tap.append(len(toy.link.sent))  # type: ignore[method-assign]
+    toy.drive.connect()
+    toy.drive.stop()
+    assert sent_before_tap == [4] * 4
+
+
+def test_stop_from_another_thread_waits_for_the_command_and_has_the_last_word(toy: Toy) -> None:
+    is_sending, may_send = threading.Event(), threading.Event()
+    send_now = toy.link.send
+
+    def send_slowly(payload: bytes) -> bool:
+        is_sending.set()
+        may_send.wait(5.0)
+        return send_now(payload)
+
+    toy.drive.connect()
+    toy.link.send = send_slowly  # type: ignore[method-assign]
+    commanding = threading.Thread(target=toy.drive.command, args=(toy.command(1, 1),))
+    commanding.start()
+    assert is_sending.wait(5.0)
+    toy.link.send = send_now  # type: ignore[method-assign]
+    stopping = threading.Thread(target=toy.drive.stop)
+    stopping.start()
+    stopping.join(0.1)
+    may_send.set()
+    commanding.join(5.0)
+    stopping.join(5.0)
+    assert toy.link.sent == [b"start", b"(1.0, 1.0)", *[b"(0.0, 0.0)"] * 3, b"off"]
+    toy.drive.command(toy.command(1, 1))
+    assert toy.link.sent[-2] == b"start"
 
 
 def test_tap_sees_raw_data_before_parsing_and_everything_sent(toy: Toy) -> None:

@@ -118,6 +118,10 @@ def test_open_waits_for_a_port_that_appears(tmp_path: Path) -> None:
             if self.attempts < 3:
                 raise OSError("not there yet")
 
+        def _read(self) -> Received[bytes] | None:
+            self._clock.sleep_until(self._clock.now_ns() + nanoseconds(0.01))
+            return None
+
     link = LatePort()
     link.open(timeout_s=2.0)
     assert link.attempts == 3
@@ -158,6 +162,34 @@ def test_any_exception_in_the_reader_reaches_the_user() -> None:
     link.close()
 
 
+def test_giving_up_at_once_says_what_broke() -> None:
+    link = MisbehavingPort()
+    link._reconnect_limit_ns = 0
+    link.open(timeout_s=0.0)
+    items = collect(link, lambda items: len(items) == 2)
+    reasons = [item.reason for item in items if isinstance(item, LinkChange)]
+    assert reasons == ["surprise", "gave up: surprise"]
+    link.close()
+
+
+def test_a_full_queue_loses_data_but_never_a_break_or_recovery() -> None:
+    class SmallQueue(MisbehavingPort):
+        queue_limit = 3
+
+    link = SmallQueue()
+    link._report(up=False, reason="unplugged")
+    link._append(Received(1, b"1"))
+    link._report(up=True, reason="reopened")
+    for number in range(2, 6):
+        link._append(Received(number, b"%d" % number))
+    down, up, *rest = link.receive()
+    assert isinstance(down, LinkChange)
+    assert isinstance(up, LinkChange)
+    assert (down.up, up.up) == (False, True)
+    assert bytes_of(rest) == b"5"
+    assert link.dropped == 4
+
+
 class SlowlyReopening(MisbehavingPort):
     """Breaks at the first read; the second opening waits until the test lets it go on."""
 
@@ -186,3 +218,20 @@ def test_a_handle_opened_after_close_is_closed_again(monkeypatch: pytest.MonkeyP
     link.close()
     link.may_reopen.set()
     assert link.closed_after_reopening.wait(DEADLINE_S)
+
+
+def test_a_link_whose_reader_has_not_ended_is_not_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.threaded_link.JOIN_TIMEOUT_S", 0.05)
+    link = SlowlyReopening()
+    link.open(timeout_s=0.0)
+    assert link.reopening.wait(DEADLINE_S)
+    link.close()
+    with pytest.raises(NotConnectedError, match=r"cannot open misbehaving port: .* still being closed"):
+        link.open(timeout_s=0.1)
+    assert link.attempts == 2
+    link.may_reopen.set()
+    link.open(timeout_s=DEADLINE_S)
+    assert link.attempts == 3
+    readers = [thread for thread in threading.enumerate() if thread.name == "reader misbehaving port"]
+    assert len(readers) <= 1
+    link.close()

@@ -211,6 +211,15 @@ def test_reset_forgets_half_a_frame_and_the_attitude() -> None:
     assert list(decode(encode_frame(MAGNETIC, 0, 300, -400), codec)) == [Rejection("no_attitude")]
 
 
+def test_an_old_attitude_levels_no_magnetic_frame() -> None:
+    codec = WitMotionCodec("imu", calibration=no_iron())
+    decode(ANGLE_GOLDEN, codec)
+    magnetic = encode_frame(MAGNETIC, 0, 300, -400)
+    (heading,) = codec.decode(Received(7 + 500_000_000, magnetic))
+    assert isinstance(heading, HeadingSample)
+    assert list(codec.decode(Received(8 + 500_000_000, magnetic))) == [Rejection("no_attitude")]
+
+
 @given(TILT, TILT, TURN)
 def test_heading_from_magnetics_is_tilt_compensated(roll: float, pitch: float, yaw: float) -> None:
     north_and_down = (0.0, 2000.0, -4500.0)  # east, north, up; steep as in northern Europe

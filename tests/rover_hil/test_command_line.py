@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.command_line.app import main
+from rover_hil.command_line.app import _spread, main
 from rover_hil.recording.log_reader import LogReader
 
 SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
@@ -74,7 +74,7 @@ def test_a_run_that_ends_in_a_safe_stop_says_no(command: Command, tmp_path: Path
 
 
 def test_a_log_is_not_overwritten(command: Command) -> None:
-    assert command("run", "robotino", "--virtual", "--duration", "1", "--out", "a") == 0
+    assert command("run", "robotino", "--virtual", "--duration", "2", "--out", "a") == 0
     before = Path("a/run.mcap").read_bytes()
     assert command("run", "robotino", "--virtual", "--duration", "1", "--out", "a") == 2
     assert_one_sentence(command.error, "a/run.mcap", "never overwritten")
@@ -88,6 +88,7 @@ def test_a_log_is_not_overwritten(command: Command) -> None:
         (("run", "robotino", "--out", "a"), ("ports/board",)),
         (("run", "robotino", "--virtual", "--realtime"), ("--realtime",)),
         (("run", "robotino", "--virtual", "--out", "taken"), ("taken",)),
+        (("run", "robotino", "--virtual", "--out", "/proc/1"), ("/proc/1/run.mcap", "choose another --out")),
         (("replay", "nothing.mcap"), ("nothing.mcap",)),
         (("replay", "taken"), ("taken",)),
         (("replay", "."), (".",)),
@@ -114,6 +115,40 @@ def test_configuration_without_simulation_leaves_nothing(command: Command, tmp_p
     assert command("run", "real.toml", "--virtual", "--out", "a") == 2
     assert_one_sentence(command.error, "[simulation]")
     assert not (tmp_path / "a").exists()
+
+
+def test_a_missing_data_file_leaves_nothing(command: Command, tmp_path: Path) -> None:
+    text = (SHIPPED / "el-dorado.toml").read_text()
+    (tmp_path / "lost.toml").write_text(text.replace('"generic_wheel"', '"nothing.toml"'))
+    assert command("run", "lost.toml", "--virtual", "--out", "a") == 2
+    assert_one_sentence(command.error, "nothing.toml")
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+    """A limit on the size of files stands for a full disk."""
+    words = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
+    program = f"{words}from rover_hil.command_line.app import _spread, main; main()"
+    arguments = ["run", "robotino", "--virtual", "--duration", "5", "--out", "a"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments], cwd=tmp_path, check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert_one_sentence(done.stderr, "a/run.mcap", "File too large")
+
+
+@pytest.mark.parametrize(
+    ("typed", "understood"),
+    [
+        ("a b --test c d --json", "a b --test c --test d --json"),
+        ("a --test c --test d", "a --test c --test d"),
+        ("a --json --test c d e", "a --json --test c --test d --test e"),
+        ("run robotino --virtual", "run robotino --virtual"),
+        ("a --test", "a --test"),
+    ],
+)
+def test_one_option_may_take_several_values(typed: str, understood: str) -> None:
+    assert _spread(typed.split(), "--test") == understood.split()
 
 
 def test_usage_errors_exit_with_two(command: Command) -> None:

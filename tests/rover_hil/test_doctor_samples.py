@@ -146,6 +146,13 @@ def test_foreign_can_traffic_only_is_a_wrong_mapping() -> None:
     assert "[devices.compass]" in finding.fix
 
 
+def test_a_watchdog_that_misses_set_points_is_no_problem_while_nobody_drives() -> None:
+    sample = FaultSample(device="compass", t_ns=1, code=8, text="watchdog: set-points missing")
+    (finding,) = check_faults(heard(sample), bumper_stops=True)
+    assert finding.level is Level.WARNING
+    assert "normal here" in finding.cause
+
+
 def test_faults_active_and_over() -> None:
     def fault(wheel: int | None, code: int, text: str) -> FaultSample:
         return FaultSample(device="compass", t_ns=1, wheel=wheel, code=code, text=text)

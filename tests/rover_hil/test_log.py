@@ -107,6 +107,31 @@ def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
+def test_a_full_disk_is_said_so_at_every_write_from_then_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full_disk = Path("/dev/full").open("wb")  # noqa: SIM115 - the writer closes it
+    monkeypatch.setattr(Path, "open", lambda *_: full_disk)
+    log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
+    words = r"cannot write log .*run\.mcap: No space left on device; make room, or choose another --out"
+    with pytest.raises(LogError, match=words):
+        log.sent("board", START_NS, b"x" * 100_000, delivered=True)
+    with pytest.raises(LogError, match=words):
+        log.write_json("/cycle", START_NS, {})
+    log.close()
+    assert full_disk.closed
+
+
+def test_a_disk_that_is_full_at_the_end_is_said_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    full_disk = Path("/dev/full").open("wb")  # noqa: SIM115 - the writer closes it
+    monkeypatch.setattr(Path, "open", lambda *_: full_disk)
+    log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
+    with pytest.raises(LogError, match="No space left on device"):
+        log.close()
+    log.close()
+    assert full_disk.closed
+
+
 def test_cut_off_anywhere_it_opens_and_holds_every_whole_message_before_the_cut(tmp_path: Path) -> None:
     whole = write_log(tmp_path / "run.mcap").read_bytes()
     _, all_messages = read_all(tmp_path / "run.mcap")

@@ -113,8 +113,9 @@ def test_a_virtual_run_has_a_report(tmp_path: Path) -> None:
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["cycles"], summary["skipped"], summary["duration_s"]) == (250, 0, 5.0)
     assert [device["device"] for device in summary["devices"]] == ["board", "imu"]
-    assert 0.4 < summary["distance_truth_m"] < summary["distance_encoders_m"] < 0.6
-    assert 0.0 < summary["slip_ratio"] < 0.15
-    assert 0.0 < summary["wheel_slip"][0] < 0.15
+    # The patch at the start is a textile on which the wheels slip by a third.
+    assert 0.3 < summary["distance_truth_m"] < summary["distance_encoders_m"] < 0.6
+    assert 0.15 < summary["slip_ratio"] < 0.45
+    assert 0.15 < summary["wheel_slip"][0] < 0.45
     html = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "Rectangle of 900 mm × 400 mm on the simulated rover" in html

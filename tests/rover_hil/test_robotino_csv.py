@@ -128,6 +128,7 @@ def test_wrong_table_is_named(
         ("run.csv", b"\xff\xfe\x00"),
         ("run.csv", b"one line"),
     ],
+    ids=["not packed", "cut off", "no text", "one line"],
 )
 def test_unreadable_file_is_named(tmp_path: Path, name: str, content: bytes) -> None:
     path = tmp_path / name

@@ -46,7 +46,7 @@ def first_wheel_position(board: WheelDrive) -> float:
     raise LinkTimeoutError(msg)
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_it_serves_until_it_is_told_to_end_and_leaves_nothing(tmp_path: Path, end: signal.Signals) -> None:
     port = tmp_path / "ports" / "board"
     clock = SystemClock()

@@ -1,10 +1,25 @@
 """The watchdog stops the drive when the loop goes silent, once per silence."""
 
 import threading
+from collections.abc import Callable
+from pathlib import Path
 
+import pytest
+
+from controllers.control_loop import StepOutput
+from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds
 from drivers.driver import WheelDrive
+from drivers.errors import LogError
+from drivers.samples import Sample
+from rover_hil.composition import build_virtual_rig
+from rover_hil.config import load_config
+from rover_hil.loop.executive import Executive
 from rover_hil.loop.watchdog import Watchdog
+from rover_hil.recording.data_files import collect_data_files, restore_config
+from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.replay import replay
 from tests.drivers.test_driver import LetterCodec, ScriptedLink
 
 LIMIT_NS = nanoseconds(0.15)
@@ -46,3 +61,75 @@ def test_thread_acts_within_the_limit_and_a_check_period() -> None:
     assert acted.wait(2.0)
     watchdog.end()
     assert link.sent[-1] == b"off"
+
+
+def test_a_log_that_cannot_be_written_neither_keeps_it_from_stopping_nor_ends_it() -> None:
+    clock = VirtualClock()
+    drive, link = make_drive(clock)
+
+    def no_space(t_ns: int) -> None:
+        raise LogError("cannot write log")
+
+    watchdog = Watchdog(drive, clock, LIMIT_NS, no_space)
+    for stops in (1, 2):
+        watchdog.feed()
+        clock.sleep_until(clock.now_ns() + 2 * LIMIT_NS)
+        watchdog.check()
+        assert link.sent.count(b"off") == stops
+
+
+def test_a_log_that_hangs_does_not_keep_it_from_stopping() -> None:
+    clock = SystemClock()
+    drive, link = make_drive(clock)
+    is_asked, may_go_on = threading.Event(), threading.Event()
+
+    def hang(t_ns: int) -> None:
+        is_asked.set()
+        may_go_on.wait(5.0)
+
+    watchdog = Watchdog(drive, clock, nanoseconds(0.05), hang)
+    watchdog.start()
+    assert is_asked.wait(2.0)
+    assert link.sent[-1] == b"off"
+    may_go_on.set()
+    watchdog.end()
+
+
+@pytest.mark.parametrize("stalls", [("in the step",), ("while logging",), ("in the step", "while logging")])
+def test_a_run_in_which_it_stopped_the_drive_replays_exactly(stalls: tuple[str, ...], tmp_path: Path) -> None:
+    config, clock, path = load_config("el-dorado"), VirtualClock(), tmp_path / "run.mcap"
+    config_json = config.model_dump_json(by_alias=True).encode()
+    with LogWriter(path, clock.now_ns(), config_json, collect_data_files(config), "virtual") as log:
+        rig, _ = build_virtual_rig(config, clock, log)
+        rig.connect(0.0)
+        watchdog = Watchdog(rig.drive, clock, LIMIT_NS, lambda t_ns: log.write_json("/watchdog", t_ns, None))
+
+        def stall() -> None:
+            clock.sleep_until(clock.now_ns() + 2 * LIMIT_NS)
+            watchdog.check()
+
+        step_now: Callable[[int, list[Sample]], StepOutput] = rig.loop.step
+        steps = 0
+
+        def step(now_ns: int, samples: list[Sample]) -> StepOutput:
+            nonlocal steps
+            steps += 1
+            output = step_now(now_ns, samples)
+            if steps == 180 and "in the step" in stalls:
+                assert output.mode is Mode.RUNNING
+                stall()
+            return output
+
+        def on_cycle(now_ns: int) -> None:
+            if steps == 180 and "while logging" in stalls:
+                stall()
+
+        rig.loop.step = step  # type: ignore[method-assign, assignment]
+        executive = Executive(rig, log, config.loop.rate_hz, on_cycle=on_cycle, watchdog=watchdog)
+        assert executive.run(2.5).watchdog_interventions == len(stalls)
+        rig.close()
+    recorded = LogReader(path)
+    with restore_config(recorded) as restored:
+        result = replay(recorded, restored, lambda: None)
+    assert result.cycles > 180
+    assert result.differences == []

@@ -7,6 +7,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from drivers.clock import VirtualClock, nanoseconds
+from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import Driver, WheelDrive
 from drivers.errors import ConfigError
 from drivers.registry import AnyDeviceSettings
@@ -53,7 +54,7 @@ def connected(
     clock = VirtualClock(START_NS)
     drivers: dict[str, Driver[bytes]] = {}
     for name, settings in devices(*names).items():
-        assert settings.type != "camera"
+        assert not isinstance(settings, FrameDeviceSettings)
         link = LoopbackLink(rover, rover.byte_devices[name], clock)
         drivers[name] = settings.make_driver(name, link, clock)
         drivers[name].connect()

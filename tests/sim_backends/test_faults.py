@@ -104,6 +104,18 @@ def test_an_unplugged_device_neither_speaks_nor_hears_and_the_link_says_so_once(
     ]
 
 
+def test_a_restored_plug_is_told_before_what_comes_after_it() -> None:
+    bench = Bench([window("unplug")])
+    bench.run(0.2)
+    bench.link.receive()
+    bench.clock.sleep_until(START_NS + nanoseconds(0.325))
+    change, *received = bench.link.receive()
+    assert isinstance(change, LinkChange)
+    assert change.up
+    assert len(received) == 3
+    assert START_NS + nanoseconds(0.3) <= change.t_ns <= received[0].t_ns
+
+
 def test_what_is_on_the_wire_when_the_plug_is_pulled_is_lost() -> None:
     bench = Bench([{"type": "delay", "start_s": 0, "duration_s": 9, "delay_s": 0.025}, window("unplug")])
     bench.run(0.495)

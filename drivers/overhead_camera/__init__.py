@@ -1,0 +1,1 @@
+"""An overhead camera that sees the rover's marker: position and heading on the floor."""

@@ -1,0 +1,1 @@
+"""Fit models of motors and slip to recorded runs."""

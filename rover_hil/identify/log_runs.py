@@ -1,0 +1,112 @@
+"""Read our own logs for identification: wheel positions, currents and the true pose."""
+
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, Field, ValidationError
+
+from controllers.settings import OmniRoverSettings
+from drivers.errors import LogError
+from drivers.samples import WheelSample
+from rover_hil.identify.run_data import WHEELS, Array, MeasuredRun
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.log_reader import LogMessage, LogReader
+
+
+class _Samples(BaseModel):
+    wheels: list[WheelSample] = Field(default=[], alias="WheelSample")
+
+
+class _Truth(BaseModel):
+    t_ns: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    is_new: bool = True
+
+
+class _SetPoint(BaseModel):
+    speed_rad_s: tuple[float, ...]
+
+
+def read_log_run(path: Path, surface: str) -> MeasuredRun:
+    """Return the run in the log `path`.
+
+    Raises:
+        LogError: The log is damaged, is of another kind of rover, or lacks wheels, currents or the true pose.
+    """
+    log = LogReader(path)
+    with restore_config(log) as config:
+        rover, device = config.rover, config.roles.wheels
+    if not isinstance(rover, OmniRoverSettings):
+        msg = f"{path} is of a {rover.kinematics} rover: slip maps need three omnidirectional wheels"
+        raise LogError(msg)
+    rows: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
+    for message in log.messages():
+        try:
+            _take(message, device, rows)
+        except ValidationError as error:
+            msg = f"{path} is damaged: {message.topic} at {message.t_ns} ns: {error.errors()[0]['msg']}"
+            raise LogError(msg) from error
+    return _assemble(path, surface, rows, rover)
+
+
+def _take(message: LogMessage, device: str, rows: dict[str, list[tuple[float, ...]]]) -> None:
+    match message.topic:
+        case "/samples":
+            for wheel in _Samples.model_validate_json(message.data).wheels:
+                if wheel.device == device:
+                    rows[f"signed {wheel.wheel}"] = [(float(wheel.current_is_signed),)]
+                    for kind, value in (("position", wheel.position_rad), ("current", wheel.current_a)):
+                        if value is not None:
+                            rows[f"{kind} {wheel.wheel}"].append((wheel.t_ns / 1e9, value))
+        case "/truth":
+            truth = _Truth.model_validate_json(message.data)
+            if truth.is_new:
+                rows["truth"].append((truth.t_ns / 1e9, truth.x_m, truth.y_m, truth.yaw_rad))
+        case "/command" | "/set_point":
+            set_point = _SetPoint.model_validate_json(message.data).speed_rad_s
+            rows["set_point"].append((message.t_ns / 1e9, *set_point))
+
+
+def _assemble(
+    path: Path, surface: str, rows: dict[str, list[tuple[float, ...]]], rover: OmniRoverSettings
+) -> MeasuredRun:
+    for wheel in range(WHEELS):
+        for kind, word in (("position", "positions"), ("current", "currents")):
+            if not rows.get(f"{kind} {wheel}"):
+                msg = f"log {path} holds no {word} of wheel {wheel}: slip cannot be told from it"
+                raise LogError(msg)
+    if not rows.get("truth"):
+        msg = f"log {path} holds no true pose on /truth: record one with an overhead camera"
+        raise LogError(msg)
+    position = [np.array(rows[f"position {wheel}"]) for wheel in range(WHEELS)]
+    current = [np.array(rows[f"current {wheel}"]) for wheel in range(WHEELS)]
+    truth = np.array(rows["truth"])
+    for table in (*position, *current, truth):
+        if (np.diff(table[:, 0]) <= 0.0).any():
+            msg = f"log {path}: its clock goes backwards or stands: the run cannot be used"
+            raise LogError(msg)
+    t_s = position[0][:, 0]
+    origin_s = float(t_s[0])
+    return MeasuredRun(
+        path=path,
+        surface=surface,
+        t_s=t_s - origin_s,
+        position_rad=np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in position]),
+        current_a=np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in current]),
+        current_is_signed=rows["signed 0"][0][0] > 0.0,
+        set_speed_rad_s=_held(rows.get("set_point", []), t_s),
+        camera_t_s=truth[:, 0] - origin_s,
+        camera=np.column_stack((truth[:, 1:3], np.unwrap(truth[:, 3]))),
+        camera_in_pixels=False,
+        rover=rover,
+    )
+
+
+def _held(set_points: list[tuple[float, ...]], t_s: Array) -> Array:
+    """Return the newest set-points at each time; NaN before the first."""
+    table = np.array([(0.0, *[np.nan] * WHEELS), *set_points])
+    held: Array = table[np.searchsorted(table[:, 0], t_s, side="right") - 1, 1:]
+    return held

@@ -1,0 +1,120 @@
+"""Fit the curves of each surface over the direction of travel."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from controllers.surface_classifier import DirectionCurve, SurfaceMap, SurfaceModel
+from drivers.errors import LogError
+from rover_hil.identify.run_data import Array, RunWindows
+
+HARMONICS = 6
+"""Three wheels with rollers make patterns of 120 and 60 degrees; uneven wheel loads make the others."""
+
+RIDGE = 2.0
+"""Weight of (order * amplitude)^2 against one window's squared error; cross-validated within training."""
+
+START_S = 0.4
+"""Left out at the beginning of a run: the rover still accelerates."""
+
+LEAST_SPEED_M_S = 0.05
+LEAST_SPEED_SPAN_M_S = 0.05
+LEAST_RUNS = 3
+LEAST_RUN_SD_N = 0.3
+LEAST_WINDOW_SD_N = 0.1
+
+
+def travel_work_j(run: RunWindows) -> Array:
+    """Return the work of the wheels in each window."""
+    power: Array = (run.wheel_torque_nm * run.wheel_speed_rad_s).sum(axis=1) * run.elapsed_s
+    return power
+
+
+def fit_surface_map(runs: Sequence[RunWindows], m_per_px: float) -> SurfaceMap:
+    """Return the map of all surfaces in `runs`.
+
+    Raises:
+        LogError: A surface has too few runs.
+    """
+    names = sorted({run.surface for run in runs})
+    surfaces = tuple(_fit_surface(name, [r for r in runs if r.surface == name], m_per_px) for name in names)
+    directions = sorted({round(travel_direction_rad(run), 2) for run in runs})
+    return SurfaceMap(surfaces=surfaces, directions_rad=tuple(directions))
+
+
+def travel_direction_rad(run: RunWindows) -> float:
+    """Return the direction of travel of a run in the body frame, by the encoders."""
+    x_m, y_m = (run.encoder_velocity[:, :2] * run.elapsed_s[:, None]).sum(axis=0).tolist()
+    return float(np.arctan2(y_m, x_m))
+
+
+def _fit_surface(name: str, runs: Sequence[RunWindows], m_per_px: float) -> SurfaceModel:
+    if len(runs) < LEAST_RUNS:
+        msg = (
+            f"surface '{name}' has {len(runs)} training runs, fewer than {LEAST_RUNS}: "
+            "give more, or leave it out"
+        )
+        raise LogError(msg)
+    tables = [_table(run, m_per_px) for run in runs]
+    run_of = np.concatenate([np.full(len(table), index) for index, table in enumerate(tables)])
+    direction, speed, force_n, slip = np.concatenate(tables).T
+    if len(direction) < 2 * HARMONICS:
+        msg = f"surface '{name}' has too little steady travel in its {len(runs)} runs: give longer ones"
+        raise LogError(msg)
+    low, high = np.quantile(speed, (0.05, 0.95)).tolist()
+    held = np.clip(speed, low, high)
+    with_speed = high - low > LEAST_SPEED_SPAN_M_S
+    force_curve, force_left = _fit_curve(direction, held, force_n, with_speed)
+    slip_curve, _ = _fit_curve(direction, held, slip, with_speed)
+    means = np.array([force_left[run_of == index].mean() for index in np.unique(run_of)])
+    return SurfaceModel(
+        name=name,
+        force_n=force_curve,
+        slip=slip_curve,
+        force_window_sd_n=max(float(force_left.std()), LEAST_WINDOW_SD_N),
+        force_run_sd_n=max(float(means.std()), LEAST_RUN_SD_N),
+        speed_range_m_s=(low, high),
+    )
+
+
+def _table(run: RunWindows, m_per_px: float) -> Array:
+    """Return rows of direction, speed, force and slip, for the windows of steady travel."""
+    way_m = run.encoder_way_m()
+    speed = way_m / run.elapsed_s
+    steady = (run.start_s >= START_S) & (speed > LEAST_SPEED_M_S)
+    velocity = run.encoder_velocity[steady]
+    way_m = way_m[steady]
+    rows: Array = np.column_stack(
+        (
+            np.arctan2(velocity[:, 1], velocity[:, 0]),
+            speed[steady],
+            travel_work_j(run)[steady] / way_m,
+            1.0 - run.camera_way_m(m_per_px)[steady] / way_m,
+        )
+    )
+    return rows
+
+
+def _fit_curve(
+    direction: Array, speed: Array, values: Array, with_speed: bool
+) -> tuple[DirectionCurve, Array]:
+    """Return the curve by ridge regression, and what it leaves."""
+    orders = np.arange(1, HARMONICS + 1)
+    middle = float(speed.mean())
+    angles = np.outer(direction, orders)
+    columns = [np.ones(len(values)), *np.cos(angles).T, *np.sin(angles).T]
+    penalties = [0.0, *orders, *orders]
+    if with_speed:
+        columns.append(speed - middle)
+        penalties.append(0.0)
+    matrix = np.column_stack(columns)
+    normal = matrix.T @ matrix + RIDGE * np.diag(np.square(penalties))
+    factors = np.linalg.solve(normal, matrix.T @ values)
+    curve = DirectionCurve(
+        mean=float(factors[0]),
+        cosines=tuple(factors[1 : HARMONICS + 1].tolist()),
+        sines=tuple(factors[HARMONICS + 1 : 2 * HARMONICS + 1].tolist()),
+        speed_slope=float(factors[-1]) if with_speed else 0.0,
+        speed_m_s=middle,
+    )
+    return curve, values - matrix @ factors

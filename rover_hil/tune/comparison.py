@@ -1,0 +1,65 @@
+"""Old and new values on sites that the search has never seen."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from rover_hil.config import Config
+from rover_hil.tune.objective import Drive, Evaluation, evaluate
+from rover_hil.tune.parameters import start_values, with_values
+from rover_hil.tune.settings import TuneSettings
+from rover_hil.tune.sites import held_out_seeds
+from rover_hil.tune.study import Attempt
+
+
+class Verdict(StrEnum):
+    """What tuning came to."""
+
+    IMPROVED = "improved"
+    CONFIRMED = "confirmed"
+    NONE_ACCEPTABLE = "none acceptable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """Old and new values on the held-out cases.
+
+    Attributes:
+        start: The old values.
+        tuned: The new ones; the same as `start` unless the verdict is IMPROVED.
+        values: The new values by key.
+        declined: Candidates that did better in the search and were not taken, with the reason.
+    """
+
+    verdict: Verdict
+    start: Evaluation
+    tuned: Evaluation
+    values: dict[str, float]
+    declined: tuple[tuple[Attempt, str], ...]
+
+
+def compare(config: Config, tune: TuneSettings, candidates: Sequence[Attempt], drive: Drive) -> Comparison:
+    """Take the first candidate that is acceptable in every held-out case and cheaper there than the start."""
+    seeds = held_out_seeds(tune.cases)
+    start = evaluate(drive, config, seeds, tune.objective)
+    limit = math.inf if start.cost is None else start.cost
+    declined: list[tuple[Attempt, str]] = []
+    for attempt in candidates:
+        tuned = evaluate(drive, with_values(config, attempt.values), seeds, tune.objective, limit)
+        if tuned.cost is not None and tuned.cost < limit:
+            return Comparison(
+                verdict=Verdict.IMPROVED,
+                start=start,
+                tuned=tuned,
+                values=attempt.values,
+                declined=tuple(declined),
+            )
+        declined.append((attempt, tuned.refused or "not better than the start on held-out sites"))
+    return Comparison(
+        verdict=Verdict.NONE_ACCEPTABLE if start.cost is None else Verdict.CONFIRMED,
+        start=start,
+        tuned=start,
+        values=start_values(config, tune),
+        declined=tuple(declined),
+    )

@@ -1,0 +1,177 @@
+"""The pictures of a tuning report."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from controllers.mission import Point
+from rover_hil.report import style
+from rover_hil.report.figures import Picture
+from rover_hil.tune.comparison import Comparison, Verdict
+from rover_hil.tune.objective import case_cost
+from rover_hil.tune.rehearsal import Rehearsal
+from rover_hil.tune.settings import TuneSettings
+from rover_hil.tune.study import Attempt
+
+BEFORE = style.ENCODERS
+AFTER = style.ESTIMATE
+PATHS = 6
+COLUMNS = 2
+CEILING = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningData:
+    """What the report is made of; `corners` are those of the commanded path."""
+
+    tune: TuneSettings
+    corners: Sequence[Point]
+    attempts: Sequence[Attempt]
+    comparison: Comparison
+
+
+def draw_pictures(data: TuningData) -> list[Picture]:
+    """Return the pictures in the order of the report."""
+    with mpl.rc_context(style.STYLE):
+        return [Picture(title, caption, style.data_uri(draw(data))) for title, caption, draw in PICTURES]
+
+
+def _draw_sites(data: TuningData) -> Figure:
+    figure, axes = _plot(2.8, "held-out sites, the worst first", "cost")
+    order = [rehearsal.seed for rehearsal in _worst_first(data)]
+    for name, colour, rehearsals in _sides(data.comparison):
+        dots = [(order.index(each.seed), case_cost(each, data.tune.objective)) for each in rehearsals]
+        axes.plot(*np.transpose(dots), "o", color=colour, label=name, markersize=6)
+    axes.set_xticks([])
+    axes.set_ylim(bottom=0)
+    return _with_legend(figure, axes)
+
+
+def _draw_paths(data: TuningData) -> Figure:
+    ordered = _worst_first(data)
+    shown = [ordered[index] for index in np.unique(np.linspace(0, len(ordered) - 1, PATHS, dtype=int))]
+    height_in = style.WIDTH_IN / COLUMNS * _aspect(data.corners) + 0.4
+    row_count = -(-len(shown) // COLUMNS)
+    figure = Figure(figsize=(style.WIDTH_IN, height_in * row_count + 0.5), layout="constrained")
+    grid = figure.subplots(row_count, COLUMNS, sharex=True, sharey=True, squeeze=False).flat
+    for axes, rehearsal in zip(grid, shown, strict=False):
+        axes.plot(
+            *np.transpose(data.corners), color=style.COMMANDED, linestyle=(0, (5, 3)), label="commanded"
+        )
+        for name, colour, rehearsals in _sides(data.comparison):
+            for other in rehearsals:
+                if other.seed == rehearsal.seed:
+                    axes.plot(other.way.x_m, other.way.y_m, color=colour, label=name)
+        axes.set_title(f"site {rehearsal.seed}")
+        axes.set_aspect("equal")
+    figure.supxlabel("x (m)", fontsize="medium", color="#374151")
+    figure.supylabel("y (m)", fontsize="medium", color="#374151")
+    return _with_legend(figure, figure.axes[0])
+
+
+def _draw_search(data: TuningData) -> Figure:
+    figure, axes = _plot(2.8, "trial", "cost on the training sites")
+    known = [(attempt.number, attempt.cost) for attempt in data.attempts if attempt.cost is not None]
+    given_up = [(a.number, a.at_least) for a in data.attempts if a.cost is None and not a.refused]
+    refused = [attempt.number for attempt in data.attempts if attempt.refused]
+    top = _top(data.attempts)
+    if known:
+        numbers, costs = np.transpose(known)
+        axes.plot(numbers, costs, "o", color=AFTER, markersize=4, label="all cases driven")
+        best = np.minimum.accumulate(costs)
+        axes.step(numbers, best, where="post", color=style.TRUTH, label="best so far")
+    if given_up:
+        axes.plot(
+            *np.transpose(given_up), "^", color=style.COMMANDED, markersize=4, label="given up, at least"
+        )
+    if refused:
+        axes.plot(refused, [top] * len(refused), "x", color=style.ALARM, markersize=5, label="refused")
+    axes.set_ylim(0, 1.05 * top)
+    return _with_legend(figure, axes)
+
+
+def _draw_parameters(data: TuningData) -> Figure:
+    parameters = data.tune.parameters
+    row_count = -(-len(parameters) // COLUMNS)
+    figure = Figure(figsize=(style.WIDTH_IN, 2.1 * row_count + 0.5), layout="constrained")
+    grid = figure.subplots(row_count, COLUMNS, squeeze=False, sharey=True)
+    grid[0, 0].set_ylim(0, 1.05 * _top(data.attempts))
+    start = next((attempt for attempt in data.attempts if attempt.is_start), None)
+    for axes, (key, parameter) in zip(grid.flat, parameters.items(), strict=False):
+        dots = [(a.values[key], a.cost) for a in data.attempts if a.cost is not None]
+        if dots:
+            axes.plot(*np.transpose(dots), "o", color=style.pale(style.TRUTH), markersize=4)
+        if start is not None:
+            axes.axvline(start.values[key], color=BEFORE, label="old value")
+        axes.axvline(data.comparison.values[key], color=AFTER, linestyle=(0, (4, 2)), label="new value")
+        axes.set_xscale(parameter.scale)
+        axes.set_xlabel(f"{key} ({parameter.unit})")
+    for axes in grid.flat[len(parameters) :]:
+        axes.set_axis_off()
+    figure.supylabel("cost on the training sites", fontsize="medium", color="#374151")
+    return _with_legend(figure, figure.axes[0])
+
+
+def _sides(comparison: Comparison) -> list[tuple[str, str, Sequence[Rehearsal]]]:
+    old = ("old values", BEFORE, comparison.start.rehearsals)
+    new = ("new values", AFTER, comparison.tuned.rehearsals)
+    return [old, new] if comparison.verdict is Verdict.IMPROVED else [old]
+
+
+def _worst_first(data: TuningData) -> list[Rehearsal]:
+    """Return the cases of the old values, the worst first; of the new ones where the old were refused."""
+    rehearsals = max((side for _, _, side in _sides(data.comparison)), key=len)
+    return sorted(rehearsals, key=lambda each: -case_cost(each, data.tune.objective))
+
+
+def _top(attempts: Sequence[Attempt]) -> float:
+    """Return where to cut the cost axis: bad values say nothing about where the good ones are."""
+    costs = sorted(attempt.cost for attempt in attempts if attempt.cost is not None)
+    if not costs:
+        return 1.0
+    start = next((a.cost for a in attempts if a.is_start and a.cost is not None), 0.0)
+    return max(CEILING * costs[0], start)
+
+
+def _aspect(corners: Sequence[Point]) -> float:
+    width_m, height_m = np.ptp(np.array(corners), axis=0)
+    return float(np.clip(height_m / max(width_m, 1e-3), 0.35, 1.2))
+
+
+def _plot(height_in: float, x_label: str, y_label: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(style.WIDTH_IN, height_in), layout="constrained")
+    return figure, figure.add_subplot(xlabel=x_label, ylabel=y_label)
+
+
+def _with_legend(figure: Figure, axes: Axes) -> Figure:
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
+PICTURES: tuple[tuple[str, str, Callable[[TuningData], Figure]], ...] = (
+    (
+        "Held-out sites",
+        "See whether it is better everywhere or only on average; the search has seen none of these sites.",
+        _draw_sites,
+    ),
+    (
+        "True paths",
+        "See what the difference looks like, from the worst held-out site of the old values to the best.",
+        _draw_paths,
+    ),
+    (
+        "Search",
+        "See whether more trials would help: they do while the line still falls at its end.",
+        _draw_search,
+    ),
+    (
+        "Parameters",
+        "See which value matters: a valley does, an even cloud does not; best at an edge asks for a wider "
+        "range.",
+        _draw_parameters,
+    ),
+)

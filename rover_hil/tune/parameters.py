@@ -1,0 +1,117 @@
+"""Tunable values of a configuration, by dotted key."""
+
+from collections.abc import Mapping
+
+from pydantic import ValidationError
+
+from controllers.control_loop import ControlLoop
+from controllers.mission import Point, corner_points
+from drivers.errors import ConfigError
+from rover_hil.config import Config, describe_validation_error
+from rover_hil.tune.settings import TunableSettings, TuneSettings
+
+FORBIDDEN = ("devices", "loop", "roles", "rover", "safety", "schema", "simulation", "tune")
+SIGNIFICANT_DIGITS = 4
+
+Values = Mapping[str, float]
+Table = dict[str, object]
+
+
+def check_parameters(config: Config) -> TuneSettings:
+    """Return what may be tuned, after looking at every parameter.
+
+    Raises:
+        ConfigError: There is no [tune], no mission or no simulation, or a parameter does not exist, is no
+            gain, has a range that its own limits forbid, or starts outside its range.
+    """
+    if config.tune is None:
+        raise ConfigError(
+            "tune: the configuration marks nothing as tunable: add [tune], see docs/bench_tuning.md"
+        )
+    if config.mission is None or config.simulation is None:
+        raise ConfigError("tuning drives the mission on the simulated rover: add [mission] and [simulation]")
+    for key, parameter in config.tune.parameters.items():
+        _check(config, key, parameter)
+    return config.tune
+
+
+def start_values(config: Config, tune: TuneSettings) -> dict[str, float]:
+    """Return the present values of all parameters."""
+    table = config.model_dump(by_alias=True)
+    return {key: _number(table, key) for key in tune.parameters}
+
+
+def with_values(config: Config, values: Values) -> Config:
+    """Return the configuration with other values under some dotted keys.
+
+    Raises:
+        ConfigError: A value is outside its own limits.
+    """
+    table = config.model_dump(by_alias=True)
+    for key, value in values.items():
+        _place(table, key)[key.rpartition(".")[2]] = value
+    try:
+        return Config.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(describe_validation_error("tuned values", error, table)) from error
+
+
+def rounded(values: Values, tune: TuneSettings) -> dict[str, float]:
+    """Return values as people would write them, still within their ranges."""
+    result: dict[str, float] = {}
+    for key, value in values.items():
+        parameter = tune.parameters[key]
+        result[key] = min(parameter.high, max(parameter.low, float(f"{value:.{SIGNIFICANT_DIGITS}g}")))
+    return result
+
+
+def _check(config: Config, key: str, parameter: TunableSettings) -> None:
+    where = f"tune.parameters.{key}"
+    section = key.partition(".")[0]
+    if section in FORBIDDEN:
+        raise ConfigError(f"{where}: [{section}] says what is, not how to drive: leave it out")
+    start = _number(config.model_dump(by_alias=True), key)
+    for value in (parameter.low, parameter.high):
+        try:
+            edge = with_values(config, {key: value})
+            ControlLoop(edge, edge.device_roles())
+        except ConfigError as error:
+            raise ConfigError(f"{where}: the range reaches {value:g}, but {error}") from error
+        if _path(edge) != _path(config):
+            raise ConfigError(f"{where}: another value would be another path: leave it out")
+    if not parameter.low <= start <= parameter.high:
+        raise ConfigError(
+            f"{where}: the present value {start:g} is outside {parameter.low:g} to {parameter.high:g}: "
+            "widen the range or change the value"
+        )
+
+
+def _path(config: Config) -> tuple[Point, ...]:
+    return () if config.mission is None else corner_points(config.mission)
+
+
+def _number(table: Table, key: str) -> float:
+    value = _place(table, key)[key.rpartition(".")[2]]
+    if not isinstance(value, float):
+        raise ConfigError(
+            f"tune.parameters.{key}: is no number with a fraction and cannot be tuned: leave it out"
+        )
+    return value
+
+
+def _place(table: Table, key: str) -> Table:
+    """Return the table that holds the last part of a dotted key."""
+    place = table
+    *parents, last = key.split(".")
+    for parent in parents:
+        inner = place.get(parent)
+        if not isinstance(inner, dict):
+            raise ConfigError(
+                f"tune.parameters.{key}: the configuration has no table '{parent}': check the key"
+            )
+        place = inner
+    if last not in place:
+        raise ConfigError(
+            f"tune.parameters.{key}: unknown key; the configuration has {', '.join(place)} there"
+        )
+    return place

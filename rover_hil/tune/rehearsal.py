@@ -1,0 +1,101 @@
+"""One mission on the simulated rover, as fast as the machine allows: no log, only what it came to."""
+
+import math
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.mission import corner_points
+from controllers.safety import Mode
+from drivers.clock import VirtualClock, nanoseconds, seconds
+from drivers.errors import ConfigError
+from drivers.link import NoTap
+from rover_hil.composition import build_virtual_rig
+from rover_hil.config import Config
+from rover_hil.report.tracks import Array, Track
+from rover_hil.tune.metrics import (
+    Way,
+    closure_m,
+    effort_rad_s2,
+    heading_rms_rad,
+    path_rms_m,
+    reversals_per_s,
+)
+from rover_hil.tune.sites import at_site
+
+CONNECT_TIMEOUT_S = 1.0
+OVER = (Mode.FINISHED, Mode.EMERGENCY_STOP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rehearsal:
+    """What one mission came to.
+
+    Attributes:
+        seed: Of site and noise.
+        refused: Why gains that do this are not acceptable; empty when they are.
+        terms: What the objective may count, by its names there.
+        reversals_per_s: How often the busiest wheel's set-point turned round.
+        way: Where the rover really was.
+    """
+
+    seed: int
+    refused: str
+    terms: Mapping[str, float]
+    reversals_per_s: float
+    way: Way
+
+
+def rehearse(config: Config, seed: int) -> Rehearsal:
+    """Drive the mission of `config` once on the site of `seed`; the same arguments give the same result.
+
+    Raises:
+        ConfigError: The configuration has no [mission], no [simulation] or no [tune], or they do not fit.
+    """
+    if config.mission is None or config.tune is None:
+        raise ConfigError("a rehearsal needs [mission] and [tune]: add them")
+    mode, truth, set_points_rad_s = _drive(at_site(config, seed))
+    stability = config.tune.stability
+    period_s = 1.0 / config.loop.rate_hz
+    reversals = reversals_per_s(set_points_rad_s, period_s, stability.reversal_rad_s)
+    refused = ""
+    if mode is not Mode.FINISHED:
+        refused = f"the mission was not finished, the rover was {mode.value} after {truth.t_s[-1]:.0f} s"
+    elif reversals > stability.reversals_per_s:
+        refused = f"a wheel set-point turned round {reversals:.2f} times per second"
+    corners, way = corner_points(config.mission), Way.of(truth)
+    along_path = config.mission.heading == "along_path"
+    terms = {
+        "path_rms_m": path_rms_m(way, corners),
+        "closure_m": closure_m(way, corners),
+        "heading_deg": math.degrees(heading_rms_rad(way, corners, along_path=along_path)),
+        "effort_rad_s2": effort_rad_s2(set_points_rad_s, period_s),
+        "duration_s": float(truth.t_s[-1]),
+    }
+    return Rehearsal(seed=seed, refused=refused, terms=terms, reversals_per_s=reversals, way=way)
+
+
+def _drive(config: Config) -> tuple[Mode, Track, Array]:
+    """Run the loop to the end; return the last mode, the true track and the set-points while driving."""
+    clock = VirtualClock()
+    rig, world = build_virtual_rig(config, clock, NoTap())
+    period_ns = nanoseconds(1.0 / config.loop.rate_hz)
+    start_ns = now_ns = clock.now_ns()
+    end_ns = start_ns + nanoseconds(config.loop.time_limit_s)
+    poses: list[tuple[float, float, float, float]] = []
+    set_points: list[tuple[float, ...]] = []
+    mode = Mode.SETTLING
+    rig.connect(CONNECT_TIMEOUT_S)
+    with closing(rig):
+        while now_ns < end_ns and mode not in OVER:
+            now_ns += period_ns
+            clock.sleep_until(now_ns)
+            _, output, _ = rig.cycle(now_ns)
+            mode = output.mode
+            if mode is Mode.RUNNING:
+                set_points.append(output.command.speed_rad_s)
+            truth = world.plant.truth()
+            poses.append((seconds(now_ns - start_ns), truth.x_m, truth.y_m, truth.yaw_rad))
+    return mode, Track.of(np.array(poses)).from_first_pose(), np.array(set_points)

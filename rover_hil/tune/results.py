@@ -1,0 +1,209 @@
+"""What tuning came to: as JSON, as a page, and as a new configuration."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from pydantic_core import to_json
+
+from controllers.mission import corner_points
+from drivers.errors import ConfigError
+from rover_hil.config import Config
+from rover_hil.report.write import write_all
+from rover_hil.tune.comparison import Comparison, Verdict
+from rover_hil.tune.figures import TuningData, draw_pictures
+from rover_hil.tune.objective import describe
+from rover_hil.tune.parameters import start_values
+from rover_hil.tune.rehearsal import Rehearsal
+from rover_hil.tune.settings import ChangeRecord, ProvenanceRecord, StabilitySettings
+from rover_hil.tune.sites import held_out_seeds, train_seeds
+from rover_hil.tune.study import Attempt
+from rover_hil.tune.tuned_config import tuned_text
+
+CONFIG_NAME = "tuned.toml"
+RESULT_NAME = "tuning.json"
+REPORT_NAME = "report.html"
+GRADES = {Verdict.IMPROVED: "good", Verdict.CONFIRMED: "neutral", Verdict.NONE_ACCEPTABLE: "bad"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """A measured value over the held-out cases: median, and the quantile that the objective takes."""
+
+    median: float
+    quantile: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """The same on both sides of the comparison; None where gains were refused or not all cases driven."""
+
+    before: Spread | None
+    after: Spread | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningResult:
+    """What tuning came to.
+
+    Attributes:
+        start: The configuration it started from.
+        trials: Finished trials; of these, `refused` were unstable and `given_up` sure to be no better.
+        cost_before, cost_after: On the held-out cases; None where the gains were refused.
+        start_refused: Why the old values are not acceptable; empty when they are.
+        values: Every tunable value, changed or not.
+        held_out: Measured values on the held-out cases, by the objective's names.
+        declined: Candidates that were better in the search and not taken.
+    """
+
+    study: str
+    verdict: Verdict
+    date: str
+    start: str
+    trials: int
+    refused: int
+    given_up: int
+    objective: str
+    quantile: float
+    stability: StabilitySettings
+    train_seeds: tuple[int, int]
+    held_out_seeds: tuple[int, int]
+    cost_before: float | None
+    cost_after: float | None
+    start_refused: str
+    values: dict[str, ChangeRecord]
+    held_out: dict[str, Change]
+    declined: tuple[str, ...]
+
+
+def summarise(
+    study: str, start: str, date: str, config: Config, attempts: Sequence[Attempt], comparison: Comparison
+) -> TuningResult:
+    """Return the numbers of a tuning."""
+    tune = config.tune
+    if tune is None:
+        raise ConfigError("the configuration has no [tune]: add it")
+    before, quantile = start_values(config, tune), tune.objective.quantile
+    train, held_out = train_seeds(tune.cases), held_out_seeds(tune.cases)
+    old, new = (
+        _spreads(side.rehearsals if side.cost is not None else (), quantile)
+        for side in (comparison.start, comparison.tuned)
+    )
+    return TuningResult(
+        study=study,
+        verdict=comparison.verdict,
+        date=date,
+        start=start,
+        trials=len(attempts),
+        refused=sum(1 for attempt in attempts if attempt.refused),
+        given_up=sum(1 for attempt in attempts if attempt.cost is None and not attempt.refused),
+        objective=describe(tune.objective),
+        quantile=quantile,
+        stability=tune.stability,
+        train_seeds=(train[0], train[-1]),
+        held_out_seeds=(held_out[0], held_out[-1]),
+        cost_before=comparison.start.cost,
+        cost_after=comparison.tuned.cost,
+        start_refused=comparison.start.refused,
+        values={
+            key: ChangeRecord(before=before[key], after=comparison.values[key], unit=parameter.unit)
+            for key, parameter in tune.parameters.items()
+        },
+        held_out={
+            name: Change(before=old.get(name), after=new.get(name)) for name in dict.fromkeys((*old, *new))
+        },
+        declined=tuple(f"trial {attempt.number}: {reason}" for attempt, reason in comparison.declined),
+    )
+
+
+def write_results(
+    folder: Path,
+    config_text: str,
+    config: Config,
+    attempts: Sequence[Attempt],
+    comparison: Comparison,
+    result: TuningResult,
+) -> str:
+    """Write result, report, and, unless nothing was acceptable, the new configuration into `folder`.
+
+    Returns:
+        The result as JSON text, as in the file.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or the configuration's text cannot be edited.
+    """
+    if config.tune is None or config.mission is None:
+        raise ConfigError("the configuration has no [tune] or no [mission]: add them")
+    data = TuningData(
+        tune=config.tune, corners=corner_points(config.mission), attempts=attempts, comparison=comparison
+    )
+    result_json = to_json(result, indent=2).decode()
+    texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}
+    provenance = _provenance(result)
+    if provenance is None:
+        (folder / CONFIG_NAME).unlink(missing_ok=True)
+    else:
+        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
+    write_all(folder, texts)
+    return result_json
+
+
+def sentence(result: TuningResult) -> str:
+    """Return what tuning came to in one sentence."""
+    sites = result.held_out_seeds[1] - result.held_out_seeds[0] + 1
+    where = f"on {sites} held-out sites after {result.trials} trials"
+    if result.cost_after is None:
+        return f"No acceptable values {where}: the old ones are refused ({result.start_refused})"
+    if result.verdict is Verdict.CONFIRMED:
+        return f"Nothing better than the old values {where}: they are kept, cost {result.cost_after:.3g}"
+    if result.cost_before is None:
+        return f"Cost {result.cost_after:.3g} {where}; the old values were refused ({result.start_refused})"
+    return f"Cost {result.cost_before:.3g} before, {result.cost_after:.3g} now {where}"
+
+
+def _changed(result: TuningResult) -> dict[str, float]:
+    return {key: change.after for key, change in result.values.items() if change.after != change.before}
+
+
+def _provenance(result: TuningResult) -> ProvenanceRecord | None:
+    if result.cost_after is None:
+        return None
+    changed = _changed(result)
+    return ProvenanceRecord(
+        study=result.study,
+        date=result.date,
+        start=result.start,
+        trials=result.trials,
+        objective=result.objective,
+        train_seeds=result.train_seeds,
+        held_out_seeds=result.held_out_seeds,
+        held_out_cost_before=result.cost_before,
+        held_out_cost_after=result.cost_after,
+        changes={key: change for key, change in result.values.items() if key in changed},
+    )
+
+
+def _spreads(rehearsals: Sequence[Rehearsal], quantile: float) -> dict[str, Spread]:
+    if not rehearsals:
+        return {}
+    terms = {name: [rehearsal.terms[name] for rehearsal in rehearsals] for name in rehearsals[0].terms}
+    return {
+        name: Spread(median=float(np.median(values)), quantile=float(np.quantile(values, quantile)))
+        for name, values in terms.items()
+    }
+
+
+def _page(data: TuningData, result: TuningResult) -> str:
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = (resources.files("rover_hil.tune") / REPORT_NAME).read_text("utf-8")
+    return environment.from_string(template).render(
+        result=result,
+        grade=GRADES[result.verdict],
+        sentence=sentence(result),
+        pictures=draw_pictures(data),
+    )

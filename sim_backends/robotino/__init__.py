@@ -1,0 +1,1 @@
+"""A dynamic Robotino plant on a test site of patches."""

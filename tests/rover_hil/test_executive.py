@@ -1,0 +1,128 @@
+"""However a run ends, the drive is told to stand: all of it, to the end."""
+
+import errno
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from drivers.can_frame import unpack_can_frame
+from drivers.clock import VirtualClock
+from drivers.errors import LogError
+from drivers.link import LinkChange
+from rover_hil.command_line.run import _execute
+from rover_hil.composition import ReplayLinks, Rig, build_replay_rig
+from rover_hil.config import load_config
+from rover_hil.loop.executive import End, Executive
+from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.replay_link import ReplayLink
+
+SET_POINTS = (0x110, 0x111, 0x112, 0x113)
+THIRD_CYCLE = 2 * len(SET_POINTS) + 1
+IN_THE_STOP = 3 * len(SET_POINTS) + 3
+
+
+class Bench:
+    """The loop of the el-dorado on silent devices."""
+
+    def __init__(self, folder: Path) -> None:
+        config = load_config("el-dorado")
+        clock = VirtualClock()
+        self.log = LogWriter(folder / "run.mcap", clock.now_ns(), b"{}", {}, "virtual")
+        self.rig: Rig
+        self.links: ReplayLinks
+        self.rig, self.links = build_replay_rig(config, clock, self.log)
+        self.rig.connect(0.0)
+        self.executive = Executive(self.rig, self.log, config.loop.rate_hz)
+
+    @property
+    def wheels(self) -> ReplayLink[bytes]:
+        return self.links.bytes_links["wheels"]
+
+    def identifiers(self) -> list[int]:
+        frames = [unpack_can_frame(payload) for payload in self.wheels.sent]
+        return [frame.can_id for frame in frames if frame is not None]
+
+    def before_sending(self, actions: dict[int, Callable[[], None]]) -> None:
+        """Call an action just before the n-th payload is sent, counted from 1."""
+        send_now, count = self.wheels.send, 0
+
+        def send(payload: bytes) -> bool:
+            nonlocal count
+            count += 1
+            actions.get(count, lambda: None)()
+            return send_now(payload)
+
+        self.wheels.send = send  # type: ignore[method-assign]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path)
+    yield bench
+    bench.log.close()
+
+
+def interrupt() -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_run_after_the_cycle(bench: Bench, number: signal.Signals) -> None:
+    handler = signal.getsignal(number)
+    bench.before_sending({THIRD_CYCLE: lambda: os.kill(os.getpid(), number)})
+    result = _execute(bench.executive, bench.log, 5.0)
+    assert (result.end, result.cycles) == (End.STOPPED_BY_USER, 3)
+    assert tuple(bench.identifiers()) == SET_POINTS * 6
+    assert signal.getsignal(number) is handler
+
+
+def test_a_lost_connection_does_not_end_a_run_under_nohup(bench: Bench) -> None:
+    previous = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        bench.before_sending({THIRD_CYCLE: lambda: os.kill(os.getpid(), signal.SIGHUP)})
+        assert _execute(bench.executive, bench.log, 0.1).end is End.TIME_OVER
+    finally:
+        signal.signal(signal.SIGHUP, previous)
+
+
+def test_a_second_signal_does_not_wait_for_the_cycle_but_the_drive_is_stopped(bench: Bench) -> None:
+    bench.before_sending({THIRD_CYCLE: interrupt, THIRD_CYCLE + 1: interrupt})
+    with pytest.raises(KeyboardInterrupt):
+        _execute(bench.executive, bench.log, 5.0)
+    assert tuple(bench.identifiers()[-12:]) == SET_POINTS * 3
+    assert len(bench.wheels.sent) == THIRD_CYCLE + 12
+
+
+def test_no_signal_interrupts_the_stopping_of_the_drive(bench: Bench) -> None:
+    bench.before_sending({THIRD_CYCLE: interrupt, IN_THE_STOP: interrupt, IN_THE_STOP + 1: interrupt})
+    result = _execute(bench.executive, bench.log, 5.0)
+    assert result.end is End.STOPPED_BY_USER
+    assert tuple(bench.identifiers()) == SET_POINTS * 6
+
+
+def test_when_the_log_cannot_be_written_all_wheels_are_stopped(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_space(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    bench.before_sending({THIRD_CYCLE: lambda: monkeypatch.setattr(bench.log, "_write_message", no_space)})
+    with pytest.raises(LogError, match="No space left"):
+        bench.executive.run(5.0)
+    assert tuple(bench.identifiers()) == SET_POINTS * 6
+
+
+def test_a_device_without_a_role_that_is_given_up_does_not_end_the_run(bench: Bench) -> None:
+    bench.links.image_links["camera"].feed(LinkChange(bench.rig.clock.now_ns(), False, "gave up", True))
+    assert bench.executive.run(3.0).end is End.TIME_OVER
+
+
+def test_a_device_in_a_role_that_is_given_up_ends_the_run(bench: Bench) -> None:
+    bench.links.bytes_links["imu"].feed(LinkChange(bench.rig.clock.now_ns(), False, "unplugged", True))
+    result = bench.executive.run(3.0)
+    assert result.end is End.DEVICE_FAILED
+    assert result.reason == "device 'imu' has failed: unplugged"
+    assert result.cycles < 200

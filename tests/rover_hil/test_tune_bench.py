@@ -1,0 +1,55 @@
+"""The pool of processes: results in order, and nobody left behind."""
+
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+from drivers.clock import SystemClock, nanoseconds
+from rover_hil.tune.bench import Bench
+from rover_hil.tune.rehearsal import rehearse
+from tests.rover_hil.tuning import make_config
+
+POLL_S = 0.05
+LIMIT_S = 20.0
+PARENT = """
+import os, sys
+from rover_hil.tune.bench import Bench
+with Bench() as bench:
+    print(bench._pool.submit(os.getpid).result(), flush=True)
+    sys.stdin.read()
+"""
+
+
+def is_alive(process_id: int) -> bool:
+    try:
+        status = Path(f"/proc/{process_id}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"
+
+
+def test_results_come_in_order_and_are_those_of_one_process(tmp_path: Path) -> None:
+    config = make_config(tmp_path)
+    with Bench() as bench, closing(bench.drive(config, range(1, 6))) as results:
+        first, second = next(results), next(results)
+    assert (first.seed, second.seed) == (1, 2)
+    assert [first.terms, second.terms] == [rehearse(config, seed).terms for seed in (1, 2)]
+
+
+def test_workers_end_with_a_killed_parent() -> None:
+    clock = SystemClock()
+    with subprocess.Popen(
+        [sys.executable, "-c", PARENT],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    ) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        assert is_alive(worker)
+        parent.kill()
+    end_ns = clock.now_ns() + nanoseconds(LIMIT_S)
+    while is_alive(worker) and clock.now_ns() < end_ns:
+        clock.sleep_until(clock.now_ns() + nanoseconds(POLL_S))
+    assert not is_alive(worker)
