@@ -30,9 +30,9 @@ CAMERA = {
 def config_with(**roles: object) -> Config:
     table = load_config("robotino").model_dump(by_alias=True)
     table["safety"]["settle_s"] = 2.5
-    table["simulation"]["plant"] = {
-        "type": "robotino"
-    }  # little slip: the filter's default noise allows for it
+    # Little slip, and the filter's default noise, which allows for it.
+    table["simulation"]["plant"] = {"type": "robotino"}
+    table["filter"] = {}
     table["devices"]["overhead"] = dict(CAMERA)
     table["roles"].update({"fixes": ["overhead"], **roles})
     return Config.model_validate(table)
