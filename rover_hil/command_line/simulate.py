@@ -13,6 +13,7 @@ from drivers.errors import ConfigError
 from rover_hil.config import load_config
 from sim_backends.build import build_world
 from sim_backends.serving.server import Server, put_on_ports
+from sim_backends.settings import SimulationSettings
 
 STATUS_PERIOD_S = 0.25
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -35,7 +36,7 @@ def simulate(config_name: str, duration_s: float | None) -> int:
     try:
         with Server(world, put_on_ports(world, config.devices), clock) as server:
             console = Console(highlight=False)
-            _announce(console, server, config_name)
+            _announce(console, server, config_name, config.simulation)
             _serve(console, server, clock, math.inf if duration_s is None else duration_s)
     except KeyboardInterrupt:
         pass
@@ -45,9 +46,12 @@ def simulate(config_name: str, duration_s: float | None) -> int:
     return 0
 
 
-def _announce(console: Console, server: Server, config_name: str) -> None:
+def _announce(console: Console, server: Server, config_name: str, simulation: SimulationSettings) -> None:
     for device in server.served:
         console.print(f"{device.name:<12} {device.port.where}", soft_wrap=True)
+    for fault in simulation.faults:
+        end_s = fault.start_s + fault.duration_s
+        console.print(f"{fault.device:<12} {fault.type} from {fault.start_s:g} s to {end_s:g} s from now")
     console.print(f"In another terminal, in {Path.cwd()}:", soft_wrap=True)
     console.print(f"  rover-hil run {config_name}", soft_wrap=True)
     console.print("End with ctrl-C.")
