@@ -147,6 +147,23 @@ def identify_slip(
     sys.exit(identify(train, test=test or [], as_json=json, out=out))
 
 
+@identify_app.command("motor")
+def identify_motor(
+    logs: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders.")],
+    out: Annotated[Path | None, typer.Option(help="Write the parameters to this TOML file.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Fit motor, friction and speed loop, with intervals, and say what the data cannot determine.
+
+    Exit code 1: nothing was determined.
+
+    Example: `rover-hil identify motor data_for_identification_without_integral.csv.gz`
+    """
+    from rover_hil.command_line.identify_motor import identify_motor as identify
+
+    sys.exit(identify(logs, out=out, as_json=json))
+
+
 import_app = typer.Typer(no_args_is_help=True, help="Turn measured data of others into logs.")
 app.add_typer(import_app, name="import")
 
