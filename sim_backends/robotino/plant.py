@@ -54,8 +54,11 @@ class RobotinoDynamicPlant:
         self._t_ns = start_ns
         self._rover = make_rover(settings, seconds(self._step_ns))
         self._state = _at_rest(settings)
-        self._zero_rad = rng.uniform(0.0, self._rover.tick_rad, 3)
-        self._state.angle_rad[:] = self._zero_rad
+        # As plain numbers: `truth` is asked several times in each control cycle.
+        self._radius_m = float(self._rover.radius_m)
+        self._directions: list[list[float]] = self._rover.direction.tolist()
+        self._zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
+        self._state.angle_rad[:] = self._zeros
         self._ticks_per_rad_s = 1.0 / (self._rover.tick_rad * loop.rate_hz)
         self._commands: deque[_Command] = deque()
         self._truth: Truth | None = None
@@ -97,6 +100,8 @@ class RobotinoDynamicPlant:
         since_s = seconds(self._t_ns - self._grid_ns)
         x_m, y_m, yaw = state.pose.tolist()
         velocity_x, velocity_y, yaw_rate = state.twist.tolist()
+        speeds = state.speed_rad_s.tolist()
+        angles = zip(state.angle_rad.tolist(), self._zeros, speeds, strict=True)
         cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
         x_m += since_s * (cos_yaw * velocity_x - sin_yaw * velocity_y)
         return Truth(
@@ -109,20 +114,16 @@ class RobotinoDynamicPlant:
             velocity_x_m_s=velocity_x,
             velocity_y_m_s=velocity_y,
             yaw_rate_rad_s=yaw_rate,
-            wheel_position_rad=tuple(
-                (state.angle_rad - self._zero_rad + since_s * state.speed_rad_s).tolist()
-            ),
-            wheel_speed_rad_s=tuple(state.speed_rad_s.tolist()),
+            wheel_position_rad=tuple(angle - zero + since_s * speed for angle, zero, speed in angles),
+            wheel_speed_rad_s=tuple(speeds),
             motor_current_a=tuple(state.current_a.tolist()),
-            slip=self._slip(),
+            slip=tuple(
+                slip_ratio(self._radius_m * speed, x * velocity_x + y * velocity_y + turn * yaw_rate)
+                for speed, (x, y, turn) in zip(speeds, self._directions, strict=True)
+            ),
             battery_v=float(state.supply[0]),
             bumper_pressed=settings.bumper_x_m is not None and x_m > settings.bumper_x_m,
         )
-
-    def _slip(self) -> tuple[float, ...]:
-        rim = (self._rover.radius_m * self._state.speed_rad_s).tolist()
-        rolling = (self._rover.direction @ self._state.twist).tolist()
-        return tuple(slip_ratio(a, b) for a, b in zip(rim, rolling, strict=True))
 
 
 def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
