@@ -31,6 +31,7 @@ def main() -> int:
     factors: list[float] = []
     replay_factors: list[float] = []
     simulated_s = 0.0
+    log_bytes = 0
     with tempfile.TemporaryDirectory() as folder:
         for index in range(runs):
             path = Path(folder) / f"{index}.mcap"
@@ -38,6 +39,7 @@ def main() -> int:
             result = run_virtual(config, path, config.loop.time_limit_s, None)
             factors.append(result.duration_s / seconds(cpu_time_ns() - started_ns))
             simulated_s = result.duration_s
+            log_bytes = path.stat().st_size
             log = LogReader(path)
             started_ns = cpu_time_ns()
             with restore_config(log) as logged_config:
@@ -48,6 +50,7 @@ def main() -> int:
         "rate_hz": config.loop.rate_hz,
         "simulated_s": round(simulated_s, 2),
         "times_real_time": {"median": round(median, 1), "min": round(min(factors), 1)},
+        "log_gb_per_hour": round(log_bytes / simulated_s * 3600 / 1e9, 2),
         "us_per_cycle": round(1e6 / (median * config.loop.rate_hz)),
         "peer_replay_times_real_time": round(statistics.median(replay_factors), 1),
         "bar_times_real_time": 50,

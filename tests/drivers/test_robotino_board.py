@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from drivers.clock import VirtualClock
 from drivers.driver import Rejection, WheelDrive
-from drivers.link import LinkItem, Received
+from drivers.link import Received
 from drivers.robotino_board.codec import (
     REPLY_SIZE,
     REQUEST_SIZE,
@@ -24,6 +24,7 @@ from drivers.robotino_board.codec import (
 )
 from drivers.robotino_board.settings import Board, RobotinoBoardSettings
 from drivers.samples import BumperSample, PowerSample, Sample, WheelCommand, WheelSample
+from tests.drivers.test_driver import ScriptedLink
 
 STEP_RAD_S = 27 * math.tau / 60 / 16
 TICK_RAD = math.tau / 2000 / 16
@@ -375,26 +376,8 @@ def test_reset_forgets_the_half_reply_and_the_positions() -> None:
     assert reasons(decoded) == []
 
 
-class ListLink:
-    """Keeps what is sent; delivers nothing."""
-
-    def __init__(self) -> None:
-        self.sent: list[bytes] = []
-
-    def open(self, timeout_s: float) -> None: ...
-
-    def close(self) -> None: ...
-
-    def receive(self) -> list[LinkItem[bytes]]:
-        return []
-
-    def send(self, payload: bytes) -> bool:
-        self.sent.append(payload)
-        return True
-
-
 def test_drive_sends_one_request_per_command_and_tells_what_it_meant() -> None:
-    link = ListLink()
+    link = ScriptedLink()
     clock = VirtualClock()
     drive = make_settings().make_driver("board", link, clock)
     assert isinstance(drive, WheelDrive)
