@@ -1,0 +1,1 @@
+"""Wheel and soil: reading tests, fitting, tables and plots."""

@@ -1,0 +1,132 @@
+"""What the terrain commands compute with, and how they show what came out."""
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from rich.console import Console
+from rich.progress import Progress
+
+from drivers.errors import ConfigError
+from rover_hil.terrain.table import Table
+from sim_backends.slope.rover import SlopeRover, paper_rover
+from sim_backends.soil.library import SoilSettings, load_soil, load_wheel, parse_settings
+from sim_backends.soil.numpy_kernel import numpy_kernel
+from sim_backends.soil.wheel_contact import Kernel
+
+PAPER_ROVER = "paper_001"
+COMPILE_FROM = 100
+"""States from which compiled code saves more time than it takes to load."""
+ItemT = TypeVar("ItemT")
+
+
+class Choice(NamedTuple):
+    """Names in the library, or paths of TOML files.
+
+    Attributes:
+        rover: `paper_001`, or a TOML file with the fields of `SlopeRover`.
+        wheel: In place of the rover's own; None keeps that.
+        soil: Soil.
+    """
+
+    rover: str
+    wheel: str | None
+    soil: str
+
+    def load(self) -> tuple[SlopeRover, SoilSettings]:
+        """Return rover and soil.
+
+        Raises:
+            ConfigError: No such rover, wheel or soil, not TOML, or a number outside its range.
+        """
+        rover = _load_rover(self.rover)
+        if self.wheel is not None:
+            rover = rover.model_copy(update={"wheel": load_wheel(self.wheel)})
+        return rover, load_soil(self.soil)
+
+    def facts(self, rover: SlopeRover) -> list[tuple[str, str]]:
+        """Return what the numbers hold for, as pairs of name and value."""
+        radius, width = 1000.0 * rover.wheel.radius_m, 1000.0 * rover.wheel.width_m
+        return [
+            ("rover", f"{self.rover}, {len(rover.wheel_positions_m)} wheels"),
+            ("centre of gravity", f"{1000.0 * rover.cog_height_m:g} mm over the surface"),
+            ("wheel", f"{self.wheel or 'of the rover'}, radius {radius:g} mm, width {width:g} mm"),
+            ("soil", self.soil),
+        ]
+
+
+class Output(NamedTuple):
+    """Where results go.
+
+    Attributes:
+        folder: For report and CSV; None writes none.
+        as_json: Print JSON.
+    """
+
+    folder: Path | None
+    as_json: bool
+
+    def show(self, tables: Sequence[Table], record: object) -> None:
+        """Print the tables, or the record as JSON with numbers in full precision."""
+        if self.as_json:
+            print(json.dumps(record, indent=2, allow_nan=False))  # noqa: T201 - what a script reads
+            return
+        console = Console(highlight=False)
+        for table in tables:
+            console.print(table.rich())
+        if self.folder is not None:
+            console.print(str(self.folder / "report.html"), soft_wrap=True)
+
+
+def choose_kernel(states: int) -> Kernel:
+    """Return the kernel that is the faster for so many steady states; both give the same numbers.
+
+    Says on standard error when code has to be compiled first.
+    """
+    if states < COMPILE_FROM:
+        return numpy_kernel
+    from sim_backends.soil.compiled import load_compiled
+
+    return load_compiled(say)
+
+
+def with_progress(items: Iterable[ItemT], count: int, what: str) -> list[ItemT]:
+    """Return the items, with a bar on standard error while they are computed."""
+    collected: list[ItemT] = []
+    with _bar() as progress:
+        task = progress.add_task(what, total=count)
+        for item in items:
+            collected.append(item)
+            progress.advance(task)
+    return collected
+
+
+def waited_for(compute: Callable[[], ItemT], what: str) -> ItemT:
+    """Return what is computed, with a bar on standard error that tells that it goes on."""
+    with _bar() as progress:
+        progress.add_task(what, total=None)
+        return compute()
+
+
+def _bar() -> Progress:
+    console = Console(stderr=True)
+    return Progress(console=console, transient=True, disable=not console.is_terminal)
+
+
+def say(line: str) -> None:
+    """Print a line on standard error."""
+    print(line, file=sys.stderr)  # noqa: T201 - standard output is for results
+
+
+def _load_rover(name: str) -> SlopeRover:
+    if name == PAPER_ROVER:
+        return paper_rover()
+    if not name.endswith(".toml"):
+        raise ConfigError(f"there is no rover '{name}'; give {PAPER_ROVER}, or the path of a .toml file.")
+    try:
+        text = Path(name).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{name}: cannot be read ({error}); give a readable TOML file.") from None
+    return parse_settings(text, name, SlopeRover)
