@@ -1,0 +1,84 @@
+"""What a log tells the odometry, sensor by sensor, at common times."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drive:
+    """A recorded drive; n rows. NaN stands for "nothing new"; None for "no such sensor".
+
+    Attributes:
+        t_s: Times, rising, shape (n,) as everything else.
+        wheel_rad: Mean angle turned by the wheels, forward positive, without NaN.
+        wheel_yaw_rad: Half the difference of right and left wheels' angles.
+        compass_rad: Readings as the log has them, in rad, unwrapped from one to the next.
+        gyro_rad_s: Yaw rate, counter-clockwise positive, without NaN.
+        pitch_rad: As the log counts it, without NaN.
+        roll_rad: As the log counts it, without NaN.
+        trace_rad: Angle of the rear left wheel's trace, new valid readings only.
+        fix_m: Absolute positions in the frame of the pose at start, shape (n, 2).
+        fix_sd_m: Their standard deviation.
+    """
+
+    t_s: Array
+    wheel_rad: Array
+    wheel_yaw_rad: Array
+    compass_rad: Array | None = None
+    gyro_rad_s: Array | None = None
+    pitch_rad: Array | None = None
+    roll_rad: Array | None = None
+    trace_rad: Array | None = None
+    fix_m: Array | None = None
+    fix_sd_m: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Track:
+    """A path with what was estimated along it; n rows.
+
+    Attributes:
+        heading_rad: Unwrapped.
+        slip: Slip ratio of the rover, eq 3.
+        slip_angle_rad: Of the centre of mass, eq 1.
+        sigma_x_m: Standard deviation of x; NaN for methods that know none. Likewise sigma_y_m.
+    """
+
+    t_s: Array
+    x_m: Array
+    y_m: Array
+    heading_rad: Array
+    slip: Array
+    slip_angle_rad: Array
+    sigma_x_m: Array
+    sigma_y_m: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TruePath:
+    """Where the rover really was: position in m and unwrapped heading in rad over time."""
+
+    t_s: Array
+    x_m: Array
+    y_m: Array
+    psi_rad: Array
+
+
+def final_error_m(track: Track, truth: TruePath) -> float:
+    """Return the distance between the two ends, eq 18, both paths counted from their own start position."""
+    end = min(float(track.t_s[-1]), float(truth.t_s[-1]))
+    start = max(float(track.t_s[0]), float(truth.t_s[0]))
+
+    def moved(t_s: Array, values: Array) -> float:
+        return float(np.interp(end, t_s, values) - np.interp(start, t_s, values))
+
+    return float(
+        np.hypot(
+            moved(track.t_s, track.x_m) - moved(truth.t_s, truth.x_m),
+            moved(track.t_s, track.y_m) - moved(truth.t_s, truth.y_m),
+        )
+    )

@@ -1,0 +1,1 @@
+"""Slip-compensated odometry of recorded drives: reading logs, writing paths and parameters, pictures."""

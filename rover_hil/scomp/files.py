@@ -1,0 +1,127 @@
+"""Logs in, parameters in and out, paths out."""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from controllers.scomp.drive import Drive, Track
+from controllers.scomp.parameters import RoverGeometry, ScompParameters
+from drivers.errors import ConfigError
+from rover_hil.config import describe_validation_error
+from rover_hil.scomp.columns import KNOWN, drive_of
+from rover_hil.scomp.read_csv import read_columns
+from rover_hil.scomp.read_log import read_log_columns
+
+HEADER = "t_s,x_m,y_m,heading_rad,slip,slip_angle_rad,sigma_x_m,sigma_y_m"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadDrive:
+    """A drive, what was left out of it, and the rover that the log describes; None for a CSV file."""
+
+    drive: Drive
+    notes: tuple[str, ...]
+    rover: RoverGeometry | None
+
+
+def read_drive(path: Path) -> ReadDrive:
+    """Read one of our logs (`.mcap`) or a CSV file.
+
+    Raises:
+        LogError: It cannot be read, lacks wheels, or its time does not rise.
+    """
+    if path.suffix == ".mcap":
+        columns, rover = read_log_columns(path)
+        drive, notes = drive_of(columns, str(path))
+        return ReadDrive(drive=drive, notes=tuple(notes), rover=rover)
+    columns, others = read_columns(path, KNOWN)
+    drive, notes = drive_of(columns, str(path))
+    if others:
+        notes.append(f"columns that are not used: {', '.join(others)}")
+    return ReadDrive(drive=drive, notes=tuple(notes), rover=None)
+
+
+def read_parameters(path: Path) -> ScompParameters:
+    """Return the parameters in a file.
+
+    Raises:
+        ConfigError: It cannot be read, or holds something wrong; the message names the key.
+    """
+    table: dict[str, object] = {}
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        return ScompParameters.model_validate(table)
+    except OSError as error:
+        msg = f"cannot read parameters {path}: {error.strerror}; correct the path or leave --params out"
+        raise ConfigError(msg) from error
+    except ValidationError as error:
+        raise ConfigError(describe_validation_error(str(path), error, table)) from error
+    except ValueError as error:
+        msg = f"parameters {path} are no valid TOML: {error}; make them with `rover-hil identify scomp`"
+        raise ConfigError(msg) from error
+
+
+def parameters_text(parameters: ScompParameters) -> str:
+    """Return parameters as the text of a file."""
+    return _tables(parameters.model_dump(by_alias=True, exclude_none=True))
+
+
+def write_text(text: str, path: Path) -> None:
+    """Write a file in one piece; nothing half-written stays behind.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
+    part = path.with_name(f"{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        msg = f"cannot write {path}: {error.strerror}; choose another --out"
+        raise ConfigError(msg) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def track_text(track: Track) -> str:
+    """Return a path as the text of a CSV file."""
+    columns = (
+        track.t_s.tolist(),
+        track.x_m.tolist(),
+        track.y_m.tolist(),
+        track.heading_rad.tolist(),
+        track.slip.tolist(),
+        track.slip_angle_rad.tolist(),
+        track.sigma_x_m.tolist(),
+        track.sigma_y_m.tolist(),
+    )
+    lines = [
+        f"{t_s!r}," + ",".join(f"{value:.6f}" for value in values)
+        for t_s, *values in zip(*columns, strict=True)
+    ]
+    return "\n".join([HEADER, *lines]) + "\n"
+
+
+def _tables(table: Mapping[str, object], name: str = "") -> str:
+    """Return TOML: plain values, then the tables."""
+    plain = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    lines = [f"{key} = {_value(value)}\n" for key, value in plain.items()]
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            place = f"{name}{key}"
+            lines.append(f"\n[{place}]\n{_tables(value, f'{place}.')}")
+    return "".join(lines)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(float(f"{value:.6g}"))
+    if isinstance(value, tuple):
+        return f"[{', '.join(_value(item) for item in value)}]"
+    return json.dumps(value, ensure_ascii=False)

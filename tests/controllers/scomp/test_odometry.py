@@ -1,0 +1,196 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from controllers.scomp.drive import Drive, TruePath, final_error_m
+from controllers.scomp.hinge import Hinge
+from controllers.scomp.odometry import (
+    compass_track,
+    estimate_track,
+    paper_track,
+    plain_track,
+    start_heading,
+)
+from controllers.scomp.parameters import CompassModel, ScompParameters
+from drivers.errors import ModelError
+from tests.controllers.scomp.drives import estimated, fitted, mounds, read, rms, sideways
+
+HINGE = Hinge(slip_0=0.2, k_per_rad=0.5, beta_0_rad=0.1, fit_range_rad=(0.0, 0.5))
+PARAMETERS = ScompParameters(hinge=HINGE, compass=CompassModel(sign=1, offset_rad=0.0))
+WAY_M = 5.0
+
+
+def straight(beta_rad: float, heading_rad: float = 0.0) -> Drive:
+    t_s = np.arange(0.0, 50.05, 0.1)
+    return Drive(
+        t_s=t_s,
+        wheel_rad=WAY_M / 0.092 * t_s / t_s[-1],
+        wheel_yaw_rad=np.zeros_like(t_s),
+        compass_rad=np.full_like(t_s, heading_rad),
+        trace_rad=np.full_like(t_s, beta_rad),
+    )
+
+
+@pytest.mark.parametrize("beta_rad", [0.3, -0.3])
+def test_more_drift_means_less_way_ahead(beta_rad: float) -> None:
+    track = paper_track(straight(beta_rad), PARAMETERS)
+    ahead_m = WAY_M * (1.0 - 0.2 - 0.5 * (0.3 - 0.1))
+    assert track.x_m[-1] == pytest.approx(ahead_m)
+    assert track.y_m[-1] == pytest.approx(ahead_m * math.tan(beta_rad))
+
+
+def test_below_the_corner_the_drift_costs_nothing() -> None:
+    assert paper_track(straight(0.05), PARAMETERS).x_m[-1] == pytest.approx(WAY_M * 0.8)
+
+
+def test_the_path_turns_with_the_heading() -> None:
+    track = paper_track(straight(0.05, heading_rad=math.pi / 2.0), PARAMETERS)
+    assert track.y_m[-1] == pytest.approx(WAY_M * 0.8)
+    assert track.x_m[-1] == pytest.approx(-WAY_M * 0.8 * math.tan(0.05))
+
+
+def test_plain_and_compass_odometry_know_no_slip() -> None:
+    drive = straight(0.3, heading_rad=0.2)
+    assert (plain_track(drive, PARAMETERS).x_m[-1], plain_track(drive, PARAMETERS).y_m[-1]) == (
+        pytest.approx(WAY_M),
+        0.0,
+    )
+    compass = compass_track(drive, PARAMETERS)
+    assert (compass.x_m[-1], compass.y_m[-1]) == pytest.approx((WAY_M * math.cos(0.2), WAY_M * math.sin(0.2)))
+
+
+def test_plain_odometry_turns_with_the_right_wheels() -> None:
+    drive = straight(0.0)
+    drive = replace(drive, wheel_yaw_rad=np.linspace(0.0, 0.5, len(drive.t_s)))
+    assert plain_track(drive, PARAMETERS).heading_rad[-1] == pytest.approx(0.5 * 0.092 / 0.22)
+
+
+def test_sensors_that_a_method_needs() -> None:
+    with pytest.raises(ModelError, match="trace"):
+        paper_track(replace(straight(0.1), trace_rad=None), PARAMETERS)
+    with pytest.raises(ModelError, match="compass"):
+        compass_track(replace(straight(0.1), compass_rad=None), PARAMETERS)
+
+
+def test_final_error_counts_from_each_start() -> None:
+    track = plain_track(straight(0.0), PARAMETERS)
+    t_s = np.array([0.0, 50.0])
+    truth = TruePath(t_s=t_s, x_m=np.array([7.0, 11.0]), y_m=np.array([-1.0, 2.0]), psi_rad=np.zeros(2))
+    assert final_error_m(track, truth) == pytest.approx(math.hypot(1.0, 3.0))
+
+
+def test_start_heading_is_the_frames_unless_the_compass_contradicts() -> None:
+    known = PARAMETERS.model_copy(update={"compass": CompassModel(sign=1, offset_rad=0.5)})
+    near, _ = start_heading(straight(0.0, 0.5 + math.radians(2.0)), known)
+    assert near.heading_rad == 0.0
+    far, notes = start_heading(straight(0.0, 0.5 + math.radians(30.0)), known)
+    assert far.standard_deviation_rad is None
+    assert far.heading_rad == pytest.approx(math.radians(30.0))
+    assert "30.0 deg" in notes[0]
+    elsewhere, _ = start_heading(
+        straight(0.0, 0.5 + math.radians(2.0)), known.model_copy(update={"starts_along_x": False})
+    )
+    assert elsewhere.heading_rad == pytest.approx(math.radians(2.0))
+
+
+@pytest.mark.parametrize(("which", "bar_m"), [("sideways", 0.12), ("mounds", 0.25)])
+def test_field_tests_with_parameters_of_the_first(which: str, bar_m: float) -> None:
+    recorded = sideways() if which == "sideways" else mounds()
+    drive, path = read(recorded)
+    parameters = fitted().parameters
+    ours = estimated(which, online=True)
+    drives = path.t_s > 3.5
+    assert final_error_m(ours.track, path) < bar_m
+    assert final_error_m(plain_track(drive, parameters), path) > 1.0
+    off = np.degrees(ours.track.slip_angle_rad - recorded.truth["slip_angle_rad"])[drives]
+    assert rms(off) < 1.0
+    assert rms((ours.track.slip - recorded.truth["slip"])[drives]) < 0.05
+    assert np.degrees(rms((ours.track.heading_rad - path.psi_rad)[drives])) < 0.3
+    sigmas = (ours.track.sigma_x_m[-1], ours.track.sigma_y_m[-1])
+    assert all(0.005 < sigma < 0.6 for sigma in sigmas)
+    for axis, sigma in (("x_m", sigmas[0]), ("y_m", sigmas[1])):
+        error_m = getattr(ours.track, axis)[-1] - getattr(path, axis)[-1]
+        assert abs(error_m) < 3.5 * sigma, axis
+
+
+def test_normalised_innovations_are_near_one() -> None:
+    found = estimated("mounds", online=True).innovations
+    for name in ("compass", "trace"):
+        nis = [i.nis for i in found if i.name == name and i.nis is not None]
+        # Neighbours are alike: the bounds of a mean over independent ones would be far tighter.
+        assert 0.6 < float(np.mean(nis)) < 1.4, name
+        assert float(np.mean([value > 3.84 for value in nis])) < 0.09, name
+
+
+def test_the_whole_drive_ends_where_the_rover_knew_it_was() -> None:
+    _, path = read(mounds())
+    online, whole = (estimated("mounds", online=flag).track for flag in (True, False))
+    assert whole.x_m[-1] == pytest.approx(online.x_m[-1])
+    assert whole.sigma_y_m[-1] == pytest.approx(online.sigma_y_m[-1])
+    assert (whole.sigma_x_m <= online.sigma_x_m + 1e-6).all()
+    drives = path.t_s > 3.5
+    truth = mounds().truth["slip_angle_rad"]
+    assert rms((whole.slip_angle_rad - truth)[drives]) < rms((online.slip_angle_rad - truth)[drives])
+
+
+@pytest.mark.parametrize(
+    ("sensor", "word", "bar_m"),
+    [
+        ("gyro_rad_s", "no gyro", 1.2),
+        ("compass_rad", "no compass", 1.2),
+        ("pitch_rad", "no pitch", 1.2),
+        ("roll_rad", "no roll", 0.5),
+        ("trace_rad", "no trace", 0.5),
+    ],
+)
+def test_without_a_sensor(sensor: str, word: str, bar_m: float) -> None:
+    drive, path = read(mounds())
+    lesser = {
+        "gyro_rad_s": replace(drive, gyro_rad_s=None),
+        "compass_rad": replace(drive, compass_rad=None),
+        "pitch_rad": replace(drive, pitch_rad=None),
+        "roll_rad": replace(drive, roll_rad=None),
+        "trace_rad": replace(drive, trace_rad=None),
+    }[sensor]
+    result = estimate_track(lesser, fitted().parameters)
+    assert [note for note in result.notes if note.startswith(word)]
+    assert final_error_m(result.track, path) < bar_m
+
+
+def test_fixes_on_the_way_correct_the_end() -> None:
+    drive, path = read(mounds())
+    wrong = fitted().parameters
+    wrong = wrong.model_copy(
+        update={
+            "pitch": wrong.pitch.model_copy(
+                update={"rolling_resistance": 0.12, "rolling_resistance_sd": 0.05}
+            )
+        }
+    )
+    fix_m = np.full((len(drive.t_s), 2), np.nan)
+    for t_s in (30.0, 60.0, 90.0):
+        row = int(np.searchsorted(drive.t_s, t_s))
+        fix_m[row] = np.interp(t_s, path.t_s, path.x_m), np.interp(t_s, path.t_s, path.y_m)
+    blind, seeing = (estimate_track(item, wrong) for item in (drive, replace(drive, fix_m=fix_m)))
+    assert final_error_m(blind.track, path) > 0.5
+    assert final_error_m(seeing.track, path) < 0.25
+    assert seeing.learnt[2] < 0.8 * blind.learnt[2]
+
+
+def test_a_drive_of_one_row_is_refused() -> None:
+    drive = straight(0.0)
+    one = Drive(t_s=drive.t_s[:1], wheel_rad=drive.wheel_rad[:1], wheel_yaw_rad=drive.wheel_yaw_rad[:1])
+    with pytest.raises(ModelError, match="two rows"):
+        estimate_track(one, PARAMETERS)
+
+
+def test_an_unknown_clockwise_compass_is_noticed() -> None:
+    drive, _ = read(mounds())
+    assert drive.compass_rad is not None
+    mirrored = replace(drive, compass_rad=-drive.compass_rad)
+    right, turned = (estimate_track(item, ScompParameters()) for item in (drive, mirrored))
+    assert [note for note in turned.notes if "clockwise" in note]
+    assert not [note for note in right.notes if "clockwise" in note]
+    assert turned.track.heading_rad[-1] == pytest.approx(right.track.heading_rad[-1], abs=1e-6)
