@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
-from sim_backends.robotino.plant import RobotinoDynamicPlant
-from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
+from sim_backends.robotino.plant import RobotinoPlant
+from sim_backends.robotino.settings import RobotinoPlantSettings
 from sim_backends.robotino.site import RectanglePatch, Site
 from sim_backends.robotino.surfaces import Surface
 
@@ -158,10 +158,10 @@ def simulated(
         patches=tuple(patches),
         cell_m=0.1,
     )
-    settings = RobotinoDynamicPlantSettings(site=site)
+    settings = RobotinoPlantSettings(site=site)
     if centre_of_mass_x_m is not None:
         settings = settings.model_copy(update={"centre_of_mass_x_m": centre_of_mass_x_m})
-    plant = RobotinoDynamicPlant(settings, np.random.default_rng(1), NANOSECONDS_PER_SECOND)
+    plant = RobotinoPlant(settings, np.random.default_rng(1), NANOSECONDS_PER_SECOND)
     plant.set_wheel_speeds(cell.set_speed_rad_s)
     plant.advance(NANOSECONDS_PER_SECOND + nanoseconds(SETTLED_AFTER_S))
     start = np.array(plant.truth().wheel_position_rad)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.robotino_cells import ANGLES, Cell
 from drivers.clock import cpu_time_ns, seconds
-from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
+from sim_backends.robotino.settings import RobotinoPlantSettings
 from sim_backends.robotino.surfaces import Surface
 
 Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Peer:
     """
 
     def __init__(self, cell: Cell, surface: Surface) -> None:
-        self.settings = settings = RobotinoDynamicPlantSettings()
+        self.settings = settings = RobotinoPlantSettings()
         self.surface = surface
         self.set_point = np.array(cell.set_speed_rad_s)
         ahead_m = settings.centre_of_mass_x_m

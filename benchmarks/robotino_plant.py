@@ -28,8 +28,8 @@ from benchmarks.robotino_cells import Cell, measured_cells, measured_cells_2021,
 from benchmarks.robotino_fit import CENTRE_OF_MASS_2021_M, RED_SINKAGE_M, used_for_fitting
 from benchmarks.robotino_peer import run_peer
 from drivers.clock import NANOSECONDS_PER_SECOND, cpu_time_ns, seconds
-from sim_backends.robotino.plant import RobotinoDynamicPlant
-from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
+from sim_backends.robotino.plant import RobotinoPlant
+from sim_backends.robotino.settings import RobotinoPlantSettings
 from sim_backends.robotino.site import load_site
 from sim_backends.robotino.surfaces import shipped_surfaces
 
@@ -129,8 +129,8 @@ def times_real_time(cycle_ns: int, simulated_s: int = 200) -> float:
         cycle_ns: How often it gets set-points and is asked for the truth.
         simulated_s: For how long.
     """
-    settings = RobotinoDynamicPlantSettings(site=load_site("paper_like"))
-    plant = RobotinoDynamicPlant(settings, np.random.default_rng(1), NANOSECONDS_PER_SECOND)
+    settings = RobotinoPlantSettings(site=load_site("paper_like"))
+    plant = RobotinoPlant(settings, np.random.default_rng(1), NANOSECONDS_PER_SECOND)
     start_ns = 2 * NANOSECONDS_PER_SECOND
     plant.advance(start_ns)  # compiles
     end_ns = start_ns + simulated_s * NANOSECONDS_PER_SECOND

@@ -1,20 +1,23 @@
 """One cycle of the controller: samples in, wheel set-points out. Pure: time is an argument."""
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.doubts import FollowMonitor, RefusalCounter
 from controllers.estimator import Estimator
 from controllers.guarded_filter import Innovation
-from controllers.kinematics import make_kinematics
+from controllers.kinematics import Kinematics, make_kinematics
 from controllers.limits import Limit, WheelLimiter
 from controllers.path_control import Guidance, PathFollower
 from controllers.planar import Pose
 from controllers.pose_filter import PoseEstimate
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
-from controllers.settings import ControlSettings
-from drivers.clock import nanoseconds
+from controllers.settings import ControlSettings, OmniRoverSettings
+from controllers.slip_compensator import SlipCompensator, SlipReport
+from controllers.torque_correction import TorqueCorrection
+from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.samples import Sample, WheelCommand
 
@@ -34,6 +37,7 @@ class StepOutput:
         command: Wheel set-points to send; zeros unless the mode is RUNNING.
         limit: Which limit the set-points met.
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
+        slip: Slip of the wheels; None without slip compensation, and where no fresh motion of them is known.
     """
 
     t_ns: int
@@ -46,6 +50,7 @@ class StepOutput:
     command: WheelCommand
     limit: Limit
     cross_track_m: float | None
+    slip: SlipReport | None = None
 
 
 class ControlLoop:
@@ -70,7 +75,11 @@ class ControlLoop:
             raise ConfigError(f"required: a mission needs the wheel device {roles.wheels!r}, add it")
         self._kinematics = kinematics
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
-        self._estimator = Estimator(kinematics, settings.filter, settings.limits.wheel_speed_rad_s, roles)
+        self._motion_age_ns = nanoseconds(roles.motion_age_s)
+        self._slip, self._correction = _make_slip(settings, kinematics)
+        self._estimator = Estimator(
+            kinematics, settings.filter, settings.limits.wheel_speed_rad_s, roles, self._slip
+        )
         self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
         self._refusals = RefusalCounter()
@@ -86,7 +95,7 @@ class ControlLoop:
             t_ns = min(sample.t_ns, now_ns)
             self._supervisor.observe(sample, t_ns)
             self._estimator.take(sample, t_ns)
-        innovations = self._estimator.advance(now_ns)
+        innovations = self._estimator.advance(now_ns, self._commanded_rad_s)
         self._refusals.note(innovations)
         estimate = self._estimator.estimate(now_ns)
         guidance = self._guide(now_ns, estimate)
@@ -104,7 +113,14 @@ class ControlLoop:
             command=WheelCommand(t_ns=now_ns, expires_ns=now_ns + self._expiry_ns, speed_rad_s=speed_rad_s),
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
+            slip=self._fresh_slip(now_ns),
         )
+
+    def _fresh_slip(self, now_ns: int) -> SlipReport | None:
+        motion_ns = self._estimator.motion_ns
+        if self._slip is None or motion_ns is None or now_ns - motion_ns > self._motion_age_ns:
+            return None
+        return self._slip.report
 
     def _guide(self, now_ns: int, estimate: PoseEstimate) -> Guidance | None:
         if self._follower is None:
@@ -126,10 +142,26 @@ class ControlLoop:
         if guidance is None or guidance.finished:
             self._limiter.stop()
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
-        return self._limiter.limit(
-            now_ns,
-            self._kinematics.wheel_speeds(
-                guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s
-            ),
-            self._estimator.odometry.wheel_speed_rad_s,
-        )
+        yaw_rate_rad_s = guidance.yaw_rate_rad_s
+        if self._slip is not None and self._slip.probe is not None:
+            yaw_rate_rad_s += self._slip.probe.yaw_rate_rad_s(seconds(now_ns))
+        twist = (guidance.velocity_x_m_s, guidance.velocity_y_m_s, yaw_rate_rad_s)
+        wanted_rad_s = self._kinematics.wheel_speeds(*twist)
+        if self._slip is not None and self._correction is not None and self._slip.knows_force:
+            torques_nm = [effort.wheel_torque_nm for effort in self._slip.efforts]
+            changes_rad_s = self._correction.set_point_changes(torques_nm, twist)
+            wanted_rad_s = tuple(map(operator.add, wanted_rad_s, changes_rad_s))
+        return self._limiter.limit(now_ns, wanted_rad_s, self._estimator.odometry.wheel_speed_rad_s)
+
+
+def _make_slip(
+    settings: ControlSettings, kinematics: Kinematics
+) -> tuple[SlipCompensator | None, TorqueCorrection | None]:
+    slip, rover = settings.slip, settings.rover
+    if slip is None or not isinstance(rover, OmniRoverSettings):
+        return None, None
+    correction = slip.torque_correction
+    return (
+        SlipCompensator(slip, rover, kinematics),
+        None if correction is None else TorqueCorrection(rover, correction),
+    )

@@ -3,11 +3,12 @@
 from controllers.fixes import FixQueue, late
 from controllers.guarded_filter import Innovation
 from controllers.gyro import GyroIntegrator
-from controllers.kinematics import Kinematics
+from controllers.kinematics import BodyMotion, Kinematics
 from controllers.odometry import BodyIncrement, WheelOdometry
 from controllers.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
 from controllers.roles import DeviceRoles
 from controllers.settings import FilterSettings
+from controllers.slip_compensator import SlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
     HeadingReference,
@@ -28,6 +29,7 @@ class Estimator:
         settings: Noise of the pose filter.
         wheel_speed_limit_rad_s: Greatest wheel set-point.
         roles: Which device is what.
+        slip: Takes the wheels' slip off their motion; None where they are taken to roll.
 
     Attributes:
         odometry: The wheels' own account.
@@ -40,7 +42,9 @@ class Estimator:
         settings: FilterSettings,
         wheel_speed_limit_rad_s: float,
         roles: DeviceRoles,
+        slip: SlipCompensator | None = None,
     ) -> None:
+        self._slip = slip
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
@@ -58,8 +62,8 @@ class Estimator:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
         device = sample.device
         if isinstance(sample, WheelSample):
-            if device == self._roles.wheels and sample.position_rad is not None:
-                self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
+            if device == self._roles.wheels:
+                self._take_wheel(sample, t_ns)
         elif isinstance(sample, RateSample):
             if device == self._roles.gyro:
                 self._gyro.feed(t_ns, sample.rate_z_rad_s)
@@ -71,9 +75,18 @@ class Estimator:
             # The codec counts turns afresh after a break.
             self.odometry.rebase()
 
-    def advance(self, now_ns: int) -> tuple[Innovation, ...]:
-        """Bring the estimate up to the samples taken; return what the corrections said."""
+    def advance(self, now_ns: int, set_speed_rad_s: tuple[float, ...] = ()) -> tuple[Innovation, ...]:
+        """Bring the estimate up to the samples taken; return what the corrections said.
+
+        Args:
+            now_ns: Time of the cycle.
+            set_speed_rad_s: What the wheels were told to do since the last cycle; needed with slip only.
+        """
         increment = self.odometry.take()
+        if increment is not None and self._slip is not None:
+            increment = self._slip.compensate(
+                increment, set_speed_rad_s, self._gyro.rate_rad_s if self._gyro.is_fresh(now_ns) else None
+            )
         is_still = self.odometry.is_still(now_ns, self._settings.standstill_s)
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
@@ -94,7 +107,7 @@ class Estimator:
     def estimate(self, now_ns: int) -> PoseEstimate:
         """Return the estimate; before the first motion of the wheels is known it is the start, `now_ns`."""
         pose = self._filter.pose
-        velocity_x_m_s, velocity_y_m_s, _ = self.odometry.velocity
+        velocity_x_m_s, velocity_y_m_s, _ = self._body_velocity()
         return PoseEstimate(
             t_ns=now_ns if self.motion_ns is None else self.motion_ns,
             x_m=pose.x_m,
@@ -131,7 +144,18 @@ class Estimator:
     def _yaw_rate_rad_s(self) -> float:
         if self._yaw_source is YawSource.GYRO:
             return self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
-        return self.odometry.velocity[2]
+        return self._body_velocity()[2]
+
+    def _body_velocity(self) -> BodyMotion:
+        if self._slip is None:
+            return self.odometry.velocity
+        return self._slip.body_motion(self.odometry.wheel_speed_rad_s)
+
+    def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
+        if sample.position_rad is not None:
+            self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
+        if self._slip is not None:
+            self._slip.feed(sample, t_ns)
 
     def _take_heading(self, sample: HeadingSample, t_ns: int) -> None:
         source = (sample.device, sample.reference)

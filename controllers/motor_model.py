@@ -166,7 +166,8 @@ class EffortObserver:
             flag = EffortFlag.CLOCK if elapsed_s <= 0.0 else EffortFlag.NO_CURRENT
             return self._effort(0.0, (flag,))
         self._find_direction(elapsed_s, speed_rad_s, set_speed_rad_s)
-        signed_a = current_a if self._is_signed else self._direction * abs(current_a)
+        magnitude_a = min(abs(current_a), self._motor.current_full_scale_a)
+        signed_a = math.copysign(magnitude_a, current_a) if self._is_signed else self._direction * magnitude_a
         share = elapsed_s / (FILTER_TIME_S + elapsed_s)
         if self._current_a is None:
             self._current_a, self._speed_rad_s = signed_a, speed_rad_s

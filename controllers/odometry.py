@@ -15,12 +15,19 @@ STILL_RAD = 0.005
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyIncrement:
-    """What the wheels turned since the last increment, as motion in the body frame: m, m, rad, s."""
+    """What the wheels turned since the last increment, as motion in the body frame: m, m, rad, s.
+
+    Attributes:
+        turned_rad: Angle of each wheel.
+        is_sure: False where the wheels slip and how much is not known.
+    """
 
     x_m: float
     y_m: float
     turn_rad: float
     duration_s: float
+    turned_rad: tuple[float, ...] = ()
+    is_sure: bool = True
 
 
 @dataclass(slots=True)
@@ -149,7 +156,9 @@ class WheelOdometry:
             _smooth(speed, turned, elapsed_s)
             for speed, turned in zip(self.wheel_speed_rad_s, turned_rad, strict=True)
         )
-        return BodyIncrement(x_m=x_m, y_m=y_m, turn_rad=turn_rad, duration_s=elapsed_s)
+        return BodyIncrement(
+            x_m=x_m, y_m=y_m, turn_rad=turn_rad, duration_s=elapsed_s, turned_rad=tuple(turned_rad)
+        )
 
     def _watch_standstill(self, is_new_base: bool) -> None:
         if is_new_base or any(

@@ -261,7 +261,10 @@ class PoseFilter:
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
         settings = self._settings
         distance_m = math.hypot(increment.x_m, increment.y_m)
-        position_m2 = settings.position_noise_m_sqrt_m**2 * distance_m
+        noise_m_sqrt_m = (
+            settings.position_noise_m_sqrt_m if increment.is_sure else settings.unsure_position_noise_m_sqrt_m
+        )
+        position_m2 = noise_m_sqrt_m**2 * distance_m
         if turn.source is YawSource.GYRO:
             yaw_rad2 = settings.gyro_noise_rad_sqrt_s**2 * turn.covered_s
         else:

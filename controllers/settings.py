@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
+from controllers.slip_settings import SlipSettings
 from drivers.settings import Settings
 
 WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
@@ -62,6 +63,7 @@ class FilterSettings(Settings):
 
     Attributes:
         position_noise_m_sqrt_m: Standard deviation of the position after one metre, from wheel slip.
+        unsure_position_noise_m_sqrt_m: The same where slip is compensated but flagged as not valid.
         wheel_yaw_noise_rad_sqrt_rad: Of the wheels' yaw after turning by one radian.
         wheel_yaw_noise_rad_sqrt_m: Of the wheels' yaw after driving one metre.
         gyro_noise_rad_sqrt_s: Of the integrated gyro after one second (angle random walk).
@@ -75,6 +77,7 @@ class FilterSettings(Settings):
     """
 
     position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
+    unsure_position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.2
     wheel_yaw_noise_rad_sqrt_rad: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.1
     wheel_yaw_noise_rad_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
     gyro_noise_rad_sqrt_s: Annotated[float, Field(ge=1e-6, le=0.1)] = 0.002
@@ -166,10 +169,23 @@ class SafetySettings(Settings):
 
 
 class ControlSettings(Settings):
-    """The whole controller. Without a mission it only observes and the wheels get zero set-points."""
+    """The whole controller. Without a mission it only observes and the wheels get zero set-points.
+
+    Without `slip` the wheels are taken to roll.
+    """
 
     rover: RoverSettings
     limits: LimitSettings
     filter: FilterSettings = FilterSettings()
     safety: SafetySettings = SafetySettings()
     mission: MissionSettings | None = None
+    slip: SlipSettings | None = None
+
+    @model_validator(mode="after")
+    def _check_slip(self) -> Self:
+        if self.slip is not None and not isinstance(self.rover, OmniRoverSettings):
+            raise ValueError(
+                f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
+                f"'{self.rover.kinematics}': leave [slip] out"
+            )
+        return self

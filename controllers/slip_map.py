@@ -1,16 +1,15 @@
 """From the effort of a wheel to its slip: the forms of map, and one way to evaluate them. Plain floats."""
 
 import math
-from bisect import bisect_right
-from collections.abc import Sequence
 from datetime import date
-from itertools import pairwise
 from typing import Annotated, Literal, NamedTuple, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
+from controllers.interpolation import check_rising, interpolate
 from controllers.motor_model import MotorSettings, WheelEffort
 from controllers.surface_classifier import SurfaceMap
+from controllers.yaw_probe import YawProbeMap
 from drivers.settings import Settings
 
 Feature = Literal["paper_torque_nm", "current_a", "wheel_torque_nm"]
@@ -77,12 +76,7 @@ class MonotoneMap(MapSettings):
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
-        if len(self.points) != len(self.slips):
-            raise ValueError("points and slips must be equally many")
-        if any(right <= left for left, right in pairwise(self.points)):
-            raise ValueError("points must increase")
-        if any(right < left for left, right in pairwise(self.slips)):
-            raise ValueError("slips must not decrease")
+        check_rising("points", self.points, "slips", self.slips)
         return self
 
 
@@ -136,18 +130,6 @@ def slip_at(wheel_map: WheelMap, value: float) -> float:
     return max(-1.0, min(1.0, slip))
 
 
-def interpolate(points: Sequence[float], values: Sequence[float], at: float) -> float:
-    """Return a value between two points, linearly; before the first and after the last the end value."""
-    right = bisect_right(points, at)
-    if right == 0:
-        return values[0]
-    if right == len(points):
-        return values[-1]
-    left = right - 1
-    share = (at - points[left]) / (points[right] - points[left])
-    return values[left] + share * (values[right] - values[left])
-
-
 class MapScore(Settings):
     """Distance error as a fraction of encoder distance over whole runs, in cross-validation.
 
@@ -174,7 +156,8 @@ class SlipMapFile(Settings):
         motor: The motor that turned currents into torques; a map holds for these numbers only.
         wheel_maps: Maps of one wheel for all surfaces together, by name.
         surface_wheel_maps: Isotonic maps over the wheel's torque for each surface, by its name.
-        surfaces: The map that recognises the surface; the best one.
+        surfaces: The map that recognises the surface; the best one for a rover that does not shake.
+        yaw_probe: What a shake of the yaw tells; None where no drives with it were fitted.
         cross_validation: Score of each map within the training data.
     """
 
@@ -187,4 +170,5 @@ class SlipMapFile(Settings):
     wheel_maps: dict[str, WheelMap]
     surface_wheel_maps: dict[str, WheelMap]
     surfaces: SurfaceMap
+    yaw_probe: YawProbeMap | None = None
     cross_validation: dict[str, MapScore]

@@ -7,11 +7,13 @@ near the curve of one surface, between two, or near none: an unknown surface.
 """
 
 import math
+import operator
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
+from controllers.travel_range import travel_problem
 from drivers.settings import Settings
 
 WINDOW_S = 0.5
@@ -22,12 +24,6 @@ MEMORY_S = 2.0
 
 UNKNOWN_DEVIATIONS = 3.0
 """A force further than this from every surface, in standard deviations, belongs to none of them."""
-
-DIRECTION_GAP_RAD = math.radians(30.0)
-"""A direction of travel further than this from every trained one is outside the training range."""
-
-SPEED_MARGIN = 0.3
-"""A speed may leave the trained range by this share of its end."""
 
 TURNING_SHARE = 0.35
 """Rim speed from turning, over travel speed, up to which the curves of straight travel still hold."""
@@ -65,6 +61,7 @@ class SurfaceModel(Settings):
         name: Its name in the training data.
         force_n: Drive force.
         slip: Slip ratio of the whole rover.
+        drift_rad: How far the true course lies to the left of the encoders' one.
         force_window_sd_n: Scatter of the force from one half second to the next.
         force_run_sd_n: Scatter of its mean from one run to another: averaging does not take it away.
         speed_range_m_s: Speeds of training; beyond them the curves are held.
@@ -73,6 +70,7 @@ class SurfaceModel(Settings):
     name: str
     force_n: DirectionCurve
     slip: DirectionCurve
+    drift_rad: DirectionCurve
     force_window_sd_n: Annotated[float, Field(gt=0.0)]
     force_run_sd_n: Annotated[float, Field(ge=0.0)]
     speed_range_m_s: tuple[float, float]
@@ -107,14 +105,9 @@ class SurfaceMap(Settings):
 
     def range_problem(self, direction_rad: float, speed_m_s: float) -> str:
         """Say why the map does not hold for this travel; empty where it does."""
-        gaps = (abs(math.remainder(direction_rad - known, math.tau)) for known in self.directions_rad)
-        if min(gaps) > DIRECTION_GAP_RAD:
-            return f"direction {math.degrees(direction_rad):.0f} deg is outside the training range"
         low = min(surface.speed_range_m_s[0] for surface in self.surfaces)
         high = max(surface.speed_range_m_s[1] for surface in self.surfaces)
-        if not (1.0 - SPEED_MARGIN) * low <= speed_m_s <= (1.0 + SPEED_MARGIN) * high:
-            return f"speed {speed_m_s:.3g} m/s is outside the training range"
-        return ""
+        return travel_problem(self.directions_rad, (low, high), direction_rad, speed_m_s)
 
 
 class SurfaceEstimate(NamedTuple):
@@ -122,12 +115,14 @@ class SurfaceEstimate(NamedTuple):
 
     Attributes:
         slip: Slip ratio of the whole rover; every wheel takes it.
+        drift_rad: How far the true course lies to the left of the encoders' one.
         valid: False outside the training range and on an unknown surface.
         surface: The likeliest surface, or None where it is unknown.
         reason: Why the slip is not valid; empty where it is.
     """
 
     slip: float
+    drift_rad: float
     valid: bool
     surface: str | None
     reason: str
@@ -149,6 +144,19 @@ class Travel(NamedTuple):
     work_j: float
 
 
+NO_TRAVEL = Travel(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class _Node(NamedTuple):
+    """What one surface says for a direction and a speed; sorted by force."""
+
+    force_n: float
+    sd_n: float
+    slip: float
+    drift_rad: float
+    name: str
+
+
 class SurfaceTracker:
     """Follows the drive force and tells surface and slip.
 
@@ -161,18 +169,28 @@ class SurfaceTracker:
         self._map = surface_map
         self._base_radius_m = base_radius_m
         self._sd_n = max(surface.force_window_sd_n for surface in surface_map.surfaces)
-        self._pending = Travel(0.0, 0.0, 0.0, 0.0, 0.0)
+        self._pending = NO_TRAVEL
         self._excess_n: float | None = None
         self._averaged_s = 0.0
-        self._estimate = SurfaceEstimate(self._prior_slip(), False, None, "too little way so far")
+        self._estimate = SurfaceEstimate(self.prior_slip, 0.0, False, None, "too little way so far")
 
     def step(self, travel: Travel) -> SurfaceEstimate:
         """Take the travel since the step before; a new estimate comes about every `WINDOW_S`."""
         self._pending = Travel(*(a + b for a, b in zip(self._pending, travel, strict=True)))
         if self._pending.elapsed_s >= WINDOW_S:
             self._estimate = self._judge(self._pending)
-            self._pending = Travel(0.0, 0.0, 0.0, 0.0, 0.0)
+            self._pending = NO_TRAVEL
         return self._estimate
+
+    def interrupt(self) -> None:
+        """Forget the travel of the window begun: part of it is not known."""
+        self._pending = NO_TRAVEL
+
+    @property
+    def prior_slip(self) -> float:
+        """Mean slip of the known surfaces."""
+        slips = [surface.slip.mean for surface in self._map.surfaces]
+        return sum(slips) / len(slips)
 
     def _judge(self, travel: Travel) -> SurfaceEstimate:
         way_m = math.hypot(travel.x_m, travel.y_m)
@@ -205,34 +223,35 @@ class SurfaceTracker:
 
     def _classify(self, force_n: float, direction_rad: float, speed_m_s: float) -> SurfaceEstimate:
         """Weigh the surfaces by how well the force fits; between two of them, interpolate."""
-        nodes: list[tuple[float, float, float, str]] = []
+        nodes: list[_Node] = []
         for surface in self._map.surfaces:
             held_m_s = surface.held_speed_m_s(speed_m_s)
             variance = surface.force_window_sd_n**2 * WINDOW_S / max(self._averaged_s, WINDOW_S)
             nodes.append(
-                (
-                    surface.force_n.at(direction_rad, held_m_s),
-                    surface.slip.at(direction_rad, held_m_s),
-                    math.sqrt(variance + surface.force_run_sd_n**2),
-                    surface.name,
+                _Node(
+                    force_n=surface.force_n.at(direction_rad, held_m_s),
+                    sd_n=math.sqrt(variance + surface.force_run_sd_n**2),
+                    slip=surface.slip.at(direction_rad, held_m_s),
+                    drift_rad=surface.drift_rad.at(direction_rad, held_m_s),
+                    name=surface.name,
                 )
             )
         nodes.sort()
-        weights = [math.exp(-0.5 * ((force_n - node) / sd) ** 2) / sd for node, _, sd, _ in nodes]
-        mean_sd = sum(sd for _, _, sd, _ in nodes) / len(nodes)
-        between_weight = math.exp(-0.5 * UNKNOWN_DEVIATIONS**2) / mean_sd
-        between = _between([node for node, *_ in nodes], [slip for _, slip, *_ in nodes], force_n)
-        total = sum(weights) + between_weight
-        weighted = sum(weight * slip for weight, (_, slip, _, _) in zip(weights, nodes, strict=True))
-        slip = max(-1.0, min(1.0, (weighted + between_weight * between) / total))
-        best = max(range(len(nodes)), key=weights.__getitem__)
+        forces = [node.force_n for node in nodes]
+        weights = [math.exp(-0.5 * ((force_n - node.force_n) / node.sd_n) ** 2) / node.sd_n for node in nodes]
+        mean_sd_n = sum(node.sd_n for node in nodes) / len(nodes)
+        between_weight = math.exp(-0.5 * UNKNOWN_DEVIATIONS**2) / mean_sd_n
+        blended = [
+            (sum(map(operator.mul, weights, values)) + between_weight * _between(forces, values, force_n))
+            / (sum(weights) + between_weight)
+            for values in ([node.slip for node in nodes], [node.drift_rad for node in nodes])
+        ]
+        slip, drift_rad = max(-1.0, min(1.0, blended[0])), blended[1]
         if sum(weights) < between_weight:
-            return SurfaceEstimate(slip, False, None, f"unknown surface: drive force {force_n:.1f} N")
-        return SurfaceEstimate(slip, True, nodes[best][3], "")
-
-    def _prior_slip(self) -> float:
-        slips = [surface.slip.mean for surface in self._map.surfaces]
-        return sum(slips) / len(slips)
+            reason = f"unknown surface: drive force {force_n:.1f} N"
+            return SurfaceEstimate(slip, drift_rad, False, None, reason)
+        best = max(range(len(nodes)), key=weights.__getitem__)
+        return SurfaceEstimate(slip, drift_rad, True, nodes[best].name, "")
 
 
 def _between(points: Sequence[float], values: Sequence[float], at: float) -> float:

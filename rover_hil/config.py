@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
+from controllers.slip_settings import SURFACES, YAW_PROBE
 from drivers.device_settings import DriveSettings, FrameDeviceSettings
 from drivers.errors import ConfigError
 from drivers.overhead_camera.settings import OverheadCameraSettings
@@ -102,6 +103,11 @@ class Config(ControlSettings):
             if role is not None and isinstance(self.devices[role], FrameDeviceSettings):
                 msg = f"device '{role}' is a camera and can only be named in roles.fixes, if it is overhead"
                 raise ValueError(msg)
+        if self.slip is not None and self.slip.use == YAW_PROBE and self.roles.gyro is None:
+            msg = (
+                f"slip.use is '{YAW_PROBE}', which needs a gyro: name one in roles.gyro, or use '{SURFACES}'"
+            )
+            raise ValueError(msg)
         for name in self.roles.fixes:
             if not isinstance(self.devices[name], OverheadCameraSettings):
                 msg = f"roles.fixes names '{name}', but only a device of type 'overhead_camera' gives fixes"
@@ -127,10 +133,36 @@ def load_config(name_or_path: str) -> Config:
     except tomllib.TOMLDecodeError as error:
         msg = f"{name_or_path} is no valid TOML: {error}"
         raise ConfigError(msg) from error
+    _inline_slip_maps(table)
     try:
         return Config.model_validate(table)
     except ValidationError as error:
         raise ConfigError(describe_validation_error(name_or_path, error, table)) from error
+
+
+def load_slip_map(name_or_path: str) -> dict[str, object]:
+    """Return the content of a file of slip maps by the name of a shipped one or its path, not yet checked.
+
+    Raises:
+        ConfigError: No such file, or no TOML.
+    """
+    shipped = resources.files("rover_hil") / "slip_maps" / f"{name_or_path}.toml"
+    path = shipped if shipped.is_file() else Path(name_or_path)
+    try:
+        return tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        msg = f"cannot read slip map {name_or_path}: {error.strerror}; name a shipped one or a TOML file"
+        raise ConfigError(msg) from error
+    except ValueError as error:
+        msg = f"slip map {name_or_path} is no valid TOML: {error}"
+        raise ConfigError(msg) from error
+
+
+def _inline_slip_maps(table: dict[str, object]) -> None:
+    """Put the content of the file that slip.maps names in its place, so that a log holds all it needs."""
+    slip = table.get("slip")
+    if isinstance(slip, dict) and isinstance(slip.get("maps"), str):
+        slip["maps"] = load_slip_map(slip["maps"])
 
 
 def read_config_text(name_or_path: str) -> str:

@@ -19,14 +19,13 @@ from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.camera import CameraEmulatorSettings, make_camera
 from sim_backends.can_node import CanNodeSettings, make_can_node
 from sim_backends.compass import CompassEmulatorSettings, make_compass
+from sim_backends.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.faults import flip_bit, grey_lower_half, schedule_faults
-from sim_backends.four_wheel_plant import FourWheelPlant, FourWheelPlantSettings
 from sim_backends.imu import ImuEmulatorSettings, make_imu
 from sim_backends.overhead_camera import OverheadCameraEmulatorSettings, make_overhead_camera
 from sim_backends.plant import Plant
-from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
+from sim_backends.robotino.settings import RobotinoPlantSettings
 from sim_backends.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
-from sim_backends.robotino_plant import RobotinoPlant, RobotinoPlantSettings
 from sim_backends.settings import SimulationSettings
 from sim_backends.world import EmulatedDevice, World
 
@@ -80,14 +79,14 @@ def _check_names(devices: Devices, simulation: SimulationSettings) -> None:
 def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
     rng = _generator(simulation.seed, "plant")
     match simulation.plant:
-        case RobotinoPlantSettings() as robotino:
-            return RobotinoPlant(robotino, rng, start_ns)
-        case RobotinoDynamicPlantSettings() as dynamic:
-            from sim_backends.robotino.plant import RobotinoDynamicPlant  # it takes numba a second to load
+        case RobotinoPlantSettings() as dynamic:
+            from sim_backends.robotino.plant import RobotinoPlant  # it takes numba a second to load
 
-            return RobotinoDynamicPlant(dynamic, rng, start_ns)
-        case FourWheelPlantSettings() as four_wheel:
-            return FourWheelPlant(four_wheel, rng, start_ns)
+            return RobotinoPlant(dynamic, rng, start_ns)
+        case ElDoradoPlantSettings() as four_wheels:
+            from sim_backends.el_dorado.plant import ElDoradoPlant
+
+            return ElDoradoPlant(four_wheels, rng, start_ns)
 
 
 def _make_image_device(

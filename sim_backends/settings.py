@@ -8,16 +8,15 @@ from drivers.settings import Settings
 from sim_backends.camera import CameraEmulatorSettings
 from sim_backends.can_node import CanNodeSettings
 from sim_backends.compass import CompassEmulatorSettings
+from sim_backends.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.faults import FaultSettings
-from sim_backends.four_wheel_plant import FourWheelPlantSettings
 from sim_backends.imu import ImuEmulatorSettings
 from sim_backends.overhead_camera import OverheadCameraEmulatorSettings
-from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
+from sim_backends.robotino.settings import RobotinoPlantSettings
 from sim_backends.robotino_board import RobotinoBoardEmulatorSettings
-from sim_backends.robotino_plant import RobotinoPlantSettings
 
 PlantSettings: TypeAlias = Annotated[
-    RobotinoPlantSettings | RobotinoDynamicPlantSettings | FourWheelPlantSettings, Field(discriminator="type")
+    RobotinoPlantSettings | ElDoradoPlantSettings, Field(discriminator="type")
 ]
 EmulatorSettings: TypeAlias = Annotated[
     CameraEmulatorSettings

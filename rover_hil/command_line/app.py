@@ -5,11 +5,12 @@ Heavy modules are imported inside the commands, so that `--help` answers at once
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from drivers.errors import RoverHilError
+from rover_hil.command_line.terrain_app import terrain_app
 
 EXIT_OK = 0
 EXIT_NO = 1
@@ -76,7 +77,9 @@ def replay(
     log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`.")],
     config: Annotated[
         str | None,
-        typer.Option(help="Replay with rover, filter, limits, safety and mission of this configuration."),
+        typer.Option(
+            help="Replay with rover, filter, limits, safety, slip and mission of this configuration."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Also write summary and report of the recorded run into this folder.")
@@ -127,6 +130,94 @@ def tune(
     sys.exit(tune_rover(config, study=study, trials=trials, minutes=minutes, out=out, as_json=json))
 
 
+@app.command()
+def scomp(
+    log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
+    out: Annotated[Path, typer.Option(help="Write the path to this CSV file.")],
+    params: Annotated[Path | None, typer.Option(help="Parameters by `identify scomp`.")] = None,
+    online: Annotated[
+        bool, typer.Option("--online", help="Each row as the rover knew it then, not by the whole drive.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Tell where a slipping rover was: slip-compensated odometry of a recorded drive.
+
+    Example: `rover-hil scomp drive.csv --params sand.toml --out path.csv`
+    """
+    from rover_hil.command_line.scomp import run_scomp
+
+    sys.exit(run_scomp(log, params=params, out=out, online=online, as_json=json))
+
+
+@app.command()
+def gap(
+    model: Annotated[
+        str,
+        typer.Argument(
+            help="`side-slope`, `single-wheel`, `robotino-motor`, `robotino-drive`, `four-wheel-drive`, or "
+            "`file.py:factory` for a model of your own."
+        ),
+    ],
+    data: Annotated[Path, typer.Argument(help="Measured runs: a folder, CSV or log.")],
+    out: Annotated[Path, typer.Option(help="Folder for verdict, model, plan and report.")],
+    extended: Annotated[
+        Path | None, typer.Option("--model", help="The model.toml of an earlier analysis.")
+    ] = None,
+    confirm: Annotated[
+        str, typer.Option(help="Runs to lock for the proof, like 'slope_deg >= 20' [default: drawn].")
+    ] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
+    json: JsonOption = False,
+) -> None:
+    """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
+
+    Exit code 1: the data cannot be used; the verdict says why.
+
+    Example: `rover-hil gap side-slope measured/ --out gap`
+    """
+    from rover_hil.command_line.gap import find_gap
+
+    sys.exit(find_gap(model, data, out=out, extended=extended, confirm=confirm, seed=seed, as_json=json))
+
+
+@app.command()
+def ftrace(
+    frames: Annotated[Path, typer.Argument(help="A folder of pictures, or a video.")],
+    rig: Annotated[Path, typer.Option(help="Rig file, JSON, schema rear-camera-rig/1.")],
+    out: Annotated[Path, typer.Option(help="CSV file to write: one row per frame.")],
+    telemetry: Annotated[
+        Path | None, typer.Option(help="CSV file: frame, t, wheel speed, compass, gyro; see docs/ftrace.md.")
+    ] = None,
+    overlay: Annotated[
+        Path | None, typer.Option(help="Also draw the trace: a video (.mp4, .avi) or a folder.")
+    ] = None,
+    method: Annotated[
+        Literal["ftrace", "rut", "memory", "fused"],
+        typer.Option(help="`ftrace` is the paper's; `fused` the best."),
+    ] = "fused",
+    json: JsonOption = False,
+) -> None:
+    """Measure the slip angle from the trace that a rear wheel leaves, seen by a rearward camera.
+
+    Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`
+    """
+    from rover_hil.command_line.ftrace import trace_angles
+
+    sys.exit(
+        trace_angles(
+            frames,
+            rig_path=rig,
+            telemetry_path=telemetry,
+            out=out,
+            overlay=overlay,
+            method=method,
+            as_json=json,
+        )
+    )
+
+
+app.add_typer(terrain_app, name="terrain")
+
 identify_app = typer.Typer(no_args_is_help=True, help="Fit models from logs or measured data.")
 app.add_typer(identify_app, name="identify")
 
@@ -147,6 +238,28 @@ def identify_slip(
     sys.exit(identify(train, test=test or [], as_json=json, out=out))
 
 
+@identify_app.command("probe")
+def identify_probe(
+    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a shake and a true pose.")],
+    out: Annotated[Path, typer.Option(help="Write the maps with the fitted probe to this TOML file.")],
+    maps: Annotated[
+        str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
+    ] = "robotino",
+    amplitude: Annotated[float, typer.Option(help="Of the shake in the logs, rad/s.")] = 0.5,
+    frequency: Annotated[float, typer.Option(help="Of the shake in the logs, Hz.")] = 5.0,
+    json: JsonOption = False,
+) -> None:
+    """Fit what the lost share of a small shake of the yaw tells about slip.
+
+    Example: `rover-hil identify probe runs/ --out my_ground.toml`
+    """
+    from rover_hil.command_line.identify_probe import identify_probe as identify
+
+    sys.exit(
+        identify(logs, maps=maps, amplitude_rad_s=amplitude, frequency_hz=frequency, out=out, as_json=json)
+    )
+
+
 @identify_app.command("motor")
 def identify_motor(
     logs: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders.")],
@@ -162,6 +275,68 @@ def identify_motor(
     from rover_hil.command_line.identify_motor import identify_motor as identify
 
     sys.exit(identify(logs, out=out, as_json=json))
+
+
+@identify_app.command("scomp")
+def identify_scomp(
+    log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
+    truth: Annotated[Path, typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Write the parameters to this TOML file, not to standard output.")
+    ] = None,
+    pictures: Annotated[Path | None, typer.Option(help="Folder for pictures of the fit.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Fit the slip-compensated odometry to a drive whose true path is known.
+
+    Example: `rover-hil identify scomp drive.csv --truth tracker.csv --out sand.toml`
+    """
+    from rover_hil.command_line.identify_scomp import identify_scomp as identify
+
+    sys.exit(identify(log, truth=truth, out=out, pictures=pictures, as_json=json))
+
+
+calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrate sensors.")
+app.add_typer(calibrate_app, name="calibrate")
+
+
+@calibrate_app.command("camera")
+def calibrate_camera(
+    pictures: Annotated[Path, typer.Argument(help="Folder or video of the board in many poses.")],
+    ground: Annotated[Path, typer.Option(help="Picture of the board lying on the ground behind the wheel.")],
+    rover: Annotated[Path, typer.Option(help="JSON with the rig's keys that are not the camera's.")],
+    out: Annotated[Path, typer.Option(help="Rig file to write.")],
+    columns: Annotated[int, typer.Option(min=3, help="Squares along the board's x axis.")],
+    rows: Annotated[int, typer.Option(min=3, help="Squares along its y axis.")],
+    square: Annotated[float, typer.Option(min=0.001, help="Side of a square, m.")],
+    ground_x: Annotated[float, typer.Option(help="First inner corner on the ground, vehicle frame, m.")],
+    ground_y: Annotated[float, typer.Option(help="First inner corner on the ground, vehicle frame, m.")],
+    ground_yaw: Annotated[float, typer.Option(help="Direction of the board's columns from x, deg.")] = 0.0,
+    board: Annotated[Literal["chessboard", "charuco"], typer.Option()] = "charuco",
+    fps: Annotated[float, typer.Option(min=0.01, help="Frames per second.")] = 5.0,
+) -> None:
+    """Make the rig file of a rearward camera: lens, and pose above the ground.
+
+    Exit code 1: the board fits worse than 1 pixel; nothing is written.
+
+    Example: see docs/ftrace.md
+    """
+    from math import radians
+
+    from rover_hil.command_line.calibrate import calibrate_camera as calibrate
+    from rover_hil.trace.calibration import Board, GroundTarget
+
+    sys.exit(
+        calibrate(
+            pictures,
+            ground=ground,
+            board=Board(kind=board, columns=columns, rows=rows, square_m=square),
+            target=GroundTarget(x_m=ground_x, y_m=ground_y, yaw_rad=radians(ground_yaw)),
+            rover=rover,
+            fps=fps,
+            out=out,
+        )
+    )
 
 
 import_app = typer.Typer(no_args_is_help=True, help="Turn measured data of others into logs.")

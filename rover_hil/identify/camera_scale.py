@@ -1,5 +1,6 @@
-"""The overhead camera's scale, and whether a slip on smooth ground is none but an error of that scale."""
+"""The overhead camera's scale and yaw, and whether a slip on smooth ground is none but an error of scale."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from rover_hil.identify.run_data import Array, RunWindows
-from rover_hil.identify.surface_fit import travel_direction_rad
+from rover_hil.identify.surface_fit import steady_drift_rad, travel_direction_rad
 
 ROLLING_SURFACE = "table_surface"
 """Smooth and hard: the wheels roll on it, so it gives the camera its scale."""
@@ -34,11 +35,14 @@ class CameraScale:
         is_scale_error: Whether the rolling runs disagree with `NOMINAL_MM_PER_PX` by an error of scale; None
             where there are none.
         verdict: The finding in words.
+        drift_rad: How far to the left of the encoders' course the camera sees rolling runs go, on average:
+            its marker is turned to the right by as much on the rover. None where there are no such runs.
     """
 
     mm_per_px: float | None
     is_scale_error: bool | None
     verdict: str
+    drift_rad: float | None = None
 
     @property
     def m_per_px(self) -> float:
@@ -110,7 +114,12 @@ def _judge(rolling: Sequence[RunWindows], slip: Array, mm_per_px: float) -> Came
             "This changes with direction, current or speed: it is slip at least in part, and "
             f"{mm_per_px:g} mm/px makes all slips too small. Calibrate the camera with a ruler."
         )
-    return CameraScale(mm_per_px, is_constant and abs(mean) >= LEAST_SLIP, facts + verdict)
+    drift_rad = float(np.mean([steady_drift_rad(run).mean() for run in rolling]))
+    verdict += (
+        f" The camera sees them go {math.degrees(drift_rad):.1f} deg to the left of the encoders' course: "
+        "its marker is turned to the right by as much, and this is taken off the drift on all surfaces."
+    )
+    return CameraScale(mm_per_px, is_constant and abs(mean) >= LEAST_SLIP, facts + verdict, drift_rad)
 
 
 def _effect(cause: Array, slip: Array) -> float:

@@ -8,7 +8,8 @@ from pydantic import BaseModel, Field, ValidationError
 
 from controllers.settings import OmniRoverSettings
 from drivers.errors import LogError
-from drivers.samples import WheelSample
+from drivers.samples import RateSample, WheelSample
+from rover_hil.config import RoleSettings
 from rover_hil.identify.run_data import WHEELS, Array, MeasuredRun
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.log_reader import LogMessage, LogReader
@@ -16,6 +17,7 @@ from rover_hil.recording.log_reader import LogMessage, LogReader
 
 class _Samples(BaseModel):
     wheels: list[WheelSample] = Field(default=[], alias="WheelSample")
+    rates: list[RateSample] = Field(default=[], alias="RateSample")
 
 
 class _Truth(BaseModel):
@@ -38,25 +40,29 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
     """
     log = LogReader(path)
     with restore_config(log) as config:
-        rover, device = config.rover, config.roles.wheels
+        rover, roles = config.rover, config.roles
     if not isinstance(rover, OmniRoverSettings):
         msg = f"{path} is of a {rover.kinematics} rover: slip maps need three omnidirectional wheels"
         raise LogError(msg)
     rows: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
     for message in log.messages():
         try:
-            _take(message, device, rows)
+            _take(message, roles, rows)
         except ValidationError as error:
             msg = f"{path} is damaged: {message.topic} at {message.t_ns} ns: {error.errors()[0]['msg']}"
             raise LogError(msg) from error
     return _assemble(path, surface, rows, rover)
 
 
-def _take(message: LogMessage, device: str, rows: dict[str, list[tuple[float, ...]]]) -> None:
+def _take(message: LogMessage, roles: RoleSettings, rows: defaultdict[str, list[tuple[float, ...]]]) -> None:
     match message.topic:
         case "/samples":
-            for wheel in _Samples.model_validate_json(message.data).wheels:
-                if wheel.device == device:
+            samples = _Samples.model_validate_json(message.data)
+            rows["gyro"] += [
+                (rate.t_ns / 1e9, rate.rate_z_rad_s) for rate in samples.rates if rate.device == roles.gyro
+            ]
+            for wheel in samples.wheels:
+                if wheel.device == roles.wheels:
                     rows[f"signed {wheel.wheel}"] = [(float(wheel.current_is_signed),)]
                     for kind, value in (("position", wheel.position_rad), ("current", wheel.current_a)):
                         if value is not None:
@@ -102,6 +108,7 @@ def _assemble(
         camera=np.column_stack((truth[:, 1:3], np.unwrap(truth[:, 3]))),
         camera_in_pixels=False,
         rover=rover,
+        gyro=np.array(rows.get("gyro") or np.empty((0, 2))) - (origin_s, 0.0),
     )
 
 

@@ -1,6 +1,6 @@
 """A measured run in one form, and cut into windows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ class MeasuredRun:
         camera: Pose x, y, yaw, (m, 3), x and y in metres or pixels.
         camera_in_pixels: Which of the two.
         rover: Geometry of the wheels.
+        gyro: Times and yaw rates of the gyro, (k, 2); empty without one.
     """
 
     path: Path
@@ -45,6 +46,7 @@ class MeasuredRun:
     camera: Array
     camera_in_pixels: bool
     rover: OmniRoverSettings = ROBOTINO
+    gyro: Array = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -118,23 +118,27 @@ def fit_parabola(samples: WheelSamples, feature: Feature) -> PolynomialMap:
 
 def fit_monotone(samples: WheelSamples, feature: Feature) -> MonotoneMap:
     """Fit a curve that never falls (isotonic regression), kept at `TABLE_POINTS` quantiles of the feature."""
+    values = samples.feature(feature)
+    low, high = valid_range(values)
+    points, slips = fit_rising_table(values, samples.slip)
+    return MonotoneMap(feature=feature, valid_from=low, valid_to=high, points=points, slips=slips)
+
+
+def fit_rising_table(values: Array, slip: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return points and slips of the curve over `values` that never falls and fits best.
+
+    Raises:
+        ConfigError: scikit-learn is not installed.
+    """
     try:
         from sklearn.isotonic import IsotonicRegression  # type: ignore[import-untyped]
     except ImportError as error:
         raise _scikit_missing() from error
-    values = samples.feature(feature)
-    low, high = valid_range(values)
-    curve = IsotonicRegression(out_of_bounds="clip").fit(values, samples.slip)
+    curve = IsotonicRegression(out_of_bounds="clip").fit(values, slip)
     # Rounded, so that points stay apart when they are written with few digits.
     points = np.unique(np.quantile(values, np.linspace(*VALID_QUANTILES, TABLE_POINTS)).round(POINT_DECIMALS))
     slips = np.maximum.accumulate(curve.predict(points))
-    return MonotoneMap(
-        feature=feature,
-        valid_from=low,
-        valid_to=high,
-        points=tuple(points.tolist()),
-        slips=tuple(slips.tolist()),
-    )
+    return tuple(points.tolist()), tuple(slips.tolist())
 
 
 def fit_traction(samples: WheelSamples, feature: Feature) -> TractionMap:

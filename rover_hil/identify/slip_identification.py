@@ -65,26 +65,27 @@ def identify_slip_maps(runs: Sequence[RunWindows], advance: Advance) -> SlipIden
     several = {name for name in names if len(surface_parts(name, _single(names))) > 1}
     trained_on = [run for run in runs if run.surface not in several]
     scale = find_scale(trained_on)
-    maps = fit_maps(trained_on, scale.m_per_px)
+    maps = fit_maps(trained_on, scale.m_per_px, scale.drift_rad or 0.0)
     advance()
     return SlipIdentification(
         scale=scale,
         maps=maps,
         trained_on=trained_on,
         left_out=[run for run in runs if run.surface in several],
-        cross_validation=_cross_validate(trained_on, scale.m_per_px, advance),
+        cross_validation=_cross_validate(trained_on, scale, advance),
     )
 
 
-def fit_maps(runs: Sequence[RunWindows], m_per_px: float) -> FittedMaps:
-    """Return all maps fitted to `runs`.
+def fit_maps(runs: Sequence[RunWindows], m_per_px: float, camera_drift_rad: float = 0.0) -> FittedMaps:
+    """Return all maps fitted to `runs`; scale and drift are those of the camera, for runs in pixels.
 
     Raises:
         ConfigError: scikit-learn is not installed.
         LogError: There is too little to fit.
     """
     samples = collect_samples(runs, m_per_px)
-    return FittedMaps(fit_wheel_maps(samples), float(samples.slip.mean()), fit_surface_map(runs, m_per_px))
+    surfaces = fit_surface_map(runs, m_per_px, camera_drift_rad)
+    return FittedMaps(fit_wheel_maps(samples), float(samples.slip.mean()), surfaces)
 
 
 def _single(names: Sequence[str]) -> list[str]:
@@ -92,18 +93,18 @@ def _single(names: Sequence[str]) -> list[str]:
     return [name for name in names if len(surface_parts(name, [n for n in names if n != name])) == 1]
 
 
-def _cross_validate(runs: Sequence[RunWindows], m_per_px: float, advance: Advance) -> Errors:
+def _cross_validate(runs: Sequence[RunWindows], scale: CameraScale, advance: Advance) -> Errors:
     """Leave out a fifth of the runs five times; every surface and all directions are in every fold."""
     ordered = sorted(runs, key=lambda run: (run.surface, travel_direction_rad(run), str(run.path)))
     errors: Errors = {}
     for fold in range(FOLDS):
         kept = [run for index, run in enumerate(ordered) if index % FOLDS != fold]
         try:
-            maps = fit_maps(kept, m_per_px)
+            maps = fit_maps(kept, scale.m_per_px, scale.drift_rad or 0.0)
         except LogError as error:
             msg = f"too few runs for cross-validation in {FOLDS} parts: {error}"
             raise LogError(msg) from error
-        for name, found in score_runs(maps, ordered[fold::FOLDS], m_per_px).items():
+        for name, found in score_runs(maps, ordered[fold::FOLDS], scale.m_per_px).items():
             errors.setdefault(name, []).extend(found)
         advance()
     return errors

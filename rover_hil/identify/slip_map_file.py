@@ -1,6 +1,5 @@
 """Slip maps as data files: TOML with source, date and licence."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
@@ -11,7 +10,7 @@ from controllers.motor_model import MotorSettings
 from controllers.slip_map import MapScore, SlipMapFile, WheelMap
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.config import describe_validation_error
+from rover_hil.config import describe_validation_error, load_slip_map
 from rover_hil.identify.slip_fit import collect_samples, fit_monotone
 from rover_hil.identify.slip_identification import SlipIdentification
 from rover_hil.identify.slip_scores import Score
@@ -63,23 +62,16 @@ def write_slip_map(content: SlipMapFile, path: Path) -> None:
         part.unlink(missing_ok=True)
 
 
-def read_slip_map(path: Path) -> SlipMapFile:
-    """Return the maps in a data file.
+def read_slip_map(name_or_path: str) -> SlipMapFile:
+    """Return the maps of a shipped data file, by its name, or of one by its path.
 
     Raises:
         ConfigError: It cannot be read, or holds something wrong; the message names the key.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-        return SlipMapFile.model_validate(table)
-    except OSError as error:
-        msg = f"cannot read slip map {path}: {error.strerror}"
-        raise ConfigError(msg) from error
+        return SlipMapFile.model_validate(load_slip_map(name_or_path))
     except ValidationError as error:
-        raise ConfigError(describe_validation_error(str(path), error, {})) from error
-    except ValueError as error:
-        msg = f"slip map {path} is no valid TOML: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(describe_validation_error(name_or_path, error, {})) from error
 
 
 def _surface_wheel_maps(found: SlipIdentification) -> dict[str, WheelMap]:

@@ -24,6 +24,7 @@ def result_record(found: SlipIdentification, tests: Mapping[str, Errors], notes:
         "scale_mm_per_px": found.scale.mm_per_px,
         "scale_error": found.scale.is_scale_error,
         "scale_verdict": found.scale.verdict,
+        "camera_yaw_deg": None if found.scale.drift_rad is None else _degrees(found.scale.drift_rad),
         "trained_on": counts,
         "notes": list(notes),
         "cross_validation": errors_record(found.cross_validation),
@@ -96,6 +97,10 @@ def _by_surface(found: Sequence[RunError]) -> dict[str, list[RunError]]:
 
 def _cell(score: Score) -> str:
     return f"{score.rms:.3f} ({score.bias:+.3f})" if score.n else "-"
+
+
+def _degrees(angle_rad: float) -> float:
+    return round(math.degrees(angle_rad), DIGITS)
 
 
 def _score_record(score: Score) -> Record:

@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.surface_classifier import DirectionCurve, SurfaceMap, SurfaceModel
 from drivers.errors import LogError
-from rover_hil.identify.run_data import Array, RunWindows
+from rover_hil.identify.run_data import Array, Flags, RunWindows
 
 HARMONICS = 6
 """Three wheels with rollers make patterns of 120 and 60 degrees; uneven wheel loads make the others."""
@@ -30,14 +30,20 @@ def travel_work_j(run: RunWindows) -> Array:
     return power
 
 
-def fit_surface_map(runs: Sequence[RunWindows], m_per_px: float) -> SurfaceMap:
+def fit_surface_map(runs: Sequence[RunWindows], m_per_px: float, camera_drift_rad: float = 0.0) -> SurfaceMap:
     """Return the map of all surfaces in `runs`.
+
+    Args:
+        runs: On one surface each.
+        m_per_px: Scale of the camera, for runs in pixels.
+        camera_drift_rad: What the same camera sees of a rolling rover, to be taken off the drift it sees.
 
     Raises:
         LogError: A surface has too few runs.
     """
     names = sorted({run.surface for run in runs})
-    surfaces = tuple(_fit_surface(name, [r for r in runs if r.surface == name], m_per_px) for name in names)
+    tables = [(run.surface, _table(run, m_per_px, camera_drift_rad)) for run in runs]
+    surfaces = tuple(_fit_surface(name, [table for of, table in tables if of == name]) for name in names)
     directions = sorted({round(travel_direction_rad(run), 2) for run in runs})
     return SurfaceMap(surfaces=surfaces, directions_rad=tuple(directions))
 
@@ -48,55 +54,74 @@ def travel_direction_rad(run: RunWindows) -> float:
     return float(np.arctan2(y_m, x_m))
 
 
-def _fit_surface(name: str, runs: Sequence[RunWindows], m_per_px: float) -> SurfaceModel:
-    if len(runs) < LEAST_RUNS:
+def steady_drift_rad(run: RunWindows) -> Array:
+    """Return how far the camera sees the rover go to the left of the encoders' course, in steady windows."""
+    velocity, seen = run.encoder_velocity[_is_steady(run)], run.camera_velocity[_is_steady(run)]
+    course = (velocity[:, 0] + 1j * velocity[:, 1]).conj()
+    drift_rad: Array = np.angle((seen[:, 0] + 1j * seen[:, 1]) * course)
+    return drift_rad
+
+
+def _is_steady(run: RunWindows) -> Flags:
+    """Tell the windows of steady travel."""
+    steady: Flags = (run.start_s >= START_S) & (run.encoder_way_m() > LEAST_SPEED_M_S * run.elapsed_s)
+    return steady
+
+
+def _fit_surface(name: str, tables: Sequence[Array]) -> SurfaceModel:
+    if len(tables) < LEAST_RUNS:
         msg = (
-            f"surface '{name}' has {len(runs)} training runs, fewer than {LEAST_RUNS}: "
+            f"surface '{name}' has {len(tables)} training runs, fewer than {LEAST_RUNS}: "
             "give more, or leave it out"
         )
         raise LogError(msg)
-    tables = [_table(run, m_per_px) for run in runs]
     run_of = np.concatenate([np.full(len(table), index) for index, table in enumerate(tables)])
-    direction, speed, force_n, slip = np.concatenate(tables).T
+    direction, speed, force_n, slip, drift_rad = np.concatenate(tables).T
     if len(direction) < 2 * HARMONICS:
-        msg = f"surface '{name}' has too little steady travel in its {len(runs)} runs: give longer ones"
+        msg = f"surface '{name}' has too little steady travel in its {len(tables)} runs: give longer ones"
         raise LogError(msg)
     low, high = np.quantile(speed, (0.05, 0.95)).tolist()
     held = np.clip(speed, low, high)
     with_speed = high - low > LEAST_SPEED_SPAN_M_S
-    force_curve, force_left = _fit_curve(direction, held, force_n, with_speed)
-    slip_curve, _ = _fit_curve(direction, held, slip, with_speed)
+    alike = np.ones(len(slip))
+    force_curve, force_left = _fit_curve(direction, held, force_n, alike, with_speed)
+    slip_curve, _ = _fit_curve(direction, held, slip, alike, with_speed)
+    # A rover that is held moves nowhere: where to is noise.
+    moved = np.clip(1.0 - slip, 0.0, 1.0)
+    drift_curve, _ = _fit_curve(direction, held, drift_rad, moved, with_speed)
     means = np.array([force_left[run_of == index].mean() for index in np.unique(run_of)])
     return SurfaceModel(
         name=name,
         force_n=force_curve,
         slip=slip_curve,
+        drift_rad=drift_curve,
         force_window_sd_n=max(float(force_left.std()), LEAST_WINDOW_SD_N),
         force_run_sd_n=max(float(means.std()), LEAST_RUN_SD_N),
         speed_range_m_s=(low, high),
     )
 
 
-def _table(run: RunWindows, m_per_px: float) -> Array:
-    """Return rows of direction, speed, force and slip, for the windows of steady travel."""
-    way_m = run.encoder_way_m()
-    speed = way_m / run.elapsed_s
-    steady = (run.start_s >= START_S) & (speed > LEAST_SPEED_M_S)
-    velocity = run.encoder_velocity[steady]
-    way_m = way_m[steady]
+def _table(run: RunWindows, m_per_px: float, camera_drift_rad: float) -> Array:
+    """Return rows of direction, speed, force, slip and drift, for the windows of steady travel."""
+    steady = _is_steady(run)
+    velocity, way_m = run.encoder_velocity[steady], run.encoder_way_m()[steady]
+    drift_rad = steady_drift_rad(run)
+    if run.camera_in_pixels:
+        drift_rad = np.angle(np.exp(1j * (drift_rad - camera_drift_rad)))
     rows: Array = np.column_stack(
         (
             np.arctan2(velocity[:, 1], velocity[:, 0]),
-            speed[steady],
+            way_m / run.elapsed_s[steady],
             travel_work_j(run)[steady] / way_m,
             1.0 - run.camera_way_m(m_per_px)[steady] / way_m,
+            drift_rad,
         )
     )
     return rows
 
 
 def _fit_curve(
-    direction: Array, speed: Array, values: Array, with_speed: bool
+    direction: Array, speed: Array, values: Array, weights: Array, with_speed: bool
 ) -> tuple[DirectionCurve, Array]:
     """Return the curve by ridge regression, and what it leaves."""
     orders = np.arange(1, HARMONICS + 1)
@@ -108,8 +133,9 @@ def _fit_curve(
         columns.append(speed - middle)
         penalties.append(0.0)
     matrix = np.column_stack(columns)
-    normal = matrix.T @ matrix + RIDGE * np.diag(np.square(penalties))
-    factors = np.linalg.solve(normal, matrix.T @ values)
+    weighted = matrix.T * weights
+    normal = weighted @ matrix + RIDGE * np.diag(np.square(penalties))
+    factors = np.linalg.solve(normal, weighted @ values)
     curve = DirectionCurve(
         mean=float(factors[0]),
         cosines=tuple(factors[1 : HARMONICS + 1].tolist()),

@@ -14,13 +14,14 @@ from rover_hil.recording.log_writer import LogWriter
 
 
 def observing_config(config: Config) -> Config:
-    """Return `config` reduced to its wheels: no mission, no other sensors, nothing simulated."""
+    """Return `config` reduced to its wheels: no mission, no other sensors, no slip map, nothing simulated."""
     wheels = config.roles.wheels
     return config.model_copy(
         update={
             "roles": RoleSettings(wheels=wheels),
             "devices": {wheels: config.devices[wheels]},
             "mission": None,
+            "slip": None,
             "simulation": None,
         }
     )

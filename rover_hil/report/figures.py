@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from rover_hil.report import style
 from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
 from rover_hil.report.run_data import RunData
+from rover_hil.report.slip_figures import draw_effort, draw_slip
 from rover_hil.report.summary import Summary
 from rover_hil.report.system_figures import draw_innovations, draw_timeline, draw_timing
-from rover_hil.report.wheel_figures import draw_currents, draw_slip, draw_speeds
+from rover_hil.report.wheel_figures import draw_currents, draw_speeds
 
 Draw = Callable[[RunData, Summary], Figure | None]
 
@@ -34,8 +35,15 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
     ),
     (
         "Slip",
-        "See where the wheels turned for nothing: 0 % is pure rolling, 100 % is turning without moving.",
+        "See where the wheels turned for nothing: 0 % is pure rolling, 100 % is turning without moving. "
+        "What was told should follow the truth half a second later, or be marked as not valid.",
         draw_slip,
+    ),
+    (
+        "Effort",
+        "See what the slip maps read: torque at the wheel, and M of the paper times the gear ratio, "
+        "mostly copper loss at low speed.",
+        draw_effort,
     ),
     (
         "Motor currents",

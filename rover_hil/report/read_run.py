@@ -11,6 +11,7 @@ from controllers.kinematics import make_kinematics
 from controllers.limits import Limit
 from controllers.safety import Mode
 from controllers.settings import SkidSteerRoverSettings
+from controllers.slip_compensator import SlipReport
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
@@ -20,7 +21,15 @@ from rover_hil.config import Config
 from rover_hil.loop.executive import RunResult
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.log_reader import LogMessage, LogReader
-from rover_hil.report.run_data import Cycles, InnovationData, LinkEvent, RunData, WheelData
+from rover_hil.report.run_data import (
+    Cycles,
+    InnovationData,
+    LinkEvent,
+    RunData,
+    SlipData,
+    ToldSlip,
+    WheelData,
+)
 from rover_hil.report.tracks import (
     Series,
     Track,
@@ -96,6 +105,7 @@ class _Collector:
         self._start_ns = start_ns
         self._last_ns = start_ns
         self._rows: defaultdict[tuple[str, int | str], list[tuple[float, ...]]] = defaultdict(list)
+        self._slips: list[tuple[float, SlipReport]] = []
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._limits: list[Limit] = []
@@ -168,6 +178,7 @@ class _Collector:
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
             innovations=self._innovations(),
             wheels=self._wheels(),
+            slip=self._slip(),
             health=self._health,
             link_events=self._link_events,
             watchdog_s=self._watchdog_s,
@@ -193,6 +204,8 @@ class _Collector:
         self._rows["odometry", ""].append((pose_s, odometry.x_m, odometry.y_m, odometry.yaw_rad))
         if output.cross_track_m is not None:
             self._rows["cross_track", ""].append((t_s, output.cross_track_m))
+        if output.slip is not None:
+            self._slips.append((t_s, output.slip))
         for innovation in output.innovations:
             if innovation.residual is not None and innovation.variance is not None:
                 row = (t_s, innovation.residual, innovation.variance**0.5, float(innovation.accepted))
@@ -250,6 +263,25 @@ class _Collector:
                     t_s=t_s, residual=residual, deviation=deviation, is_accepted=accepted
                 )
         return found
+
+    def _slip(self) -> SlipData | None:
+        if not self._slips:
+            return None
+        t_s = np.array([told_s for told_s, _ in self._slips])
+        return SlipData(
+            map=self._slips[0][1].map,
+            t_s=t_s,
+            surfaces=[report.surface or "" for _, report in self._slips],
+            wheels=[
+                ToldSlip(
+                    slip=Series(t_s, np.array([wheel.slip for wheel in wheels])),
+                    paper_torque_nm=Series(t_s, np.array([wheel.paper_torque_nm for wheel in wheels])),
+                    wheel_torque_nm=Series(t_s, np.array([wheel.wheel_torque_nm for wheel in wheels])),
+                    reasons=[wheel.reason for wheel in wheels],
+                )
+                for wheels in zip(*(report.wheels for _, report in self._slips), strict=True)
+            ],
+        )
 
     def _wheels(self) -> list[WheelData]:
         rover = self._config.rover

@@ -46,6 +46,40 @@ class WheelData:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ToldSlip:
+    """What slip compensation told about one wheel, in n cycles.
+
+    Attributes:
+        slip: Slip ratio that the odometry used.
+        paper_torque_nm: M of paper 003, at the motor.
+        wheel_torque_nm: Torque at the wheel.
+        reasons: Why the slip was not valid; empty where it was.
+    """
+
+    slip: Series
+    paper_torque_nm: Series
+    wheel_torque_nm: Series
+    reasons: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlipData:
+    """What slip compensation told in n cycles.
+
+    Attributes:
+        map: Name of the map in use.
+        t_s: Times of the cycles.
+        surfaces: The recognised surface; empty where it was unknown.
+        wheels: One after the other.
+    """
+
+    map: str
+    t_s: Array
+    surfaces: Sequence[str]
+    wheels: Sequence[ToldSlip]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InnovationData:
     """What one measurement said against the estimate: residual, its expected deviation, 1 if accepted."""
 
@@ -80,6 +114,7 @@ class RunData:
         cross_track: Distance to the left of the path in m; None without a mission.
         headings: Yaw in the local frame, by device and reference.
         gyro: The integrated gyro, its bias taken off; None without one.
+        slip: What slip compensation told; None without it.
         health: The last health facts of each device.
         watchdog_s: When the watchdog stopped the drive.
     """
@@ -101,6 +136,7 @@ class RunData:
     gyro: Series | None
     innovations: Mapping[str, InnovationData]
     wheels: Sequence[WheelData]
+    slip: SlipData | None
     health: Sequence[Health]
     link_events: Sequence[LinkEvent]
     watchdog_s: Sequence[float]

@@ -22,6 +22,7 @@ GYRO = "#9b4dca"
 HEADINGS = ("#0f8a5f", "#7a8b00")
 MEASURED = "#0f7f9c"
 STOPPED = "#f6c6c6"
+NOT_VALID = "#fbe8c8"
 ALARM = "#c81e1e"
 
 WIDTH_IN = 6.9

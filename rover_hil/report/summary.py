@@ -1,6 +1,7 @@
 """The numbers of a run: how it ended, and how far estimate and encoders are off the truth."""
 
 import math
+import re
 from collections import Counter
 from dataclasses import dataclass
 
@@ -10,10 +11,11 @@ from controllers.limits import Limit
 from controllers.planar import wrap_angle
 from controllers.safety import Mode
 from drivers.driver import Health
-from rover_hil.report.run_data import RunData
-from rover_hil.report.tracks import Array, Series, Track, spans
+from rover_hil.report.run_data import RunData, WheelData
+from rover_hil.report.tracks import Array, Series, Track, running_mean, spans
 
 LEAST_DISTANCE_M = 0.05
+_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 STOP_MODES = (Mode.SAFE_STOP, Mode.EMERGENCY_STOP)
 
 
@@ -68,6 +70,28 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SlipSummary:
+    """What slip compensation told. Means over a wheel are over the angle it turned; None where it did not.
+
+    Attributes:
+        map: Name of the map in use.
+        wheel_slip: Mean of each wheel.
+        error_rms: Root mean square of told minus true slip of each wheel, both averaged over half a second;
+            None also without the truth.
+        valid_share: Share of the angle turned for which the slip was valid.
+        surface_share: Share of the cycles in which each surface was recognised; "unknown" is the rest.
+        invalid_cycles: In how many cycles a wheel was not valid, by reason, numbers in it left out.
+    """
+
+    map: str
+    wheel_slip: tuple[float | None, ...]
+    error_rms: tuple[float | None, ...]
+    valid_share: tuple[float | None, ...]
+    surface_share: dict[str, float]
+    invalid_cycles: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
     """What a run came to. None stands for what its log does not tell.
 
@@ -88,6 +112,7 @@ class Summary:
         estimate_error, encoders_error: Distance from the truth.
         slip_ratio: 1 - true distance / encoder distance; None when the latter is less than 0.05 m.
         wheel_slip: True slip ratio of each wheel, its mean over the angle turned; None where it is not known.
+        slip: What slip compensation told; None without it.
         cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
         lateness: How late cycles began; None for imported logs.
         work: How long they took; None likewise.
@@ -116,6 +141,7 @@ class Summary:
     encoders_error: TrackError | None
     slip_ratio: float | None
     wheel_slip: tuple[float | None, ...]
+    slip: SlipSummary | None
     cross_track_rms_m: float | None
     cross_track_max_m: float | None
     lateness: Spread | None
@@ -154,6 +180,7 @@ def summarise(run: RunData) -> Summary:
         encoders_error=_track_error(run.encoders, truth, truth_m),
         slip_ratio=_slip_ratio(run),
         wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
+        slip=_slip_summary(run),
         cross_track_rms_m=None if cross_m is None else _rms(cross_m),
         cross_track_max_m=None if cross_m is None else float(cross_m.max()),
         lateness=_spread(cycles.late_us) if is_timed else None,
@@ -221,6 +248,46 @@ def _mean_slip(slip: Series | None, true_speed: Series | None) -> float | None:
         return None
     weight = np.abs(np.interp(slip.t_s, true_speed.t_s, true_speed.value))
     return float(np.average(slip.value, weights=weight)) if weight.any() else None
+
+
+def _slip_summary(run: RunData) -> SlipSummary | None:
+    told = run.slip
+    if told is None:
+        return None
+    reasons = [set(cycle) - {""} for cycle in zip(*(wheel.reasons for wheel in told.wheels), strict=True)]
+    invalid = Counter(reason for cycle in reasons for reason in {_NUMBER.sub("...", each) for each in cycle})
+    surfaces = Counter(surface or "unknown" for surface in told.surfaces)
+    pairs = list(zip(told.wheels, run.wheels, strict=True))
+    return SlipSummary(
+        map=told.map,
+        wheel_slip=tuple(_mean_while_turning(each.slip.value, told.t_s, wheel) for each, wheel in pairs),
+        error_rms=tuple(_slip_error_rms(each.slip, wheel) for each, wheel in pairs),
+        valid_share=tuple(
+            _mean_while_turning(np.array([not reason for reason in each.reasons], float), told.t_s, wheel)
+            for each, wheel in pairs
+        ),
+        surface_share={name: count / len(told.t_s) for name, count in surfaces.items()},
+        invalid_cycles=dict(invalid.most_common()),
+    )
+
+
+def _slip_error_rms(told: Series, wheel: WheelData) -> float | None:
+    if wheel.slip is None:
+        return None
+    true, mean_told = running_mean(wheel.slip), running_mean(told)
+    squares = (mean_told.value - np.interp(told.t_s, true.t_s, true.value)) ** 2
+    mean = _mean_while_turning(squares, told.t_s, wheel)
+    return None if mean is None else math.sqrt(mean)
+
+
+def _mean_while_turning(values: Array, t_s: Array, wheel: WheelData) -> float | None:
+    """Return the mean over the angle that the wheel turned, by its truth where that is known."""
+    speed = wheel.true_speed or wheel.speed
+    if speed is None or not np.isfinite(speed.value).any():
+        return None
+    known = np.isfinite(speed.value)
+    weight = np.abs(np.interp(t_s, speed.t_s[known], speed.value[known]))
+    return float(np.average(values, weights=weight)) if weight.any() else None
 
 
 def _spread(time_us: Array) -> Spread:

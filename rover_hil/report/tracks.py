@@ -17,6 +17,7 @@ FIRST_MOTION_RAD = 0.005
 SLIP_WINDOW_S = 2.0
 SLIP_LEAST_M = 0.02
 SPEED_WINDOW_S = 0.1
+MEAN_WINDOW_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +102,18 @@ def slip_over_time(encoders: Track, truth: Track) -> Series:
     )
     moved = encoder_m >= SLIP_LEAST_M
     return Series(t_s, np.where(moved, 1.0 - true_m / np.where(moved, encoder_m, 1.0), np.nan))
+
+
+def running_mean(series: Series) -> Series:
+    """Return the mean over `MEAN_WINDOW_S` around each time; NaN counts for nothing and stays NaN."""
+    if len(series.t_s) < 2:
+        return series
+    period_s = float(np.median(np.diff(series.t_s)))
+    window = np.ones(min(len(series.t_s), max(1, round(MEAN_WINDOW_S / period_s))))
+    known = np.isfinite(series.value)
+    total = np.convolve(np.where(known, series.value, 0.0), window, mode="same")
+    count = np.convolve(known.astype(float), window, mode="same")
+    return Series(series.t_s, np.where(known, total / np.maximum(count, 1.0), np.nan))
 
 
 def local_headings(heading: Series, first_motion_s: float) -> Series:

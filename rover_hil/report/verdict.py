@@ -9,7 +9,7 @@ from controllers.safety import Mode
 from controllers.settings import LineMission, RectangleMission
 from rover_hil.loop.executive import End
 from rover_hil.report.run_data import RunData
-from rover_hil.report.summary import Summary, TrackError
+from rover_hil.report.summary import SlipSummary, Summary, TrackError
 
 
 class Grade(StrEnum):
@@ -73,6 +73,8 @@ def facts(summary: Summary) -> list[Fact]:
         found.append(Fact("slip", percent(fmean(wheel_slips)), f"by wheel {each} %"))
     elif summary.slip_ratio is not None:
         found.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' way, as driven"))
+    if summary.slip is not None:
+        found += _told_slip(summary.slip)
     if summary.cross_track_rms_m is not None and summary.cross_track_max_m is not None:
         greatest = length(summary.cross_track_max_m)
         found.append(
@@ -90,6 +92,16 @@ def facts(summary: Summary) -> list[Fact]:
         detail = f"{stopped_s:.1f} s in all" if summary.stops else ""
         found.append(Fact("safety stops", str(len(summary.stops)), detail))
     return found
+
+
+def _told_slip(slip: SlipSummary) -> list[Fact]:
+    slips, valid = (
+        [each for each in values if each is not None] for values in (slip.wheel_slip, slip.valid_share)
+    )
+    if not slips:
+        return []
+    detail = f"by {slip.map}, valid for {percent(fmean(valid))} of the way"
+    return [Fact("slip told", percent(fmean(slips)), detail)]
 
 
 def length(length_m: float) -> str:

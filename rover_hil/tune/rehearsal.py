@@ -9,6 +9,7 @@ import numpy as np
 
 from controllers.mission import corner_points
 from controllers.safety import Mode
+from controllers.slip_settings import YAW_PROBE
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.link import NoTap
@@ -56,7 +57,8 @@ def rehearse(config: Config, seed: int) -> Rehearsal:
     """
     if config.mission is None or config.tune is None:
         raise ConfigError("a rehearsal needs [mission] and [tune]: add them")
-    mode, truth, set_points_rad_s = _drive(at_site(config, seed))
+    driven = drive(at_site(config, seed))
+    mode, truth, set_points_rad_s = driven.mode, driven.truth, driven.set_points_rad_s
     stability = config.tune.stability
     period_s = 1.0 / config.loop.rate_hz
     reversals = reversals_per_s(set_points_rad_s, period_s, stability.reversal_rad_s)
@@ -77,14 +79,32 @@ def rehearse(config: Config, seed: int) -> Rehearsal:
     return Rehearsal(seed=seed, refused=refused, terms=terms, reversals_per_s=reversals, way=way)
 
 
-def _drive(config: Config) -> tuple[Mode, Track, Array]:
-    """Run the loop to the end; return the last mode, the true track and the set-points while driving."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """One run of the loop: last mode, tracks from their own first pose, set-points while driving.
+
+    The shake of a yaw probe is averaged out of the set-points: it is wanted, and no sign of bad gains.
+    """
+
+    mode: Mode
+    truth: Track
+    estimate: Track
+    set_points_rad_s: Array
+
+
+def drive(config: Config) -> Drive:
+    """Run the loop on the simulated rover of `config` to its end.
+
+    Raises:
+        ConfigError: The configuration has no [simulation], or it does not fit.
+    """
     clock = VirtualClock()
     rig, world = build_virtual_rig(config, clock, NoTap())
     period_ns = nanoseconds(1.0 / config.loop.rate_hz)
     start_ns = now_ns = clock.now_ns()
     end_ns = start_ns + nanoseconds(config.loop.time_limit_s)
-    poses: list[tuple[float, float, float, float]] = []
+    true_poses: list[tuple[float, ...]] = []
+    estimates: list[tuple[float, ...]] = []
     set_points: list[tuple[float, ...]] = []
     mode = Mode.SETTLING
     rig.connect(CONNECT_TIMEOUT_S)
@@ -96,6 +116,25 @@ def _drive(config: Config) -> tuple[Mode, Track, Array]:
             mode = output.mode
             if mode is Mode.RUNNING:
                 set_points.append(output.command.speed_rad_s)
-            truth = world.plant.truth()
-            poses.append((seconds(now_ns - start_ns), truth.x_m, truth.y_m, truth.yaw_rad))
-    return mode, Track.of(np.array(poses)).from_first_pose(), np.array(set_points)
+            t_s, truth, estimate = seconds(now_ns - start_ns), world.plant.truth(), output.estimate
+            true_poses.append((t_s, truth.x_m, truth.y_m, truth.yaw_rad))
+            estimates.append((t_s, estimate.x_m, estimate.y_m, estimate.yaw_rad))
+    return Drive(
+        mode=mode,
+        truth=Track.of(np.array(true_poses)).from_first_pose(),
+        estimate=Track.of(np.array(estimates)),
+        set_points_rad_s=_without_shake(config, np.array(set_points)),
+    )
+
+
+def _without_shake(config: Config, set_points_rad_s: Array) -> Array:
+    """Return the set-points averaged over one period of the yaw probe's shake where there is one."""
+    slip = config.slip
+    if slip is None or slip.use != YAW_PROBE or slip.maps.yaw_probe is None:
+        return set_points_rad_s
+    cycles = max(1, round(config.loop.rate_hz / slip.maps.yaw_probe.frequency_hz))
+    if len(set_points_rad_s) < cycles:
+        return set_points_rad_s
+    sums = np.cumsum(np.vstack((np.zeros(set_points_rad_s.shape[1]), set_points_rad_s)), axis=0)
+    averaged: Array = (sums[cycles:] - sums[:-cycles]) / cycles
+    return averaged

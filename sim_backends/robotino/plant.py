@@ -11,7 +11,7 @@ from drivers.clock import nanoseconds, seconds
 from sim_backends.plant import Truth
 from sim_backends.robotino.dynamics import Rover, State, advance
 from sim_backends.robotino.ground import lay_out
-from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
+from sim_backends.robotino.settings import RobotinoPlantSettings
 
 WHEEL_ANGLES_DEG = (60.0, 180.0, 300.0)
 GRAVITY_M_S2 = 9.81
@@ -24,7 +24,7 @@ class _Command(NamedTuple):
     speed_rad_s: tuple[float, ...]
 
 
-class RobotinoDynamicPlant:
+class RobotinoPlant:
     """Three gear motors with the board's speed loop, omnidirectional wheels on a test site, a heavy body.
 
     It integrates on a grid of its own: half the period of the speed loop, 0.56 ms, at a random phase. Between
@@ -42,9 +42,7 @@ class RobotinoDynamicPlant:
 
     wheel_count = 3
 
-    def __init__(
-        self, settings: RobotinoDynamicPlantSettings, rng: np.random.Generator, start_ns: int
-    ) -> None:
+    def __init__(self, settings: RobotinoPlantSettings, rng: np.random.Generator, start_ns: int) -> None:
         self._settings = settings
         self._ground = lay_out(settings.site, settings.wheel_radius_m, rng)
         loop = settings.speed_loop
@@ -137,7 +135,7 @@ def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
     return min(max(slip / max(faster, SLIP_FLOOR_M_S), -1.0), 1.0)
 
 
-def make_rover(settings: RobotinoDynamicPlantSettings, step_s: float) -> Rover:
+def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:
     """Return the constants of the equations of motion for a step."""
     motor, loop = settings.motor, settings.speed_loop
     angles = np.radians(WHEEL_ANGLES_DEG)
@@ -178,7 +176,7 @@ def make_rover(settings: RobotinoDynamicPlantSettings, step_s: float) -> Rover:
     )
 
 
-def _at_rest(settings: RobotinoDynamicPlantSettings) -> State:
+def _at_rest(settings: RobotinoPlantSettings) -> State:
     idle_v = settings.battery_v - settings.battery_resistance_ohm * settings.idle_current_a
     return State(
         pose=np.array([settings.start_x_m, settings.start_y_m, math.radians(settings.start_yaw_deg)]),

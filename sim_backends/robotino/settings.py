@@ -63,7 +63,7 @@ def _site(value: object) -> object:
     return load_site(value) if isinstance(value, str) else value
 
 
-class RobotinoDynamicPlantSettings(Settings):
+class RobotinoPlantSettings(Settings):
     """The true rover and its ground; the controller has its own, possibly wrong, idea of both.
 
     Attributes:
@@ -76,7 +76,7 @@ class RobotinoDynamicPlantSettings(Settings):
         bumper_x_m: Centre of the rover where it touches a wall, which presses the bumper; None: no wall.
     """
 
-    type: Literal["robotino_dynamic"] = "robotino_dynamic"
+    type: Literal["robotino"] = "robotino"
     site: Annotated[Site, BeforeValidator(_site)] = Field(default_factory=Site)
     start_x_m: float = 0.0
     start_y_m: float = 0.0

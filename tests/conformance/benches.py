@@ -60,22 +60,22 @@ CASES = (
     ),
     Case(
         "can_wheels",
-        "four_wheel",
+        "el_dorado",
         lambda folder: {"interface": "slcan", "channel": str(folder / "port"), "mapping": "generic_wheel"},
         (WheelSample,),
         pack_can_frame(CanFrame(0x7FF, b"\x01")),
     ),
     Case(
         "nmea_compass",
-        "four_wheel",
+        "el_dorado",
         lambda folder: {"port": str(folder / "port")},
         (HeadingSample,),
         b"$HCHDG,*00\r\n",
     ),
-    Case("witmotion", "four_wheel", lambda folder: {"port": str(folder / "port")}, (RateSample,), bytes(11)),
+    Case("witmotion", "el_dorado", lambda folder: {"port": str(folder / "port")}, (RateSample,), bytes(11)),
     Case(
         "camera",
-        "four_wheel",
+        "el_dorado",
         lambda folder: {
             "source": "live_folder",
             "path": str(folder / "port"),

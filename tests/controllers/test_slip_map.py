@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from controllers.interpolation import interpolate
 from controllers.motor_model import EffortFlag, WheelEffort
 from controllers.slip_map import (
     Feature,
@@ -13,7 +14,6 @@ from controllers.slip_map import (
     PolynomialMap,
     TractionMap,
     WheelMap,
-    interpolate,
     slip_at,
     wheel_slip,
 )

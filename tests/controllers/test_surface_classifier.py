@@ -24,6 +24,7 @@ def surface(name: str, force_n: float, slip: float) -> SurfaceModel:
         name=name,
         force_n=DirectionCurve(mean=force_n, cosines=(0.0, 2.0), sines=(0.0, 0.0)),
         slip=DirectionCurve(mean=slip, cosines=(0.0, 0.1 * slip), sines=(0.0, 0.0)),
+        drift_rad=DirectionCurve(mean=0.1 * slip, cosines=(0.0, 0.0), sines=(0.05, 0.0)),
         force_window_sd_n=1.0,
         force_run_sd_n=0.3,
         speed_range_m_s=(0.1, 0.3),

@@ -45,6 +45,7 @@ def test_json_and_data_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     result = identify_json(capsys, [train], [test], out)
     assert result["scale_mm_per_px"] == pytest.approx(2.03, abs=0.01)
     assert result["scale_error"] is True
+    assert result["camera_yaw_deg"] == pytest.approx(0.0, abs=0.2)
     scores = result["tests"][str(test)]
     assert set(scores) >= MAPS
     assert scores["encoder"]["per_surface"]["sand_surface"] == pytest.approx(
@@ -52,7 +53,7 @@ def test_json_and_data_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     )
     assert scores["best"]["rms"] < 0.03
     assert scores["best"]["n"] == 10
-    found = read_slip_map(out)
+    found = read_slip_map(str(out))
     assert (found.source, found.licence, found.slip_unit) == ("train", "Some License", "1")
     assert found.fitted_on >= date(2026, 1, 1)
     assert found.scale_mm_per_px == pytest.approx(2.03, abs=0.01)
@@ -99,9 +100,9 @@ def test_wrong_data_files_are_refused(tmp_path: Path, text: str, message: str) -
     path = tmp_path / "map.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=message):
-        read_slip_map(path)
+        read_slip_map(str(path))
     with pytest.raises(ConfigError, match="cannot read slip map"):
-        read_slip_map(tmp_path / "none.toml")
+        read_slip_map(str(tmp_path / "none.toml"))
 
 
 def part_set(source: Path, folder: Path, remainder: int) -> Path:
@@ -126,6 +127,7 @@ def test_measured_runs_reach_the_bars(
     result = identify_json(capsys, [train], [test, two])
     assert 2.02 < result["scale_mm_per_px"] < 2.04
     assert result["scale_error"] is True
+    assert 1.2 < result["camera_yaw_deg"] < 1.6
     half, mixed = result["tests"][str(test)], result["tests"][str(two)]
     # Three plain fits come out as in an independent evaluation of these data: the measure is the same.
     assert half["encoder"]["rms"] == pytest.approx(0.317, abs=0.002)

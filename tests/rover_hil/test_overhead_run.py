@@ -30,9 +30,6 @@ CAMERA = {
 def config_with(**roles: object) -> Config:
     table = load_config("robotino").model_dump(by_alias=True)
     table["safety"]["settle_s"] = 2.5
-    # Little slip, and the filter's default noise, which allows for it.
-    table["simulation"]["plant"] = {"type": "robotino"}
-    table["filter"] = {}
     table["devices"]["overhead"] = dict(CAMERA)
     table["roles"].update({"fixes": ["overhead"], **roles})
     return Config.model_validate(table)
@@ -75,9 +72,9 @@ def test_a_fix_every_two_seconds_shrinks_the_true_error_and_the_covariance_is_ho
     run_virtual(config_with(fixes=[]), blind_path, 60.0, None)
     error_m, nees = errors_and_nees(path)
     blind_error_m, _ = errors_and_nees(blind_path)
-    assert error_m < 0.016
+    assert error_m < 0.025
     assert blind_error_m > 2 * error_m
-    # Three degrees of freedom; the default noise of the position allows for more slip than this floor has.
+    # Three degrees of freedom; the noise of the position allows for worse ground than this.
     assert 0.1 < nees < 3.0
     innovations = [i for record in records(path, "/estimate") for i in record["innovations"]]  # type: ignore[attr-defined]
     named = [i for i in innovations if i["name"].startswith("overhead")]

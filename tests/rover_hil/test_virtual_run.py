@@ -110,7 +110,7 @@ def test_replay_refuses_a_device_that_the_configuration_lacks(tmp_path: Path) ->
     with restore_config(log) as config:
         table = config.model_dump(by_alias=True)
         del table["devices"]["imu"]
-        table["roles"]["gyro"] = None
+        table["roles"]["gyro"] = table["slip"] = None
         with pytest.raises(LogError, match="device 'imu'"):
             replay(log, Config.model_validate(table), lambda: None)
 

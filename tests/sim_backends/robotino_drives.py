@@ -6,8 +6,8 @@ import numpy as np
 
 from drivers.clock import nanoseconds
 from sim_backends.plant import Truth
-from sim_backends.robotino.plant import RobotinoDynamicPlant
-from sim_backends.robotino.settings import RobotinoDynamicPlantSettings
+from sim_backends.robotino.plant import RobotinoPlant
+from sim_backends.robotino.settings import RobotinoPlantSettings
 from sim_backends.robotino.site import Site
 
 START_NS = 1_000_000_000
@@ -17,17 +17,15 @@ STEP_RAD_S = 27 * math.tau / 60 / 16
 SIN_60 = math.sqrt(3) / 2
 
 
-def on(site: Site | str, **changes: object) -> RobotinoDynamicPlantSettings:
-    return RobotinoDynamicPlantSettings.model_validate({"site": site, **changes})
+def on(site: Site | str, **changes: object) -> RobotinoPlantSettings:
+    return RobotinoPlantSettings.model_validate({"site": site, **changes})
 
 
-def plant(rover: RobotinoDynamicPlantSettings, seed: int = 1) -> RobotinoDynamicPlant:
-    return RobotinoDynamicPlant(rover, np.random.default_rng(seed), START_NS)
+def plant(rover: RobotinoPlantSettings, seed: int = 1) -> RobotinoPlant:
+    return RobotinoPlant(rover, np.random.default_rng(seed), START_NS)
 
 
-def drive(
-    rover: RobotinoDynamicPlantSettings, speeds: tuple[float, ...], duration_s: float, seed: int = 1
-) -> Truth:
+def drive(rover: RobotinoPlantSettings, speeds: tuple[float, ...], duration_s: float, seed: int = 1) -> Truth:
     moving = plant(rover, seed)
     moving.set_wheel_speeds(speeds)
     moving.advance(START_NS + nanoseconds(duration_s))
@@ -38,7 +36,7 @@ def ahead(speed_m_s: float) -> tuple[float, float, float]:
     return (-SIN_60 * speed_m_s / RADIUS_M, 0.0, SIN_60 * speed_m_s / RADIUS_M)
 
 
-def mean_currents(rover: RobotinoDynamicPlantSettings, speeds: tuple[float, ...]) -> list[float]:
+def mean_currents(rover: RobotinoPlantSettings, speeds: tuple[float, ...]) -> list[float]:
     moving = plant(rover)
     moving.set_wheel_speeds(speeds)
     samples = []

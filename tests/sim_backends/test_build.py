@@ -34,7 +34,7 @@ DEVICES: dict[str, dict[str, object]] = {
         "frame_rate_hz": 5,
     },
 }
-PLANTS = {"board": {"type": "robotino"}, "can": {"type": "four_wheel"}}
+PLANTS = {"board": {"type": "robotino"}, "can": {"type": "el_dorado"}}
 
 
 def devices(*names: str) -> Mapping[str, AnyDeviceSettings]:
@@ -173,7 +173,7 @@ def test_faults_befall_their_device_only() -> None:
             {"faults": [{"type": "freeze", "device": "x", "start_s": 0, "duration_s": 1}]},
             r"simulation.faults.0.device: .* no 'x'",
         ),
-        (("board",), {"plant": {"type": "four_wheel"}}, "3 wheels"),
+        (("board",), {"plant": {"type": "el_dorado"}}, "3 wheels"),
         (("can",), {"plant": {"type": "robotino"}}, "wheel"),
     ],
 )
@@ -189,9 +189,8 @@ def test_what_does_not_fit_is_a_config_error(
     [
         {"type": "hovercraft"},
         {"type": "robotino", "ground": {}},
-        {"type": "robotino", "patches": [{"type": "circle", "x_m": 0, "y_m": 0, "radius_m": 1, "slip": 0.2}]},
-        {"type": "robotino", "floor": {"slip": 0.99, "load_current_a": 0.1}},
-        {"type": "four_wheel", "ground": {"inclination_deg": float("nan")}},
+        {"type": "robotino", "site": "floor_of_lava"},
+        {"type": "el_dorado", "ground": {"inclination_deg": float("nan")}},
     ],
 )
 def test_a_plant_that_makes_no_sense_is_refused(plant: dict[str, object]) -> None:

@@ -12,8 +12,8 @@ from sim_backends.faults import FaultSettings, flip_bit, grey_lower_half, schedu
 from sim_backends.line import Line
 from sim_backends.loopback import LoopbackLink
 from sim_backends.plant import Plant
-from sim_backends.robotino_plant import RobotinoPlant, RobotinoPlantSettings
 from sim_backends.world import EmulatedDevice, World
+from tests.sim_backends.turning_plant import TurningPlant
 
 START_NS = 1_000_000_000
 PERIOD_NS = 10_000_000
@@ -46,7 +46,7 @@ class Bench:
         self.emulator = Counter(to_host)
         device = EmulatedDevice("counter", self.emulator, to_host, to_device)
         schedule_faults(device, settings, flip_bit, np.random.default_rng(seed), START_NS)
-        plant: Plant = RobotinoPlant(RobotinoPlantSettings(), np.random.default_rng(1), START_NS)
+        plant: Plant = TurningPlant()
         self.clock = VirtualClock(START_NS)
         self.link = LoopbackLink(World(plant, {"counter": device}), device, self.clock)
         self.link.open(1.0)

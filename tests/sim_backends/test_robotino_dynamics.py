@@ -10,8 +10,8 @@ from drivers.clock import nanoseconds
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from sim_backends.build import build_world
 from sim_backends.plant import Truth
-from sim_backends.robotino.plant import RobotinoDynamicPlant, slip_ratio
-from sim_backends.robotino.settings import MotorSettings, RobotinoDynamicPlantSettings, SpeedLoopSettings
+from sim_backends.robotino.plant import RobotinoPlant, slip_ratio
+from sim_backends.robotino.settings import MotorSettings, RobotinoPlantSettings, SpeedLoopSettings
 from sim_backends.robotino.site import Site
 from sim_backends.robotino.surfaces import Surface, shipped_surfaces
 from sim_backends.settings import SimulationSettings
@@ -34,7 +34,7 @@ def floor(**surface: float) -> Site:
     return Site(floor="made", surfaces={"made": Surface(**values)})
 
 
-def kinetic_energy(moving: RobotinoDynamicPlant) -> float:
+def kinetic_energy(moving: RobotinoPlant) -> float:
     rover, state = moving._rover, moving._state
     body = 0.5 * float(state.twist @ rover.mass @ state.twist)
     return body + 0.5 * rover.wheel_inertia_kg_m2 * float(state.speed_rad_s @ state.speed_rad_s)
@@ -178,7 +178,7 @@ def test_speed_droops_by_two_and_a_half_steps_per_ampere() -> None:
     assert droop == pytest.approx(2.52 * current + 0.0767 + 0.0167 * 12, abs=0.25)
 
 
-def with_steps(steps: int) -> RobotinoDynamicPlantSettings:
+def with_steps(steps: int) -> RobotinoPlantSettings:
     loop = SpeedLoopSettings(steps_per_period=steps, rate_error=0.0)
     return on("floor_gray", speed_loop=loop)
 
@@ -284,9 +284,9 @@ def test_inertia_is_that_of_the_motor_seen_through_the_gear() -> None:
 
 
 def test_a_configuration_can_name_it() -> None:
-    table: Mapping[str, object] = {"plant": {"type": "robotino_dynamic", "site": "paper_like"}}
+    table: Mapping[str, object] = {"plant": {"type": "robotino", "site": "paper_like"}}
     board = RobotinoBoardSettings(type="robotino_board", port="none")
     world = build_world({"board": board}, SimulationSettings.model_validate(table), START_NS)
-    assert isinstance(world.plant, RobotinoDynamicPlant)
+    assert isinstance(world.plant, RobotinoPlant)
     world.advance(START_NS + nanoseconds(0.1))
     assert world.plant.truth().t_ns == START_NS + nanoseconds(0.1)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
@@ -14,7 +13,6 @@ from drivers.samples import LinkSample, RateSample, WheelCommand, WheelSample
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.build import build_world
 from sim_backends.line import Line
-from sim_backends.robotino_plant import RobotinoPlant, RobotinoPlantSettings
 from sim_backends.serving.can_bus_port import CanBusPort
 from sim_backends.serving.frame_port import FramePort
 from sim_backends.serving.port import Port
@@ -22,6 +20,7 @@ from sim_backends.serving.server import ServedDevice, Server, put_on_ports
 from sim_backends.serving.slcan_port import SlcanPort
 from sim_backends.settings import SimulationSettings
 from sim_backends.world import EmulatedDevice, World
+from tests.sim_backends.turning_plant import TurningPlant
 
 DEADLINE_S = 10.0
 
@@ -139,10 +138,9 @@ def test_late_cycles_are_skipped_and_losses_counted() -> None:
     clock = VirtualClock()
     line: Line[bytes] = Line(lambda payload: 1.0, 1e9)
     device = EmulatedDevice("x", Quiet(), line, Line(lambda payload: 1.0, 1e9))
-    plant = RobotinoPlant(RobotinoPlantSettings(), np.random.default_rng(1), clock.now_ns())
     port = SlowPort(clock)
     served = ServedDevice(device, port)
-    with Server(World(plant, {"x": device}), [served], clock) as server:
+    with Server(World(TurningPlant(), {"x": device}), [served], clock) as server:
         for has_host in (False, True):
             port.has_host = has_host
             for _ in range(5):
@@ -187,5 +185,5 @@ def test_ports_that_no_other_process_reaches_are_refused(device: dict[str, objec
 def one_device(device: dict[str, object]) -> tuple[World, dict[str, AnyDeviceSettings]]:
     adapter: TypeAdapter[AnyDeviceSettings] = TypeAdapter(AnyDeviceSettings)
     devices = {"x": adapter.validate_python(device)}
-    simulation = SimulationSettings.model_validate({"plant": {"type": "four_wheel"}})
+    simulation = SimulationSettings.model_validate({"plant": {"type": "el_dorado"}})
     return build_world(devices, simulation, 1), devices

@@ -1,0 +1,168 @@
+"""Angle of the current velocity of a rear wheel from the trace it leaves (paper 000, section 2)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from controllers.ftrace.frame import Frame, is_usable
+from controllers.ftrace.geometry import Floats, GroundPatch, RigGeometry
+from controllers.ftrace.hough_tracker import HoughTracker
+from controllers.ftrace.rut_tracker import RutTracker
+from drivers.clock import seconds
+from drivers.errors import ModelError
+from drivers.samples import Image
+from drivers.settings import Settings
+
+GYRO_SD_RAD = 0.001
+GYRO_RATE_SD_RAD_S = 0.004
+"""Bias and noise of a small gyro, with what the rate does between two samples."""
+FREE_TILT_SD_RAD = 0.006
+FREE_TURN_RATE_SD_RAD_S = 0.05
+
+Rates = tuple[float, float, float]
+Method = Literal["ftrace", "rut", "memory", "fused"]
+
+
+class TraceSettings(Settings):
+    """How the trace is looked for.
+
+    Attributes:
+        method: `ftrace`, the paper's: Hough lines and fuzzy reasoning; `rut`, cross-sections of single
+            images; `memory`, with the path travelled; `fused`, with the ground's optical flow as well.
+        most_misses: Frames in a row without a trace for which the last one is kept.
+    """
+
+    method: Method = "fused"
+    most_misses: int = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraceAngle:
+    """What is known after a frame.
+
+    Attributes:
+        t_ns: Time of the frame.
+        detected: The trace is in this frame.
+        theta_rad: Angle of the wheel's current velocity from its axis, counter-clockwise; for at most
+            `most_misses` frames after the last trace that of the kept path; None without one.
+        offset_m: Place of the trace at the contact, left of it positive; None like `theta_rad`.
+        distance_m: Distance of the trace's line from the vehicle's origin, positive when it passes left of it
+            (the paper's d_t); None like `theta_rad`.
+        confidence: 0..1, how sure it is that `theta_rad` is right within 5 deg.
+        path_m: Centre line of the trace in the vehicle frame, rows of x, y, z; empty without one.
+    """
+
+    t_ns: int
+    detected: bool
+    theta_rad: float | None
+    offset_m: float | None
+    distance_m: float | None
+    confidence: float
+    path_m: Floats
+
+    @property
+    def theta_deg(self) -> float:
+        """`theta_rad` in degrees; NaN without a trace."""
+        return float("nan") if self.theta_rad is None else float(np.degrees(self.theta_rad))
+
+
+class TraceEstimator:
+    """Follows the trace from frame to frame.
+
+    Args:
+        rig: Calibrated camera and wheel.
+        settings: Method.
+
+    Raises:
+        ConfigError: The camera does not see the ground behind the wheel.
+    """
+
+    def __init__(self, rig: RigGeometry, settings: TraceSettings) -> None:
+        self._rig = rig
+        self._ground = GroundPatch(rig)
+        self._most_misses = settings.most_misses
+        method = settings.method
+        self._tracker = HoughTracker(self._ground) if method == "ftrace" else RutTracker(self._ground, method)
+        self._misses = settings.most_misses + 1
+        self._confidence = 0.0
+        self._t_ns: int | None = None
+        self._rates: Rates | None = None
+
+    def step(
+        self,
+        t_ns: int,
+        image: Image,
+        *,
+        wheel_speed_m_s: float | None = None,
+        rates_rad_s: Rates | None = None,
+    ) -> TraceAngle:
+        """Take the next frame.
+
+        Args:
+            t_ns: Time of exposure.
+            image: Grey pixels, of the rig's size.
+            wheel_speed_m_s: Speed of the wheel's rim; the rig's nominal speed where not told.
+            rates_rad_s: Turn rates of the body about x, y, z, or None.
+
+        Raises:
+            ModelError: Time does not go forward, or the frame has another size than the rig's.
+        """
+        frame = self._frame(t_ns, image, wheel_speed_m_s, rates_rad_s)
+        reading = self._tracker.track(frame)
+        self._misses = 0 if reading.found else self._misses + 1
+        is_kept = self._misses <= self._most_misses and reading.theta_rad is not None
+        if self._misses == self._most_misses + 1:
+            self._tracker.lose()
+        self._confidence = reading.confidence if reading.found else self._confidence / 2
+        theta = reading.theta_rad if is_kept else None
+        return TraceAngle(
+            t_ns=t_ns,
+            detected=reading.found,
+            theta_rad=theta,
+            offset_m=None if theta is None else reading.offset_m,
+            distance_m=None if theta is None else self._distance(theta, reading.offset_m),
+            confidence=self._confidence if is_kept else 0.0,
+            path_m=self._ground.to_vehicle(*reading.path_m.T) if is_kept else np.zeros((0, 3)),
+        )
+
+    def _frame(self, t_ns: int, image: Image, speed_m_s: float | None, rates: Rates | None) -> Frame:
+        if self._t_ns is not None and t_ns <= self._t_ns:
+            msg = f"frame time {t_ns} ns is not after the one before, {self._t_ns} ns: give frames in order"
+            raise ModelError(msg)
+        size = (self._rig.height, self._rig.width)
+        if image.shape != size:
+            msg = f"frame of shape {image.shape}, the rig's is {size} grey pixels: use frames of this rig"
+            raise ModelError(msg)
+        dt_s = 0.0 if self._t_ns is None else seconds(t_ns - self._t_ns)
+        speed = self._rig.nominal_speed_m_s if speed_m_s is None else speed_m_s
+        turn, turn_sd = self._turn(rates, dt_s)
+        patch = self._ground.rectify(image)
+        frame = Frame(
+            patch=patch,
+            usable=is_usable(patch, self._ground.visible),
+            distance_m=abs(speed) * dt_s,
+            turn_rad=turn,
+            turn_sd_rad=turn_sd,
+            is_first=self._t_ns is None,
+        )
+        self._t_ns, self._rates = t_ns, rates
+        return frame
+
+    def _turn(self, rates: Rates | None, dt_s: float) -> tuple[Rates, Rates]:
+        """Return the angles turned since the last frame and their standard deviations."""
+        if rates is None or self._rates is None:
+            tilt, yaw = FREE_TILT_SD_RAD, FREE_TURN_RATE_SD_RAD_S * dt_s
+            return (0.0, 0.0, 0.0), (tilt, tilt, yaw)
+        pairs = tuple(zip(rates, self._rates, strict=True))
+        # A rate known at both ends only: what it did between is the less known the more the two differ.
+        x, y, z = ((now + then) / 2 * dt_s for now, then in pairs)
+        sd = GYRO_SD_RAD + GYRO_RATE_SD_RAD_S * dt_s
+        sd_x, sd_y, sd_z = (sd + abs(now - then) * dt_s / 4 for now, then in pairs)
+        return (x, y, z), (sd_x, sd_y, sd_z)
+
+    def _distance(self, theta_rad: float, offset_m: float) -> float:
+        """Return how far the line through the trace's place at the contact passes left of the origin."""
+        direction = theta_rad + self._rig.steer_rad
+        x, y = self._ground.to_vehicle(np.zeros(1), np.full(1, offset_m))[0, :2]
+        return float(y * np.cos(direction) - x * np.sin(direction))

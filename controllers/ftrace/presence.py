@@ -1,0 +1,148 @@
+"""Is that a trace? Evidence along one curve, weighed over frames."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.ftrace.geometry import Floats
+from controllers.ftrace.rut import BLOCK_M
+
+LEAST_LENGTH_M = 0.20
+"""A trace counts as present when at least this much of it is in view."""
+START_STRENGTH = 130.0
+START_RATIO = 2.5
+LOCK_MARGIN = 14.0
+"""By this the strength must exceed that of curves beside, in all of the last frames, to be believed."""
+LOCK_FRAMES = 5
+LOCK_FAR_FRAMES = 2
+"""As good as `LOCK_FRAMES` where frames are so far apart that each shows other ground."""
+LASTING_STRENGTH = 46.0
+"""Averaged strength that is believed even where there is as much beside, as among shadows."""
+KEEP_AGREEMENT = 3.7
+SURE_AGREEMENT = 6.5
+RANGE_BLOCKS = 5
+SURROUND = 5.0
+"""Strength that ground without any trace has about everywhere."""
+MEMORY_M = 0.10
+LOOK_GAIN = 0.1
+KEPT_LENGTH_M = 0.13
+"""What must be left of a trace that was there: blocks beside stones or old traces answer less."""
+ENDS_M = 0.05
+"""The end of the rut and the edge of the view reach into blocks that they do not fill."""
+FULL_ANSWER = 0.75
+"""A block that answers with this share of the usual strength counts as fully covered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the cross-sections say along the best curve.
+
+    Attributes:
+        sums: Sums of the answers, one for each kernel, of variance about 1 where there is no rut.
+        strength: Squared length of `sums`; about the number of kernels, 8, where there is no rut.
+        around: Strength that curves beside it reach.
+        answers: Answers block by block: kernel, block.
+    """
+
+    sums: Floats
+    strength: float
+    around: float
+    answers: Floats
+
+
+class Presence:
+    """Decides, frame by frame, whether the trace is there.
+
+    A trace that was there is believed on less than one that appears. Until the rover has moved far enough to
+    leave a trace that counts, only an unmistakable one is believed: a shadow's edge along the way looks like
+    a trace.
+    """
+
+    def __init__(self, start_m: float) -> None:
+        self._start_m = start_m
+        self._travelled_m = 0.0
+        self._mean = np.zeros(0)
+        self._margin = 0.0
+        self._usual = 0.0
+        self._margins: deque[float] = deque(maxlen=LOCK_FRAMES)
+        self._look = np.zeros(0)
+        self.locked = False
+
+    @property
+    def look(self) -> Floats:
+        """Unit vector of what the trace shows, one weight for each kernel; empty while not known."""
+        return self._look
+
+    @property
+    def strength(self) -> float:
+        """Strength of the evidence, averaged over the last distance travelled."""
+        return float(self._mean @ self._mean)
+
+    def forget(self) -> None:
+        """The trace is lost; what it looked like is kept."""
+        self.locked = False
+
+    def judge(self, evidence: Evidence, moved_m: float) -> bool:
+        """Return whether the trace is there.
+
+        Args:
+            evidence: From this frame.
+            moved_m: Distance since the frame before.
+        """
+        self._travelled_m += moved_m
+        if self._mean.size == 0:
+            self._mean = evidence.sums
+        gain = max(1 - np.exp(-moved_m / MEMORY_M), 0.05)
+        self._mean = self._mean + gain * (evidence.sums - self._mean)
+        margin = evidence.strength - evidence.around
+        self._margin += gain * (margin - self._margin)
+        self._margins.append(margin)
+        agreement = self._agreement(evidence)
+        present = self._keeps(agreement) if self.locked else self._locks(evidence, agreement, moved_m)
+        least_m = KEPT_LENGTH_M if self.locked else LEAST_LENGTH_M
+        present = present and self._length_m(evidence) >= least_m
+        if present:
+            self._learn(evidence, agreement)
+        return present
+
+    def _keeps(self, agreement: float) -> bool:
+        return agreement > SURE_AGREEMENT or (agreement > KEEP_AGREEMENT and self._margin > 0)
+
+    def _locks(self, evidence: Evidence, agreement: float, moved_m: float) -> bool:
+        if self._travelled_m < self._start_m:
+            stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
+            return evidence.strength > START_STRENGTH and stands_out
+        if agreement > SURE_AGREEMENT:
+            return True
+        full = len(self._margins) == LOCK_FRAMES
+        far = len(self._margins) >= LOCK_FAR_FRAMES and moved_m > MEMORY_M
+        if full and self.strength > LASTING_STRENGTH:
+            return True
+        return (full or far) and min(self._margins) > LOCK_MARGIN
+
+    def _agreement(self, evidence: Evidence) -> float:
+        """Return how well the best stretch of blocks looks like the trace before, in standard deviations."""
+        count = evidence.answers.shape[1]
+        if self._look.size == 0 or count < RANGE_BLOCKS:
+            return 0.0
+        total = np.r_[0.0, np.cumsum(self._look @ evidence.answers)]
+        length = np.subtract.outer(np.arange(count + 1), np.arange(count + 1))
+        sums = np.subtract.outer(total, total) / np.sqrt(np.maximum(length, 1))
+        return float(sums[length >= RANGE_BLOCKS].max())
+
+    def _length_m(self, evidence: Evidence) -> float:
+        """Return the length of trace in view, from the blocks that answer like the strongest ones."""
+        answer = evidence.sums @ evidence.answers / np.sqrt(max(evidence.strength, 1e-6))
+        usual = max(float(np.median(np.sort(answer)[-RANGE_BLOCKS:])), self._usual / 2, 1.0)
+        if self.locked:
+            self._usual += LOOK_GAIN * (usual - self._usual)
+        return float(BLOCK_M * np.clip(answer / (FULL_ANSWER * usual), 0, 1).sum()) - ENDS_M
+
+    def _learn(self, evidence: Evidence, agreement: float) -> None:
+        now = evidence.sums / np.sqrt(evidence.strength)
+        if not self.locked and agreement < SURE_AGREEMENT:
+            self._look = now
+        look = self._look + LOOK_GAIN * (now - self._look)
+        self._look = look / max(float(np.linalg.norm(look)), 1e-6)
+        self.locked = True

@@ -1,0 +1,1 @@
+"""Files of the trace estimator: rig calibration, frames, telemetry, angles, pictures."""

@@ -1,0 +1,163 @@
+"""The rear scene of a simulated rover: what its emulated camera sees as the plant drives."""
+
+import math
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import ConfigError
+from drivers.samples import Image
+from sim_backends.camera import CameraEmulatorSettings
+from sim_backends.plant import Truth
+from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
+from sim_backends.rear_scene.motion import rotations
+from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
+from sim_backends.rear_scene.scene import Lens, Pose, RearScene
+from sim_backends.slow_noise import SlowNoise
+
+Floats: TypeAlias = NDArray[np.float64]
+
+FARTHEST_M = 1.3
+"""The scene keeps the ground about as far as this from the rover."""
+PRESSED_STEP_M = 0.01
+ROCKING_TIME_S = 0.5
+
+
+def rig_of(emulator: CameraEmulatorSettings, width: int, height: int, fps: float) -> Rig:
+    """Return the calibrated rig of a simulated camera.
+
+    Raises:
+        ConfigError: The horizon is in view, or ground too far away.
+    """
+    focal_px = width / 2 / math.tan(math.radians(emulator.horizontal_view_deg) / 2)
+    x_m, y_m = emulator.wheel_x_m, emulator.wheel_y_m
+
+    def wheel(name: str, x_m: float, y_m: float) -> Wheel:
+        return Wheel(name=name, x_m=x_m, y_m=y_m, width_m=emulator.trace_width_m)
+
+    rig = Rig(
+        width=width,
+        height=height,
+        fps=fps,
+        camera_matrix=np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]]),
+        distortion=np.array(emulator.distortion),
+        vehicle_from_camera=looking_back(emulator.tilt_deg),
+        camera_m=np.array([x_m - emulator.behind_m, y_m, emulator.height_m]),
+        wheel=wheel("rear_left", x_m, y_m),
+        other_wheels=(
+            wheel("front_left", -x_m, y_m),
+            wheel("front_right", -x_m, -y_m),
+            wheel("rear_right", x_m, -y_m),
+        ),
+        b_m=abs(x_m),
+    )
+    _check_reach(rig)
+    return rig
+
+
+class EmulatedScene:
+    """The ground behind a simulated rover, drawn from the truth of its plant.
+
+    The plant's ground is the plane of the scene: x and y count on it, and neither its slope nor its mounds
+    change the picture; the body rocks a little against it.
+
+    Args:
+        emulator: Where the camera is, how well it sees, and what.
+        width: Width of the picture in pixels.
+        height: Height of the picture in pixels.
+        fps: Frames per second.
+        rng: Makes the ground and the noise of the pixels.
+        start_ns: When the simulation starts.
+
+    Raises:
+        ConfigError: The horizon is in view, or ground too far away.
+    """
+
+    def __init__(
+        self,
+        emulator: CameraEmulatorSettings,
+        width: int,
+        height: int,
+        fps: float,
+        rng: np.random.Generator,
+        start_ns: int,
+    ) -> None:
+        self._rig = rig_of(emulator, width, height, fps)
+        self._rut = Rut(depth_m=emulator.rut_depth_m)
+        self._rock_rad = math.radians(emulator.rock_deg)
+        self._rocking = SlowNoise(2, ROCKING_TIME_S, rng, start_ns)
+        self._scene = RearScene(
+            self._rig,
+            GroundSettings(kind=emulator.ground, stones_per_m2=emulator.stones_per_m2),
+            Sun(azimuth_deg=emulator.sun_azimuth_deg, elevation_deg=emulator.sun_elevation_deg),
+            self._rut,
+            Lens(exposure_s=emulator.exposure_s, noise_grey=emulator.noise_grey),
+            rng,
+        )
+        self._before: Pose | None = None
+
+    def render(self, truth: Truth) -> Image:
+        """Return the picture, BGR, from where the rover is; the traces grow from call to call."""
+        pose = self._pose(truth)
+        before = self._before or pose
+        self._before = pose
+        way_m = math.dist(before.position_m, pose.position_m) + abs(pose.yaw_rad - before.yaw_rad)
+        steps = max(1, math.ceil(way_m / PRESSED_STEP_M))
+        for step in range(1, steps + 1):
+            self._scene.drive(_between(before, pose, step / steps))
+        return self._scene.render(pose)
+
+    def _pose(self, truth: Truth) -> Pose:
+        rock = self._rocking.at(truth.t_ns)
+        turned = truth.wheel_position_rad
+        return _stand(
+            Pose(
+                position_m=np.array([truth.x_m, truth.y_m, -self._rut.depth_m]),
+                vehicle_to_world=np.eye(3),
+                rock_rad=(self._rock_rad * rock[0], self._rock_rad * rock[1]),
+                yaw_rad=truth.yaw_rad,
+                wheel_angle_rad=sum(turned) / len(turned) if turned else 0.0,
+                velocity_m_s=(truth.velocity_x_m_s, truth.velocity_y_m_s),
+                yaw_rate_rad_s=truth.yaw_rate_rad_s,
+            )
+        )
+
+
+def _stand(pose: Pose) -> Pose:
+    """Return the pose with its rotation as its heading says."""
+    level = np.zeros(1)
+    return replace(pose, vehicle_to_world=rotations(np.array([pose.yaw_rad]), level, level)[0])
+
+
+def _between(before: Pose, after: Pose, share: float) -> Pose:
+    def mix(old: float, new: float) -> float:
+        return old + share * (new - old)
+
+    return _stand(
+        replace(
+            after,
+            position_m=before.position_m + share * (after.position_m - before.position_m),
+            yaw_rad=mix(before.yaw_rad, after.yaw_rad),
+            wheel_angle_rad=mix(before.wheel_angle_rad, after.wheel_angle_rad),
+        )
+    )
+
+
+def _check_reach(rig: Rig) -> None:
+    corners = rig.rays()[[0, 0, -1, -1], [0, -1, 0, -1]]
+    rays = np.insert(corners, 2, 1.0, axis=1) @ rig.vehicle_from_camera.T
+    pixels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * [rig.width - 1, rig.height - 1]
+    if not np.allclose(rig.project(rig.camera_m + rays), pixels, atol=0.5):
+        msg = "simulated camera's distortion folds the corners of its picture: choose smaller coefficients"
+        raise ConfigError(msg)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ground = rig.camera_m[:2] - rays[:, :2] * (rig.camera_m[2] / rays[:, 2:])
+    from_wheel = np.hypot(ground[:, 0] - rig.wheel.x_m, ground[:, 1] - rig.wheel.y_m)
+    if (rays[:, 2] >= 0).any() or from_wheel.max() > FARTHEST_M:
+        msg = (
+            f"simulated camera sees ground more than {FARTHEST_M:g} m from its wheel, or the horizon: "
+            f"raise its tilt_deg, lower its height_m or its horizontal_view_deg"
+        )
+        raise ConfigError(msg)

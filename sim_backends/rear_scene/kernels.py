@@ -1,0 +1,355 @@
+"""The compiled inner loops: ground, ruts, light and the view through the lens.
+
+Maps are square, `MAP_SIZE` texels wide, and hold the texel (i, j) of the world at (i, j) modulo their width.
+All compiled functions stand in this one file: numba's cache does not notice changes in another.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+Map: TypeAlias = NDArray[np.float32]
+LightMap: TypeAlias = NDArray[np.uint16]
+Flags: TypeAlias = NDArray[np.bool_]
+Box: TypeAlias = NDArray[np.int64]
+FunctionT = TypeVar("FunctionT", bound=Callable[..., object])
+
+MEAN_REFLECTANCE = 0.42
+MAP_SIZE = 2048
+BLOCK = 32
+"""Ground is made and lit in blocks of this many texels."""
+LIGHT_STEPS = 64.0
+"""Units of the light map in a grey level."""
+SHADOW_STEPS = 20
+SHADOW_STRETCH = 0.15
+"""The way to the sun is searched at k + stretch k^2 texels."""
+TALLEST_M = 0.06
+"""Nothing small stands higher above what it shades."""
+HOLLOW_M = 0.012
+CONTACT_M = 0.02
+"""Half the length of the contact: what a wheel presses that is dragged sideways."""
+BERM_REACH = 4.0
+LUG_SHARE = 0.28
+"""Share of the lug pitch that the lug's imprint takes."""
+ROUGH_TEXEL_M = 0.0023
+HIT_STEPS = 2
+FLATTEST_RAY = 0.25
+MASK = MAP_SIZE - 1
+BLOCK_MASK = MAP_SIZE // BLOCK - 1
+
+
+def _compiled(function: FunctionT) -> FunctionT:
+    return cast("FunctionT", numba.njit(cache=True, fastmath=True)(function))
+
+
+class Maps(NamedTuple):
+    """The ground about the rover.
+
+    Attributes:
+        height: In m, world.
+        reflectance: Share of the light sent back.
+        light: What the ground sends back of sky and sun, in 1 / `LIGHT_STEPS`.
+        is_dark: Blocks whose light must be computed anew.
+        texel_m: Width of a texel.
+    """
+
+    height: Map
+    reflectance: Map
+    light: LightMap
+    is_dark: Flags
+    texel_m: float
+
+
+class Land(NamedTuple):
+    """What the ground is made from.
+
+    Attributes:
+        slope: Rise along x and y, m per m.
+        mounds: Rows x, y, height, radius in m.
+        reflectance: A tile of the ground, as is `relief` in m.
+        patches: Slow changes of brightness, unit variance.
+        placing: Cosine, sine of the tile's turn, its texel in m, that of the patches, their strength.
+        rough: How crumbs lie, unit variance.
+        casts: Rows of offsets, in texels, of what a change of the ground lights or shades.
+    """
+
+    slope: Floats
+    mounds: Floats
+    reflectance: Map
+    relief: Map
+    patches: Map
+    placing: Floats
+    rough: Map
+    casts: Box
+
+
+class View(NamedTuple):
+    """What the camera looks through. Tuples: the compiler keeps what the loop over the pixels reads.
+
+    Attributes:
+        rays: Of each pixel x / z, y / z and the lens's brightness.
+        camera: Its place in the world, m.
+        turn: Camera to world, row by row.
+        plane: a, b, c of undisturbed ground near the view, z = a x + b y + c, m.
+        shade: Share of the sun that the rover takes, on that plane.
+        shade_frame: Two rows that take world x, y, 1 to texels of `shade`; then x / z and y / z of the sun.
+        tint: Blue, green, red of the sky, then of the sun.
+        curve: The camera's answer to 0 ... 256 units of light, evenly spaced.
+    """
+
+    rays: Map
+    camera: tuple[float, ...]
+    turn: tuple[float, ...]
+    plane: tuple[float, ...]
+    shade: Map
+    shade_frame: tuple[float, ...]
+    tint: tuple[float, ...]
+    curve: NDArray[np.uint8]
+
+
+@_compiled
+def terrain_m(x_m: float, y_m: float, slope: Floats, mounds: Floats) -> float:
+    """Return the height of the undisturbed ground without its relief."""
+    height: float = slope[0] * x_m + slope[1] * y_m
+    for k in range(mounds.shape[0]):
+        square = (x_m - mounds[k, 0]) ** 2 + (y_m - mounds[k, 1]) ** 2
+        height += mounds[k, 2] * math.exp(-0.5 * square / mounds[k, 3] ** 2)
+    return height
+
+
+@_compiled
+def _sample(tile: Map, u: float, v: float) -> float:
+    """Return the tile at the texel coordinates u (row), v (column), bilinear and periodic."""
+    mask = tile.shape[0] - 1
+    fu, fv = math.floor(u), math.floor(v)
+    du, dv = u - fu, v - fv
+    i, j = fu & mask, fv & mask
+    k, m = (i + 1) & mask, (j + 1) & mask
+    upper: float = tile[i, j] * (1 - dv) + tile[i, m] * dv
+    lower: float = tile[k, j] * (1 - dv) + tile[k, m] * dv
+    return upper * (1 - du) + lower * du
+
+
+@_compiled
+def fill(maps: Maps, box: Box, land: Land) -> None:
+    """Lay undisturbed ground into the box: first and end row, first and end column."""
+    cosine, sine, tile_m, patch_m, strength = land.placing
+    for i in range(box[0], box[1]):
+        for j in range(box[2], box[3]):
+            x, y = (i + 0.5) * maps.texel_m, (j + 0.5) * maps.texel_m
+            u, v = (cosine * x - sine * y) / tile_m, (sine * x + cosine * y) / tile_m
+            patch = max(0.3, 1 + strength * _sample(land.patches, x / patch_m, y / patch_m))
+            row, column = i & MASK, j & MASK
+            maps.reflectance[row, column] = _sample(land.reflectance, u, v) * patch
+            relief = _sample(land.relief, u, v)
+            maps.height[row, column] = terrain_m(x, y, land.slope, land.mounds) + relief
+
+
+@_compiled
+def put_stone(maps: Maps, box: Box, stone: Floats) -> None:
+    """Put a stone onto the ground: x, y, half axes, turn (rad), height, m; reflectance."""
+    x0, y0, along, across, turn, top, tone = stone
+    cosine, sine = math.cos(turn), math.sin(turn)
+    for i in range(box[0], box[1]):
+        for j in range(box[2], box[3]):
+            x, y = (i + 0.5) * maps.texel_m - x0, (j + 0.5) * maps.texel_m - y0
+            square = ((cosine * x + sine * y) / along) ** 2 + ((cosine * y - sine * x) / across) ** 2
+            if square < 1:
+                row, column = i & MASK, j & MASK
+                maps.height[row, column] += top * (1 - square) ** 0.7
+                pattern = 0.7 + 0.3 * maps.reflectance[row, column] / MEAN_REFLECTANCE
+                maps.reflectance[row, column] = tone * pattern
+
+
+@_compiled
+def press(maps: Maps, box: Box, roll: Floats, rut: Floats, land: Land) -> None:
+    """Press the strip of ground that a wheel's lowest line passes over in one short step.
+
+    `roll`: contact x, y before, way forwards and to the left in the wheel's heading (m), cosine and sine of
+    that heading, angle turned before and after in lug pitches. `rut`: see `_pressed`.
+    """
+    x0, y0, forward, left, cosine, sine, lug0, lug1 = roll
+    # The floor may be pressed twice, so its strips overlap a little; berms grow, so theirs must not.
+    first, last = min(0.0, forward), max(0.0, forward)
+    overlap = 0.6 * maps.texel_m + CONTACT_M * abs(left) / (abs(left) + abs(forward) + 1e-9)
+    scale = 1 / forward if abs(forward) > 1e-6 else 0.0
+    for i in range(box[0], box[1]):
+        for j in range(box[2], box[3]):
+            x, y = (i + 0.5) * maps.texel_m, (j + 0.5) * maps.texel_m
+            along = cosine * (x - x0) + sine * (y - y0)
+            part = along * scale
+            n = cosine * (y - y0) - sine * (x - x0) - left * min(max(part, 0.0), 1.0)
+            reach = rut[0] + BERM_REACH * rut[5] if first < along <= last else rut[0]
+            if along < first - overlap or along > last + overlap or abs(n) > reach:
+                continue
+            rough = _sample(land.rough, x / ROUGH_TEXEL_M, y / ROUGH_TEXEL_M)
+            ground = terrain_m(x, y, land.slope, land.mounds)
+            row, column = i & MASK, j & MASK
+            old = maps.height[row, column], maps.reflectance[row, column]
+            new = _pressed(old, n, ground, rough, lug0 + (lug1 - lug0) * part, rut)
+            maps.height[row, column], maps.reflectance[row, column] = new
+            _darken(maps.is_dark, i, j, land.casts)
+
+
+@_compiled
+def _darken(is_dark: Flags, i: int, j: int, casts: Box) -> None:
+    for k in range(casts.shape[0]):
+        is_dark[((i + casts[k, 0]) // BLOCK) & BLOCK_MASK, ((j + casts[k, 1]) // BLOCK) & BLOCK_MASK] = True
+
+
+@_compiled
+def _pressed(
+    old: tuple[float, float], n: float, ground: float, rough: float, lugs: float, rut: Floats
+) -> tuple[float, float]:
+    """Return height and reflectance after the wheel at `n` m to the left of its middle.
+
+    `rut`: half width, depth, width of the wall, height of the berm left and right, its width, depth of the
+    lugs (m), reflectance of the floor, share of it in the floor's new reflectance.
+    """
+    half, depth, wall, berm_left, berm_right, berm_m, lug_m, tone, share = rut
+    height, reflectance = old
+    edge = min(abs(n) - half + 0.0012 * rough, BERM_REACH * berm_m)
+    if edge > 0:
+        berm = berm_left if n > 0 else berm_right
+        shape = (edge / berm_m) * math.exp(1 - edge / berm_m) * (1 - edge / (BERM_REACH * berm_m))
+        rise = berm * shape * (1 + 0.15 * rough)
+        fresh = 0.35 * shape * berm / (berm + 0.003)
+        loose = 0.93 * MEAN_REFLECTANCE
+        return height + max(0.0, rise - max(0.0, height - ground)), reflectance + fresh * (
+            loose - reflectance
+        )
+    inside = min(-edge / wall, 1.0)
+    inside = inside * inside * (3 - 2 * inside)
+    phase = lugs - math.floor(lugs)
+    lug = 0.25 * lug_m
+    if phase < LUG_SHARE:
+        lug -= lug_m * math.sin(math.pi * phase / LUG_SHARE)
+    floor = ground - depth + inside * (lug + 0.0004 * rough)
+    wanted = tone * (1 + 0.04 * rough)
+    return height + inside * (floor - height), reflectance + share * inside * (wanted - reflectance)
+
+
+@_compiled
+def light_up(maps: Maps, box: Box, sun: Floats, bands: Floats) -> None:
+    """Compute how bright the sky and the sun make the ground in the box.
+
+    `sun`: direction to it x, y, z; light of white ground under the sun upright to it, and under the sky.
+    `bands`: shadows of far poles and walls; rows of normal x, y, offset, half width, softness in m.
+    """
+    height, texel_m = maps.height, maps.texel_m
+    hollow = int(HOLLOW_M / texel_m)
+    for i in range(box[0], box[1]):
+        for j in range(box[2], box[3]):
+            row, column = i & MASK, j & MASK
+            slope_x = (height[(i + 1) & MASK, column] - height[(i - 1) & MASK, column]) / (2 * texel_m)
+            slope_y = (height[row, (j + 1) & MASK] - height[row, (j - 1) & MASK]) / (2 * texel_m)
+            upright = 1 / math.sqrt(1 + slope_x * slope_x + slope_y * slope_y)
+            direct = max(0.0, (sun[2] - sun[0] * slope_x - sun[1] * slope_y) * upright)
+            if direct > 0:
+                direct *= _sunshine(height, i, j, texel_m, sun)
+                direct *= _past_bands((i + 0.5) * texel_m, (j + 0.5) * texel_m, bands)
+            around = height[(i + hollow) & MASK, column] + height[(i - hollow) & MASK, column]
+            around += height[row, (j + hollow) & MASK] + height[row, (j - hollow) & MASK]
+            sunk = max(0.0, 0.25 * around - height[row, column]) / HOLLOW_M
+            # Walls around take a part of the sky; the constant is chosen.
+            open_ = max(0.3, (0.5 + 0.5 * upright) * (1 - 0.6 * sunk))
+            tone = maps.reflectance[row, column] * LIGHT_STEPS
+            maps.light[row, column, 0] = np.uint16(min(tone * sun[4] * open_, 65535.0))
+            maps.light[row, column, 1] = np.uint16(min(tone * sun[3] * direct, 65535.0))
+
+
+@_compiled
+def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Floats) -> float:
+    """Return the share of the sun that the ground around leaves to a texel."""
+    level = math.hypot(sun[0], sun[1])
+    rise, step_x, step_y = sun[2] / level, sun[0] / level, sun[1] / level
+    here, hidden = height[i & MASK, j & MASK], 0.0
+    for k in range(1, SHADOW_STEPS):
+        far = k + SHADOW_STRETCH * k * k
+        if far * texel_m * rise > TALLEST_M:
+            break
+        m, n = (i + round(step_x * far)) & MASK, (j + round(step_y * far)) & MASK
+        hidden = max(hidden, (height[m, n] - here) / (far * texel_m) - rise)
+    return max(0.0, 1 - hidden / 0.15)
+
+
+@_compiled
+def _past_bands(x: float, y: float, bands: Floats) -> float:
+    share = 1.0
+    for k in range(bands.shape[0]):
+        across = abs(bands[k, 0] * x + bands[k, 1] * y - bands[k, 2]) - bands[k, 3]
+        share *= min(max(0.5 + 0.5 * across / bands[k, 4], 0.0), 1.0)
+    return share
+
+
+@_compiled
+def view(image: NDArray[np.uint8], maps: Maps, seen: View) -> None:
+    """Render the picture, blue, green, red."""
+    camera, turn, (a, b, c) = seen.camera, seen.turn, seen.plane
+    base = camera[2] - a * camera[0] - b * camera[1] - c
+    brightest, unit = seen.curve.shape[0] - 1.0, seen.curve.shape[0] / 256 / LIGHT_STEPS
+    texels = 1 / maps.texel_m
+    for row in range(image.shape[0]):
+        over = 0.0
+        for column in range(image.shape[1]):
+            u, v = seen.rays[row, column, 0], seen.rays[row, column, 1]
+            dx = turn[0] * u + turn[1] * v + turn[2]
+            dy = turn[3] * u + turn[4] * v + turn[5]
+            dz = turn[6] * u + turn[7] * v + turn[8]
+            # Rays that do not meet the ground within its map see its farthest part.
+            per_fall = 1 / max(a * dx + b * dy - dz, FLATTEST_RAY)
+            # The ground is about as high as where the pixel beside looks: a few steps find where it is met.
+            for _ in range(HIT_STEPS):
+                distance = (base - over) * per_fall
+                x, y = camera[0] + distance * dx, camera[1] + distance * dy
+                over = _height_at(maps.height, x * texels, y * texels) - a * x - b * y - c
+            distance = (base - over) * per_fall
+            x, y = camera[0] + distance * dx, camera[1] + distance * dy
+            sky, sun = _light_at(maps.light, x * texels - 0.5, y * texels - 0.5)
+            sun *= 1 - _shaded(seen, x - over * seen.shade_frame[6], y - over * seen.shade_frame[7])
+            lens = seen.rays[row, column, 2] * unit
+            sky *= lens
+            sun *= lens
+            for colour in range(3):
+                light = seen.tint[colour] * sky + seen.tint[colour + 3] * sun
+                image[row, column, colour] = seen.curve[int(min(light, brightest))]
+
+
+@_compiled
+def _height_at(heights: Map, u: float, v: float) -> float:
+    height: float = heights[math.floor(u) & MASK, math.floor(v) & MASK]
+    return height
+
+
+@_compiled
+def _light_at(light: LightMap, u: float, v: float) -> tuple[float, float]:
+    """Return the light of sky and sun at the texel coordinates u (row), v (column), bilinear."""
+    fu, fv = math.floor(u), math.floor(v)
+    du, dv = u - fu, v - fv
+    i, j = fu & MASK, fv & MASK
+    k, m = (i + 1) & MASK, (j + 1) & MASK
+    w00, w01, w10, w11 = (1 - du) * (1 - dv), (1 - du) * dv, du * (1 - dv), du * dv
+    sky = w00 * light[i, j, 0] + w01 * light[i, m, 0] + w10 * light[k, j, 0] + w11 * light[k, m, 0]
+    sun = w00 * light[i, j, 1] + w01 * light[i, m, 1] + w10 * light[k, j, 1] + w11 * light[k, m, 1]
+    return sky, sun
+
+
+@_compiled
+def _shaded(seen: View, x: float, y: float) -> float:
+    """Return the share of the sun that the rover takes from a point of the plane."""
+    shade, frame = seen.shade, seen.shade_frame
+    s = frame[0] * x + frame[1] * y + frame[2]
+    t = frame[3] * x + frame[4] * y + frame[5]
+    if not (0 <= s < shade.shape[0] - 1 and 0 <= t < shade.shape[0] - 1):
+        return 0.0
+    i, j = int(s), int(t)
+    ds, dt = s - i, t - j
+    near: float = shade[i, j] * (1 - dt) + shade[i, j + 1] * dt
+    far: float = shade[i + 1, j] * (1 - dt) + shade[i + 1, j + 1] * dt
+    dark: float = near * (1 - ds) + far * ds
+    return dark

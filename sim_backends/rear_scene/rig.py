@@ -1,0 +1,192 @@
+"""Where the rear camera sits, what its lens does, and which wheels press the ground."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+JsonValue: TypeAlias = "str | float | Mapping[str, JsonValue] | list[JsonValue]"
+
+RIG_SCHEMA = "rear-camera-rig/1"
+VEHICLE_FRAME = (
+    "origin = projection of the centre of mass G on the wheel-contact plane, X forward, Y left, Z up; "
+    "angles counter-clockwise positive"
+)
+CLOSEST_DEPTH_M = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheel:
+    """A wheel and where it touches the ground.
+
+    Attributes:
+        x_m: Forward of the vehicle's origin.
+        y_m: To the left of it.
+        radius_m: To the rim, without the grousers.
+    """
+
+    name: str
+    x_m: float
+    y_m: float
+    radius_m: float = 0.092
+    width_m: float = 0.11
+    grouser_height_m: float = 0.01
+    lug_count: int = 18
+    steer_deg: float = 0.0
+
+    def as_json(self) -> dict[str, JsonValue]:
+        """Return the entries of a rig file."""
+        return {
+            "name": self.name,
+            "contact_point": [self.x_m, self.y_m, 0.0],
+            "radius_m": self.radius_m,
+            "width_m": self.width_m,
+            "grouser_height_m": self.grouser_height_m,
+            "lug_count": self.lug_count,
+            "steer_deg": self.steer_deg,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rig:
+    """A calibrated rear camera on a four-wheeled rover; points in m in the vehicle frame.
+
+    Attributes:
+        camera_matrix: 3 x 3, pixels.
+        distortion: k1, k2, p1, p2, k3 as OpenCV defines them.
+        vehicle_from_camera: Rotation; its columns are the camera's right, down and forward.
+        camera_m: Position of the lens.
+        wheel: The wheel whose trace is watched.
+        other_wheels: The others, which press traces too.
+        b_m: From the rear axle to G.
+        behind_contact_m: Length of ground in view behind the contact.
+        lateral_about_contact_m: Width of ground in view about the contact.
+    """
+
+    width: int
+    height: int
+    fps: float
+    camera_matrix: Floats
+    distortion: Floats
+    vehicle_from_camera: Floats
+    camera_m: Floats
+    wheel: Wheel
+    other_wheels: tuple[Wheel, ...]
+    b_m: float
+    nominal_speed_m_s: float = 0.08
+    behind_contact_m: float = 0.6
+    lateral_about_contact_m: float = 0.8
+    max_slip_angle_deg: float = 35.0
+
+    @property
+    def wheels(self) -> tuple[Wheel, ...]:
+        """Every wheel, the watched one last: where it follows another it presses the later trace."""
+        return (*self.other_wheels, self.wheel)
+
+    def project(self, points_m: Floats) -> Floats:
+        """Return (column, row) of points of the vehicle frame, shape (n, 3); NaN out of view."""
+        in_camera = (points_m - self.camera_m) @ self.vehicle_from_camera
+        image = self._pixels(in_camera)
+        outside = np.linalg.norm(in_camera[:, :2], axis=1) > self._widest_ray * in_camera[:, 2]
+        image[outside | (in_camera[:, 2] < CLOSEST_DEPTH_M)] = np.nan
+        return image
+
+    def rays(self) -> Floats:
+        """Return the direction through every pixel in the camera frame as (x / z, y / z), shape (h, w, 2)."""
+        columns, rows = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
+        pixels = np.stack([columns.ravel(), rows.ravel()], axis=1)
+        return self._unproject(pixels).reshape(self.height, self.width, 2)
+
+    def _unproject(self, pixels: Floats) -> Floats:
+        # The default stops after five steps, tenths of a pixel off in the corners.
+        enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-6)
+        rays = cv2.undistortPoints(pixels[:, None, :], self.camera_matrix, self.distortion, criteria=enough)
+        return np.asarray(rays, np.float64)[:, 0, :]
+
+    def sees(self, pixels: Floats) -> NDArray[np.bool_]:
+        """Return which of these (column, row) lie in the picture; NaN does not."""
+        column, row = pixels[:, 0], pixels[:, 1]
+        return (column >= 0) & (column <= self.width - 1) & (row >= 0) & (row <= self.height - 1)
+
+    def wheel_outline(self, body_to_vehicle: Floats) -> Floats | None:
+        """Return the watched wheel's outline in the picture, (column, row); None when it is not in view.
+
+        `body_to_vehicle` turns points of the body, to which the camera is fixed, into the vehicle frame.
+        """
+        angles = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+        radius = self.wheel.radius_m + self.wheel.grouser_height_m
+        forward = self.wheel.x_m + radius * np.cos(angles)
+        up = self.wheel.radius_m + radius * np.sin(angles)
+        left, right = (np.full(36, self.wheel.y_m + side * self.wheel.width_m) for side in (0.5, -0.5))
+        rims = np.concatenate([np.stack([forward, y, up], axis=1) for y in (left, right)])
+        in_camera = (rims @ body_to_vehicle - self.camera_m) @ self.vehicle_from_camera
+        in_camera = in_camera[in_camera[:, 2] > CLOSEST_DEPTH_M]
+        if len(in_camera) == 0:
+            return None
+        rays = in_camera[:, :2] / in_camera[:, 2:]
+        # The lens's polynomial holds only in and near the picture: pull in what lies farther out.
+        rays *= np.minimum(1.0, self._widest_ray / np.linalg.norm(rays, axis=1, keepdims=True))
+        hull = cv2.convexHull(self._pixels(np.insert(rays, 2, 1.0, axis=1)).astype(np.float32))
+        return np.asarray(hull, np.float64)[:, 0, :]
+
+    @cached_property
+    def _widest_ray(self) -> float:
+        """Return a radius x / z, y / z a little beyond the corners of the picture."""
+        right, bottom = self.width - 1.0, self.height - 1.0
+        return float(
+            1.1
+            * np.linalg.norm(
+                self._unproject(np.array([[0, 0], [right, 0], [0, bottom], [right, bottom]])), axis=1
+            ).max()
+        )
+
+    def _pixels(self, in_camera: Floats) -> Floats:
+        zero = np.zeros(3)
+        pixels, _ = cv2.projectPoints(in_camera[:, None, :], zero, zero, self.camera_matrix, self.distortion)
+        return np.asarray(pixels, np.float64)[:, 0, :]
+
+    def as_json(self) -> dict[str, JsonValue]:
+        """Return what a rig file of schema `rear-camera-rig/1` holds."""
+        return {
+            "schema": RIG_SCHEMA,
+            "vehicle_frame": VEHICLE_FRAME,
+            "image": {"width": self.width, "height": self.height, "fps": self.fps, "format": "bgr8"},
+            "camera_matrix": [list(map(float, row)) for row in self.camera_matrix],
+            "dist_coeffs": {"model": "opencv", "values": list(map(float, self.distortion))},
+            "R_vehicle_camera": [list(map(float, row)) for row in self.vehicle_from_camera],
+            "t_vehicle_camera": list(map(float, self.camera_m)),
+            "wheel": self.wheel.as_json(),
+            "other_wheels": [wheel.as_json() for wheel in self.other_wheels],
+            "b_m": self.b_m,
+            "nominal_speed_mps": self.nominal_speed_m_s,
+            "ground_view_m": {
+                "behind_contact": self.behind_contact_m,
+                "lateral_about_contact": self.lateral_about_contact_m,
+            },
+            "max_slip_angle_deg": self.max_slip_angle_deg,
+        }
+
+
+def looking_back(tilt_deg: float, pan_deg: float = 0.0, bank_deg: float = 0.0) -> Floats:
+    """Return vehicle_from_camera of a camera that looks backwards and down.
+
+    Args:
+        tilt_deg: Of the optical axis below the horizontal.
+        pan_deg: Of the optical axis about the vertical, counter-clockwise from straight back.
+        bank_deg: Of the image about the optical axis.
+    """
+    tilt, pan, bank = map(math.radians, (tilt_deg, pan_deg, bank_deg))
+    # Looking back, the vehicle's left is the image's right.
+    right, forward = np.array([0.0, 1.0, 0.0]), np.array([-math.cos(tilt), 0.0, -math.sin(tilt)])
+    level = np.stack([right, np.cross(forward, right), forward], axis=1)
+    about_z = np.array([[math.cos(pan), -math.sin(pan), 0], [math.sin(pan), math.cos(pan), 0], [0, 0, 1]])
+    about_axis = np.array(
+        [[math.cos(bank), -math.sin(bank), 0], [math.sin(bank), math.cos(bank), 0], [0, 0, 1]]
+    )
+    return np.asarray(about_z @ level @ about_axis)

@@ -1,0 +1,274 @@
+"""The picture that a rear camera takes as the rover drives."""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.samples import Image
+from sim_backends.rear_scene import kernels
+from sim_backends.rear_scene.ground_kinds import SAND_TINT, TINTS
+from sim_backends.rear_scene.ground_map import GroundMap, GroundSettings, Roll, Rut, Sun
+from sim_backends.rear_scene.rig import Rig, Wheel
+
+Floats: TypeAlias = NDArray[np.float64]
+Boxes: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
+
+CURVE_SIZE = 2048
+SHADE_SIZE = 384
+SHADE_TEXEL_M = 0.006
+SUN_WIDTH = 0.0093
+MARGIN_M = 0.03
+FARTHEST_M = 1.4
+"""Ground farther away from the camera than this is not drawn right: its map is about twice as wide."""
+NOISE_SHIFT = 64
+SUBPIXEL_BITS = 4
+HARD = 0.05
+"""Ground less soft than this takes no mark at all."""
+SKY_COLOUR = (1.10, 1.0, 0.92)
+SUN_COLOUR = (0.94, 1.0, 1.05)
+BODY: Boxes = (
+    (-0.38, 0.38, -0.20, 0.20, 0.20, 0.40),
+    (-0.34, -0.30, -0.02, 0.02, 0.40, 0.62),
+    (-0.40, -0.20, 0.165, 0.275, 0.0, 0.184),
+    (-0.40, -0.20, -0.275, -0.165, 0.0, 0.184),
+)
+"""What casts the rover's shadow, boxes in the vehicle frame, m: body, mast, rear wheels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """Where the rover is and how it moves at one instant.
+
+    Attributes:
+        position_m: Origin of the vehicle frame in the world.
+        vehicle_to_world: Rotation; the vehicle's x and y axes lie in the wheel-contact plane.
+        rock_rad: How far the body, with the camera, leans against that plane: about x, about y.
+        yaw_rad: Heading.
+        wheel_angle_rad: Angle that the wheels have turned.
+        velocity_m_s: Of the origin in the vehicle frame, x and y.
+        yaw_rate_rad_s: Of the vehicle.
+        softness: Under each wheel of the rig: 0 on ground too hard to take a rut, 1 on ground that takes the
+            full one.
+    """
+
+    position_m: Floats
+    vehicle_to_world: Floats
+    rock_rad: tuple[float, float] = (0.0, 0.0)
+    yaw_rad: float = 0.0
+    wheel_angle_rad: float = 0.0
+    velocity_m_s: tuple[float, float] = (0.0, 0.0)
+    yaw_rate_rad_s: float = 0.0
+    softness: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """How well the camera sees.
+
+    Attributes:
+        exposure_s: How long the shutter is open, centred on the frame's time.
+        blur_px: Standard deviation of the optical blur.
+        noise_grey: Standard deviation of a pixel's noise, grey levels of 255.
+        vignette: Loss of light in the corners.
+        gamma: Exponent from light to grey.
+    """
+
+    exposure_s: float = 0.010
+    blur_px: float = 0.6
+    noise_grey: float = 3.0
+    vignette: float = 0.15
+    gamma: float = 0.6
+
+
+class RearScene:
+    """The ground behind the rover, pressed by its wheels, as its rear camera sees it.
+
+    Args:
+        rig: Camera and wheels.
+        ground: What the ground is made of.
+        sun: The light; fixed to the world.
+        rut: What the wheels leave.
+        lens: How well the camera sees.
+        rng: Makes ground and noise.
+        old_rolls: Steps of wheels that came before.
+        body: What casts the rover's shadow.
+
+    Attributes:
+        ground: What the wheels have pressed so far.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        ground: GroundSettings,
+        sun: Sun,
+        rut: Rut,
+        lens: Lens,
+        rng: np.random.Generator,
+        old_rolls: tuple[Roll, ...] = (),
+        body: Boxes = BODY,
+    ) -> None:
+        self._rig = rig
+        self._sun_to = sun.direction()
+        self._rut = rut
+        self._lens = lens
+        self._rng = rng
+        self._corners = [_corners(box) for box in body]
+        self.ground = GroundMap(ground, sun, old_rolls, rut, rng)
+        self._rays = _lit_rays(rig, lens)
+        self._edge = _edge_rays(self._rays)
+        light = np.linspace(0, 1, CURVE_SIZE)
+        self._curve = np.round(255 * light**lens.gamma).astype(np.uint8)
+        self._tint = np.array([SKY_COLOUR, SUN_COLOUR]) * TINTS.get(ground.kind, SAND_TINT)
+        noise = rng.normal(0, lens.noise_grey, (rig.height + NOISE_SHIFT, rig.width + NOISE_SHIFT, 3))
+        self._noise = np.round(noise).astype(np.int16)
+        self._image = np.empty((rig.height, rig.width, 3), np.uint8)
+        self._before: Pose | None = None
+
+    def drive(self, pose: Pose) -> None:
+        """Press the ruts of the way from the last pose to this one; steps of a few mm to cm."""
+        before, self._before = self._before, pose
+        if before is None:
+            return
+        for wheel, softness in zip(self._rig.wheels, pose.softness, strict=True):
+            start, end = _contact(wheel, before), _contact(wheel, pose)
+            pitch_rad = 2 * math.pi / wheel.lug_count
+            lugs = before.wheel_angle_rad / pitch_rad, pose.wheel_angle_rad / pitch_rad
+            heading = pose.yaw_rad + math.radians(wheel.steer_deg)
+            if math.dist(start, end) > 0 and softness > HARD:
+                roll = Roll(
+                    start_m=start,
+                    end_m=end,
+                    heading_rad=heading,
+                    lugs=lugs,
+                    width_m=wheel.width_m,
+                    softness=softness,
+                )
+                self.ground.press(roll, self._rut)
+
+    def render(self, pose: Pose, gain: float = 1.0) -> Image:
+        """Return the picture, BGR, from this pose; `gain` is the exposure against the nominal one."""
+        rock = rocking(*pose.rock_rad)
+        turn = pose.vehicle_to_world @ rock @ self._rig.vehicle_from_camera
+        camera = pose.position_m + pose.vehicle_to_world @ rock @ self._rig.camera_m
+        plane = self._plane(pose)
+        self._prepare(camera, turn, plane)
+        shade, shade_frame = self._shade(pose, rock)
+        seen = kernels.View(
+            rays=self._rays,
+            camera=tuple(camera.tolist()),
+            turn=tuple(turn.ravel().tolist()),
+            plane=tuple(plane.tolist()),
+            shade=shade,
+            shade_frame=tuple(shade_frame.tolist()),
+            tint=tuple((gain * self._tint).ravel().tolist()),
+            curve=self._curve,
+        )
+        kernels.view(self._image, self.ground.maps, seen)
+        self._draw_wheel(rock, gain)
+        blurred = cv2.filter2D(self._image, -1, self._blur(pose), borderType=cv2.BORDER_REPLICATE)
+        row, column = self._rng.integers(0, NOISE_SHIFT, 2)
+        noise = self._noise[row : row + self._rig.height, column : column + self._rig.width]
+        return np.asarray(cv2.add(blurred, noise, dtype=cv2.CV_8U), np.uint8)
+
+    def _plane(self, pose: Pose) -> Floats:
+        """Return a, b, c of the undisturbed ground z = a x + b y + c about the rover."""
+        normal = pose.vehicle_to_world[:, 2]
+        a, b = -normal[0] / normal[2], -normal[1] / normal[2]
+        x, y, z = pose.position_m
+        return np.array([a, b, z - a * x - b * y + self._rut.depth_m * pose.softness[-1]])
+
+    def _prepare(self, camera: Floats, turn: Floats, plane: Floats) -> None:
+        directions = self._edge @ turn.T
+        fall = np.maximum(plane[0] * directions[:, 0] + plane[1] * directions[:, 1] - directions[:, 2], 0.3)
+        distance = (camera[2] - plane[0] * camera[0] - plane[1] * camera[1] - plane[2]) / fall
+        points = camera + distance[:, None] * directions
+        first = np.maximum(points.min(axis=0) - MARGIN_M, camera - FARTHEST_M)
+        last = np.minimum(points.max(axis=0) + MARGIN_M, camera + FARTHEST_M)
+        self.ground.prepare((first[0], last[0]), (first[1], last[1]))
+
+    def _shade(self, pose: Pose, rock: Floats) -> tuple[NDArray[np.float32], Floats]:
+        """Return the rover's shadow on the ground, and how the world lies to it."""
+        sun = pose.vehicle_to_world.T @ self._sun_to
+        level = np.array([self._rig.wheel.x_m - 0.45, self._rig.wheel.y_m])
+        shade = np.zeros((SHADE_SIZE, SHADE_SIZE), np.uint8)
+        middle = 0.5 * SHADE_SIZE
+        for corners in self._corners:
+            points = corners @ rock.T
+            above = points[:, 2:] - self._rut.depth_m
+            ground = points[:, :2] - above * sun[:2] / max(sun[2], 0.1)
+            texels = (ground - level) / SHADE_TEXEL_M + middle
+            hull = cv2.convexHull(np.round(texels[:, ::-1] * 2**SUBPIXEL_BITS).astype(np.int32))
+            cv2.fillConvexPoly(shade, hull, 255, cv2.LINE_AA, SUBPIXEL_BITS)
+        soft = cv2.GaussianBlur(shade, (0, 0), 0.4 * SUN_WIDTH / SHADE_TEXEL_M + 0.5)
+        world_to_vehicle = pose.vehicle_to_world.T[:2, :2] / SHADE_TEXEL_M
+        offset = middle - level / SHADE_TEXEL_M - world_to_vehicle @ pose.position_m[:2]
+        to_sun = self._sun_to[:2] / max(self._sun_to[2], 0.1)
+        frame = np.array([*world_to_vehicle[0], offset[0], *world_to_vehicle[1], offset[1], *to_sun])
+        return np.asarray(soft / 255, np.float32), frame
+
+    def _draw_wheel(self, rock: Floats, gain: float) -> None:
+        """Draw the watched wheel where it hides the ground."""
+        outline = self._rig.wheel_outline(rock)
+        if outline is None:
+            return
+        hull = np.round(outline * 2**SUBPIXEL_BITS).astype(np.int32)
+        grey = int(self._curve[min(CURVE_SIZE - 1, round(0.06 * gain * CURVE_SIZE))])
+        cv2.fillConvexPoly(self._image, hull, (grey, grey, grey), cv2.LINE_AA, SUBPIXEL_BITS)
+
+    def _blur(self, pose: Pose) -> Floats:
+        """Return the kernel of optical blur and of the way the middle of the picture moves."""
+        rig, exposure = self._rig, self._lens.exposure_s
+        axis = rig.vehicle_from_camera[:, 2]
+        middle = rig.camera_m - axis * rig.camera_m[2] / axis[2]
+        vx, vy = pose.velocity_m_s
+        spin = pose.yaw_rate_rad_s
+        moved = 0.5 * exposure * np.array([-vx + spin * middle[1], -vy - spin * middle[0], 0.0])
+        ends = rig.project(np.stack([middle - moved, middle + moved]))
+        return blur_kernel(ends[1] - ends[0], self._lens.blur_px)
+
+
+def blur_kernel(way_px: Floats, sigma_px: float) -> Floats:
+    """Return a kernel of a Gaussian of `sigma_px` drawn along the way (columns, rows) in pixels."""
+    half = math.ceil(0.5 * float(np.abs(way_px).max()) + 2.5 * sigma_px)
+    rows, columns = np.mgrid[-half : half + 1, -half : half + 1]
+    shares = np.linspace(-0.5, 0.5, 9)
+    square = (columns[..., None] - shares * way_px[0]) ** 2 + (rows[..., None] - shares * way_px[1]) ** 2
+    weights = np.exp(-0.5 * square / sigma_px**2).sum(axis=-1)
+    return np.asarray(weights / weights.sum())
+
+
+def _contact(wheel: Wheel, pose: Pose) -> tuple[float, float]:
+    x, y, _ = pose.position_m + pose.vehicle_to_world @ np.array([wheel.x_m, wheel.y_m, 0.0])
+    return float(x), float(y)
+
+
+def rocking(roll: float, pitch: float) -> Floats:
+    """Return the rotation of the body against the contact plane: roll about x, then pitch about y."""
+    about_x = np.array([[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]])
+    about_y = np.array(
+        [[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]
+    )
+    return np.asarray(about_y @ about_x)
+
+
+def _corners(box: tuple[float, float, float, float, float, float]) -> Floats:
+    x0, x1, y0, y1, z0, z1 = box
+    return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (z0, z1)])
+
+
+def _lit_rays(rig: Rig, lens: Lens) -> NDArray[np.float32]:
+    rays = rig.rays()
+    square = (rays**2).sum(axis=2)
+    light = 1 - lens.vignette * square / square.max()
+    return np.asarray(np.concatenate([rays, light[..., None]], axis=2), np.float32)
+
+
+def _edge_rays(rays: NDArray[np.float32]) -> Floats:
+    edge = np.concatenate([rays[0, ::16], rays[-1, ::16], rays[::16, 0], rays[::16, -1]]).astype(np.float64)
+    edge[:, 2] = 1
+    return edge

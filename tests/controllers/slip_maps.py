@@ -1,0 +1,56 @@
+"""Slip maps made by hand, so that the slip they must tell is known."""
+
+import math
+from datetime import date
+
+from controllers.motor_model import MotorSettings
+from controllers.slip_map import PolynomialMap, SlipMapFile
+from controllers.surface_classifier import DirectionCurve, SurfaceMap, SurfaceModel
+from controllers.yaw_probe import YawProbeMap
+
+ALL_AROUND = tuple(math.radians(degrees) for degrees in range(-180, 180, 20))
+PROBE = YawProbeMap(
+    source="by hand",
+    amplitude_rad_s=0.5,
+    frequency_hz=5.0,
+    lost=(0.0, 0.5),
+    slips=(0.0, 1.0),
+    slip_sd=0.05,
+    directions_rad=ALL_AROUND,
+    speed_range_m_s=(0.1, 0.3),
+)
+
+
+def flat(value: float) -> DirectionCurve:
+    return DirectionCurve(mean=value, cosines=(0.0,), sines=(0.0,))
+
+
+def surface(name: str, force_n: float, slip: float, drift_rad: float = 0.0) -> SurfaceModel:
+    return SurfaceModel(
+        name=name,
+        force_n=flat(force_n),
+        slip=flat(slip),
+        drift_rad=flat(drift_rad),
+        force_window_sd_n=1.0,
+        force_run_sd_n=0.3,
+        speed_range_m_s=(0.1, 0.3),
+    )
+
+
+def make_maps(drift_rad: float = 0.0, directions_rad: tuple[float, ...] = ALL_AROUND) -> SlipMapFile:
+    """Return maps: a line slip = current / 2 A, a firm and a soft surface, and the probe."""
+    line = PolynomialMap(feature="current_a", valid_from=0.1, valid_to=1.5, coefficients=(0.0, 0.5))
+    return SlipMapFile(
+        source="by hand",
+        fitted_on=date(2026, 1, 1),
+        licence="none",
+        motor=MotorSettings(current_full_scale_a=4.0),
+        wheel_maps={"line": line},
+        surface_wheel_maps={},
+        surfaces=SurfaceMap(
+            surfaces=(surface("firm", 5.0, 0.1, drift_rad), surface("soft", 25.0, 0.5, drift_rad)),
+            directions_rad=directions_rad,
+        ),
+        yaw_probe=PROBE,
+        cross_validation={},
+    )

@@ -1,0 +1,337 @@
+"""Slip of the wheels from efforts that are known, and what may not be told."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controllers.estimator import Estimator
+from controllers.settings import FilterSettings
+from controllers.slip_compensator import HOLD_S, STUCK_AFTER_S, SlipReport
+from drivers.samples import WheelSample
+from tests.controllers.simulated import MS, ROLES
+from tests.controllers.slip_bench import KINEMATICS, PERIOD_S, PRIOR, Bench, wheel_speeds
+from tests.controllers.slip_maps import PROBE
+
+
+@pytest.mark.parametrize(("force_n", "surface", "slip"), [(5.0, "firm", 0.1), (25.0, "soft", 0.5)])
+@pytest.mark.parametrize("direction_rad", [-2.5, 0.0, 0.4, 1.6])
+def test_surfaces_tell_the_slip_of_all_wheels(
+    force_n: float, surface: str, slip: float, direction_rad: float
+) -> None:
+    bench = Bench()
+    report = bench.drive(force_n, 3.0, direction_rad=direction_rad)
+    assert (report.map, report.surface) == ("surfaces", surface)
+    assert [wheel.slip for wheel in report.wheels] == pytest.approx([slip] * 3, abs=0.01)
+    assert all(wheel.valid and not wheel.reason for wheel in report.wheels)
+    assert bench.told.is_sure
+    velocity = complex(*bench.slip.body_motion(wheel_speeds(direction_rad, 0.2))[:2])
+    assert abs(velocity) == pytest.approx(0.2 * (1.0 - slip), abs=0.002)
+    assert math.atan2(velocity.imag, velocity.real) == pytest.approx(direction_rad, abs=1e-9)
+
+
+@pytest.mark.parametrize(("force_n", "slip"), [(5.0, 0.1), (25.0, 0.5)])
+def test_what_was_told_before_the_judgement_is_made_up(force_n: float, slip: float) -> None:
+    bench = Bench()
+    bench.drive(force_n, 0.46)
+    assert abs(bench.way) == pytest.approx(0.46 * 0.2 * (1.0 - PRIOR), rel=1e-6)
+    assert not bench.told.is_sure
+    bench.drive(force_n, 0.14)
+    # From the first millimetre: the effort needs the first periods to rise, so a little is missing.
+    assert abs(bench.way) == pytest.approx(0.6 * 0.2 * (1.0 - slip), rel=0.02)
+    bench.drive(force_n, 2.4)
+    assert abs(bench.way) == pytest.approx(3.0 * 0.2 * (1.0 - slip), rel=0.01)
+
+
+def test_on_a_new_surface_only_the_open_window_is_made_up() -> None:
+    bench = Bench()
+    bench.drive(5.0, 3.0)
+    firm = abs(bench.way)
+    bench.drive(25.0, 3.0)
+    # Within a window of the border both surfaces are in one judgement.
+    assert abs(bench.way) - firm == pytest.approx(3.0 * 0.2 * 0.5, abs=0.5 * 0.2 * 0.4)
+
+
+def test_drift_turns_the_course_to_the_left() -> None:
+    bench = Bench(drift_rad=0.2)
+    report = bench.drive(25.0, 4.0, direction_rad=0.4)
+    assert report.drift_rad == pytest.approx(0.2)
+    x_m_s, y_m_s, _ = bench.slip.body_motion(wheel_speeds(0.4, 0.2))
+    assert math.atan2(y_m_s, x_m_s) == pytest.approx(0.6)
+    assert math.hypot(x_m_s, y_m_s) == pytest.approx(0.1, abs=0.002)
+    assert math.atan2(bench.way.imag, bench.way.real) == pytest.approx(0.6, abs=0.01)
+
+
+def test_a_rover_that_is_told_the_surface_keeps_to_it() -> None:
+    report = Bench(known=("soft",)).drive(25.0, 2.0)
+    assert report.surface == "soft"
+    assert report.wheels[0].slip == pytest.approx(0.5)
+    report = Bench(known=("soft",)).drive(5.0, 2.0)
+    assert report.surface is None
+    assert "unknown surface" in report.wheels[0].reason
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_map_reads_each_wheel_whatever_its_direction(sign: float) -> None:
+    bench = Bench(use="line")
+    for _ in range(60):
+        report = bench.step((sign * 3.0, sign * 3.0, sign * 3.0), (sign * 0.4, sign * 0.8, sign * 1.2))
+    assert [wheel.slip for wheel in report.wheels] == pytest.approx([0.2, 0.4, 0.6], abs=1e-3)
+    assert [wheel.current_a for wheel in report.wheels] == pytest.approx([sign * a for a in (0.4, 0.8, 1.2)])
+    assert bench.told.is_sure
+    expected = KINEMATICS.body_motion([sign * 3.0 * (1.0 - slip) for slip in (0.2, 0.4, 0.6)])
+    assert bench.slip.body_motion((sign * 3.0,) * 3) == pytest.approx(expected, abs=1e-3)
+
+
+def test_an_unsigned_current_takes_the_sign_of_its_wheel() -> None:
+    signed, unsigned = Bench(use="line"), Bench(use="line", is_signed=False)
+    speeds, currents = (3.0, -3.0, 2.0), (0.5, -0.9, 0.7)
+    for _ in range(60):
+        expected = signed.step(speeds, currents)
+        report = unsigned.step(speeds, [abs(current_a) for current_a in currents])
+    assert report == expected
+    assert report.wheels[1].wheel_torque_nm < 0.0 < report.wheels[0].wheel_torque_nm
+
+
+def test_an_unsigned_current_is_not_used_while_the_wheel_brakes() -> None:
+    bench = Bench(use="line", is_signed=False)
+    for _ in range(60):
+        bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
+    report = bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8), set_points=(1.0, 3.0, 3.0))
+    assert report.wheels[0].reason == "braking: the sign of the current is unknown"
+    assert [wheel.valid for wheel in report.wheels] == [False, True, True]
+    assert not bench.slip.knows_force
+
+
+def test_effort_beyond_the_training_range_is_flagged_and_held() -> None:
+    bench = Bench(use="line")
+    for _ in range(60):
+        report = bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 2.0))
+    assert [wheel.valid for wheel in report.wheels] == [True, True, False]
+    assert report.wheels[2].reason == "current_a of 2 is outside the training range"
+    assert report.wheels[2].slip == pytest.approx(0.75)
+    assert not bench.told.is_sure
+
+
+def test_a_slip_that_cannot_be_found_decays_to_that_of_the_surface() -> None:
+    bench = Bench(use="line")
+    for _ in range(100):
+        bench.step((3.0, 3.0, 3.0), (1.4, 1.4, 1.4))
+    held = []
+    for _ in range(round(HOLD_S / PERIOD_S)):
+        report = bench.step((3.0, 3.0, 3.0), (None, 1.4, 1.4))
+        held.append(report.wheels[0].slip)
+    assert (report.wheels[0].valid, report.wheels[0].reason) == (False, "no current")
+    assert held[0] == pytest.approx(0.7, abs=0.01)
+    assert held[-1] - PRIOR == pytest.approx((0.7 - PRIOR) / math.e, rel=0.02)
+    assert report.wheels[1].slip == pytest.approx(0.7, abs=1e-3)
+    for _ in range(500):
+        report = bench.step((3.0, 3.0, 3.0), (None, 1.4, 1.4))
+    assert report.wheels[0].slip == pytest.approx(PRIOR, abs=1e-3)
+
+
+def test_a_slow_wheel_is_held_too() -> None:
+    bench = Bench(use="line")
+    for _ in range(100):
+        bench.step((3.0, 3.0, 3.0), (1.0, 1.0, 1.0))
+    for _ in range(60):
+        report = bench.step((3.0, 3.0, 0.3), (1.0, 1.0, 1.0))
+    assert report.wheels[2].reason == "wheel too slow"
+    assert PRIOR < report.wheels[2].slip < 0.5
+
+
+def test_the_slip_of_a_recognised_surface_is_kept_while_the_force_is_unknown() -> None:
+    bench = Bench()
+    bench.drive(25.0, 3.0)
+    report = bench.drive(25.0, 2.0, fault={1: None})
+    assert {wheel.reason for wheel in report.wheels} == {"no current"}
+    assert not any(wheel.valid for wheel in report.wheels)
+    assert not bench.told.is_sure
+    assert [wheel.slip for wheel in report.wheels] == pytest.approx([0.5] * 3, abs=0.01)
+
+
+def test_a_window_with_a_gap_is_begun_again() -> None:
+    bench = Bench()
+    bench.drive(25.0, 0.4)
+    bench.drive(25.0, PERIOD_S, fault={1: None})
+    assert bench.drive(25.0, 0.4).surface is None
+    assert bench.drive(25.0, 0.2).surface == "soft"
+
+
+def test_a_stuck_wheel_slips_by_one() -> None:
+    bench = Bench(use="line")
+    for _ in range(50):
+        bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
+    reasons = []
+    for _ in range(50):
+        report = bench.step((0.0, 3.0, 3.0), (2.5, 0.8, 0.8), set_points=(3.0, 3.0, 3.0))
+        reasons.append(report.wheels[0].reason)
+    assert (report.wheels[0].slip, report.wheels[0].valid, reasons[-1]) == (1.0, False, "stuck")
+    assert report.wheels[0].paper_torque_nm > 0.1  # a stalled wheel does not report "no effort"
+    assert [wheel.valid for wheel in report.wheels[1:]] == [True, True]
+    # Its filtered speed takes a while to fall below one step, and then it may still be starting.
+    assert STUCK_AFTER_S < reasons.index("stuck") * PERIOD_S < STUCK_AFTER_S + 0.5
+    report = bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
+    assert report.wheels[0].reason != "stuck"
+
+
+def test_a_stuck_wheel_is_noticed_with_every_map() -> None:
+    for use in ("surfaces", "yaw_probe"):
+        bench = Bench(use=use)
+        for _ in range(80):
+            report = bench.step((0.0, 0.0, 0.0), (2.5, 0.1, 0.1), set_points=(3.0, 0.0, 0.0))
+        assert [wheel.reason == "stuck" for wheel in report.wheels] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("speed", "current_a", "set_point"),
+    [(0.35, 2.5, 3.0), (0.0, 0.3, 3.0), (0.0, 2.5, 0.3), (0.0, None, 3.0)],
+    ids=["slow but turning", "no effort", "told to stand", "current unknown"],
+)
+def test_other_wheels_are_not_stuck(speed: float, current_a: float | None, set_point: float) -> None:
+    bench = Bench(use="line")
+    for _ in range(100):
+        report = bench.step((speed, 3.0, 3.0), (current_a, 0.8, 0.8), set_points=(set_point, 3.0, 3.0))
+        assert report.wheels[0].reason != "stuck"
+    assert not report.wheels[0].valid
+    assert report.wheels[0].slip < 1.0
+
+
+def test_without_any_current_nothing_is_valid() -> None:
+    bench = Bench()
+    report = bench.drive(5.0, 2.0, fault={0: None, 1: None, 2: None})
+    assert {(wheel.valid, wheel.reason, wheel.slip) for wheel in report.wheels} == {
+        (False, "no current", PRIOR)
+    }
+    assert report.surface is None
+    assert not bench.slip.knows_force
+
+
+@pytest.mark.parametrize("current_a", [None, math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("use", ["surfaces", "line"])
+def test_one_current_missing_from_the_start(use: str, current_a: float | None) -> None:
+    bench = Bench(use=use)
+    report = bench.drive(5.0, 2.0, fault={2: current_a})
+    assert (report.wheels[2].valid, report.wheels[2].reason) == (False, "no current")
+    assert all(math.isfinite(wheel.slip) and math.isfinite(wheel.current_a) for wheel in report.wheels)
+    assert not bench.slip.knows_force
+
+
+def test_a_current_that_is_not_finite_leaves_no_trace() -> None:
+    bench = Bench(use="line")
+    for _ in range(60):
+        bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
+    report = bench.step((3.0, 3.0, 3.0), (math.nan, 0.8, 0.8))
+    assert report.wheels[0].reason == "no current"
+    report = bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
+    assert report.wheels[0].valid
+    assert report.wheels[0].slip == pytest.approx(0.4, abs=0.01)
+
+
+@pytest.mark.parametrize("use", ["surfaces", "line"])
+def test_a_saturated_current_is_flagged(use: str) -> None:
+    bench = Bench(use=use)
+    bench.drive(25.0, 2.0)
+    report = bench.drive(25.0, 0.5, fault={0: 4.0})
+    assert (report.wheels[0].valid, report.wheels[0].reason) == (False, "current saturated")
+    assert not bench.slip.knows_force
+    assert not bench.told.is_sure
+
+
+def test_a_direction_outside_the_training_range_is_flagged() -> None:
+    bench = Bench(directions_rad=(0.0, 0.5))
+    assert bench.drive(5.0, 2.0, direction_rad=0.2).wheels[0].valid
+    report = bench.drive(5.0, 2.0, direction_rad=2.0)
+    assert not any(wheel.valid for wheel in report.wheels)
+    assert report.wheels[0].reason == "direction 115 deg is outside the training range"
+
+
+def shake(bench: Bench, lost: float, duration_s: float, *, has_gyro: bool = True) -> SlipReport:
+    """Go ahead with a shake of the yaw of which `lost` does not reach the body."""
+    for step in range(round(duration_s / PERIOD_S)):
+        rate_rad_s = 0.5 * math.sin(math.tau * PROBE.frequency_hz * step * PERIOD_S)
+        speeds = KINEMATICS.wheel_speeds(0.15, 0.0, rate_rad_s)
+        gyro_rate_rad_s = (1.0 - lost) * rate_rad_s + 0.02 if has_gyro else None
+        report = bench.step(speeds, (0.5, 0.0, -0.5), gyro_rate_rad_s=gyro_rate_rad_s)
+    return report
+
+
+def test_the_probe_tells_the_slip_of_all_wheels() -> None:
+    bench = Bench(use="yaw_probe")
+    report = shake(bench, 0.2, 3.0)
+    assert [wheel.slip for wheel in report.wheels] == pytest.approx([0.4] * 3, abs=1e-6)
+    assert all(wheel.valid for wheel in report.wheels)
+    assert bench.way.real == pytest.approx(3.0 * 0.15 * 0.6, rel=0.01)
+    assert report.drift_rad == 0.0
+
+
+def test_the_probe_needs_no_currents_but_a_gyro() -> None:
+    bench = Bench(use="yaw_probe")
+    shake(bench, 0.2, 2.0)
+    report = shake(bench, 0.2, 2.0, has_gyro=False)
+    assert {wheel.reason for wheel in report.wheels} == {"too few readings of the gyro"}
+    assert PRIOR < report.wheels[0].slip < 0.35
+
+
+def test_a_share_beyond_the_table_of_the_probe_is_flagged() -> None:
+    report = shake(Bench(use="yaw_probe"), 0.8, 2.0)
+    assert {(wheel.slip, wheel.valid) for wheel in report.wheels} == {(1.0, False)}
+    assert report.wheels[0].reason == "lost share of 0.80 is outside the training range"
+
+
+def test_only_a_probe_shakes() -> None:
+    assert Bench(use="yaw_probe").slip.probe is not None
+    assert Bench(use="surfaces").slip.probe is None
+    assert Bench(use="line").slip.probe is None
+
+
+def test_stale_currents_are_none() -> None:
+    bench = Bench(use="line")
+    for _ in range(60):
+        bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
+    bench.t_ns -= 10_000 * MS
+    report = bench.step((3.0, 3.0, 3.0), (0.1, 0.1, 0.1))
+    assert {(wheel.valid, wheel.reason) for wheel in report.wheels} == {(False, "no current")}
+    assert report.wheels[0].slip == pytest.approx(0.4, abs=0.01)
+
+
+def test_a_clock_that_goes_backwards_moves_nothing() -> None:
+    compensator = Bench(use="line").slip
+    estimator = Estimator(KINEMATICS, FilterSettings(), 12.0, ROLES, compensator)
+
+    def advance(t_ns: int, angle_rad: float) -> tuple[float, float]:
+        for wheel in range(3):
+            estimator.take(
+                WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=angle_rad, current_a=0.8),
+                t_ns,
+            )
+        estimator.advance(t_ns, (3.0, 3.0, 3.0))
+        estimate = estimator.estimate(t_ns)
+        return estimate.yaw_rad, estimate.x_m
+
+    for step in range(1, 60):
+        before = advance(step * 20 * MS, 0.06 * step)
+    report = compensator.report
+    assert before[0] > 0.1
+    for step in range(1, 50):
+        assert advance(step * 20 * MS, 9.0 + step) == before
+    assert compensator.report is report
+
+
+values = st.floats(-20.0, 20.0)
+readings = st.tuples(st.tuples(values, values, values), st.tuples(*[st.none() | st.floats()] * 3), values)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(readings, max_size=60), st.sampled_from(("surfaces", "line", "yaw_probe")), st.booleans())
+def test_whatever_arrives_slips_are_slips(
+    arrived: list[tuple[tuple[float, ...], tuple[float | None, ...], float]], use: str, is_signed: bool
+) -> None:
+    bench = Bench(use=use, is_signed=is_signed)
+    for speeds, currents, gyro_rate_rad_s in arrived:
+        report = bench.step(speeds, currents, gyro_rate_rad_s=gyro_rate_rad_s)
+        assert all(-1.0 <= wheel.slip <= 1.0 for wheel in report.wheels)
+        assert all(wheel.valid is not bool(wheel.reason) for wheel in report.wheels)
+        assert bench.told.is_sure == all(wheel.valid for wheel in report.wheels)
+        assert math.isfinite(abs(bench.way))

@@ -1,0 +1,163 @@
+"""The share of the shake that is lost, from signals of which it is known."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from controllers.yaw_probe import WINDOW_S, Shake, YawProbe, YawProbeMap, range_problem, slip_of
+from tests.controllers.slip_maps import PROBE
+
+PERIOD_S = 0.02
+
+
+def shake(
+    lost: float,
+    *,
+    amplitude_rad_s: float = 0.5,
+    phase_rad: float = 0.3,
+    delay_rad: float = 0.4,
+    bias_rad_s: float = 0.0,
+    trend_rad_s2: float = 0.0,
+    noise_rad_s: float = 0.0,
+    period_s: float = PERIOD_S,
+    seed: int = 0,
+) -> Shake:
+    """Return what the first full window tells of a gyro that follows the wheels by 1 - lost."""
+    probe, rng = YawProbe(PROBE), np.random.default_rng(seed)
+    for step in range(1, 200):
+        t_s = step * period_s
+        angle = math.tau * PROBE.frequency_hz * t_s + phase_rad
+        slow_rad_s = trend_rad_s2 * t_s
+        wheels = amplitude_rad_s * math.sin(angle) + slow_rad_s
+        gyro = (1.0 - lost) * amplitude_rad_s * math.sin(angle - delay_rad) + slow_rad_s + bias_rad_s
+        noise = noise_rad_s * rng.normal(size=2)
+        found = probe.step(period_s, wheels + noise[0], gyro + noise[1])
+        if found is not None:
+            return found
+    raise AssertionError("no window became full")
+
+
+@given(
+    lost=st.floats(-0.2, 1.0),
+    phase_rad=st.floats(-math.pi, math.pi),
+    delay_rad=st.floats(-1.0, 1.0),
+    bias_rad_s=st.floats(-0.5, 0.5),
+    trend_rad_s2=st.floats(-0.5, 0.5),
+)
+def test_the_lost_share_is_found_whatever_the_phase_bias_and_trend(
+    lost: float, phase_rad: float, delay_rad: float, bias_rad_s: float, trend_rad_s2: float
+) -> None:
+    found = shake(
+        lost, phase_rad=phase_rad, delay_rad=delay_rad, bias_rad_s=bias_rad_s, trend_rad_s2=trend_rad_s2
+    )
+    assert found.reason == ""
+    assert found.lost == pytest.approx(lost, abs=1e-6)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3, 0.8])
+def test_noise_leaves_the_share_right_on_average(lost: float) -> None:
+    found = [shake(lost, noise_rad_s=0.05, seed=seed) for seed in range(60)]
+    assert all(each.reason == "" for each in found)
+    values = np.array([each.lost for each in found])
+    assert values.mean() == pytest.approx(lost, abs=0.02)
+    # Least squares over 25 readings: 0.05 sqrt(2 / 25) / 0.5 = 0.028 for the gyro, alike for the wheels.
+    assert values.std() < 0.045
+
+
+def test_wheels_that_do_not_shake_tell_nothing() -> None:
+    assert shake(0.3, amplitude_rad_s=0.1).reason == "the wheels do not shake as asked"
+    assert shake(0.3, amplitude_rad_s=0.0, trend_rad_s2=1.0).reason == "the wheels do not shake as asked"
+
+
+def test_a_yaw_rate_that_changes_otherwise_tells_nothing() -> None:
+    assert shake(0.3, noise_rad_s=0.6).reason == "the yaw rate changes too much besides the shake"
+
+
+def test_few_readings_tell_nothing() -> None:
+    assert shake(0.3, period_s=0.1).reason == "too few readings of the gyro"
+    probe = YawProbe(PROBE)
+    found = [probe.step(PERIOD_S, math.sin(step), None) for step in range(26)]
+    (only,) = [each for each in found if each is not None]
+    assert only.reason == "too few readings of the gyro"
+
+
+def test_a_window_begins_where_the_one_before_ended() -> None:
+    probe = YawProbe(PROBE)
+    ends = [
+        step * PERIOD_S
+        for step in range(1, 101)
+        if probe.step(PERIOD_S, math.sin(math.tau * 5.0 * step * PERIOD_S), 0.0) is not None
+    ]
+    assert np.diff(ends) == pytest.approx([WINDOW_S] * (len(ends) - 1), abs=PERIOD_S)
+    assert len(ends) >= 3
+
+
+def test_a_window_holds_nothing_of_the_one_before() -> None:
+    probe = YawProbe(PROBE)
+    found = []
+    for step in range(1, 101):
+        angle = math.tau * PROBE.frequency_hz * step * PERIOD_S
+        share = 1.0 if step * PERIOD_S <= 1.0 else 0.4
+        found.append(probe.step(PERIOD_S, 0.5 * math.sin(angle), 0.5 * share * math.sin(angle)))
+    told = [each.lost for each in found if each is not None]
+    assert (told[0], told[-1]) == pytest.approx((0.0, 0.6), abs=1e-6)
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(
+        st.tuples(st.floats(0.001, 0.2), st.floats(-50, 50), st.none() | st.floats(-50, 50)), max_size=80
+    )
+)
+def test_whatever_is_read_the_answer_is_finite_or_has_a_reason(
+    readings: list[tuple[float, float, float | None]],
+) -> None:
+    probe = YawProbe(PROBE)
+    for reading in readings:
+        found = probe.step(*reading)
+        if found is not None:
+            assert math.isfinite(found.lost)
+            assert found.lost <= 1.0
+
+
+def test_the_shake_has_the_asked_amplitude_and_frequency() -> None:
+    probe = YawProbe(PROBE)
+    t_s = np.arange(0.0, 1.0, 1e-3)
+    rates = np.array([probe.yaw_rate_rad_s(float(t)) for t in t_s])
+    spectrum = np.abs(np.fft.rfft(rates)) * 2.0 / len(t_s)
+    assert int(spectrum.argmax()) == 5
+    assert spectrum.max() == pytest.approx(PROBE.amplitude_rad_s, rel=1e-3)
+
+
+def test_slip_is_held_and_flagged_beyond_the_table() -> None:
+    assert [slip_of(PROBE, lost) for lost in (-0.3, 0.0, 0.25, 0.5, 0.9)] == [0.0, 0.0, 0.5, 1.0, 1.0]
+    assert [range_problem(PROBE, lost, 0.1j) for lost in (0.0, 0.25, 0.5)] == ["", "", ""]
+    assert range_problem(PROBE, 0.9, 0.1j) == "lost share of 0.90 is outside the training range"
+    assert range_problem(PROBE, -0.3, 0.1j) == "lost share of -0.30 is outside the training range"
+
+
+@pytest.mark.parametrize(
+    ("travelled_m", "problem"),
+    [
+        (0.1, ""),
+        (0.1 * 1j, "direction 90 deg is outside the training range"),
+        (0.01j, ""),
+        (0.4, "speed 0.8 m/s is outside the training range"),
+    ],
+)
+def test_other_travel_than_that_of_the_drives_is_flagged(travelled_m: complex, problem: str) -> None:
+    probe = PROBE.model_copy(update={"directions_rad": (0.0, math.pi)})
+    assert range_problem(probe, 0.2, travelled_m) == problem
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("frequency_hz", 1.0), ("amplitude_rad_s", 5.0), ("lost", (0.5, 0.0)), ("slips", (1.0, 0.0))],
+)
+def test_maps_out_of_range_are_refused(key: str, value: object) -> None:
+    with pytest.raises(ValidationError, match=key):
+        YawProbeMap.model_validate({**PROBE.model_dump(), key: value})

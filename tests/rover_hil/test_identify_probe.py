@@ -1,0 +1,145 @@
+"""`rover-hil identify probe` on logs whose slip is twice the share of the shake that is lost."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from controllers.kinematics import OmniKinematics
+from controllers.yaw_probe import slip_of
+from drivers.errors import ConfigError, LogError
+from drivers.samples import RateSample, Sample, WheelSample
+from rover_hil.command_line.app import app
+from rover_hil.command_line.identify_probe import identify_probe
+from rover_hil.config import load_config
+from rover_hil.identify.run_data import ROBOTINO
+from rover_hil.identify.slip_map_file import read_slip_map
+from rover_hil.recording.log_writer import LogWriter
+
+PERIOD_S = 0.02
+SHARES = (0.0, 0.1, 0.2, 0.3, 0.4)
+STRETCH_S = 6.0
+SPEED_M_S = 0.15
+
+
+def write_shaken_drive(
+    path: Path,
+    *,
+    has_gyro: bool = True,
+    amplitude_rad_s: float = 0.5,
+    shares: tuple[float, ...] = SHARES,
+    stretch_s: float = STRETCH_S,
+    seed: int = 1,
+) -> Path:
+    """Write a drive to the left with a shake; on each stretch another share of it is lost."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    config_json = load_config("robotino").model_dump_json(by_alias=True).encode()
+    kinematics, rng = OmniKinematics(ROBOTINO), np.random.default_rng(seed)
+    position_rad = np.zeros(3)
+    place, yaw_rad = 0j, 0.7
+    with LogWriter(path, 1_000_000_000, config_json, {}, "virtual") as log:
+        for step in range(1, round(len(shares) * stretch_s / PERIOD_S)):
+            t_ns, t_s = 1_000_000_000 + round(step * PERIOD_S * 1e9), step * PERIOD_S
+            lost = shares[int(t_s / stretch_s)] + 0.01 * float(rng.normal())
+            rate_rad_s = amplitude_rad_s * math.sin(math.tau * 5.0 * t_s)
+            position_rad += PERIOD_S * np.array(kinematics.wheel_speeds(0.0, SPEED_M_S, rate_rad_s))
+            turn_rad = (1.0 - lost) * rate_rad_s * PERIOD_S
+            place += 1j * SPEED_M_S * (1.0 - 2.0 * lost) * PERIOD_S * np.exp(1j * (yaw_rad + 0.5 * turn_rad))
+            yaw_rad += turn_rad
+            samples: list[Sample] = [
+                WheelSample(device="board", t_ns=t_ns, wheel=wheel, position_rad=float(angle), current_a=0.5)
+                for wheel, angle in enumerate(position_rad)
+            ]
+            if has_gyro:
+                samples.append(RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=turn_rad / PERIOD_S + 0.03))
+            log.samples(t_ns, samples)
+            truth = {"t_ns": t_ns, "x_m": place.real, "y_m": place.imag, "yaw_rad": yaw_rad}
+            log.write_json("/truth", t_ns, truth)
+    return path
+
+
+def identify(logs: list[Path], out: Path, **changes: float) -> int:
+    shake = {"amplitude_rad_s": 0.5, "frequency_hz": 5.0, **changes}
+    return identify_probe(logs, maps="robotino", out=out, as_json=True, **shake)
+
+
+def test_the_law_of_the_drives_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for seed in (1, 2):
+        write_shaken_drive(tmp_path / "drives" / f"{seed}" / "run.mcap", seed=seed)
+    out = tmp_path / "map.toml"
+    assert identify([tmp_path / "drives"], out) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["logs"] == 2
+    found = read_slip_map(str(out))
+    assert found.yaw_probe is not None
+    assert found.yaw_probe.source == "drives in drives"
+    assert (found.yaw_probe.amplitude_rad_s, found.yaw_probe.frequency_hz) == (0.5, 5.0)
+    for lost in (0.1, 0.2, 0.3):
+        assert slip_of(found.yaw_probe, lost) == pytest.approx(2.0 * lost, abs=0.03)
+    # What is left are the windows over two stretches.
+    assert found.yaw_probe.slip_sd < 0.06
+    shipped = read_slip_map("robotino")
+    assert found.model_copy(update={"yaw_probe": None}) == shipped.model_copy(update={"yaw_probe": None})
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_command(tmp_path: Path) -> None:
+    write_shaken_drive(tmp_path / "drives" / "run.mcap", stretch_s=12.0)
+    arguments = ["identify", "probe", str(tmp_path / "drives"), "--out", str(tmp_path / "map.toml")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0
+    assert "slip follows the lost share of the shake with a scatter of 0.0" in " ".join(result.output.split())
+    assert read_slip_map(str(tmp_path / "map.toml")).yaw_probe is not None
+
+
+def test_an_existing_file_is_kept(tmp_path: Path) -> None:
+    out = tmp_path / "map.toml"
+    out.write_text("mine", encoding="utf-8")
+    with pytest.raises(ConfigError, match="never overwritten"):
+        identify([tmp_path], out)
+    assert out.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_log_without_a_gyro_is_refused(tmp_path: Path) -> None:
+    log = write_shaken_drive(tmp_path / "run.mcap", has_gyro=False, shares=(0.1,))
+    with pytest.raises(LogError, match="no yaw rates of its gyro"):
+        identify([log], tmp_path / "map.toml")
+    assert not (tmp_path / "map.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("drive", "message"),
+    [
+        ({"amplitude_rad_s": 0.0}, "1 runs give 0 windows with a shake, fewer than 100: drive more"),
+        ({"stretch_s": 2.0}, "windows with a shake, fewer than 100: drive more"),
+    ],
+)
+def test_too_little_shaking_is_refused(tmp_path: Path, drive: dict[str, float], message: str) -> None:
+    log = write_shaken_drive(tmp_path / "run.mcap", **drive)  # type: ignore[arg-type]
+    with pytest.raises(LogError, match=message):
+        identify([log], tmp_path / "map.toml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"amplitude_rad_s": 50.0}, "--amplitude 50: Input should be less than or equal to 2"),
+        ({"frequency_hz": 0.5}, "--frequency 0.5: Input should be greater than or equal to 2"),
+    ],
+)
+def test_a_shake_out_of_range_is_refused(tmp_path: Path, changes: dict[str, float], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        identify([tmp_path], tmp_path / "map.toml", **changes)
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    out = tmp_path / "map.toml"
+    (tmp_path / "run.csv").write_text("a;b\n", encoding="utf-8")
+    for logs in ([tmp_path / "run.csv"], [tmp_path / "none"]):
+        with pytest.raises(LogError):
+            identify(logs, out)
+    with pytest.raises(ConfigError, match="cannot read slip map"):
+        identify_probe([tmp_path], maps="none", amplitude_rad_s=0.5, frequency_hz=5.0, out=out, as_json=True)

@@ -1,0 +1,78 @@
+"""Slip-compensated odometry of our own logs."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controllers.scomp.odometry import estimate_track
+from controllers.scomp.parameters import ScompParameters
+from drivers.errors import LogError
+from rover_hil.command_line.run import run_virtual
+from rover_hil.config import Config, load_config
+from rover_hil.recording.log_reader import LogReader
+from rover_hil.scomp.files import ReadDrive, read_drive
+
+DRIVE_S = 12.0
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive of the simulated four-wheel rover up a slope, with a mound on its left."""
+    table = load_config("el-dorado").model_dump(by_alias=True)
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    run_virtual(Config.model_validate(table), path, DRIVE_S, None)
+    return path
+
+
+def truths(path: Path) -> dict[str, np.ndarray]:
+    names = ("t_ns", "x_m", "y_m", "yaw_rad", "pitch_rad", "roll_rad")
+    records = [
+        json.loads(message.data) for message in LogReader(path).messages() if message.topic == "/truth"
+    ]
+    return {name: np.array([record[name] for record in records], dtype=float) for name in names}
+
+
+def at_rows(path: Path, source: ReadDrive, name: str) -> np.ndarray:
+    truth = truths(path)
+    t_s = (truth["t_ns"] - LogReader(path).start_ns) / 1e9
+    rows: np.ndarray = np.interp(source.drive.t_s, t_s, truth[name])
+    return rows
+
+
+def test_sensors_come_in_the_units_of_the_csv(log: Path) -> None:
+    source = read_drive(log)
+    drive = source.drive
+    assert source.rover is not None
+    assert source.rover.wheel_radius_m == 0.092
+    assert drive.pitch_rad is not None
+    assert drive.roll_rad is not None
+    assert drive.gyro_rad_s is not None
+    assert drive.compass_rad is not None
+    # The house counts a lowered nose as positive, the CSV a raised one: this rover climbs.
+    assert float(drive.pitch_rad.mean()) > 0.05
+    assert drive.pitch_rad == pytest.approx(-at_rows(log, source, "pitch_rad"), abs=0.03)
+    assert drive.roll_rad == pytest.approx(at_rows(log, source, "roll_rad"), abs=0.03)
+    new = np.isfinite(drive.compass_rad)
+    assert 0.05 < new.mean() < 0.2
+    off = drive.compass_rad[new] - at_rows(log, source, "yaw_rad")[new]
+    assert np.degrees(np.std(off)) < 1.5
+
+
+def test_the_path_counts_the_slip(log: Path) -> None:
+    source = read_drive(log)
+    assert source.rover is not None
+    result = estimate_track(source.drive, ScompParameters(rover=source.rover))
+    x_m = at_rows(log, source, "x_m")
+    rolled_m = 0.092 * float(source.drive.wheel_rad[-1])
+    assert abs(result.track.x_m[-1] - x_m[-1]) < 2.5 * result.track.sigma_x_m[-1]
+    assert result.track.x_m[-1] < 0.95 * rolled_m
+    assert [note for note in result.notes if note.startswith("no trace")]
+
+
+def test_a_rover_with_three_wheels_has_no_trace_to_follow(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_virtual(load_config("robotino"), path, 0.5, None)
+    with pytest.raises(LogError, match="four wheels"):
+        read_drive(path)

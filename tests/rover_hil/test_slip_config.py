@@ -1,0 +1,111 @@
+"""[slip] in a configuration: every mistake is one sentence."""
+
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import ConfigError
+from rover_hil.config import Config, load_config, load_slip_map, shipped_configs
+
+CONFIGS = Path(__file__).parents[2] / "rover_hil" / "configs"
+SLIP = '[slip]\nmaps = "robotino"\nuse = "yaw_probe"\n'
+
+
+def edited(tmp_path: Path, *changes: tuple[str, str], name: str = "robotino") -> str:
+    text = (CONFIGS / f"{name}.toml").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "edited.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def message_of(path: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_the_shipped_rover_shakes_and_carries_its_maps() -> None:
+    assert "robotino" in shipped_configs()
+    slip = load_config("robotino").slip
+    assert slip is not None
+    assert slip.use == "yaw_probe"
+    assert slip.maps.yaw_probe is not None
+    assert {surface.name for surface in slip.maps.surfaces.surfaces} >= {"table_surface", "green_surface"}
+
+
+@pytest.mark.parametrize("use", ["surfaces", "yaw_probe", "linear_m", "isotonic_torque"])
+def test_every_shipped_map_can_be_used_and_survives_the_log(tmp_path: Path, use: str) -> None:
+    config = load_config(edited(tmp_path, ('use = "yaw_probe"', f'use = "{use}"')))
+    assert config.slip is not None
+    assert config.slip.use == use
+    assert Config.model_validate_json(config.model_dump_json(by_alias=True)) == config
+
+
+@pytest.mark.parametrize(
+    ("slip", "words"),
+    [
+        (
+            '[slip]\nmaps = "robotino"\nuse = "linear"\n',
+            "slip: use is 'linear', but the maps hold surfaces, yaw_probe, linear_m",
+        ),
+        (
+            '[slip]\nmaps = "robotino"\nknown_surfaces = ["ice"]\n',
+            "slip: known_surfaces has 'ice', but the map knows blue_surface, brown_surface",
+        ),
+        ('[slip]\nmaps = "none.toml"\n', "cannot read slip map none.toml: No such file or directory"),
+        ("[slip]\n", "slip.maps: this key is missing; add it"),
+        ('[slip]\nmap = "robotino"\n', "slip.map: unknown key; did you mean maps?"),
+        (
+            '[slip]\nmaps = "robotino"\n[slip.torque_correction]\nmatrix = "printed"\n',
+            "slip.torque_correction.matrix: input should be 'dual' or 'as_printed', got 'printed'",
+        ),
+        (
+            '[slip]\nmaps = "robotino"\n[slip.torque_correction]\nbound_rad_s = 50\n',
+            "slip.torque_correction.bound_rad_s: input should be less than or equal to 5, got 50",
+        ),
+    ],
+)
+def test_mistakes_are_one_sentence(tmp_path: Path, slip: str, words: str) -> None:
+    assert words in message_of(edited(tmp_path, (SLIP, slip)))
+
+
+def test_a_map_file_with_a_mistake_names_the_key(tmp_path: Path) -> None:
+    shipped = (CONFIGS.parent / "slip_maps" / "robotino.toml").read_text(encoding="utf-8")
+    broken = tmp_path / "broken.toml"
+    broken.write_text(shipped.replace("gear_ratio = 16.0", "gear_ratio = 0.0"), encoding="utf-8")
+    message = message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{broken}"')))
+    assert "slip.maps.motor.gear_ratio: input should be greater than or equal to 1, got 0.0" in message
+    broken.write_text("gear_ratio = ", encoding="utf-8")
+    assert "is no valid TOML" in message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{broken}"')))
+
+
+def test_maps_without_a_probe_cannot_be_probed(tmp_path: Path) -> None:
+    shipped = (CONFIGS.parent / "slip_maps" / "robotino.toml").read_text(encoding="utf-8")
+    start, end = shipped.index("[yaw_probe]"), shipped.index("[cross_validation]")
+    plain = tmp_path / "plain.toml"
+    plain.write_text(shipped[:start] + shipped[end:], encoding="utf-8")
+    assert "yaw_probe" not in load_slip_map(str(plain))
+    message = message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{plain}"')))
+    assert "slip: use is 'yaw_probe', but the maps hold surfaces, linear_m" in message
+
+
+def test_the_probe_needs_a_gyro(tmp_path: Path) -> None:
+    without = ('gyro = "imu"\n', "")
+    message = message_of(edited(tmp_path, without))
+    assert "slip.use is 'yaw_probe', which needs a gyro: name one in roles.gyro, or use 'surfaces'" in message
+    assert load_config(edited(tmp_path, without, ('use = "yaw_probe"', 'use = "surfaces"'))).slip is not None
+
+
+def test_a_skid_steer_rover_has_no_maps(tmp_path: Path) -> None:
+    message = message_of(
+        edited(tmp_path, ("[limits]", '[slip]\nmaps = "robotino"\n\n[limits]'), name="el-dorado")
+    )
+    assert (
+        "slip: its maps are of three omnidirectional wheels, but rover.kinematics is 'skid_steer_4'"
+        in message
+    )
