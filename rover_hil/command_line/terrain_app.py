@@ -128,7 +128,7 @@ def terrain_papers(
 @terrain_app.command("fit")
 def terrain_fit(
     data: Annotated[
-        Path, typer.Argument(help="Folder of the CMU single-wheel test bed; see docs/terrain.md.")
+        Path, typer.Argument(help="Folder of plate and wheel tests; docs/terrain.md says which files.")
     ],
     wheel: Annotated[str, typer.Option(help="The wheel of the tests.")] = "cmu_smooth",
     soil: Annotated[str, typer.Option(help="Start values: a soil file, or its name.")] = "cmu_sand_blind",
