@@ -9,6 +9,8 @@ DATA_FILES = {
     "rover_hil/configs/robotino.toml",
     "rover_hil/configs/el-dorado.toml",
     "rover_hil/report/report.html",
+    "rover_hil/rigs/el-dorado.json",
+    "rover_hil/scomp_parameters/el-dorado.toml",
     "rover_hil/slip_maps/robotino.toml",
     "rover_hil/terrain/report.html",
     "rover_hil/tune/report.html",

@@ -23,7 +23,7 @@ from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import MessageWriter
 from drivers.can_wheels.settings import CanWheelsSettings
-from drivers.clock import NANOSECONDS_PER_SECOND, SystemClock, cpu_time_ns, nanoseconds
+from drivers.clock import NANOSECONDS_PER_SECOND, SystemClock, nanoseconds, stopwatch_ns
 from drivers.driver import WheelDrive
 from drivers.link import Received
 from drivers.samples import WheelCommand, WheelSample
@@ -119,10 +119,10 @@ def cost_us(call: Callable[[], object]) -> float:
     """Return the cost of one call in microseconds, the best of several repeats."""
     costs_us = []
     for _ in range(REPEATS):
-        start_ns = cpu_time_ns()
+        start_ns = stopwatch_ns()
         for _ in range(CALLS):
             call()
-        costs_us.append((cpu_time_ns() - start_ns) / CALLS / 1000.0)
+        costs_us.append((stopwatch_ns() - start_ns) / CALLS / 1000.0)
     return min(costs_us)
 
 

@@ -86,6 +86,7 @@ class Rover:
         rig: Rear camera.
         compass_bias_deg: Constant error; `compass_deviation_deg` are factors of sin, cos, sin 2, cos 2.
         wheel_scale: Relative error of each wheel's speed.
+        tilt_bias_deg: How far the inclinometer's zero is off, in pitch and in roll.
     """
 
     plant: ElDoradoPlantSettings
@@ -94,6 +95,7 @@ class Rover:
     compass_bias_deg: float
     compass_deviation_deg: Floats
     wheel_scale: Floats
+    tilt_bias_deg: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +133,7 @@ def draw_rover(seed: int) -> Rover:
         compass_bias_deg=float(rng.normal(0, 1.0)),
         compass_deviation_deg=deviation,
         wheel_scale=rng.normal(0, 0.002, 4),
+        tilt_bias_deg=rng.normal(0, 0.3, 2),
     )
 
 
@@ -269,8 +272,8 @@ def _log(truths: list[Truth], motion: Motion, rover: Rover, rng: np.random.Gener
         **{f"enc{i + 1}_rad": np.round(turned[:, i] / 1e-3) * 1e-3 for i in range(4)},
         "compass_deg": _compass_deg(motion.yaw_rad, rover, rng)[rows],
         "gyro_z_deg_s": gyro + float(rng.normal(0, 0.15)) + 0.12 * rng.standard_normal(count),
-        "pitch_deg": -np.degrees(body_pitch)[rows] + 0.3 * rng.standard_normal(count),
-        "roll_deg": np.degrees(body_roll)[rows] + 0.3 * rng.standard_normal(count),
+        "pitch_deg": rover.tilt_bias_deg[0] - np.degrees(body_pitch)[rows] + 0.3 * rng.standard_normal(count),
+        "roll_deg": rover.tilt_bias_deg[1] + np.degrees(body_roll)[rows] + 0.3 * rng.standard_normal(count),
     }
 
 

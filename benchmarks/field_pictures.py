@@ -1,7 +1,7 @@
-"""Pictures of a field test: slip angle (figures 15, 17), slip (18, 20) and path (19, 21) of paper 000."""
+"""Pictures of a field test: path (figures 19, 21), slip angle (15, 17) and slip (18, 20) of paper 000."""
 
-import io
 from collections.abc import Mapping
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -10,59 +10,51 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from controllers.scomp.drive import Track
-from rover_hil.report.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
+from rover_hil.report.style import ENCODERS, ESTIMATE, GYRO, HEADINGS, STYLE, TRUTH, WIDTH_IN
 
 Floats = NDArray[np.float64]
-COLOURS = {"plain": ENCODERS, "compass": "#9b4dca", "scomp_paper": "#0f8a5f", "ours": ESTIMATE}
+NAMES = {
+    "plain": "plain",
+    "compass": "with compass",
+    "scomp_paper": "sComp as in the paper",
+    "ours": "ours",
+}
+COLOURS = {"plain": ENCODERS, "compass": GYRO, "scomp_paper": HEADINGS[0], "ours": ESTIMATE}
 LEAST_SPEED = 0.99
 """No slip angle is drawn where the slip is greater: the rover stands."""
+DOTS_PER_INCH = 110
 
 
-def field_pictures(tracks: Mapping[str, Track], truth: Mapping[str, Floats]) -> dict[str, str]:
-    """Return SVG texts by file name.
+def draw_test(tracks: Mapping[str, Track], truth: Mapping[str, Floats], path: Path) -> None:
+    """Write a picture of a test.
 
     Args:
         tracks: Of each odometry, by name.
         truth: Columns t_s, x_m, y_m, slip, slip_angle_rad of the drive.
+        path: PNG file.
     """
     moves = truth["slip"] < LEAST_SPEED
     with mpl.rc_context(STYLE):
-        figures = {name: _one(*labels) for name, labels in _LABELS.items()}
-        angle, slip, path = (figures[name][1] for name in _LABELS)
-        angle.plot(
-            truth["t_s"][moves], np.degrees(truth["slip_angle_rad"][moves]), color=TRUTH, label="truth"
-        )
-        slip.plot(truth["t_s"][moves], truth["slip"][moves], color=TRUTH, label="truth")
-        path.plot(truth["x_m"], truth["y_m"], color=TRUTH, label="truth")
+        figure = Figure(figsize=(WIDTH_IN, 8.4), layout="constrained")
+        way, angle, slip = figure.subplots(3, height_ratios=(1.2, 1.0, 1.0))
         for name, track in tracks.items():
-            colour = COLOURS[name]
-            path.plot(track.x_m, track.y_m, color=colour, label=name, linewidth=1.2)
+            way.plot(track.x_m, track.y_m, color=COLOURS[name], label=NAMES[name], linewidth=1.2)
             if name in ("scomp_paper", "ours"):
-                angle.plot(
-                    track.t_s, np.degrees(track.slip_angle_rad), color=colour, label=name, linewidth=1.0
-                )
-                slip.plot(track.t_s, track.slip, color=colour, label=name, linewidth=1.0)
-        path.set_aspect("equal", adjustable="datalim")
-        return {name: _svg(*found) for name, found in figures.items()}
+                degrees = np.degrees(track.slip_angle_rad)
+                angle.plot(track.t_s, degrees, color=COLOURS[name], label=NAMES[name], linewidth=1.0)
+                slip.plot(track.t_s, track.slip, color=COLOURS[name], label=NAMES[name], linewidth=1.0)
+        way.plot(truth["x_m"], truth["y_m"], color=TRUTH, label="truth")
+        degrees = np.degrees(truth["slip_angle_rad"][moves])
+        angle.plot(truth["t_s"][moves], degrees, color=TRUTH, label="truth")
+        slip.plot(truth["t_s"][moves], truth["slip"][moves], color=TRUTH, label="truth")
+        way.set_aspect("equal", adjustable="datalim")
+        _label(way, "x (m)", "y (m)")
+        _label(angle, "time (s)", "slip angle (deg)")
+        _label(slip, "time (s)", "slip ratio")
+        figure.savefig(path, dpi=DOTS_PER_INCH)
 
 
-_LABELS = {
-    "slip_angle.svg": ("time (s)", "slip angle (deg)"),
-    "slip.svg": ("time (s)", "slip ratio"),
-    "path.svg": ("x (m)", "y (m)"),
-}
-
-
-def _one(x_label: str, y_label: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
-    axes = figure.subplots()
+def _label(axes: Axes, x_label: str, y_label: str) -> None:
     axes.set_xlabel(x_label)
     axes.set_ylabel(y_label)
-    return figure, axes
-
-
-def _svg(figure: Figure, axes: Axes) -> str:
     axes.legend(fontsize="small")
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None})
-    return stream.getvalue()

@@ -106,7 +106,6 @@ def configure(version: Version, site: int, seed: int) -> Config:
     if version.fixes:
         table["devices"]["overhead"] = dict(CAMERA)
         table["roles"]["fixes"] = ["overhead"]
-        table["safety"]["settle_s"] = 2.5
     config = Config.model_validate(table)
     plant = RobotinoPlantSettings(type="robotino", site=random_site(np.random.default_rng(site)))
     assert config.simulation is not None

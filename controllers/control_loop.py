@@ -17,6 +17,7 @@ from controllers.safety import Mode, SafetySupervisor
 from controllers.settings import ControlSettings, OmniRoverSettings
 from controllers.slip_compensator import SlipCompensator, SlipReport
 from controllers.torque_correction import TorqueCorrection
+from controllers.trace_slip import DriftReport, TraceFinder, TraceSlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.samples import Sample, WheelCommand
@@ -38,6 +39,7 @@ class StepOutput:
         limit: Which limit the set-points met.
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
         slip: Slip of the wheels; None without slip compensation, and where no fresh motion of them is known.
+        drift: Slip and slip angle of the rover; None without compensation by trace and tilt, and likewise.
     """
 
     t_ns: int
@@ -51,6 +53,7 @@ class StepOutput:
     limit: Limit
     cross_track_m: float | None
     slip: SlipReport | None = None
+    drift: DriftReport | None = None
 
 
 class ControlLoop:
@@ -62,13 +65,16 @@ class ControlLoop:
         settings: Rover, noise, mission, limits and safety. Without a mission it observes: no device is
             required and the wheels get zero set-points.
         roles: Which device is what.
+        finder: Of the trace in the frames of `roles.camera`; None when they are not looked at.
 
     Raises:
         ConfigError: The mission does not fit the rover, or the wheel device is not required although there is
             a mission.
     """
 
-    def __init__(self, settings: ControlSettings, roles: DeviceRoles) -> None:
+    def __init__(
+        self, settings: ControlSettings, roles: DeviceRoles, finder: TraceFinder | None = None
+    ) -> None:
         kinematics = make_kinematics(settings.rover)
         mission = settings.mission
         if mission is not None and roles.wheels not in roles.required:
@@ -77,8 +83,18 @@ class ControlLoop:
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
         self._slip, self._correction = _make_slip(settings, kinematics)
+        trace_slip = settings.trace_slip
+        self._steers_against_drift = trace_slip is not None and trace_slip.steer_against_drift
+        self._trace_slip = (
+            None if trace_slip is None else TraceSlipCompensator(trace_slip, roles, kinematics, finder)
+        )
         self._estimator = Estimator(
-            kinematics, settings.filter, settings.limits.wheel_speed_rad_s, roles, self._slip
+            kinematics,
+            settings.filter,
+            settings.limits.wheel_speed_rad_s,
+            roles,
+            self._slip,
+            self._trace_slip,
         )
         self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
@@ -102,6 +118,7 @@ class ControlLoop:
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
         odometry = self._estimator.odometry
+        is_fresh = self._is_motion_fresh(now_ns)
         return StepOutput(
             t_ns=now_ns,
             mode=Mode.OBSERVING if self._follower is None else self._supervisor.mode,
@@ -113,14 +130,13 @@ class ControlLoop:
             command=WheelCommand(t_ns=now_ns, expires_ns=now_ns + self._expiry_ns, speed_rad_s=speed_rad_s),
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
-            slip=self._fresh_slip(now_ns),
+            slip=self._slip.report if self._slip is not None and is_fresh else None,
+            drift=self._trace_slip.take_report() if self._trace_slip is not None and is_fresh else None,
         )
 
-    def _fresh_slip(self, now_ns: int) -> SlipReport | None:
+    def _is_motion_fresh(self, now_ns: int) -> bool:
         motion_ns = self._estimator.motion_ns
-        if self._slip is None or motion_ns is None or now_ns - motion_ns > self._motion_age_ns:
-            return None
-        return self._slip.report
+        return motion_ns is not None and now_ns - motion_ns <= self._motion_age_ns
 
     def _guide(self, now_ns: int, estimate: PoseEstimate) -> Guidance | None:
         if self._follower is None:
@@ -133,7 +149,11 @@ class ControlLoop:
         supervisor.update(now_ns, estimate.is_finite, self._estimator.motion_ns, doubt)
         if supervisor.mode is not Mode.RUNNING:
             return None
-        guidance = self._follower.guide(Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad))
+        drift_rad = 0.0
+        if self._trace_slip is not None and self._steers_against_drift:
+            drift_rad = self._trace_slip.drift_rad
+        pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
+        guidance = self._follower.guide(pose, drift_rad)
         if guidance.finished:
             supervisor.finish()
         return guidance

@@ -9,6 +9,7 @@ from controllers.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
 from controllers.roles import DeviceRoles
 from controllers.settings import FilterSettings
 from controllers.slip_compensator import SlipCompensator
+from controllers.trace_slip import TraceSlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
     HeadingReference,
@@ -29,7 +30,8 @@ class Estimator:
         settings: Noise of the pose filter.
         wheel_speed_limit_rad_s: Greatest wheel set-point.
         roles: Which device is what.
-        slip: Takes the wheels' slip off their motion; None where they are taken to roll.
+        slip: Takes the wheels' slip off their motion by their effort; None where they are taken to roll.
+        trace_slip: The same by trace and tilt; one of the two at most.
 
     Attributes:
         odometry: The wheels' own account.
@@ -43,8 +45,11 @@ class Estimator:
         wheel_speed_limit_rad_s: float,
         roles: DeviceRoles,
         slip: SlipCompensator | None = None,
+        trace_slip: TraceSlipCompensator | None = None,
     ) -> None:
-        self._slip = slip
+        self._effort_slip = slip
+        self._trace_slip = trace_slip
+        self._slip = slip or trace_slip
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
@@ -61,6 +66,8 @@ class Estimator:
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
         device = sample.device
+        if self._trace_slip is not None:
+            self._trace_slip.feed(sample, t_ns)
         if isinstance(sample, WheelSample):
             if device == self._roles.wheels:
                 self._take_wheel(sample, t_ns)
@@ -84,8 +91,9 @@ class Estimator:
         """
         increment = self.odometry.take()
         if increment is not None and self._slip is not None:
+            gyro_rate_rad_s = self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
             increment = self._slip.compensate(
-                increment, set_speed_rad_s, self._gyro.rate_rad_s if self._gyro.is_fresh(now_ns) else None
+                increment, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
             )
         is_still = self.odometry.is_still(now_ns, self._settings.standstill_s)
         if increment is not None and self.odometry.t_ns is not None:
@@ -154,8 +162,8 @@ class Estimator:
     def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
         if sample.position_rad is not None:
             self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
-        if self._slip is not None:
-            self._slip.feed(sample, t_ns)
+        if self._effort_slip is not None:
+            self._effort_slip.feed(sample, t_ns)
 
     def _take_heading(self, sample: HeadingSample, t_ns: int) -> None:
         source = (sample.device, sample.reference)

@@ -107,6 +107,20 @@ class EffortFlag(StrEnum):
     CLOCK = "clock did not go forward"
 
 
+TORQUE_UNKNOWN = frozenset(
+    (
+        EffortFlag.NO_CURRENT,
+        EffortFlag.SATURATED,
+        EffortFlag.BRAKING,
+        EffortFlag.SIGN_CHANGE,
+        EffortFlag.CLOCK,
+    )
+)
+"""With one of these the torque of a wheel is not known. That of a slow one is."""
+
+SIGN_UNKNOWN = frozenset((EffortFlag.BRAKING, EffortFlag.SIGN_CHANGE))
+
+
 class WheelEffort(NamedTuple):
     """Effort of one wheel, from filtered current and speed.
 
@@ -123,6 +137,21 @@ class WheelEffort(NamedTuple):
     paper_torque_nm: float
     wheel_torque_nm: float
     flags: tuple[EffortFlag, ...]
+
+    @property
+    def unknown_torque(self) -> EffortFlag | None:
+        """Why the torque is not known; None where it is."""
+        return next((flag for flag in self.flags if flag in TORQUE_UNKNOWN), None)
+
+    @property
+    def unknown_work(self) -> EffortFlag | None:
+        """Why torque times speed is not known; None where it is.
+
+        That of a slow wheel is next to nothing, whichever sign its current has: a wheel that is to stand
+        trembles to and fro, and its sign is hardly ever known.
+        """
+        unknown = TORQUE_UNKNOWN - SIGN_UNKNOWN if EffortFlag.SLOW in self.flags else TORQUE_UNKNOWN
+        return next((flag for flag in self.flags if flag in unknown), None)
 
 
 class EffortObserver:

@@ -61,8 +61,14 @@ class PathFollower:
                 )
         self._index = 0
 
-    def guide(self, pose: Pose) -> Guidance:
-        """Return the velocity for `pose`, after going on to the next line where this one's end is reached."""
+    def guide(self, pose: Pose, drift_rad: float = 0.0) -> Guidance:
+        """Return the velocity for `pose`, after going on to the next line where this one's end is reached.
+
+        Args:
+            pose: Of the rover.
+            drift_rad: Angle from the rover's axis to the direction in which it really moves; a rover that
+                cannot move sideways is turned against it.
+        """
         cross_m, remaining_m = _locate(pose, self._lines[self._index])
         while remaining_m <= self._mission.position_tolerance_m:
             if self._index == len(self._lines) - 1:
@@ -75,9 +81,9 @@ class PathFollower:
                 )
             self._index += 1
             cross_m, remaining_m = _locate(pose, self._lines[self._index])
-        return self._steer(pose, cross_m, remaining_m)
+        return self._steer(pose, drift_rad, cross_m, remaining_m)
 
-    def _steer(self, pose: Pose, cross_m: float, remaining_m: float) -> Guidance:
+    def _steer(self, pose: Pose, drift_rad: float, cross_m: float, remaining_m: float) -> Guidance:
         mission = self._mission
         line_rad = _direction(self._lines[self._index])
         course_rad = line_rad - math.atan2(cross_m, mission.lookahead_m)
@@ -91,7 +97,7 @@ class PathFollower:
             turn_rad = wrap_angle(facing_rad - pose.yaw_rad)
             sideways_m_s = speed_m_s * math.sin(off_course_rad)
         else:
-            turn_rad, sideways_m_s = off_course_rad, 0.0
+            turn_rad, sideways_m_s = wrap_angle(off_course_rad - drift_rad), 0.0
             if abs(off_course_rad) > SPOT_TURN_RAD:
                 speed_m_s = 0.0
         limit_rad_s = mission.yaw_rate_limit_rad_s

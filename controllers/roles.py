@@ -16,6 +16,8 @@ class DeviceRoles:
         gyro: Its yaw rate turns the estimate.
         headings: Their headings correct the yaw.
         fixes: Their fixes correct the pose. They may be sparse, so they need not be required.
+        camera: Looks back at the trace of the rear left wheel. Without it the estimate is less sure, not
+            wrong, so it need not be required.
     """
 
     wheels: str
@@ -23,6 +25,7 @@ class DeviceRoles:
     gyro: str | None = None
     headings: tuple[str, ...] = ()
     fixes: tuple[str, ...] = ()
+    camera: str | None = None
 
     @property
     def motion_age_s(self) -> float:

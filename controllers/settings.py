@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, model_validator
 
 from controllers.slip_settings import SlipSettings
+from controllers.trace_slip_settings import TraceSlipSettings
 from drivers.settings import Settings
 
 WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
@@ -171,7 +172,7 @@ class SafetySettings(Settings):
 class ControlSettings(Settings):
     """The whole controller. Without a mission it only observes and the wheels get zero set-points.
 
-    Without `slip` the wheels are taken to roll.
+    Without `slip` (three omnidirectional wheels) or `trace_slip` (four wheels) the wheels are taken to roll.
     """
 
     rover: RoverSettings
@@ -180,6 +181,7 @@ class ControlSettings(Settings):
     safety: SafetySettings = SafetySettings()
     mission: MissionSettings | None = None
     slip: SlipSettings | None = None
+    trace_slip: TraceSlipSettings | None = None
 
     @model_validator(mode="after")
     def _check_slip(self) -> Self:
@@ -187,5 +189,10 @@ class ControlSettings(Settings):
             raise ValueError(
                 f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
                 f"'{self.rover.kinematics}': leave [slip] out"
+            )
+        if self.trace_slip is not None and not isinstance(self.rover, SkidSteerRoverSettings):
+            raise ValueError(
+                f"trace_slip: it is of a rover with four wheels, but rover.kinematics is "
+                f"'{self.rover.kinematics}': leave [trace_slip] out"
             )
         return self

@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from controllers.kinematics import BodyMotion, Kinematics
-from controllers.motor_model import SLOWEST_RAD_S, SPEED_STEP_RAD_S, EffortFlag, EffortObserver, WheelEffort
+from controllers.motor_model import SLOWEST_RAD_S, EffortFlag, EffortObserver, WheelEffort
 from controllers.odometry import BodyIncrement
 from controllers.settings import OmniRoverSettings
 from controllers.slip_map import wheel_slip
 from controllers.slip_settings import YAW_PROBE, SlipSettings
+from controllers.slip_sharing import share_slip
 from controllers.surface_classifier import NO_TRAVEL, SurfaceTracker, Travel
+from controllers.travel_range import direction_problem
 from controllers.yaw_probe import YawProbe, range_problem, slip_of
 from drivers.samples import WheelSample
 
@@ -25,16 +27,12 @@ STUCK_AFTER_S = 0.3
 STUCK_CURRENT = 2.0
 """Current of a stuck wheel, over the no-load current."""
 
-FORCE_UNKNOWN = frozenset(
-    (
-        EffortFlag.NO_CURRENT,
-        EffortFlag.SATURATED,
-        EffortFlag.BRAKING,
-        EffortFlag.SIGN_CHANGE,
-        EffortFlag.CLOCK,
-    )
-)
-"""With one of these on any wheel the drive force is not known. A slow wheel's torque is."""
+LEAST_SPEED_M_S = 0.02
+"""Slower travel has no direction."""
+
+STANDING_RAD_S = 0.02
+"""A stuck wheel turns no faster. Not the step of the speed field: with the droop of its speed loop, 0.4 rad/s
+per ampere, a loaded wheel creeps with 0.1 rad/s and moves the rover, and a slip of 1 would hide that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,9 +74,9 @@ class SlipReport:
 
 
 class _Judgement(NamedTuple):
-    """Slip of the whole rover; None where it can only be held. Valid where `reason` is empty."""
+    """Slips of the wheels; None where they can only be held. Valid where `reason` is empty."""
 
-    slip: float | None
+    slips: tuple[float, ...] | None
     drift_rad: float
     reason: str
 
@@ -119,7 +117,8 @@ class SlipCompensator:
         self._judgement = _Judgement(None, 0.0, "too little way so far")
         self._slips = [self._tracker.prior_slip] * count
         self._held = [self._tracker.prior_slip] * count
-        self._window_m = 0j
+        self._window_rad = [0.0] * count
+        self._window_s = 0.0
         self._told_m = 0j
 
     def feed(self, sample: WheelSample, t_ns: int) -> None:
@@ -132,9 +131,12 @@ class SlipCompensator:
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
-        rolled = [value * (1.0 - slip) for value, slip in zip(wheel_values, self._slips, strict=True)]
+        return self._moved(wheel_values, self._slips, self._judgement.drift_rad)
+
+    def _moved(self, wheel_values: Sequence[float], slips: Sequence[float], drift_rad: float) -> BodyMotion:
+        rolled = [value * (1.0 - slip) for value, slip in zip(wheel_values, slips, strict=True)]
         x, y, turn = self._kinematics.body_motion(rolled)
-        moved = complex(x, y) * cmath.rect(1.0, self._judgement.drift_rad)
+        moved = complex(x, y) * cmath.rect(1.0, drift_rad)
         return moved.real, moved.imag, turn
 
     def compensate(
@@ -147,7 +149,7 @@ class SlipCompensator:
         Args:
             increment: Of the wheels, as if they rolled.
             set_speed_rad_s: Set-points of the wheels in that time.
-            gyro_rate_rad_s: Newest yaw rate of the gyro; None without a fresh one.
+            gyro_rate_rad_s: Newest yaw rate of the gyro, less its bias; None without a fresh one.
         """
         self.efforts = tuple(self._observe(increment, set_speed_rad_s))
         made_up_m = self._judge(increment, gyro_rate_rad_s)
@@ -158,7 +160,8 @@ class SlipCompensator:
         self._currents = [None] * len(self._currents)
         self._slips = [wheel.slip for wheel in wheels]
         x_m, y_m, turn_rad = self.body_motion(increment.turned_rad)
-        self._window_m += complex(increment.x_m, increment.y_m)
+        self._window_rad = [sum(pair) for pair in zip(self._window_rad, increment.turned_rad, strict=True)]
+        self._window_s += increment.duration_s
         self._told_m += complex(x_m, y_m)
         self.report = SlipReport(
             map=self._settings.use,
@@ -171,8 +174,16 @@ class SlipCompensator:
             x_m=x_m + made_up_m.real,
             y_m=y_m + made_up_m.imag,
             turn_rad=turn_rad,
-            is_sure=all(wheel.valid for wheel in wheels),
+            is_sure=all(
+                wheel.valid or self._rests(index, set_speed_rad_s[index])
+                for index, wheel in enumerate(wheels)
+            ),
         )
+
+    def _rests(self, wheel: int, set_speed_rad_s: float) -> bool:
+        """Say whether a wheel map tells nothing of a wheel because it stands as told: it takes no part."""
+        is_told_to = abs(set_speed_rad_s) < SLOWEST_RAD_S
+        return self._wheel_map is not None and is_told_to and self.efforts[wheel].flags == (EffortFlag.SLOW,)
 
     def _observe(self, increment: BodyIncrement, set_speed_rad_s: Sequence[float]) -> list[WheelEffort]:
         if not self._observers and all(self._currents):
@@ -199,12 +210,7 @@ class SlipCompensator:
     @property
     def knows_force(self) -> bool:
         """Whether the torques of all wheels are known."""
-        return bool(self.efforts) and self._unknown_force() is None
-
-    def _unknown_force(self) -> EffortFlag | None:
-        """Return why the drive force is not known; None where it is."""
-        flags = (flag for effort in self.efforts for flag in effort.flags)
-        return next((flag for flag in flags if flag in FORCE_UNKNOWN), None)
+        return bool(self.efforts) and all(effort.unknown_torque is None for effort in self.efforts)
 
     def _judge(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> complex:
         """Judge surface and slip; return the way to add to what was told since the judgement before."""
@@ -214,14 +220,15 @@ class SlipCompensator:
         if judgement is None or self._wheel_map is not None:
             return 0j
         self._judgement = judgement
-        told_m, window_m = self._told_m, self._window_m
-        self._window_m = self._told_m = 0j
-        if judgement.slip is None:
+        told_m, window_rad = self._told_m, self._window_rad
+        self._told_m, self._window_rad, self._window_s = 0j, [0.0] * len(window_rad), 0.0
+        if judgement.slips is None:
             return 0j
-        return window_m * cmath.rect(1.0 - judgement.slip, judgement.drift_rad) - told_m
+        x_m, y_m, _ = self._moved(window_rad, judgement.slips, judgement.drift_rad)
+        return complex(x_m, y_m) - told_m
 
     def _judge_surface(self, increment: BodyIncrement) -> _Judgement | None:
-        unknown = self._unknown_force()
+        unknown = next((effort.unknown_work for effort in self.efforts if effort.unknown_work), None)
         if unknown is not None:
             self._tracker.interrupt()
             return _Judgement(None, self._judgement.drift_rad, unknown.value)
@@ -235,7 +242,8 @@ class SlipCompensator:
         )
         if self._surface is before:
             return None
-        return _Judgement(self._surface.slip, self._surface.drift_rad, self._surface.reason)
+        slips = (self._surface.slip,) * self._kinematics.wheel_count
+        return _Judgement(slips, self._surface.drift_rad, self._surface.reason)
 
     def _judge_shake(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> _Judgement | None:
         if self.probe is None or self._probe_map is None:
@@ -246,12 +254,16 @@ class SlipCompensator:
             return None
         if shake.reason:
             return _Judgement(None, 0.0, shake.reason)
-        problem = range_problem(self._probe_map, shake.lost, self._window_m)
-        return _Judgement(slip_of(self._probe_map, shake.lost), 0.0, problem)
+        x_m, y_m, _ = self._kinematics.body_motion(self._window_rad)
+        problem = range_problem(self._probe_map, shake.lost, complex(x_m, y_m))
+        slip = slip_of(self._probe_map, shake.lost)
+        missing_rad_s = (1.0 - slip) * shake.wheel_rate_rad_s - shake.gyro_rate_rad_s
+        slips = share_slip(self._kinematics, self._window_rad, slip, missing_rad_s * self._window_s)
+        return _Judgement(slips, 0.0, problem)
 
     def _wheel_slip(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> WheelSlip:
         effort = self.efforts[wheel]
-        slip, reason = self._found_slip(effort)
+        slip, reason = self._found_slip(wheel)
         if self._is_stuck(wheel, elapsed_s, set_speed_rad_s):
             slip, reason = 1.0, "stuck"
         elif slip is not None:
@@ -269,20 +281,29 @@ class SlipCompensator:
             reason=reason,
         )
 
-    def _found_slip(self, effort: WheelEffort) -> tuple[float | None, str]:
+    def _found_slip(self, wheel: int) -> tuple[float | None, str]:
         """Return the slip that the map tells, None where nothing can be told, and why it is not valid."""
         if self._wheel_map is not None:
+            effort = self.efforts[wheel]
             found = wheel_slip(self._wheel_map, effort)
-            return (None if effort.flags else found.slip), found.reason
-        return self._judgement.slip, self._judgement.reason
+            return (None if effort.flags else found.slip), found.reason or self._direction_problem()
+        slips = self._judgement.slips
+        return (None if slips is None else slips[wheel]), self._judgement.reason
+
+    def _direction_problem(self) -> str:
+        """Say that a map of one wheel was not trained on this direction of travel; else empty."""
+        x_m_s, y_m_s, _ = self._kinematics.body_motion([effort.speed_rad_s for effort in self.efforts])
+        if math.hypot(x_m_s, y_m_s) < LEAST_SPEED_M_S:
+            return ""
+        return direction_problem(self._settings.maps.surfaces.directions_rad, math.atan2(y_m_s, x_m_s))
 
     def _is_stuck(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> bool:
         effort = self.efforts[wheel]
         stalls = (
-            abs(effort.speed_rad_s) < SPEED_STEP_RAD_S
+            abs(effort.speed_rad_s) < STANDING_RAD_S
             and abs(set_speed_rad_s) > SLOWEST_RAD_S
             and abs(effort.current_a) > STUCK_CURRENT * self._no_load_a
-            and not FORCE_UNKNOWN.intersection(effort.flags) - {EffortFlag.SATURATED}
+            and effort.unknown_torque in (None, EffortFlag.SATURATED)
         )
         self._stalled_s[wheel] = self._stalled_s[wheel] + elapsed_s if stalls else 0.0
         return self._stalled_s[wheel] >= STUCK_AFTER_S

@@ -17,10 +17,18 @@ def travel_problem(
     speed_m_s: float,
 ) -> str:
     """Say why a map does not hold for this travel in the body frame; empty where it does."""
-    gaps = (abs(math.remainder(direction_rad - known, math.tau)) for known in directions_rad)
-    if min(gaps) > DIRECTION_GAP_RAD:
-        return f"direction {math.degrees(direction_rad):.0f} deg is outside the training range"
+    problem = direction_problem(directions_rad, direction_rad)
+    if problem:
+        return problem
     low, high = speed_range_m_s
     if not (1.0 - SPEED_MARGIN) * low <= speed_m_s <= (1.0 + SPEED_MARGIN) * high:
         return f"speed {speed_m_s:.3g} m/s is outside the training range"
+    return ""
+
+
+def direction_problem(directions_rad: Sequence[float], direction_rad: float) -> str:
+    """Say that nothing was trained near a direction in the body frame; empty where something was."""
+    gaps = (abs(math.remainder(direction_rad - known, math.tau)) for known in directions_rad)
+    if min(gaps) > DIRECTION_GAP_RAD:
+        return f"direction {math.degrees(direction_rad):.0f} deg is outside the training range"
     return ""

@@ -67,10 +67,14 @@ class Shake(NamedTuple):
 
     Attributes:
         lost: Share of the wheels' shake that the body did not follow, about 0 to 1.
+        wheel_rate_rad_s: Mean yaw rate by rolling wheels, the shake left out.
+        gyro_rate_rad_s: Mean yaw rate by the gyro, likewise.
         reason: Why nothing can be told; empty where it can.
     """
 
     lost: float
+    wheel_rate_rad_s: float
+    gyro_rate_rad_s: float
     reason: str
 
 
@@ -97,7 +101,7 @@ class YawProbe:
         Args:
             elapsed_s: Time since the reading before.
             wheel_rate_rad_s: Yaw rate by rolling wheels.
-            gyro_rate_rad_s: Yaw rate by the gyro, its bias may be in it; None without a fresh one.
+            gyro_rate_rad_s: Yaw rate by the gyro, less its bias; None without a fresh one.
         """
         self._t_s += elapsed_s
         if gyro_rate_rad_s is not None:
@@ -109,18 +113,18 @@ class YawProbe:
 
     def _compare(self, rows: list[tuple[float, float, float]]) -> Shake:
         if len(rows) < LEAST_READINGS * WINDOW_S * self._probe.frequency_hz:
-            return Shake(0.0, "too few readings of the gyro")
+            return Shake(0.0, 0.0, 0.0, "too few readings of the gyro")
         t_s, wheels, gyro = np.array(rows).T
         phase = math.tau * self._probe.frequency_hz * t_s
         columns = np.column_stack((np.cos(phase), np.sin(phase), np.ones(len(t_s)), t_s - t_s.mean()))
         found, *_ = np.linalg.lstsq(columns, np.column_stack((wheels, gyro)), rcond=None)
         wheel_shake, gyro_shake = complex(*found[:2, 0]), complex(*found[:2, 1])
         if abs(wheel_shake) < LEAST_AMPLITUDE * self._probe.amplitude_rad_s:
-            return Shake(0.0, "the wheels do not shake as asked")
+            return Shake(0.0, 0.0, 0.0, "the wheels do not shake as asked")
         left = math.sqrt(2.0 * float(np.mean((wheels - columns @ found[:, 0]) ** 2)))
         if left > GREATEST_RESIDUAL * abs(wheel_shake):
-            return Shake(0.0, "the yaw rate changes too much besides the shake")
-        return Shake(1.0 - abs(gyro_shake / wheel_shake), "")
+            return Shake(0.0, 0.0, 0.0, "the yaw rate changes too much besides the shake")
+        return Shake(1.0 - abs(gyro_shake / wheel_shake), float(found[2, 0]), float(found[2, 1]), "")
 
 
 def range_problem(probe: YawProbeMap, lost: float, travelled_m: complex) -> str:

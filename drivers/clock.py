@@ -72,8 +72,11 @@ def wall_time_text() -> str:
     return time.strftime("%Y%m%d-%H%M%S")
 
 
-def cpu_time_ns() -> int:
-    """Return a high-resolution monotonic reading in nanoseconds for measuring durations of code."""
+def stopwatch_ns() -> int:
+    """Return elapsed real time in nanoseconds from an arbitrary start: for measuring how long code takes.
+
+    Time in which other programs had the processor counts too.
+    """
     return time.perf_counter_ns()
 
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.kinematics import make_kinematics
+from controllers.trace_slip import TraceFinder
+from drivers.camera.settings import CameraSettings
 from drivers.clock import Clock, VirtualClock
 from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver, Health, WheelDrive
@@ -122,6 +124,16 @@ def build_replay_rig(config: Config, clock: VirtualClock, tap: RawTap) -> tuple[
     return _assemble(config, clock, drivers), links
 
 
+def _make_finder(config: Config) -> TraceFinder | None:
+    camera = None if config.roles.camera is None else config.devices[config.roles.camera]
+    if config.trace_slip is None or config.trace_slip.rig is None or not isinstance(camera, CameraSettings):
+        return None
+    # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
+    from rover_hil.live_trace import LiveTraceFinder
+
+    return LiveTraceFinder(config.trace_slip.rig, camera)
+
+
 def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:
     drive = drivers[config.roles.wheels]
     if not isinstance(drive, WheelDrive):
@@ -134,5 +146,5 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
             f"'{drive.name}' has {drive.wheel_count}: correct one of them"
         )
         raise ConfigError(msg)
-    loop = ControlLoop(config, config.device_roles())
+    loop = ControlLoop(config, config.device_roles(), _make_finder(config))
     return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

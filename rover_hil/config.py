@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib import resources
+from importlib.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -14,6 +15,7 @@ from pydantic_core import ErrorDetails
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
 from controllers.slip_settings import SURFACES, YAW_PROBE
+from drivers.camera.settings import CameraSettings
 from drivers.device_settings import DriveSettings, FrameDeviceSettings
 from drivers.errors import ConfigError
 from drivers.overhead_camera.settings import OverheadCameraSettings
@@ -56,6 +58,7 @@ class RoleSettings(Settings):
         fixes: The overhead cameras whose poses are used. What happens before the first one cannot be
             corrected: let `safety.settle_s` outlast their period.
         require_fixes: The rover stops also when one of them falls silent, e.g. because it left the view.
+        camera: The camera that looks back at the trace of the rear left wheel, for [trace_slip].
     """
 
     wheels: str
@@ -63,6 +66,7 @@ class RoleSettings(Settings):
     headings: tuple[str, ...] = ()
     fixes: tuple[str, ...] = ()
     require_fixes: bool = False
+    camera: str | None = None
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all devices that the rover needs for moving, each once."""
@@ -88,11 +92,13 @@ class Config(ControlSettings):
             gyro=self.roles.gyro,
             headings=self.roles.headings,
             fixes=self.roles.fixes,
+            camera=self.roles.camera,
         )
 
     @model_validator(mode="after")
     def _check_roles(self) -> Self:
-        for name in (*self.roles.names(), *self.roles.fixes):
+        camera = () if self.roles.camera is None else (self.roles.camera,)
+        for name in (*self.roles.names(), *self.roles.fixes, *camera):
             if name not in self.devices:
                 msg = f"roles name a device '{name}' that [devices] does not have"
                 raise ValueError(msg)
@@ -103,6 +109,7 @@ class Config(ControlSettings):
             if role is not None and isinstance(self.devices[role], FrameDeviceSettings):
                 msg = f"device '{role}' is a camera and can only be named in roles.fixes, if it is overhead"
                 raise ValueError(msg)
+        self._check_camera()
         if self.slip is not None and self.slip.use == YAW_PROBE and self.roles.gyro is None:
             msg = (
                 f"slip.use is '{YAW_PROBE}', which needs a gyro: name one in roles.gyro, or use '{SURFACES}'"
@@ -113,6 +120,16 @@ class Config(ControlSettings):
                 msg = f"roles.fixes names '{name}', but only a device of type 'overhead_camera' gives fixes"
                 raise ValueError(msg)
         return self
+
+    def _check_camera(self) -> None:
+        camera = self.roles.camera
+        if camera is not None and not isinstance(self.devices[camera], CameraSettings):
+            msg = f"roles.camera is '{camera}', but only a device of type 'camera' looks back"
+            raise ValueError(msg)
+        has_rig = self.trace_slip is not None and self.trace_slip.rig is not None
+        if has_rig != (camera is not None):
+            msg = "name the camera in roles.camera if, and only if, trace_slip.rig holds its calibration"
+            raise ValueError(msg)
 
 
 def shipped_configs() -> tuple[str, ...]:
@@ -134,6 +151,7 @@ def load_config(name_or_path: str) -> Config:
         msg = f"{name_or_path} is no valid TOML: {error}"
         raise ConfigError(msg) from error
     _inline_slip_maps(table)
+    _inline_trace_slip(table)
     try:
         return Config.model_validate(table)
     except ValidationError as error:
@@ -147,14 +165,18 @@ def load_slip_map(name_or_path: str) -> dict[str, object]:
         ConfigError: No such file, or no TOML.
     """
     shipped = resources.files("rover_hil") / "slip_maps" / f"{name_or_path}.toml"
+    return _load_toml(shipped, name_or_path, "slip map")
+
+
+def _load_toml(shipped: Traversable, name_or_path: str, what: str) -> dict[str, object]:
     path = shipped if shipped.is_file() else Path(name_or_path)
     try:
         return tomllib.loads(path.read_text("utf-8"))
     except OSError as error:
-        msg = f"cannot read slip map {name_or_path}: {error.strerror}; name a shipped one or a TOML file"
+        msg = f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a TOML file"
         raise ConfigError(msg) from error
     except ValueError as error:
-        msg = f"slip map {name_or_path} is no valid TOML: {error}"
+        msg = f"{what} {name_or_path} is no valid TOML: {error}"
         raise ConfigError(msg) from error
 
 
@@ -163,6 +185,24 @@ def _inline_slip_maps(table: dict[str, object]) -> None:
     slip = table.get("slip")
     if isinstance(slip, dict) and isinstance(slip.get("maps"), str):
         slip["maps"] = load_slip_map(slip["maps"])
+
+
+def _inline_trace_slip(table: dict[str, object]) -> None:
+    """Put the content of the files that trace_slip names in its place, likewise."""
+    trace_slip = table.get("trace_slip")
+    if not isinstance(trace_slip, dict):
+        return
+    parameters, rig = trace_slip.get("parameters"), trace_slip.get("rig")
+    if isinstance(parameters, str):
+        shipped = resources.files("rover_hil") / "scomp_parameters" / f"{parameters}.toml"
+        trace_slip["parameters"] = _load_toml(shipped, parameters, "parameters")
+    if isinstance(rig, str):
+        from rover_hil.trace.rig_file import read_rig  # it needs this module
+
+        shipped = resources.files("rover_hil") / "rigs" / f"{rig}.json"
+        with resources.as_file(shipped) as path:
+            found = read_rig(path if path.is_file() else Path(rig))
+        trace_slip["rig"] = found.model_dump(mode="json", by_alias=True)
 
 
 def read_config_text(name_or_path: str) -> str:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from controllers.ftrace.geometry import Floats, Mask
@@ -55,9 +56,12 @@ class Reading:
 
 def is_usable(patch: Image, visible: Mask) -> bool:
     """Return whether the ground shows anything at all: not black, not burnt, not uniform."""
-    grey = patch[visible]
+    counts = cv2.calcHist([patch], [0], np.asarray(visible, np.uint8), [256], [0.0, 256.0]).ravel()
+    share = np.asarray(counts, np.float64) / max(float(counts.sum()), 1.0)
+    level = np.arange(256.0)
+    median = int(np.searchsorted(np.cumsum(share), 0.5))
+    mean = float(share @ level)
+    spread = float(np.sqrt(share @ (level - mean) ** 2))
     return bool(
-        np.median(grey) >= DARKEST_GREY
-        and (grey >= BRIGHTEST_GREY).mean() < MOST_BURNT
-        and grey.std() >= LEAST_CONTRAST
+        median >= DARKEST_GREY and share[BRIGHTEST_GREY:].sum() < MOST_BURNT and spread >= LEAST_CONTRAST
     )

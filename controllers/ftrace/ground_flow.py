@@ -24,6 +24,8 @@ STANDING_SHARE = 0.3
 """Points that move less than this share of what the ground should stand still in the image."""
 ROUNDS = 5
 CUT = 3.0
+MOST_SCALE_M = 0.0025
+"""Points that scatter more than this follow nothing."""
 INLIER_WEIGHT = 0.2
 COVARIANCE_FACTOR = 2.0
 """Neighbouring windows overlap: the points are fewer than they look."""
@@ -122,7 +124,7 @@ class GroundFlow:
             pulled = self._design.T @ (both * target) + information @ prior
             x = np.asarray(np.linalg.solve(normal, pulled), np.float64)
         inliers = int((weight > INLIER_WEIGHT).sum())
-        if inliers < LEAST_POINTS:
+        if inliers < LEAST_POINTS or scale > MOST_SCALE_M:
             return None
         sd = np.sqrt(COVARIANCE_FACTOR * np.diag(np.linalg.inv(normal)))
         return Motion(

@@ -88,7 +88,7 @@ class HoughTracker:
         lines = self._lines(edges)
         width = self._ground.rig.wheel_width_m
         found = [
-            Candidate(-np.arctan(slope), place + side * width / 2, None, support)
+            Candidate(-float(np.arctan(slope)), place + side * width / 2, None, support)
             for slope, place, support in lines
             for side in (-1.0, 0.0, 1.0)
         ]
@@ -98,7 +98,7 @@ class HoughTracker:
                 slope = (one[0] + other[0]) / 2
                 apart = abs(one[1] - other[1] + far * (one[0] - other[0])) / np.sqrt(1 + slope**2)
                 place = (one[1] + other[1]) / 2
-                found.append(Candidate(-np.arctan(slope), place, apart, min(1.0, one[2] + other[2])))
+                found.append(Candidate(-float(np.arctan(slope)), place, apart, min(1.0, one[2] + other[2])))
         return found
 
     def _lines(self, edges: Image) -> list[Line]:

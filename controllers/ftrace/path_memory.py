@@ -19,9 +19,7 @@ CURVATURE_SD = 0.7
 """rad/m: what a slip angle of 10 deg that comes and goes within half a metre does."""
 CURVATURE_LENGTH_M = 0.25
 ROW_SD_M = 0.0005
-BESIDE_SD_M = 0.008
-BESIDE_WALK_M = 0.006
-"""Change of the seeming distance over one metre."""
+BESIDE_SD_M = 0.006
 PLACES = 3
 """Index of y_1."""
 

@@ -19,6 +19,10 @@ LOCK_FAR_FRAMES = 2
 """As good as `LOCK_FRAMES` where frames are so far apart that each shows other ground."""
 LASTING_STRENGTH = 46.0
 """Averaged strength that is believed even where there is as much beside, as among shadows."""
+START_FLOOR, LOCK_FLOOR = 6.0, 3.5
+"""What the floor of a trace must show to be believed at once, and to be believed."""
+MEAN_LOCK_FLOOR, MEAN_KEEP_FLOOR = 2.2, 0.5
+"""The same on average, to be believed, and to stay so."""
 KEEP_AGREEMENT = 3.7
 SURE_AGREEMENT = 6.5
 RANGE_BLOCKS = 5
@@ -28,7 +32,7 @@ MEMORY_M = 0.10
 LOOK_GAIN = 0.1
 KEPT_LENGTH_M = 0.13
 """What must be left of a trace that was there: blocks beside stones or old traces answer less."""
-ENDS_M = 0.05
+ENDS_M = 0.055
 """The end of the rut and the edge of the view reach into blocks that they do not fill."""
 FULL_ANSWER = 0.75
 """A block that answers with this share of the usual strength counts as fully covered."""
@@ -42,12 +46,15 @@ class Evidence:
         sums: Sums of the answers, one for each kernel, of variance about 1 where there is no rut.
         strength: Squared length of `sums`; about the number of kernels, 8, where there is no rut.
         around: Strength that curves beside it reach.
+        floor: How much the ground differs from that beside it as the floor of a rut does, on the weaker side.
+            Without a rut below 4, but for chance and old traces; shadows do not make it.
         answers: Answers block by block: kernel, block.
     """
 
     sums: Floats
     strength: float
     around: float
+    floor: float
     answers: Floats
 
 
@@ -64,6 +71,7 @@ class Presence:
         self._travelled_m = 0.0
         self._mean = np.zeros(0)
         self._margin = 0.0
+        self._floor = 0.0
         self._usual = 0.0
         self._margins: deque[float] = deque(maxlen=LOCK_FRAMES)
         self._look = np.zeros(0)
@@ -95,24 +103,31 @@ class Presence:
             self._mean = evidence.sums
         gain = max(1 - np.exp(-moved_m / MEMORY_M), 0.05)
         self._mean = self._mean + gain * (evidence.sums - self._mean)
+        self._floor += gain * (evidence.floor - self._floor)
         margin = evidence.strength - evidence.around
         self._margin += gain * (margin - self._margin)
         self._margins.append(margin)
         agreement = self._agreement(evidence)
-        present = self._keeps(agreement) if self.locked else self._locks(evidence, agreement, moved_m)
+        present = (
+            self._keeps(evidence, agreement) if self.locked else self._locks(evidence, agreement, moved_m)
+        )
         least_m = KEPT_LENGTH_M if self.locked else LEAST_LENGTH_M
         present = present and self._length_m(evidence) >= least_m
         if present:
             self._learn(evidence, agreement)
         return present
 
-    def _keeps(self, agreement: float) -> bool:
-        return agreement > SURE_AGREEMENT or (agreement > KEEP_AGREEMENT and self._margin > 0)
+    def _keeps(self, evidence: Evidence, agreement: float) -> bool:
+        looks_alike = agreement > SURE_AGREEMENT or (agreement > KEEP_AGREEMENT and self._margin > 0)
+        return looks_alike and self._floor > MEAN_KEEP_FLOOR
 
     def _locks(self, evidence: Evidence, agreement: float, moved_m: float) -> bool:
-        if self._travelled_m < self._start_m:
-            stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
-            return evidence.strength > START_STRENGTH and stands_out
+        stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
+        if stands_out and evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR:
+            return True
+        is_early = self._travelled_m < self._start_m
+        if is_early or evidence.floor < LOCK_FLOOR or self._floor < MEAN_LOCK_FLOOR:
+            return False
         if agreement > SURE_AGREEMENT:
             return True
         full = len(self._margins) == LOCK_FRAMES

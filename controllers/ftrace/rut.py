@@ -1,9 +1,10 @@
 """Looks for the rut: cross-sections of the ground against what a wheel of this width can leave.
 
 The rectified ground is cut into blocks across the way. Kernels of the wheel's width answer, for every block
-and place: a floor darker or brighter than its surroundings, walls and berms lit from the side, a change of
-texture. Which of them a rut shows depends on soil and sun and is learned; that it shows the same in all
-blocks along one smooth curve through the contact is what makes it a rut.
+and place: a floor darker or brighter than its surroundings, walls lit from the side, a change of texture, a
+floor that is smooth across the way but for the prints of grousers. What a rut shows of light and texture
+depends on soil and sun and is learned; that it shows the same in all blocks along one smooth curve through
+the contact is what makes it a rut.
 """
 
 from dataclasses import dataclass
@@ -23,16 +24,23 @@ KERNEL_REACH = 2.0
 LEAST_WEIGHT = 0.5
 CLIP = 2.5
 """Answers are limited to about this many standard deviations, so that no stone decides alone."""
+MEDIAN_STRIDE = 3
 ENERGY_FLOOR = 0.02
 TEXTURE_WINDOW = (3, 11)
 SOFTNESS = 0.12
 NEAR_M = 0.016
+ALIKE, LEAST_PEAK = 0.45, 1.3
+"""A block shows the rut when it answers with this share of what the better ones do, and beyond chance."""
 LEAST_BLOCKS = 4
 
 
 Answers = NDArray[np.float32]
-EVEN_KERNELS = (0, 3, 4)
+EVEN_KERNELS = (0, 2)
 """Steps, which both sides of a rut show alike."""
+SURE_KERNELS = (3, 4)
+"""Those that a rut answers with a positive number, wherever the sun is."""
+PLACING = np.array([0.0, 1.0, 0.0, 1.0, 1.0] * 2)
+"""Kernels that place the rut: where a step seems to be depends on which wall is in the sun."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +94,9 @@ class RutFinder:
         along = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 0, 1)), TEXTURE_WINDOW)
         across = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 1, 0)), TEXTURE_WINDOW)
         bars, grain = (np.asarray(cv2.log(e + ENERGY_FLOOR), np.float32) for e in (along, across))
-        rough, barred = (self._to_blocks((bars + sign * grain) * self._inner) for sign in (1, -1))
+        barred, grainy = (self._to_blocks(e * self._inner) / self._inner_weight for e in (bars, grain))
         grey = self._to_blocks(detail) / self._weight
-        pictures = (grey, grey, grey, rough / self._inner_weight, barred / self._inner_weight)
+        pictures = (grey, grey, barred + grainy, grainy, barred - grainy)
         answers: Answers = np.stack(
             [
                 np.asarray(cv2.filter2D(picture, -1, kernel), np.float32)
@@ -96,7 +104,7 @@ class RutFinder:
                 for picture, kernel in zip(pictures, kernels, strict=True)
             ]
         )
-        spread = 1.4826 * np.median(np.abs(answers[:, self.valid]), axis=1)
+        spread = 1.4826 * np.median(np.abs(answers[:, self.valid][:, ::MEDIAN_STRIDE]), axis=1)
         answers /= np.maximum(spread, 1e-4)[:, None, None]
         answers /= np.sqrt(1 + (answers / CLIP) ** 2)
         answers *= self.valid
@@ -137,7 +145,7 @@ class RutFinder:
 
     def points(self, sections: CrossSections, curve_m: Floats, look: Floats) -> RutPoints:
         """Return where near a curve each block shows a rut like `look`, one weight for each kernel."""
-        matched = np.tensordot(look, sections.answers, 1)
+        matched = np.tensordot(_placing(look), sections.answers, 1)
         near = round(NEAR_M / RESOLUTION_M)
         columns = np.round(curve_m / RESOLUTION_M).astype(np.intp) + self._centre
         span = np.clip(columns[:, None] + np.arange(-near - 1, near + 2), 0, self._columns - 1)
@@ -146,7 +154,7 @@ class RutFinder:
         before, peak, after = (here[self._block, best + step] for step in (-1, 0, 1))
         bend = np.maximum(2 * peak - before - after, 1e-3)
         place = span[self._block, best] - self._centre + np.clip((after - before) / (2 * bend), -0.5, 0.5)
-        strong = peak > max(0.4 * float(np.median(peak)), 0.6)
+        strong = peak > max(ALIKE * float(np.percentile(peak, 75)), LEAST_PEAK)
         strong &= sections.valid[self._block, span[:, near + 1]]
         sd = 0.004 * np.clip(2.5 / np.maximum(peak, 0.6), 0.7, 3.0)
         return RutPoints(self.s_m[strong], place[strong] * RESOLUTION_M, sd[strong])
@@ -166,10 +174,36 @@ class RutFinder:
         return valid
 
 
+def floor_evidence(answers: Floats) -> float:
+    """Return what the sure kernels say on the weaker side, in about standard deviations.
+
+    Of all lengths of trace that begin at the wheel the one that says most counts.
+
+    Args:
+        answers: Along one curve: kernel, block, the nearest first.
+    """
+    count = np.arange(1, answers.shape[1] + 1)[LEAST_BLOCKS:]
+    if not count.size:
+        return 0.0
+    sides = answers.reshape(2, -1, answers.shape[1])[:, SURE_KERNELS].sum(axis=1)
+    sums = np.cumsum(sides, axis=1)[:, LEAST_BLOCKS:] / np.sqrt(count * len(SURE_KERNELS))
+    return float(sums.min(axis=0).max())
+
+
+def _placing(look: Floats) -> Floats:
+    """Return the weights that place a rut of this look: both sides alike where they must be."""
+    sides = look.reshape(2, -1).copy()
+    for kernel in SURE_KERNELS:
+        sides[:, kernel] = max(float(sides[:, kernel].mean()), 0.0)
+    weights = sides.ravel() * PLACING
+    return np.asarray(weights / max(float(np.linalg.norm(weights)), 1e-6))
+
+
 def _kernels(width_m: float) -> list[list[Answers]]:
     """Return kernels of unit norm across the way, for the right side of the rut and for the left.
 
-    Steps in grey, wall, berm, step in roughness, step in the share of bars across the way (grouser prints).
+    They are: step in grey, wall, step in roughness, walls that change across the way more than the floor, a
+    floor that changes along the way (grouser prints) more than the walls.
     """
     half = width_m / 2 / RESOLUTION_M
     reach = int(np.ceil(1.2 * KERNEL_REACH * half))
@@ -182,11 +216,9 @@ def _kernels(width_m: float) -> list[list[Answers]]:
 
     kernels = []
     for side in (-1, 1):
-        shapes = (
-            within(side, 0.1, 0.85) - within(side, 1.2, 2.1),
-            2 * within(side, 0.75, 1.2) - within(side, 0.2, 0.65) - within(side, 1.35, 1.8),
-            2 * within(side, 1.15, 1.65) - within(side, 0.55, 1.0) - within(side, 1.8, 2.2),
-        )
-        step, wall, berm = (np.asarray(s / np.linalg.norm(s), np.float32)[None, :] for s in shapes)
-        kernels.append([step, wall, berm, step, step])
+        step = within(side, 0.1, 0.85) - within(side, 1.2, 2.1)
+        wall = 2 * within(side, 0.85, 1.2) - within(side, 0.3, 0.7) - within(side, 1.4, 1.8)
+        floor = within(side, 0.0, 0.7) - within(side, 0.85, 1.3)
+        shapes = (step, wall, step, -floor, floor)
+        kernels.append([np.asarray(s / np.linalg.norm(s), np.float32)[None, :] for s in shapes])
     return kernels

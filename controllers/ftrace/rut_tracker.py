@@ -11,7 +11,14 @@ from controllers.ftrace.ground_flow import GroundFlow, Motion
 from controllers.ftrace.ground_match import GroundMatch
 from controllers.ftrace.path_memory import PathMemory
 from controllers.ftrace.presence import LEAST_LENGTH_M, Evidence, Presence
-from controllers.ftrace.rut import EVEN_KERNELS, LEAST_BLOCKS, CrossSections, RutFinder
+from controllers.ftrace.rut import (
+    EVEN_KERNELS,
+    LEAST_BLOCKS,
+    SURE_KERNELS,
+    CrossSections,
+    RutFinder,
+    floor_evidence,
+)
 from controllers.ftrace.standing_light import StandingLight
 from drivers.samples import Image
 
@@ -25,10 +32,13 @@ LEAST_SHARE = 0.3
 SLIP_GUESS = 0.15
 """Share of the wheel's way that is guessed to be slip where the ground's motion is not seen."""
 FLOW_SD_M = 0.0002
-OFFSET_SD_M = 0.006
+OFFSET_SD_M = {"rut": 0.008, "memory": 0.002, "fused": 0.002}
+"""What all points of a frame err together: with memory the lasting part is a state of the path's filter."""
 SLOPE_SD = 0.01
-POINT_SD_FACTORS = {"rut": 1.5, "memory": 1.5, "fused": 2.5}
+POINT_SD_FACTORS = {"rut": 1.5, "memory": 5.0, "fused": 2.5}
 """Points of one rut err together, and from frame to frame: the more frames count, the less each may."""
+OUTLIER_SD = 1.5
+CANDIDATE_SD_M = 0.006
 CURVE_STEP_M = 0.006
 SPREAD_SD = 2.2
 MOST_STEPS = (22, 5, 2)
@@ -150,11 +160,19 @@ class RutTracker:
         points = self._finder.points(sections, curve, look / np.linalg.norm(look))
         if len(points.s_m) < LEAST_BLOCKS:
             return False, evidence.strength
-        sd = points.sd_m * POINT_SD_FACTORS[self._method]
-        self._memory.observe_trace(points.s_m, points.y_m, sd, OFFSET_SD_M, SLOPE_SD)
+        sd = self._without_outliers(points.s_m, points.y_m, points.sd_m * POINT_SD_FACTORS[self._method])
+        self._memory.observe_trace(points.s_m, points.y_m, sd, OFFSET_SD_M[self._method], SLOPE_SD)
         fitted = self._memory.curve(points.s_m)
         self._offset_m = float(np.average(points.y_m - fitted, weights=1 / sd**2))
         return True, evidence.strength
+
+    def _without_outliers(self, s_m: Floats, y_m: Floats, sd_m: Floats) -> Floats:
+        """Return deviations that are greater for points that lie far off, others and the path considered."""
+        mean, covariance = self._memory.trace(s_m)
+        off = y_m - mean
+        off -= np.median(off)
+        usual = OUTLIER_SD * np.sqrt(sd_m**2 + np.diag(covariance))
+        return np.asarray(sd_m * np.maximum(1.0, np.abs(off) / usual) ** 2)
 
     def _best(self, sections: CrossSections) -> tuple[Floats, Evidence]:
         """Return the best curve near the path and the evidence along it."""
@@ -173,11 +191,13 @@ class RutTracker:
         curve = curves[place]
         beside, count = self._finder.along(sections, curve + self._beside[:, None], reach)
         around = (beside**2).sum(axis=1)[count >= LEAST_BLOCKS]
+        answers = self._finder.answers_on(sections, curve)
         return curve, Evidence(
             sums=sums,
             strength=float(sums @ sums),
             around=float(np.percentile(around, 90)) if around.size else 0.0,
-            answers=self._finder.answers_on(sections, curve),
+            floor=floor_evidence(answers),
+            answers=answers,
         )
 
     def _candidates(self) -> tuple[Floats, Floats]:
@@ -186,7 +206,7 @@ class RutTracker:
         They vary along the three main directions of the path's covariance, in steps of a few millimetres.
         """
         mean, covariance = self._memory.trace(self._finder.s_m)
-        values, vectors = np.linalg.eigh(covariance + OFFSET_SD_M**2)
+        values, vectors = np.linalg.eigh(covariance + CANDIDATE_SD_M**2)
         values, vectors = np.sqrt(np.maximum(values[:-4:-1], 1e-12)), vectors[:, :-4:-1]
         grids = []
         for sd, vector, most in zip(values, vectors.T, MOST_STEPS, strict=True):
@@ -205,9 +225,11 @@ class RutTracker:
 def _two_sided(sums: Floats) -> Floats:
     """Return how strongly both sides of a rut answer, kernel by kernel the weaker side counting.
 
-    Floor and texture differ from the ground on both sides alike; walls and berms may be lit from one side.
+    Floor and texture differ from the ground on both sides alike; walls may be lit from one side.
     """
-    right, left = np.split(sums, 2, axis=1)
+    right, left = (side.copy() for side in np.split(sums, 2, axis=1))
+    for side in (right, left):
+        side[:, SURE_KERNELS] = np.maximum(side[:, SURE_KERNELS], 0.0)
     both = 2 * np.minimum(np.abs(right), np.abs(left)) ** 2
     both[:, EVEN_KERNELS] *= right[:, EVEN_KERNELS] * left[:, EVEN_KERNELS] > 0
-    return np.asarray(both.sum(axis=1) + ONE_SIDED_SHARE * (sums**2).sum(axis=1))
+    return np.asarray((both + ONE_SIDED_SHARE * (right**2 + left**2)).sum(axis=1))

@@ -23,6 +23,8 @@ PAST_FRAMES = 12
 MOST_DIFFERENCE = 0.6
 """Larger differences (of logarithms) are mismatched edges, not light."""
 LEAST_PIXELS = 1000
+MEDIAN_STRIDE = 11
+"""A median of every 11th pixel is as good here, and takes a tenth of the time."""
 
 Matrix = NDArray[np.float64]
 
@@ -69,7 +71,7 @@ class StandingLight:
         if both.sum() < LEAST_PIXELS:
             return
         error = now - self.field - ground
-        error -= np.median(error[both])
+        error -= np.median(error[both][::MEDIAN_STRIDE])
         error = np.clip(error, -MOST_DIFFERENCE, MOST_DIFFERENCE) * both
         back = cv2.warpAffine(error, pose, size, flags=cv2.INTER_LINEAR)
         self.field = np.asarray(LEAK * self.field + GAIN * (error - back), np.float32)

@@ -37,8 +37,11 @@ REAR_AXLE_PRIOR_SD_M = 0.1
 TRACE_OFFSET_PRIOR_RAD = math.radians(0.5)
 LARGEST_TRACE_ERROR_RAD = math.radians(10.0)
 FEWEST_TRACES = 20
+FEWEST_GYRO_READINGS = 10
 STARTS_ALONG_X_RAD = 2e-3
 SLOWEST_M_S = 0.02
+LARGEST_SLIP_ANGLE_RAD = math.radians(60.0)
+STUCK_SLIP = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +68,7 @@ def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) 
     """
     rover = rover or RoverGeometry()
     windows = cut(drive, truth, rover.wheel_radius_m)
+    _check_windows(windows)
     notes: list[str] = []
     pitch, slip_rms = fit_pitch(windows, notes)
     trace, rear_axle_m = fit_trace(drive, truth, rover, notes)
@@ -79,6 +83,25 @@ def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) 
     )
     parameters = _checked(parameters.model_copy(update={"roll": fit_roll(windows, parameters)}))
     return Identification(parameters=parameters, windows=windows, slip_rms=slip_rms, notes=tuple(notes))
+
+
+def _check_windows(windows: Windows) -> None:
+    """Refuse a truth that cannot be that of the log.
+
+    Raises:
+        ModelError: In most windows the rover moves against its own heading, or does not move.
+    """
+    count = len(windows.t_s)
+    astray = np.count_nonzero(np.abs(windows.slip_angle_rad) > LARGEST_SLIP_ANGLE_RAD)
+    if astray > 0.5 * count:
+        msg = (
+            f"by the truth the rover moves backwards or aside in {astray} of {count} windows although its "
+            f"wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
+        )
+        raise ModelError(msg)
+    if float(np.median(windows.slip)) > STUCK_SLIP:
+        msg = "by the truth the rover stands while its wheels turn: give a drive that gets on"
+        raise ModelError(msg)
 
 
 def _checked(parameters: ScompParameters) -> ScompParameters:
@@ -209,14 +232,24 @@ def fit_compass(drive: Drive, truth: TruePath, notes: list[str]) -> CompassModel
 
 
 def fit_gyro(drive: Drive, truth: TruePath) -> GyroModel:
-    """Fit the noise of the gyro to what is left of it about the true rate."""
+    """Fit the noise of the gyro to what is left of it about the true rate.
+
+    A truth whose heading is noisy tells nothing of that; its second differences, which hardly hold any
+    motion, are then the smaller.
+    """
     model = GyroModel()
     if drive.gyro_rad_s is None:
         return model
-    heading = np.interp(drive.t_s, truth.t_s, truth.psi_rad)
-    step_s = np.diff(drive.t_s)
-    rest = np.diff(drive.gyro_rad_s[1:] - np.diff(heading) / step_s)
-    walk = float(np.std(rest)) / math.sqrt(2.0) * math.sqrt(float(np.median(step_s)))
+    new = np.diff(drive.gyro_rad_s, prepend=np.nan) != 0.0  # a gyro slower than the log repeats itself
+    if np.count_nonzero(new) < FEWEST_GYRO_READINGS:
+        return model
+    t_s, rate_rad_s = drive.t_s[new], drive.gyro_rad_s[new]
+    step_s = np.diff(t_s)
+    true_rad_s = np.diff(np.interp(t_s, truth.t_s, truth.psi_rad)) / step_s
+    about_truth = np.diff(rate_rad_s[1:] - true_rad_s) / math.sqrt(2.0)
+    alone = np.diff(rate_rad_s, 2) / math.sqrt(6.0)
+    noise_rad_s = min(float(np.std(about_truth)), float(np.std(alone)))
+    walk = noise_rad_s * math.sqrt(float(np.median(step_s)))
     return model.model_copy(update={"walk_rad_sqrt_s": max(walk, math.radians(0.01))})
 
 

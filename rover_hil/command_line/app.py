@@ -28,6 +28,10 @@ ConfigArgument = Annotated[
     str, typer.Argument(help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+PlantModelOption = Annotated[
+    Path | None,
+    typer.Option("--model", help="Give the simulated Robotino the effects in this model.toml of `gap`."),
+]
 
 
 @app.command()
@@ -43,6 +47,7 @@ def run(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Use the SCHED_FIFO scheduler; needs the right to.")
     ] = False,
+    model: PlantModelOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run the loop, on real devices or on the simulated rover, and write log, summary and report.
@@ -54,7 +59,15 @@ def run(
     from rover_hil.command_line.run import run_rover
 
     sys.exit(
-        run_rover(config, virtual=virtual, duration_s=duration, out=out, realtime=realtime, as_json=json)
+        run_rover(
+            config,
+            virtual=virtual,
+            duration_s=duration,
+            out=out,
+            realtime=realtime,
+            as_json=json,
+            model=model,
+        )
     )
 
 
@@ -62,6 +75,7 @@ def run(
 def simulate(
     config: ConfigArgument,
     duration: Annotated[float | None, typer.Option(min=0.1, help="End after this many seconds.")] = None,
+    model: PlantModelOption = None,
 ) -> None:
     """Serve the simulated rover on the ports that the configuration names, until ctrl-C.
 
@@ -69,7 +83,7 @@ def simulate(
     """
     from rover_hil.command_line.simulate import simulate as simulate_rover
 
-    sys.exit(simulate_rover(config, duration))
+    sys.exit(simulate_rover(config, duration, model))
 
 
 @app.command()
@@ -245,7 +259,7 @@ def identify_probe(
     maps: Annotated[
         str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
     ] = "robotino",
-    amplitude: Annotated[float, typer.Option(help="Of the shake in the logs, rad/s.")] = 0.5,
+    amplitude: Annotated[float, typer.Option(help="Of the shake in the logs, rad/s.")] = 0.35,
     frequency: Annotated[float, typer.Option(help="Of the shake in the logs, Hz.")] = 5.0,
     json: JsonOption = False,
 ) -> None:

@@ -11,8 +11,7 @@ from rich.table import Table
 
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.identify.motor import find_logs, identify, read_records
-from rover_hil.identify.motor_record import MotorRecord
+from rover_hil.identify.motor import Record, find_logs, identify, read_records
 from rover_hil.identify.motor_report import Estimate, MotorReport
 
 EXIT_OK = 0
@@ -37,7 +36,7 @@ def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool) -> 
     files = find_logs(logs)
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("reading", total=len(files))
-        records: list[MotorRecord] = []
+        records: list[Record] = []
         for file in files:
             records += read_records(file)
             progress.advance(task)
@@ -57,14 +56,16 @@ def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool) -> 
 def _print(reports: Sequence[MotorReport], files: int) -> None:
     console = Console(highlight=False)
     for report in reports:
-        table = Table(
-            title=f"motor {report.motor}, {files} log{'s' if files > 1 else ''}", title_justify="left"
-        )
-        for name in ("parameter", "value", "unit", "95 % interval", "data sheet", "determined"):
-            table.add_column(name)
+        title = f"motor {report.motor}, {files} log{'s' if files > 1 else ''}"
+        table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
+        for name in ("parameter", "value", "95 % interval", "data sheet", "known"):
+            table.add_column(name, no_wrap=True)
         for item in report.estimates:
             table.add_row(*_row(item))
         console.print(table)
+        for why in dict.fromkeys(item.why for item in report.estimates if item.why):
+            names = ", ".join(item.name for item in report.estimates if item.why == why)
+            console.print(f"  {names}: {why}")
         for words in report.undetermined:
             console.print(f"  not determined: {words}")
         for note in report.notes:
@@ -85,10 +86,9 @@ def _row(item: Estimate) -> tuple[str, ...]:
     return (
         item.name,
         "-" if item.value is None else f"{item.value:.4g}",
-        item.unit,
         interval,
         "" if item.data_sheet is None else f"{item.data_sheet:.4g}",
-        f"{verdict}: {item.why}" if item.why else verdict,
+        verdict,
     )
 
 

@@ -40,6 +40,7 @@ def run_rover(
     out: Path | None,
     realtime: bool,
     as_json: bool,
+    model: Path | None = None,
 ) -> int:
     """Run a rover and write its results; returns the exit code.
 
@@ -53,13 +54,15 @@ def run_rover(
     if virtual and realtime:
         msg = "--virtual runs on simulated time: leave --realtime out"
         raise ConfigError(msg)
+    messages = Console(stderr=True)
+    if model is not None:
+        config = _extended(config, model, messages, virtual=virtual)
     folder = out or Path("runs") / f"{Path(config_name).stem}-{wall_time_text()}"
     log_path = folder / LOG_NAME
     if log_path.exists():
         msg = f"{log_path} exists and a log is never overwritten: choose another --out"
         raise ConfigError(msg)
     limit_s = duration_s or config.loop.time_limit_s
-    messages = Console(stderr=True)
     with Live(console=messages, transient=True, auto_refresh=False) as live:
 
         def show(output: StepOutput) -> None:
@@ -84,6 +87,17 @@ def run_rover(
         console.print(f"report: {folder / 'report.html'}")
         console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
     return 0 if _went_well(result, duration_s) else 1
+
+
+def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) -> Config:
+    if not virtual:
+        raise ConfigError(f"{model}: --model is for the simulated rover: add --virtual")
+    from rover_hil.command_line.extended_simulation import extend_simulation
+
+    simulation, told = extend_simulation(config, model)
+    for line in told:
+        messages.print(line, highlight=False)
+    return config.model_copy(update={"simulation": simulation})
 
 
 def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisplay | None) -> RunResult:

@@ -19,24 +19,37 @@ STATUS_PERIOD_S = 0.25
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def simulate(config_name: str, duration_s: float | None) -> int:
+def simulate(config_name: str, duration_s: float | None, model: Path | None = None) -> int:
     """Serve the simulated rover of a configuration until ctrl-C, or for `duration_s`; returns 0.
 
+    Args:
+        config_name: Shipped configuration or TOML file.
+        duration_s: None: until ctrl-C.
+        model: Model file whose effects the simulated rover is to have, or None.
+
     Raises:
-        ConfigError: The configuration is wrong, or has no simulation that can be served.
+        ConfigError: The configuration is wrong, or has no simulation that can be served, or the rover cannot
+            have the effects.
         NotConnectedError: A port cannot be made.
     """
     config = load_config(config_name)
     if config.simulation is None:
         msg = f"{config_name}: simulation: this key is missing; add the simulated rover"
         raise ConfigError(msg)
+    console = Console(highlight=False)
+    simulation = config.simulation
+    if model is not None:
+        from rover_hil.command_line.extended_simulation import extend_simulation
+
+        simulation, told = extend_simulation(config, model)
+        for line in told:
+            console.print(line)
     clock = SystemClock()
-    world = build_world(config.devices, config.simulation, clock.now_ns())
+    world = build_world(config.devices, simulation, clock.now_ns())
     previous = {number: signal.signal(number, signal.default_int_handler) for number in END_SIGNALS}
     try:
         with Server(world, put_on_ports(world, config.devices), clock) as server:
-            console = Console(highlight=False)
-            _announce(console, server, config_name, config.simulation)
+            _announce(console, server, config_name, simulation)
             _serve(console, server, clock, math.inf if duration_s is None else duration_s)
     except KeyboardInterrupt:
         pass

@@ -1,7 +1,9 @@
 """`rover-hil terrain wheel`, `traverse` and `climb`: wheels and rovers on soil."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
+from drivers.errors import ConfigError
 from rover_hil.terrain.climb import (
     limits_table,
     measured_table,
@@ -12,7 +14,7 @@ from rover_hil.terrain.climb import (
 from rover_hil.terrain.number_list import parse_numbers
 from rover_hil.terrain.setup import Choice, Output, choose_kernel, say, waited_for, with_progress
 from rover_hil.terrain.table import Table
-from rover_hil.terrain.traverse import no_equilibrium, solve_traverses, traverse_table
+from rover_hil.terrain.traverse import Traverse, no_equilibrium, solve_traverses, traverse_table
 from rover_hil.terrain.wheel import wheel_table
 from sim_backends.slope.rover import SlopeRover
 from sim_backends.soil.library import SoilSettings, load_soil, load_wheel
@@ -25,6 +27,7 @@ WIDEST_DEG = 88.0
 MASS_KG = (0.01, 1e6)
 LOAD_N = (1e-3, 1e6)
 SLIP = (-0.99, 1.0)
+MODELLED = Choice("paper_001", None, "toyoura")
 BISECTED = 30
 """About as many states as the search for the steepest slopes takes."""
 
@@ -65,7 +68,15 @@ def wheel(
     return _not_borne(table)
 
 
-def traverse(choice: Choice, *, slope_deg: str, roll_deg: str, mass_kg: str | None, output: Output) -> int:
+def traverse(
+    choice: Choice,
+    *,
+    slope_deg: str,
+    roll_deg: str,
+    mass_kg: str | None,
+    model: Path | None,
+    output: Output,
+) -> int:
     """Print steady traverses of side slopes; returns the exit code: 1 where one has no equilibrium.
 
     Args:
@@ -73,10 +84,12 @@ def traverse(choice: Choice, *, slope_deg: str, roll_deg: str, mass_kg: str | No
         slope_deg: List of slopes.
         roll_deg: List of rolls towards uphill.
         mass_kg: List of masses; None takes the rover's.
+        model: Model file of the side-slope rover that says what is predicted in place of the paper's model.
         output: Where results go.
 
     Raises:
-        ConfigError: No such rover, wheel or soil, a malformed list, or the folder cannot be written to.
+        ConfigError: No such rover, wheel or soil, a malformed list, a model file of another rover or soil, or
+            the folder cannot be written to.
         ModelError: A number is outside its range.
     """
     rover, soil = choice.load()
@@ -85,15 +98,28 @@ def traverse(choice: Choice, *, slope_deg: str, roll_deg: str, mass_kg: str | No
     masses = _masses(rover, mass_kg)
     _check_lean(soil, slopes, rolls)
     count = len(slopes) * len(rolls) * len(masses)
-    states = with_progress(
-        solve_traverses(rover, soil, slopes, rolls, masses, choose_kernel(count)), count, "traverses"
-    )
+    facts = choice.facts(rover)
+    solved: Iterator[Traverse]
+    if model is None:
+        solved = solve_traverses(rover, soil, slopes, rolls, masses, choose_kernel(count))
+    else:
+        from rover_hil.terrain.extended import extended_traverses, load_side_slope
+
+        if choice != MODELLED:
+            raise ConfigError(
+                f"{model}: a model file is of the {MODELLED.rover} rover on {MODELLED.soil}; leave out "
+                "--rover, --wheel and --soil"
+            )
+        extended = load_side_slope(model)
+        facts.append(("model", f"{model.name}, with {', '.join(extended.active) or 'no effects'}"))
+        solved = extended_traverses(extended, slopes, rolls, masses)
+    states = with_progress(solved, count, "traverses")
     table = traverse_table(states)
     if output.folder is not None:
         from rover_hil.terrain.pages import traverse_drawings, write_page
 
         title = f"Traverses of side slopes of {choice.soil}"
-        write_page(output.folder, title, choice.facts(rover), traverse_drawings(states), [table])
+        write_page(output.folder, title, facts, traverse_drawings(states), [table])
     output.show([table], table.records())
     failure = no_equilibrium(states)
     if failure:
@@ -146,7 +172,7 @@ def papers(output: Output) -> int:
     """
     from rover_hil.terrain.pages import slip_skid_drawings, traverse_drawings, write_page
 
-    choice = Choice("paper_001", None, "toyoura")
+    choice = MODELLED
     rover, soil = choice.load()
     rolls = parse_numbers("roll", "0:20:5", "deg", 0.0, STEEPEST_DEG)
     states = [

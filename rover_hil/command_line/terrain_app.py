@@ -63,6 +63,9 @@ def terrain_traverse(
     rover: RoverOption = "paper_001",
     wheel: RoverWheelOption = None,
     soil: SoilOption = "toyoura",
+    model: Annotated[
+        Path | None, typer.Option(help="The model.toml of `rover-hil gap side-slope`: with what it found.")
+    ] = None,
     out: ReportOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -78,7 +81,12 @@ def terrain_traverse(
     choice = Choice(rover, wheel, soil)
     sys.exit(
         terrain.traverse(
-            choice, slope_deg=slope_deg, roll_deg=roll_deg, mass_kg=mass_kg, output=Output(out, json)
+            choice,
+            slope_deg=slope_deg,
+            roll_deg=roll_deg,
+            mass_kg=mass_kg,
+            model=model,
+            output=Output(out, json),
         )
     )
 

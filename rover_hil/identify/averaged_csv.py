@@ -4,7 +4,7 @@ One header line, then one row for the mean of about 13 readings over half a seco
 camera's steps are in millimetres at the authors' own scale, which cannot be checked from these files.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from controllers.motor_model import SLOWEST_RAD_S, MotorSettings, paper_torque, wheel_torque
 from drivers.errors import LogError
-from rover_hil.identify.run_data import ROBOTINO, WHEELS, Array, RunWindows, to_wheels
+from rover_hil.identify.run_data import ROBOTINO, WHEELS, Array, Flags, RunWindows, to_wheels
 
 ROW_S = 0.5
 FIRST_COLUMN = "X axis speed, mm/s"
@@ -30,22 +30,31 @@ def is_averaged_csv(path: Path) -> bool:
         return stream.readline().startswith(FIRST_COLUMN)
 
 
+def read_columns(path: Path, wanted: Sequence[str]) -> dict[str, Array]:
+    """Return all columns of a file of averages by name.
+
+    Raises:
+        LogError: A wanted column is missing or a cell is no number.
+    """
+    header, *lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    names = header.split(";")
+    for name in wanted:
+        if name not in names:
+            msg = f"{path} line 1 names no column '{name}': fetch the file again"
+            raise LogError(msg)
+    table = _table(path, lines, len(names))
+    return {name: table[:, place] for place, name in enumerate(names)}
+
+
 def read_averaged_csv(path: Path, surface: str, motor: MotorSettings) -> Iterator[RunWindows]:
     """Yield the rows of each straight drive as a run; drives that only turn are passed over.
 
     Raises:
         LogError: A column is missing or a cell is no number.
     """
-    header, *lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    names = header.split(";")
-    for name in (*COMMANDS, *SPEEDS, *CURRENTS, *STEPS):
-        if name not in names:
-            msg = f"{path} line 1 names no column '{name}': slip cannot be told without it"
-            raise LogError(msg)
-    table = _table(path, lines, len(names))
-    columns = {name: table[:, place] for place, name in enumerate(names)}
+    columns = read_columns(path, (*COMMANDS, *SPEEDS, *CURRENTS, *STEPS))
     commands = np.column_stack([columns[name] for name in COMMANDS])
-    for command, group in groupby(range(len(table)), key=lambda row: tuple(commands[row])):
+    for command, group in groupby(range(len(commands)), key=lambda row: tuple(commands[row])):
         rows = list(group)
         if command[2] == 0.0:
             yield _drive(path, surface, {name: columns[name][rows] for name in columns}, motor)
@@ -77,6 +86,7 @@ def _drive(path: Path, surface: str, columns: dict[str, Array], motor: MotorSett
     pairs = list(zip(current_a.ravel().tolist(), speeds.ravel().tolist(), strict=True))
     paper_nm = [paper_torque(motor, amps, speed, float(np.sign(speed))) for amps, speed in pairs]
     wheel_nm = [wheel_torque(motor, amps, speed) for amps, speed in pairs]
+    is_known: Flags = magnitudes_a < motor.current_full_scale_a
     return RunWindows(
         path=path,
         surface=surface,
@@ -86,7 +96,8 @@ def _drive(path: Path, surface: str, columns: dict[str, Array], motor: MotorSett
         current_a=current_a,
         paper_torque_nm=np.array(paper_nm).reshape(-1, WHEELS),
         wheel_torque_nm=np.array(wheel_nm).reshape(-1, WHEELS),
-        usable=(np.abs(speeds) >= SLOWEST_RAD_S) & (magnitudes_a < motor.current_full_scale_a),
+        usable=(np.abs(speeds) >= SLOWEST_RAD_S) & is_known,
+        work_known=np.logical_and.reduce(is_known, axis=1),
         encoder_velocity=speeds @ np.linalg.inv(to_wheels(ROBOTINO)).T,
         camera_velocity=steps * np.array([1e-3, 1e-3, np.pi / 180.0]) / ROW_S,
         camera_in_pixels=False,

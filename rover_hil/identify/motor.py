@@ -4,12 +4,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from drivers.errors import LogError
+from rover_hil.identify.averaged_csv import is_averaged_csv
+from rover_hil.identify.motor_averages import MotorDrives, read_drives, report_drives
 from rover_hil.identify.motor_log import read_log
 from rover_hil.identify.motor_record import MotorRecord
 from rover_hil.identify.motor_report import MotorReport, report_motor
 from rover_hil.identify.motor_table import read_table
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
+
+Record = MotorRecord | MotorDrives
+"""What a log tells about one motor: reading by reading, or as averages."""
 
 
 def find_logs(paths: Sequence[Path]) -> list[Path]:
@@ -29,23 +34,30 @@ def find_logs(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def read_records(path: Path) -> list[MotorRecord]:
-    """Return what one log tells about its motors.
+def read_records(path: Path) -> list[Record]:
+    """Return what one log, or file of averages, tells about its motors.
 
     Raises:
         LogError: The log cannot be read or holds something wrong.
     """
-    return read_log(path) if path.suffix == ".mcap" else read_table(path)
+    if path.suffix == ".mcap":
+        return [*read_log(path)]
+    return [*read_drives(path)] if is_averaged_csv(path) else [*read_table(path)]
 
 
-def identify(records: Sequence[MotorRecord], advance: Callable[[], None] = lambda: None) -> list[MotorReport]:
+def identify(records: Sequence[Record], advance: Callable[[], None] = lambda: None) -> list[MotorReport]:
     """Return a report on every motor; `advance` is called after each.
 
     Raises:
-        LogError: The logs of a motor come from different devices.
+        LogError: The logs of a motor come from different devices, or tell too little.
     """
-    reports = []
+    reports: list[MotorReport] = []
     for motor in sorted({record.motor for record in records}):
-        reports.append(report_motor([record for record in records if record.motor == motor]))
+        whole = [item for item in records if isinstance(item, MotorRecord) and item.motor == motor]
+        averaged = [item for item in records if isinstance(item, MotorDrives) and item.motor == motor]
+        if whole and averaged:
+            msg = f"{averaged[0].log} holds averages and {whole[0].log} does not: identify them one by one"
+            raise LogError(msg)
+        reports.append(report_motor(whole) if whole else report_drives(averaged))
         advance()
     return reports

@@ -66,14 +66,14 @@ def read_log(path: Path) -> list[MotorRecord]:
     check_times(told[:, 0], f"{path}, set-points")
     missing = sorted(set(range(told.shape[1] - 1)) - set(wheels))
     if missing:
-        msg = f"{path} has set-points but no samples of wheel {missing[0] + 1}: check its encoder"
+        msg = f"{path} has set-points but no samples of motor {missing[0] + 1}: check its encoder"
         raise LogError(msg)
     return [_record(path, config, index, wheels[index], told) for index in sorted(wheels)]
 
 
 def _record(path: Path, config: Config, index: int, wheel: _Wheel, told: np.ndarray) -> MotorRecord:
     device = config.devices[config.roles.wheels]
-    where = f"{path} wheel {index + 1}"
+    where = f"{path} motor {index + 1}"
     gear, scale = 1.0, Scale()
     is_robotino = isinstance(device, RobotinoBoardSettings)
     if isinstance(device, RobotinoBoardSettings):

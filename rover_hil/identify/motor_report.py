@@ -17,6 +17,8 @@ LARGEST_RELATIVE_HALF = 0.5
 """A parameter is determined when half of its interval is at most this share of it."""
 SATURATED_SHARE = 0.01
 TURNED_RAD_S = 1.0
+LOADED = 1.75
+"""Friction of so many times the no-load current is not the motor's own: motors differ by less."""
 KT_SHEET_NM_A = 0.0514
 
 UNITS = {
@@ -121,7 +123,7 @@ def report_motor(records: Sequence[MotorRecord]) -> MotorReport:
         fitted=_misfit(problem, fit.model, uncertainty.delay_s),
         data_sheet=_misfit(problem, _data_sheet_model(), DATA_SHEET["delay_s"]) if is_robotino else None,
         undetermined=lost_combinations(fit),
-        notes=_notes(problem, uncertainty),
+        notes=_notes(problem, estimates, uncertainty),
         speed_range_rad_s=_speed_range(problem),
         current_range_a=_current_range(problem),
     )
@@ -163,18 +165,26 @@ def _estimates(problem: MotorProblem, fit: MotorFit, uncertainty: Uncertainty) -
             kind["torque_constant_nm_per_a"] = kind["speed_constant_v_s_per_rad"]
     why = _reasons(problem, fit, uncertainty)
     estimates = [
-        _estimate(name, value.get(name), half.get(name, np.inf), why(name))
+        estimate(name, value.get(name), half.get(name, np.inf), why(name))
         for name in UNITS
         if name not in TORQUES
     ]
-    by_name = {estimate.name: estimate for estimate in estimates}
+    by_name = {item.name: item for item in estimates}
     torque = by_name["torque_constant_nm_per_a"]
     for name, source in TORQUES.items():
         estimates.append(_in_torque(name, by_name[source], torque))
     return estimates
 
 
-def _estimate(name: str, value: float | None, half: float, why: str) -> Estimate:
+def estimate(name: str, value: float | None, half: float, why: str) -> Estimate:
+    """Return what is said of a parameter whose interval is `half` wide to either side.
+
+    Args:
+        name: A key of `UNITS`.
+        value: None where there is none.
+        half: Half of the 95 % interval.
+        why: Why it is not determined, if it is not.
+    """
     determined = value is not None and bool(half <= LARGEST_RELATIVE_HALF * abs(value))
     has_interval = value is not None and np.isfinite(half)
     if determined and name == "torque_constant_nm_per_a":
@@ -240,8 +250,8 @@ def _reasons(problem: MotorProblem, fit: MotorFit, uncertainty: Uncertainty) -> 
     return why
 
 
-def _without_data_sheet(estimate: Estimate) -> Estimate:
-    return replace(estimate, data_sheet=None)
+def _without_data_sheet(item: Estimate) -> Estimate:
+    return replace(item, data_sheet=None)
 
 
 def _data_sheet_model() -> MotorModel:
@@ -266,8 +276,15 @@ def _misfit(problem: MotorProblem, model: MotorModel, delay_s: float) -> Misfit:
     )
 
 
-def _notes(problem: MotorProblem, uncertainty: Uncertainty) -> tuple[str, ...]:
+def _notes(problem: MotorProblem, estimates: Sequence[Estimate], uncertainty: Uncertainty) -> tuple[str, ...]:
     notes = []
+    friction_a = next((item.value for item in estimates if item.name == "coulomb_a"), None) or 0.0
+    share = friction_a / DATA_SHEET["coulomb_a"]
+    if problem.parts[0].record.is_robotino and share > LOADED:
+        notes.append(
+            f"friction is {share:.1f} times the no-load current of the data sheet: "
+            "on the ground it contains what rolling costs, and is not the motor's own"
+        )
     if not all(part.uses_ticks for part in problem.parts):
         notes.append("positions contradict the reported speeds and are not used")
     if uncertainty.delay_spread_s > 0.25 * problem.period_s:

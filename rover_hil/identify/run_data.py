@@ -25,7 +25,7 @@ class MeasuredRun:
         surface: Name of the surface.
         t_s: Times of the readings, increasing, shape (n,).
         position_rad: Angles of the wheels, (n, 3).
-        current_a: Currents, (n, 3); infinite where the sensor is at its end.
+        current_a: Currents, (n, 3); infinite where the sensor is at its end, NaN where it is silent.
         current_is_signed: False for magnitudes.
         set_speed_rad_s: Set-points of the wheels, (n, 3), NaN where unknown.
         camera_t_s: Times of new camera frames, (m,).
@@ -63,6 +63,7 @@ class RunWindows:
         paper_torque_nm: M, (k, 3).
         wheel_torque_nm: Torque at the wheel, (k, 3).
         usable: False where a wheel's effort is flagged for half of the window, (k, 3).
+        work_known: False where the work of any wheel is not known for half of the window, (k,).
         encoder_velocity: vx, vy, yaw rate of rolling wheels in the body frame, (k, 3), m/s and rad/s.
         camera_velocity: The same by the camera, m/s or pixel/s.
         camera_in_pixels: Which of the two.
@@ -78,6 +79,7 @@ class RunWindows:
     paper_torque_nm: Array
     wheel_torque_nm: Array
     usable: Flags
+    work_known: Flags
     encoder_velocity: Array
     camera_velocity: Array
     camera_in_pixels: bool

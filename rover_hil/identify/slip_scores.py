@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.slip_map import WheelMap, slip_at
-from controllers.surface_classifier import SurfaceMap, SurfaceTracker, Travel
+from controllers.surface_classifier import NO_TRAVEL, SurfaceMap, SurfaceTracker, Travel
+from controllers.travel_range import direction_problem
 from rover_hil.identify.run_data import WHEELS, Array, RunWindows, to_wheels
 from rover_hil.identify.runs import surface_parts
 from rover_hil.identify.surface_fit import travel_direction_rad, travel_work_j
@@ -81,7 +82,7 @@ def score_runs(maps: FittedMaps, runs: Sequence[RunWindows], m_per_px: float) ->
             continue
         told: dict[str, tuple[float, float]] = {ENCODER: (encoder_m, 0.0)}
         for name, wheel_map in maps.wheel_maps.items():
-            told[name] = _told_by_wheels(run, wheel_map, maps.prior_slip)
+            told[name] = _told_by_wheels(run, wheel_map, maps)
         told[BEST] = told_by_surface(run, maps.surfaces)
         parts = surface_parts(run.surface, known)
         if set(parts) <= set(known):
@@ -100,21 +101,27 @@ def told_by_surface(run: RunWindows, surfaces: SurfaceMap) -> tuple[float, float
         (run.elapsed_s, run.encoder_velocity * run.elapsed_s[:, None], travel_work_j(run))
     )
     way_m = invalid_m = 0.0
-    for step, encoder_m in zip(steps.tolist(), run.encoder_way_m().tolist(), strict=True):
-        estimate = tracker.step(Travel(*step))
+    windows = zip(steps.tolist(), run.encoder_way_m().tolist(), run.work_known.tolist(), strict=True)
+    for step, encoder_m, is_known in windows:
+        if not is_known:
+            tracker.interrupt()
+        estimate = tracker.step(Travel(*step) if is_known else NO_TRAVEL)
         way_m += encoder_m * (1.0 - estimate.slip)
-        invalid_m += 0.0 if estimate.valid else encoder_m
+        invalid_m += 0.0 if estimate.valid and is_known else encoder_m
     return way_m, invalid_m / float(run.encoder_way_m().sum())
 
 
-def _told_by_wheels(run: RunWindows, wheel_map: WheelMap, prior_slip: float) -> tuple[float, float]:
+def _told_by_wheels(run: RunWindows, wheel_map: WheelMap, maps: FittedMaps) -> tuple[float, float]:
     forward = np.sign(run.wheel_speed_rad_s)
     values: Array = forward * getattr(run, wheel_map.feature)
     slips = np.array([slip_at(wheel_map, value) for value in values.ravel().tolist()]).reshape(-1, WHEELS)
-    slips = np.where(run.usable, slips, prior_slip)
+    slips = np.where(run.usable, slips, maps.prior_slip)
     to_body = np.linalg.inv(to_wheels(run.rover))
     velocity = (run.wheel_speed_rad_s * (1.0 - slips)) @ to_body.T
     way_m = float((np.hypot(velocity[:, 0], velocity[:, 1]) * run.elapsed_s).sum())
     outside = (values < wheel_map.valid_from) | (values > wheel_map.valid_to) | ~run.usable
+    directions = np.arctan2(run.encoder_velocity[:, 1], run.encoder_velocity[:, 0]).tolist()
+    known = maps.surfaces.directions_rad
+    outside |= np.array([bool(direction_problem(known, direction)) for direction in directions])[:, None]
     weights = np.abs(run.wheel_speed_rad_s) * run.elapsed_s[:, None]
     return way_m, float((outside * weights).sum() / weights.sum())

@@ -56,7 +56,11 @@ def travel_direction_rad(run: RunWindows) -> float:
 
 def steady_drift_rad(run: RunWindows) -> Array:
     """Return how far the camera sees the rover go to the left of the encoders' course, in steady windows."""
-    velocity, seen = run.encoder_velocity[_is_steady(run)], run.camera_velocity[_is_steady(run)]
+    return _drift_rad(run, _is_steady(run))
+
+
+def _drift_rad(run: RunWindows, windows: Flags) -> Array:
+    velocity, seen = run.encoder_velocity[windows], run.camera_velocity[windows]
     course = (velocity[:, 0] + 1j * velocity[:, 1]).conj()
     drift_rad: Array = np.angle((seen[:, 0] + 1j * seen[:, 1]) * course)
     return drift_rad
@@ -102,10 +106,10 @@ def _fit_surface(name: str, tables: Sequence[Array]) -> SurfaceModel:
 
 
 def _table(run: RunWindows, m_per_px: float, camera_drift_rad: float) -> Array:
-    """Return rows of direction, speed, force, slip and drift, for the windows of steady travel."""
-    steady = _is_steady(run)
+    """Return rows of direction, speed, force, slip and drift, for steady windows of known work."""
+    steady = _is_steady(run) & run.work_known
     velocity, way_m = run.encoder_velocity[steady], run.encoder_way_m()[steady]
-    drift_rad = steady_drift_rad(run)
+    drift_rad = _drift_rad(run, steady)
     if run.camera_in_pixels:
         drift_rad = np.angle(np.exp(1j * (drift_rad - camera_drift_rad)))
     rows: Array = np.column_stack(

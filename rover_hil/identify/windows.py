@@ -31,7 +31,7 @@ def form_windows(run: MeasuredRun, motor: MotorSettings) -> RunWindows:
         np.interp(run.camera_t_s[edges], run.t_s, run.position_rad[:, wheel]) for wheel in range(WHEELS)
     ]
     speeds = np.diff(np.array(positions).T, axis=0) / elapsed_s[:, None]
-    efforts, flagged = _efforts(run, motor)
+    efforts, flagged, unknown = _efforts(run, motor)
     # The readings of a window are those after its start, up to its end.
     first = np.searchsorted(run.t_s, start_s, side="right")
     last = np.searchsorted(run.t_s, end_s, side="right")
@@ -49,6 +49,7 @@ def form_windows(run: MeasuredRun, motor: MotorSettings) -> RunWindows:
         paper_torque_nm=paper_nm,
         wheel_torque_nm=wheel_nm,
         usable=np.array([flagged[part].mean(axis=0) < 0.5 for part in slices]),
+        work_known=np.array([(unknown[part].mean(axis=0) < 0.5).all() for part in slices]),
         encoder_velocity=speeds @ np.linalg.inv(to_wheels(run.rover)).T,
         camera_velocity=_camera_velocity(run.camera[edges], elapsed_s),
         camera_in_pixels=run.camera_in_pixels,
@@ -87,19 +88,18 @@ def _camera_velocity(poses: Array, elapsed_s: Array) -> Array:
     return velocity
 
 
-def _efforts(run: MeasuredRun, motor: MotorSettings) -> tuple[tuple[Array, Array, Array], Flags]:
-    """Return signed current, M and wheel torque of each reading after the first, and what is flagged."""
+def _efforts(run: MeasuredRun, motor: MotorSettings) -> tuple[tuple[Array, Array, Array], Flags, Flags]:
+    """Return current, M and wheel torque of each reading, which are flagged, and whose work is unknown."""
     elapsed_s = np.diff(run.t_s, prepend=run.t_s[0] - 1.0)
     speeds = np.diff(run.position_rad, axis=0, prepend=run.position_rad[:1]) / elapsed_s[:, None]
     columns: list[Sequence[WheelEffort]] = []
     for wheel in range(WHEELS):
         observer = EffortObserver(motor, current_is_signed=run.current_is_signed)
-        set_speeds = [None if np.isnan(value) else float(value) for value in run.set_speed_rad_s[:, wheel]]
         readings = zip(
             elapsed_s.tolist(),
-            np.minimum(run.current_a[:, wheel], motor.current_full_scale_a).tolist(),
+            _known(np.minimum(run.current_a[:, wheel], motor.current_full_scale_a)),
             speeds[:, wheel].tolist(),
-            set_speeds,
+            _known(run.set_speed_rad_s[:, wheel]),
             strict=True,
         )
         columns.append([observer.step(*reading) for reading in readings])
@@ -108,4 +108,9 @@ def _efforts(run: MeasuredRun, motor: MotorSettings) -> tuple[tuple[Array, Array
         for name in ("current_a", "paper_torque_nm", "wheel_torque_nm")
     )
     flagged = np.array([[bool(effort.flags) for effort in column] for column in columns]).T
-    return (values[0], values[1], values[2]), flagged
+    unknown = np.array([[effort.unknown_work is not None for effort in column] for column in columns]).T
+    return (values[0], values[1], values[2]), flagged, unknown
+
+
+def _known(values: Array) -> list[float | None]:
+    return [None if np.isnan(value) else float(value) for value in values]

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
-from drivers.clock import NANOSECONDS_PER_SECOND, cpu_time_ns, nanoseconds, seconds
+from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
 from drivers.driver import DeviceState
 from rover_hil.composition import Rig
 from rover_hil.loop.watchdog import Watchdog
@@ -119,7 +119,7 @@ class Executive:
             while True:
                 deadline_ns += self._period_ns
                 self._clock.sleep_until(deadline_ns)
-                woke_ns = cpu_time_ns()
+                woke_ns = stopwatch_ns()
                 now_ns = self._clock.now_ns()
                 late_ns = now_ns - deadline_ns
                 if late_ns >= self._period_ns:
@@ -130,7 +130,7 @@ class Executive:
                 if now_ns >= next_health_ns:
                     next_health_ns = now_ns + HEALTH_PERIOD_NS
                     self._check_health(now_ns)
-                work_ns = cpu_time_ns() - woke_ns
+                work_ns = stopwatch_ns() - woke_ns
                 self._log.write_json("/cycle", now_ns, {"late_ns": late_ns, "work_ns": work_ns})
                 result.cycles += 1
                 if self._on_status is not None and woke_ns >= next_status_ns:

@@ -61,7 +61,7 @@ def restore_config(log: LogReader) -> Iterator[Config]:
 
 
 def with_controller_of(logged: Config, other: Config) -> Config:
-    """Return the configuration of a log with rover, filter, limits, safety and slip of another one.
+    """Return the configuration of a log with rover, filter, limits, safety and slips of another one.
 
     Devices and their roles stay: the log holds what these very devices said. A mission is taken over where
     the log has one.
@@ -72,6 +72,7 @@ def with_controller_of(logged: Config, other: Config) -> Config:
         "limits": other.limits,
         "safety": other.safety,
         "slip": other.slip,
+        "trace_slip": other.trace_slip,
     }
     if logged.mission is not None and other.mission is not None:
         update["mission"] = other.mission

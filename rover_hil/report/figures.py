@@ -7,6 +7,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from rover_hil.report import style
+from rover_hil.report.drift_figures import draw_drift
 from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
 from rover_hil.report.run_data import RunData
 from rover_hil.report.slip_figures import draw_effort, draw_slip
@@ -38,6 +39,11 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
         "See where the wheels turned for nothing: 0 % is pure rolling, 100 % is turning without moving. "
         "What was told should follow the truth half a second later, or be marked as not valid.",
         draw_slip,
+    ),
+    (
+        "Slip and slip angle",
+        "See how far the rover slid back and aside, as trace and tilt told it.",
+        draw_drift,
     ),
     (
         "Effort",

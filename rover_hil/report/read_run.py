@@ -12,6 +12,7 @@ from controllers.limits import Limit
 from controllers.safety import Mode
 from controllers.settings import SkidSteerRoverSettings
 from controllers.slip_compensator import SlipReport
+from controllers.trace_slip import DriftReport
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
@@ -23,6 +24,7 @@ from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.log_reader import LogMessage, LogReader
 from rover_hil.report.run_data import (
     Cycles,
+    DriftData,
     InnovationData,
     LinkEvent,
     RunData,
@@ -39,6 +41,8 @@ from rover_hil.report.tracks import (
     speed_from_positions,
 )
 
+SLOWEST_RIM_M_S, SLOWEST_M_S = 0.03, 0.01
+"""Below the first the true slip, below the second the true slip angle says nothing."""
 SKID_STEER_PLACES = ("front left", "front right", "rear left", "rear right")
 
 
@@ -58,6 +62,8 @@ class _Truth(BaseModel):
     y_m: float
     yaw_rad: float
     is_new: bool = True
+    velocity_x_m_s: float | None = None
+    velocity_y_m_s: float | None = None
     wheel_speed_rad_s: tuple[float, ...] = ()
     slip: tuple[float, ...] = ()
 
@@ -106,6 +112,7 @@ class _Collector:
         self._last_ns = start_ns
         self._rows: defaultdict[tuple[str, int | str], list[tuple[float, ...]]] = defaultdict(list)
         self._slips: list[tuple[float, SlipReport]] = []
+        self._drift_reasons: list[str] = []
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._limits: list[Limit] = []
@@ -179,6 +186,7 @@ class _Collector:
             innovations=self._innovations(),
             wheels=self._wheels(),
             slip=self._slip(),
+            drift=self._drift(),
             health=self._health,
             link_events=self._link_events,
             watchdog_s=self._watchdog_s,
@@ -206,10 +214,20 @@ class _Collector:
             self._rows["cross_track", ""].append((t_s, output.cross_track_m))
         if output.slip is not None:
             self._slips.append((t_s, output.slip))
+        if output.drift is not None:
+            self._take_drift(t_s, output.drift)
         for innovation in output.innovations:
             if innovation.residual is not None and innovation.variance is not None:
                 row = (t_s, innovation.residual, innovation.variance**0.5, float(innovation.accepted))
                 self._rows["innovation", innovation.name].append(row)
+
+    def _take_drift(self, t_s: float, drift: DriftReport) -> None:
+        self._rows["drift_slip", ""].append((t_s, drift.slip))
+        self._rows["drift_angle", ""].append((t_s, drift.slip_angle_rad))
+        self._drift_reasons.append(drift.reason)
+        trace = drift.trace
+        if trace is not None and trace.detected and trace.theta_rad is not None:
+            self._rows["trace", ""].append((self._seconds(trace.t_ns), trace.theta_rad))
 
     def _take_samples(self, samples: _Samples) -> None:
         roles = self._config.roles
@@ -231,6 +249,13 @@ class _Collector:
         t_s = self._seconds(truth.t_ns)
         if truth.is_new:
             self._rows["truth", ""].append((t_s, truth.x_m, truth.y_m, truth.yaw_rad))
+        forward, left = truth.velocity_x_m_s, truth.velocity_y_m_s
+        if forward is not None and left is not None and truth.wheel_speed_rad_s:
+            rim_m_s = self._config.rover.wheel_radius_m * float(np.mean(truth.wheel_speed_rad_s))
+            turns = abs(rim_m_s) > SLOWEST_RIM_M_S
+            self._rows["true_slip", ""].append((t_s, 1.0 - forward / rim_m_s if turns else np.nan))
+            moves = turns and forward > SLOWEST_M_S
+            self._rows["true_angle", ""].append((t_s, np.arctan2(left, forward) if moves else np.nan))
         self._add_wheels("slip", t_s, truth.slip)
         self._add_wheels("true_speed", t_s, truth.wheel_speed_rad_s)
 
@@ -281,6 +306,19 @@ class _Collector:
                 )
                 for wheels in zip(*(report.wheels for _, report in self._slips), strict=True)
             ],
+        )
+
+    def _drift(self) -> DriftData | None:
+        slip, angle = self._series("drift_slip", ""), self._series("drift_angle", "")
+        if slip is None or angle is None:
+            return None
+        return DriftData(
+            slip=slip,
+            angle=angle,
+            reasons=self._drift_reasons,
+            trace=Series.of(self._rows["trace", ""]),
+            true_slip=self._series("true_slip", ""),
+            true_angle=self._series("true_angle", ""),
         )
 
     def _wheels(self) -> list[WheelData]:

@@ -80,6 +80,26 @@ class SlipData:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DriftData:
+    """How the whole rover slipped, as told in n cycles; angles in rad, left positive.
+
+    Attributes:
+        slip: Slip ratio.
+        angle: Slip angle.
+        reasons: Why the two were not sure; empty where they were.
+        trace: Direction of the rear wheel's velocity, from the frames in which its trace was found.
+        true_slip: NaN where the wheels hardly turn; None where nobody recorded it. Likewise `true_angle`.
+    """
+
+    slip: Series
+    angle: Series
+    reasons: Sequence[str]
+    trace: Series
+    true_slip: Series | None
+    true_angle: Series | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InnovationData:
     """What one measurement said against the estimate: residual, its expected deviation, 1 if accepted."""
 
@@ -115,6 +135,7 @@ class RunData:
         headings: Yaw in the local frame, by device and reference.
         gyro: The integrated gyro, its bias taken off; None without one.
         slip: What slip compensation told; None without it.
+        drift: What compensation by trace and tilt told; None without it.
         health: The last health facts of each device.
         watchdog_s: When the watchdog stopped the drive.
     """
@@ -137,6 +158,7 @@ class RunData:
     innovations: Mapping[str, InnovationData]
     wheels: Sequence[WheelData]
     slip: SlipData | None
+    drift: DriftData | None
     health: Sequence[Health]
     link_events: Sequence[LinkEvent]
     watchdog_s: Sequence[float]

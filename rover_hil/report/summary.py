@@ -11,6 +11,7 @@ from controllers.limits import Limit
 from controllers.planar import wrap_angle
 from controllers.safety import Mode
 from drivers.driver import Health
+from rover_hil.report.drift_summary import DriftSummary, summarise_drift
 from rover_hil.report.run_data import RunData, WheelData
 from rover_hil.report.tracks import Array, Series, Track, running_mean, spans
 
@@ -113,6 +114,7 @@ class Summary:
         slip_ratio: 1 - true distance / encoder distance; None when the latter is less than 0.05 m.
         wheel_slip: True slip ratio of each wheel, its mean over the angle turned; None where it is not known.
         slip: What slip compensation told; None without it.
+        drift: What compensation by trace and tilt told; None without it.
         cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
         lateness: How late cycles began; None for imported logs.
         work: How long they took; None likewise.
@@ -142,6 +144,7 @@ class Summary:
     slip_ratio: float | None
     wheel_slip: tuple[float | None, ...]
     slip: SlipSummary | None
+    drift: DriftSummary | None
     cross_track_rms_m: float | None
     cross_track_max_m: float | None
     lateness: Spread | None
@@ -181,6 +184,7 @@ def summarise(run: RunData) -> Summary:
         slip_ratio=_slip_ratio(run),
         wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
         slip=_slip_summary(run),
+        drift=summarise_drift(run.drift),
         cross_track_rms_m=None if cross_m is None else _rms(cross_m),
         cross_track_max_m=None if cross_m is None else float(cross_m.max()),
         lateness=_spread(cycles.late_us) if is_timed else None,

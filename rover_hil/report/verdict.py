@@ -8,6 +8,7 @@ from statistics import fmean
 from controllers.safety import Mode
 from controllers.settings import LineMission, RectangleMission
 from rover_hil.loop.executive import End
+from rover_hil.report.drift_summary import DriftSummary
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import SlipSummary, Summary, TrackError
 
@@ -75,6 +76,8 @@ def facts(summary: Summary) -> list[Fact]:
         found.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' way, as driven"))
     if summary.slip is not None:
         found += _told_slip(summary.slip)
+    if summary.drift is not None:
+        found += _told_drift(summary.drift)
     if summary.cross_track_rms_m is not None and summary.cross_track_max_m is not None:
         greatest = length(summary.cross_track_max_m)
         found.append(
@@ -102,6 +105,13 @@ def _told_slip(slip: SlipSummary) -> list[Fact]:
         return []
     detail = f"by {slip.map}, valid for {percent(fmean(valid))} of the way"
     return [Fact("slip told", percent(fmean(slips)), detail)]
+
+
+def _told_drift(drift: DriftSummary) -> list[Fact]:
+    if drift.slip is None:
+        return []
+    detail = f"slip angle up to {drift.greatest_slip_angle_deg:.1f}°, {drift.traces} traces"
+    return [Fact("slip told", percent(drift.slip), detail)]
 
 
 def length(length_m: float) -> str:

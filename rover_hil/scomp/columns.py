@@ -27,6 +27,8 @@ KNOWN = ("t_s", *WHEELS, *SENSORS, *FIXES)
 
 LONGEST_HOLD_S = 1.0
 """A compass that repeats itself for longer than this has really not moved."""
+LONGEST_FILLED_S = 1.0
+"""Longer gaps of a sensor are told."""
 LARGEST_ENCODER_DIFFERENCE = 0.3
 
 
@@ -53,9 +55,9 @@ def drive_of(columns: Mapping[str, Array], where: str) -> tuple[Drive, list[str]
         wheel_rad=_mean(list(turned.values())),
         wheel_yaw_rad=difference,
         compass_rad=_compass(columns, t_s),
-        gyro_rad_s=_filled(columns, "gyro_z_deg_s", t_s),
-        pitch_rad=_filled(columns, "pitch_deg", t_s),
-        roll_rad=_filled(columns, "roll_deg", t_s),
+        gyro_rad_s=_filled(columns, "gyro_z_deg_s", t_s, notes),
+        pitch_rad=_filled(columns, "pitch_deg", t_s, notes),
+        roll_rad=_filled(columns, "roll_deg", t_s, notes),
         trace_rad=_trace(columns),
         fix_m=np.column_stack(fix) if len(fix) == 2 and np.isfinite(fix[0]).any() else None,
     )
@@ -142,12 +144,16 @@ def _trace(columns: Mapping[str, Array]) -> Array | None:
     return np.where(use, np.radians(values), np.nan) if use.any() else None
 
 
-def _filled(columns: Mapping[str, Array], name: str, t_s: Array) -> Array | None:
+def _filled(columns: Mapping[str, Array], name: str, t_s: Array, notes: list[str]) -> Array | None:
     """Return a column in deg as rad, its empty cells on straight lines between the others."""
     values = _numbers(columns, name)
     if values is None:
         return None
     seen = np.isfinite(values)
+    # Also before the first and after the last.
+    gap_s = float(np.diff(np.concatenate((t_s[:1], t_s[seen], t_s[-1:]))).max())
+    if gap_s > LONGEST_FILLED_S:
+        notes.append(f"{name} is silent for {gap_s:.1f} s: taken for a straight line there")
     filled: Array = np.radians(np.interp(t_s, t_s[seen], values[seen]))
     return filled
 

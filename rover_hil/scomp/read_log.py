@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from controllers.scomp.parameters import RoverGeometry
 from controllers.settings import SkidSteerRoverSettings
+from controllers.trace_slip import TraceReading
 from drivers.errors import LogError
 from drivers.samples import AttitudeSample, HeadingSample, RateSample, WheelSample
 from rover_hil.config import Config
@@ -29,11 +30,21 @@ class _Samples(BaseModel):
     attitudes: list[AttitudeSample] = Field(default=[], alias="AttitudeSample")
 
 
+class _Drift(BaseModel):
+    trace: TraceReading | None = None
+
+
+class _Estimate(BaseModel):
+    """What a cycle told of the trace."""
+
+    drift: _Drift | None = None
+
+
 def read_log_columns(path: Path) -> tuple[dict[str, Array], RoverGeometry]:
     """Return a log as columns in the units of the CSV files, a row per position of the first wheel.
 
     The heading is that of the first heading device, the rate that of the gyro. Nose and left side up are
-    positive.
+    positive. The trace angles are those that the run itself found in its frames.
 
     Raises:
         LogError: The log is damaged, of another kind of rover, or lacks wheel positions.
@@ -46,9 +57,12 @@ def read_log_columns(path: Path) -> tuple[dict[str, Array], RoverGeometry]:
         raise LogError(msg)
     rows: Rows = defaultdict(list)
     for message in log.messages():
-        if message.topic == "/samples":
+        if message.topic in ("/samples", "/estimate"):
             try:
-                _take(_Samples.model_validate_json(message.data), config, rows)
+                if message.topic == "/samples":
+                    _take(_Samples.model_validate_json(message.data), config, rows)
+                else:
+                    _take_trace(_Estimate.model_validate_json(message.data), rows)
             except ValidationError as error:
                 problem = error.errors()[0]["msg"]
                 msg = f"{path} is damaged: {message.topic} at {message.t_ns} ns: {problem}"
@@ -77,13 +91,19 @@ def _take(samples: _Samples, config: Config, rows: Rows) -> None:
             rows["roll_deg"].append((attitude.t_ns, math.degrees(attitude.roll_rad)))
 
 
+def _take_trace(estimate: _Estimate, rows: Rows) -> None:
+    trace = None if estimate.drift is None else estimate.drift.trace
+    if trace is not None and trace.detected and trace.theta_rad is not None:
+        rows["beta_ftrace_deg"].append((trace.t_ns, math.degrees(trace.theta_rad)))
+
+
 def _assemble(rows: Rows, start_ns: int) -> dict[str, Array]:
     """Put each sample into the first row at or after its time; wheels and angles between two are linear."""
     t_ns = np.unique([t for t, _ in rows["enc1_rad"]])
     columns = {"t_s": (t_ns - start_ns) / 1e9}
     for name, pairs in rows.items():
         times, values = np.array(sorted(pairs)).T
-        if name == "compass_deg":
+        if name in ("compass_deg", "beta_ftrace_deg"):
             index = np.searchsorted(t_ns, times)
             column = np.full(len(t_ns), np.nan)
             column[index[index < len(t_ns)]] = values[index < len(t_ns)]

@@ -34,7 +34,8 @@ class Traverse(NamedTuple):
         slip_angle_deg: beta, negative downhill.
         sinkage_uphill_m: Mean of the uphill wheels at their middle planes.
         sinkage_downhill_m: Mean of the downhill wheels.
-        boundary: True where the model has thrust to spare at slip 0: the edge of its domain and not a root.
+        boundary: True where the model has thrust to spare at slip 0: the edge of its domain and not a root;
+            None where that is not told.
         reason: Why there is no equilibrium; else empty.
     """
 
@@ -45,7 +46,7 @@ class Traverse(NamedTuple):
     slip_angle_deg: float | None
     sinkage_uphill_m: float | None
     sinkage_downhill_m: float | None
-    boundary: bool
+    boundary: bool | None
     reason: str
 
 

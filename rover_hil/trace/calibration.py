@@ -49,7 +49,7 @@ class GroundTarget:
     Attributes:
         x_m: Corner in the vehicle frame.
         y_m: Corner in the vehicle frame.
-        yaw_rad: Direction of growing columns, counter-clockwise from x; rows then grow to its left.
+        yaw_rad: Direction of growing columns, counter-clockwise from x; rows then grow to its right.
     """
 
     x_m: float
@@ -171,8 +171,9 @@ def _pose(
 
 def _on_ground(flat: Floats, target: GroundTarget) -> Floats:
     cos, sin = np.cos(target.yaw_rad), np.sin(target.yaw_rad)
-    x = target.x_m + cos * flat[:, 0] - sin * flat[:, 1]
-    y = target.y_m + sin * flat[:, 0] + cos * flat[:, 1]
+    # Seen from above, as on paper, rows are counted clockwise of columns.
+    x = target.x_m + cos * flat[:, 0] + sin * flat[:, 1]
+    y = target.y_m + sin * flat[:, 0] - cos * flat[:, 1]
     return np.stack([x, y, np.zeros(len(flat))], axis=1)
 
 

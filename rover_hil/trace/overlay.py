@@ -1,5 +1,6 @@
 """Pictures of what was found: trace and angle drawn into the frames."""
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -62,6 +63,14 @@ class OverlayWriter:
             self._video.release()
         self._part.rename(self._path)
 
+    def discard(self) -> None:
+        """Remove what was drawn so far."""
+        if self._video is not None:
+            self._video.release()
+            self._part.unlink(missing_ok=True)
+        else:
+            shutil.rmtree(self._part, ignore_errors=True)
+
 
 def draw(grey: Image, angle: TraceAngle, rig: RigGeometry, width_m: float) -> Image:
     """Return the frame with the trace's edges, green when seen and orange when kept, and its angle."""
@@ -69,8 +78,9 @@ def draw(grey: Image, angle: TraceAngle, rig: RigGeometry, width_m: float) -> Im
     text = "no trace"
     if angle.theta_rad is not None and angle.distance_m is not None:
         colour = FOUND if angle.detected else KEPT
+        left = np.array([-np.sin(rig.steer_rad), np.cos(rig.steer_rad), 0.0])
         for side in (-0.5, 0.5):
-            edge = angle.path_m + np.array([0.0, side * width_m, 0.0])
+            edge = angle.path_m + side * width_m * left
             pixels, ahead = project(rig, edge)
             line = np.round(pixels[ahead]).astype(np.int32).reshape(-1, 1, 2)
             cv2.polylines(picture, [line], isClosed=False, color=colour, thickness=2, lineType=cv2.LINE_AA)

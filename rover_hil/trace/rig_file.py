@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, JsonValue, ValidationError
+from pydantic import Field, JsonValue, ValidationError, field_validator
 
 from controllers.ftrace.geometry import RigGeometry
 from drivers.errors import ConfigError
@@ -14,6 +14,7 @@ from rover_hil.config import describe_validation_error
 
 SCHEMA = "rear-camera-rig/1"
 LARGEST_FILE_BYTES = 1_000_000
+OTHER_MODELS = ("fish", "kannala", "equidistant", "rational", "omni", "scaramuzza")
 
 Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
@@ -35,6 +36,14 @@ class Distortion(Settings):
 
     model: str
     values: tuple[float, float, float, float, float]
+
+    @field_validator("model")
+    @classmethod
+    def _is_plain(cls, name: str) -> str:
+        if any(other in name.lower() for other in OTHER_MODELS):
+            msg = "only OpenCV's plain model, k1 k2 p1 p2 k3, is known: calibrate with it"
+            raise ValueError(msg)
+        return name
 
 
 class Wheel(Settings):

@@ -44,7 +44,7 @@ def at_site(config: Config, seed: int) -> Config:
     kept = {
         name: device
         for name, device in config.devices.items()
-        if name in config.roles.names() or not isinstance(device, FrameDeviceSettings)
+        if name in (*config.roles.names(), config.roles.camera) or not isinstance(device, FrameDeviceSettings)
     }
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(b"site"),)))
     site = SimulationSettings(

@@ -48,6 +48,13 @@ class RectanglePatch(Patch):
     y_min_m: float
     y_max_m: float
 
+    @model_validator(mode="after")
+    def _has_an_area(self) -> Self:
+        if self.x_max_m <= self.x_min_m or self.y_max_m <= self.y_min_m:
+            msg = "the rectangle covers nothing: x_max_m and y_max_m must be greater than x_min_m and y_min_m"
+            raise ValueError(msg)
+        return self
+
     def covers(self, x_m: Coordinates, y_m: Coordinates) -> Mask:
         """Tell for each point whether it lies on the patch."""
         inside: Mask = (self.x_min_m <= x_m) & (x_m <= self.x_max_m)

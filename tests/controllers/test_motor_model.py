@@ -123,6 +123,20 @@ def test_change_of_direction_is_flagged_for_a_while() -> None:
     assert flagged == sorted(flagged, reverse=True)
 
 
+def test_of_a_slow_wheel_the_work_is_known_without_the_sign_of_its_current() -> None:
+    observer = EffortObserver(MOTOR, current_is_signed=False)
+    settle(observer, 0.5, 0.3)
+    trembling = observer.step(PERIOD_S, 0.5, -0.3)
+    assert trembling.flags == (EffortFlag.SLOW, EffortFlag.SIGN_CHANGE)
+    assert (trembling.unknown_torque, trembling.unknown_work) == (EffortFlag.SIGN_CHANGE, None)
+    fast = EffortObserver(MOTOR, current_is_signed=False)
+    settle(fast, 0.5, 3.0)
+    assert fast.step(PERIOD_S, 0.5, -3.0).unknown_work is EffortFlag.SIGN_CHANGE
+    assert observer.step(PERIOD_S, None, 0.3).unknown_work is EffortFlag.NO_CURRENT
+    assert settle(observer, 7.0, 0.3).unknown_work is EffortFlag.SATURATED
+    assert settle(observer, 0.5, 0.3).unknown_torque is None
+
+
 def test_saturated_and_missing_currents_are_flagged() -> None:
     observer = EffortObserver(MOTOR, current_is_signed=False)
     assert observer.step(PERIOD_S, MOTOR.current_full_scale_a, 3.0).flags == (EffortFlag.SATURATED,)

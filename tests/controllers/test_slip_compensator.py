@@ -141,6 +141,30 @@ def test_a_slow_wheel_is_held_too() -> None:
     assert PRIOR < report.wheels[2].slip < 0.5
 
 
+def test_a_wheel_that_rests_as_told_leaves_the_rover_sure() -> None:
+    # Straight ahead the rear wheel stands, and what stands adds no way.
+    speeds = (-3.0, 0.0, 3.0)
+    bench = Bench(use="line")
+    for _ in range(60):
+        report = bench.step(speeds, (-0.8, 0.1, 0.8))
+    assert [wheel.reason for wheel in report.wheels] == ["", "wheel too slow", ""]
+    assert bench.told.is_sure
+    # One that was told to turn may be held, or dragged.
+    bench.step(speeds, (-0.8, 0.1, 0.8), set_points=(-3.0, 1.0, 3.0))
+    is_sure = [bench.told.is_sure]
+    bench.step(speeds, (-0.8, None, 0.8))
+    is_sure.append(bench.told.is_sure)
+    assert is_sure == [False, False]
+
+
+@pytest.mark.parametrize("use", ["surfaces", "yaw_probe"])
+def test_a_rover_at_rest_is_sure_of_nothing_where_slip_is_told_for_all(use: str) -> None:
+    bench = Bench(use=use)
+    for _ in range(60):
+        bench.step((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert not bench.told.is_sure
+
+
 def test_the_slip_of_a_recognised_surface_is_kept_while_the_force_is_unknown() -> None:
     bench = Bench()
     bench.drive(25.0, 3.0)
@@ -170,8 +194,8 @@ def test_a_stuck_wheel_slips_by_one() -> None:
     assert (report.wheels[0].slip, report.wheels[0].valid, reasons[-1]) == (1.0, False, "stuck")
     assert report.wheels[0].paper_torque_nm > 0.1  # a stalled wheel does not report "no effort"
     assert [wheel.valid for wheel in report.wheels[1:]] == [True, True]
-    # Its filtered speed takes a while to fall below one step, and then it may still be starting.
-    assert STUCK_AFTER_S < reasons.index("stuck") * PERIOD_S < STUCK_AFTER_S + 0.5
+    # Its filtered speed takes a while to fall to nothing, and then it may still be starting.
+    assert STUCK_AFTER_S < reasons.index("stuck") * PERIOD_S < STUCK_AFTER_S + 0.7
     report = bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
     assert report.wheels[0].reason != "stuck"
 
@@ -186,8 +210,14 @@ def test_a_stuck_wheel_is_noticed_with_every_map() -> None:
 
 @pytest.mark.parametrize(
     ("speed", "current_a", "set_point"),
-    [(0.35, 2.5, 3.0), (0.0, 0.3, 3.0), (0.0, 2.5, 0.3), (0.0, None, 3.0)],
-    ids=["slow but turning", "no effort", "told to stand", "current unknown"],
+    [(0.35, 2.5, 3.0), (0.1, 1.0, 0.6), (0.0, 0.3, 3.0), (0.0, 2.5, 0.3), (0.0, None, 3.0)],
+    ids=[
+        "slow but turning",
+        "creeping by the droop of its loop",
+        "no effort",
+        "told to stand",
+        "current unknown",
+    ],
 )
 def test_other_wheels_are_not_stuck(speed: float, current_a: float | None, set_point: float) -> None:
     bench = Bench(use="line")
@@ -239,8 +269,9 @@ def test_a_saturated_current_is_flagged(use: str) -> None:
     assert not bench.told.is_sure
 
 
-def test_a_direction_outside_the_training_range_is_flagged() -> None:
-    bench = Bench(directions_rad=(0.0, 0.5))
+@pytest.mark.parametrize("use", ["surfaces", "line"])
+def test_a_direction_outside_the_training_range_is_flagged(use: str) -> None:
+    bench = Bench(use=use, directions_rad=(0.0, 0.5))
     assert bench.drive(5.0, 2.0, direction_rad=0.2).wheels[0].valid
     report = bench.drive(5.0, 2.0, direction_rad=2.0)
     assert not any(wheel.valid for wheel in report.wheels)
@@ -252,7 +283,7 @@ def shake(bench: Bench, lost: float, duration_s: float, *, has_gyro: bool = True
     for step in range(round(duration_s / PERIOD_S)):
         rate_rad_s = 0.5 * math.sin(math.tau * PROBE.frequency_hz * step * PERIOD_S)
         speeds = KINEMATICS.wheel_speeds(0.15, 0.0, rate_rad_s)
-        gyro_rate_rad_s = (1.0 - lost) * rate_rad_s + 0.02 if has_gyro else None
+        gyro_rate_rad_s = (1.0 - lost) * rate_rad_s if has_gyro else None
         report = bench.step(speeds, (0.5, 0.0, -0.5), gyro_rate_rad_s=gyro_rate_rad_s)
     return report
 
@@ -333,5 +364,5 @@ def test_whatever_arrives_slips_are_slips(
         report = bench.step(speeds, currents, gyro_rate_rad_s=gyro_rate_rad_s)
         assert all(-1.0 <= wheel.slip <= 1.0 for wheel in report.wheels)
         assert all(wheel.valid is not bool(wheel.reason) for wheel in report.wheels)
-        assert bench.told.is_sure == all(wheel.valid for wheel in report.wheels)
+        assert bench.told.is_sure or not all(wheel.valid for wheel in report.wheels)
         assert math.isfinite(abs(bench.way))

@@ -68,6 +68,14 @@ class Rover:
     trace_rms: float = 1.5
     trace_memory: float = 0.55
     lost_share: float = 0.03
+    radius_share: float = 0.0
+    """True radius of the wheels over what is thought, less one."""
+    encoder_age_s: float = 0.0
+    gyro_bias_sd: float = 0.1
+    gyro_offset: float = 0.0
+    gyro_scale: float = 0.0
+    gyro_drift: float = 0.0
+    """deg/s per minute."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,7 +243,8 @@ def drive(
 ) -> Recorded:
     """Drive the site with equal wheel speeds, and log it."""
     x = y = turned = t = way = 0.0
-    psi, slip, sideways = psi_rad, 0.1, 0.0
+    # The search begins low on hard ground, where far up the hyperbola there is no way back.
+    psi, slip, sideways = psi_rad, 0.1 * min(1.0, soil.half_slip / 0.5), 0.0
     patch, sway = _Walk(0.5, rng), _Walk(0.6, rng)
     rows = []
     while way < site.way_m:
@@ -263,15 +272,25 @@ def drive(
 def _measure(truth: Columns, rover: Rover, rng: np.random.Generator) -> Columns:
     count = len(truth["t_s"])
     enc = {
-        f"enc{i}_rad": np.round((truth["turned"] * (1.0 + 0.002 * rng.standard_normal())) / 1e-3) * 1e-3
+        f"enc{i}_rad": np.round(
+            (truth["turned"] * (1.0 + 0.002 * rng.standard_normal()) / (1.0 + rover.radius_share)) / 1e-3
+        )
+        * 1e-3
         for i in (1, 2, 3, 4)
     }
-    bias_deg_s = 0.1 * rng.standard_normal()
+    if rover.encoder_age_s > 0.0:
+        late = max(1, round(rover.encoder_age_s / STEP_S))
+        enc = {name: np.concatenate((np.full(late, one[0]), one[:-late])) for name, one in enc.items()}
+    bias_deg_s = (
+        rover.gyro_bias_sd * rng.standard_normal()
+        + rover.gyro_offset
+        + rover.gyro_drift * truth["t_s"] / 60.0
+    )
     log = {
         "t_s": truth["t_s"],
         **enc,
         "compass_deg": _compass_deg(truth["psi_rad"], rover, rng),
-        "gyro_z_deg_s": np.degrees(truth["rate"])
+        "gyro_z_deg_s": (1.0 + rover.gyro_scale) * np.degrees(truth["rate"])
         + bias_deg_s
         + rover.gyro_noise_s * rng.standard_normal(count),
         "pitch_deg": np.degrees(truth["pitch_rad"]) + rover.tilt_noise * rng.standard_normal(count),

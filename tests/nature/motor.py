@@ -32,7 +32,11 @@ FRICTION_TIME_S = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class TrueMotor:
-    """Physical constants in SI units at the motor; data-sheet and identified values of a GR 42x25."""
+    """Physical constants in SI units at the motor; data-sheet and identified values of a GR 42x25.
+
+    From `breakaway_nm` on what such motors can have: more friction at rest, which fades over `film_rad_s`,
+    more friction forwards, drag with the square of speed, voltage lost in the bridge, offset of the current.
+    """
 
     resistance_ohm: float = 5.34
     inductance_h: float = 8.9e-3
@@ -44,6 +48,12 @@ class TrueMotor:
     supply_v: float = 24.0
     kp: float = 200.0
     delay_s: float = 0.11
+    breakaway_nm: float = 0.0
+    film_rad_s: float = 15.0
+    forward_nm: float = 0.0
+    drag_nm_s2: float = 0.0
+    lost_v: float = 0.0
+    offset_a: float = 0.0
 
     @property
     def stiffness_v_s(self) -> float:
@@ -108,7 +118,8 @@ def measure(
     plant = _Motors(motor, count, steps_per_cycle, friction_spread, rng)
     seen = _run(plant, rows, steps_per_cycle, arrival_s, steps)
     noise = ripple_a * np.sqrt(np.abs(seen[:, 2])) * rng.standard_normal(seen[:, 2].shape)
-    counts = np.floor(np.abs(seen[:, 2] + noise) * COUNTS_PER_A / 4) * 4
+    shown_a = np.maximum(np.abs(seen[:, 2] + noise) + motor.offset_a, 0.0)
+    counts = np.floor(shown_a * COUNTS_PER_A / 4) * 4
     return Measured(
         t_s=t_s,
         set_point_rad_s=set_points,
@@ -206,7 +217,8 @@ class _Motors:
         self.speed_count, self._last_ticks = ticks - self._last_ticks, ticks
         output = set_steps + self._motor.kp / 16 * (set_steps - self.speed_count)
         output = np.where((set_steps == 0) & (self.speed_count == 0), 0.0, output)
-        self.voltage = np.clip(output, -FULL_OUTPUT, FULL_OUTPUT) / FULL_OUTPUT * self._motor.supply_v
+        voltage = np.clip(output, -FULL_OUTPUT, FULL_OUTPUT) / FULL_OUTPUT * self._motor.supply_v
+        self.voltage = np.sign(voltage) * np.maximum(np.abs(voltage) - self._motor.lost_v, 0.0)
         keep = math.exp(-CYCLE_S / FRICTION_TIME_S)
         fresh = math.sqrt(1 - keep * keep) * self._rng.standard_normal(self._friction.size)
         self._friction = keep * self._friction + fresh
@@ -223,7 +235,10 @@ class _Motors:
     def _slope(self, state: Array, friction: Array) -> Array:
         motor = self._motor
         current, speed, _ = state
-        brake = friction * np.tanh(speed / STICTION_WIDTH_RAD_S) + motor.viscous_nm_s * speed
+        dry = friction + motor.breakaway_nm * np.exp(-np.abs(speed) / motor.film_rad_s)
+        dry = dry + motor.forward_nm * (speed > 0.0)
+        brake = dry * np.tanh(speed / STICTION_WIDTH_RAD_S) + motor.viscous_nm_s * speed
+        brake = brake + motor.drag_nm_s2 * speed * np.abs(speed)
         return np.stack(
             (
                 (self.voltage - motor.resistance_ohm * current - motor.speed_constant_v_s * speed)

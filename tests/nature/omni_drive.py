@@ -38,6 +38,8 @@ class TrueRover:
     pixel_noise: float = 0.12
     lost_ticks: float = 0.0
     losing_wheel: int = 0
+    creep_m_s: float = 0.0
+    """Speed of the floor under the rover, along x."""
 
 
 def record(
@@ -62,6 +64,7 @@ def record(
         ahead, aside = speed * math.cos(body), speed * math.sin(body)
         middle = heading + 0.5 * rate * STEP_S
         spot = spot + STEP_S * speed * np.array([math.cos(middle + body), math.sin(middle + body)])
+        spot[0] += rover.creep_m_s * STEP_S * (speed > 0.0)
         heading += rate * STEP_S
         rim = -np.sin(angles) * ahead + np.cos(angles) * aside + rover.arm_m * rate
         turned = turned + rim / rover.radius_m / (1.0 - rover.slip_per_pull * (pulls - 0.2)) * STEP_S

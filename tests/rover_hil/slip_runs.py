@@ -47,6 +47,7 @@ def windows(
         paper_torque_nm=signed,
         wheel_torque_nm=signed,
         usable=np.abs(speeds) >= 0.53,
+        work_known=np.ones(count, dtype=np.bool_),
         encoder_velocity=speeds @ inverse,
         camera_velocity=effective @ inverse,
         camera_in_pixels=False,

@@ -56,7 +56,7 @@ def test_every_command_has_help_with_an_example(command: Command, name: str) -> 
 
 
 def test_virtual_run_writes_log_summary_and_report(command: Command, tmp_path: Path) -> None:
-    assert command("run", "robotino", "--virtual", "--duration", "2", "--out", "a", "--json") == 0
+    assert command("run", "robotino", "--virtual", "--duration", "4", "--out", "a", "--json") == 0
     assert json.loads(command.out) == json.loads((tmp_path / "a" / "summary.json").read_text())
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == [
         "report.html", "run.mcap", "summary.json",
@@ -67,14 +67,14 @@ def test_virtual_run_writes_log_summary_and_report(command: Command, tmp_path: P
 
 def test_a_run_that_ends_in_a_safe_stop_says_no(command: Command, tmp_path: Path) -> None:
     text = (SHIPPED / "robotino.toml").read_text()
-    fault = '[[simulation.faults]]\ntype = "unplug"\ndevice = "imu"\nstart_s = 1.5\nduration_s = 100\n'
+    fault = '[[simulation.faults]]\ntype = "unplug"\ndevice = "imu"\nstart_s = 4\nduration_s = 100\n'
     (tmp_path / "broken.toml").write_text(f"{text}\n{fault}")
-    assert command("run", "broken.toml", "--virtual", "--duration", "3", "--out", "a") == 1
+    assert command("run", "broken.toml", "--virtual", "--duration", "6", "--out", "a") == 1
     assert "imu" in command.out
 
 
 def test_a_log_is_not_overwritten(command: Command) -> None:
-    assert command("run", "robotino", "--virtual", "--duration", "2", "--out", "a") == 0
+    assert command("run", "robotino", "--virtual", "--duration", "4", "--out", "a") == 0
     before = Path("a/run.mcap").read_bytes()
     assert command("run", "robotino", "--virtual", "--duration", "1", "--out", "a") == 2
     assert_one_sentence(command.error, "a/run.mcap", "never overwritten")

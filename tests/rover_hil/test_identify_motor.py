@@ -11,6 +11,8 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.command_line.identify_motor import identify_motor
 from rover_hil.config import load_config
 from rover_hil.identify.motor import find_logs, read_records
+from rover_hil.identify.motor_log import read_log
+from rover_hil.identify.motor_table import read_table
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
 from tests.nature.motor import Measured, TrueMotor, measure, staircase, write_csv
@@ -97,6 +99,30 @@ def test_without_voltage_only_ratios_to_kt_are_given(free: Path, capsys: pytest.
         assert "held" in found["coulomb_nm"]["why"]
         assert found["delay_s"]["low"] < FREE.delay_s + 1 / 1800 < found["delay_s"]["high"]
         assert any("Kt" in words and "ratios" in words for words in motor["undetermined"])
+
+
+def test_people_see_every_name_value_and_reason(
+    free: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    identify_motor([free], out=None, as_json=False)
+    printed = capsys.readouterr().out
+    assert "speed_constant_v_s_per_rad" in printed
+    assert "resistance_ohm, speed_constant_v_s_per_rad: no voltage was measured" in " ".join(printed.split())
+    assert "…" not in printed
+    assert "rolling" not in printed
+
+
+def test_friction_on_the_ground_is_not_taken_for_the_motor_s_own(
+    free: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def load(names: list[str], rows: Lines) -> None:
+        for row in rows:
+            for column in ("m1cur", "m2cur", "m3cur"):
+                row[names.index(column)] = f"{3.0 * float(row[names.index(column)]):.6g}"
+
+    _, motors = run_json(capsys, changed(free, load))
+    assert all(any("contains what rolling costs" in note for note in motor["notes"]) for motor in motors)
 
 
 def test_inertia_is_not_given_where_the_speed_settles_between_two_samples(
@@ -203,7 +229,7 @@ def test_a_log_and_the_table_it_was_imported_from_tell_the_same(shared_data: Pat
     log = tmp_path / "run.mcap"
     for _ in write_run_as_log(read_run(table, 2.0), observing_config(load_config("robotino")), log):
         pass
-    for ours, theirs in zip(read_records(log), read_records(table), strict=True):
+    for ours, theirs in zip(read_log(log), read_table(table), strict=True):
         for name in ("set_point", "speed", "current", "position"):
             mine, other = getattr(ours, name), getattr(theirs, name)
             np.testing.assert_allclose(mine.value, other.value, atol=1e-4, err_msg=name)

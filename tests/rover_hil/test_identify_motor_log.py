@@ -7,6 +7,7 @@ from drivers.errors import LogError
 from drivers.samples import SentCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.identify.motor import read_records
+from rover_hil.identify.motor_log import read_log
 from rover_hil.importing.to_log import observing_config
 from rover_hil.recording.log_writer import LogWriter
 
@@ -47,7 +48,7 @@ def write_log(
 
 
 def test_wheels_become_motors(tmp_path: Path) -> None:
-    records = read_records(write_log(tmp_path / "run.mcap"))
+    records = read_log(write_log(tmp_path / "run.mcap"))
     assert [record.motor for record in records] == [1, 2, 3]
     second = records[1]
     assert second.position is not None
@@ -63,12 +64,12 @@ def test_wheels_become_motors(tmp_path: Path) -> None:
 
 
 def test_a_log_without_currents_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="wheel 1: no motor currents in the log"):
+    with pytest.raises(LogError, match="motor 1: no motor currents in the log"):
         read_records(write_log(tmp_path / "run.mcap", current_a=None))
 
 
 def test_a_missing_wheel_is_named(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no samples of wheel 3"):
+    with pytest.raises(LogError, match="no samples of motor 3"):
         read_records(write_log(tmp_path / "run.mcap", wheels=2))
 
 

@@ -1,5 +1,6 @@
 import csv
 import json
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -162,6 +163,18 @@ def test_a_repeated_compass_reading_is_no_new_one() -> None:
     drive, _ = drive_of(columns, "held")
     assert drive.compass_rad is not None
     assert np.flatnonzero(np.isfinite(drive.compass_rad)).tolist() == [0, 10, 20]
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 15), (5, 20), (20, 30)])
+def test_a_sensor_that_is_silent_for_long_is_told(first: int, last: int) -> None:
+    pitch_deg = np.full(30, 3.0)
+    pitch_deg[first:last] = np.nan
+    columns = {"t_s": 0.1 * np.arange(30.0), "enc1_rad": np.arange(30.0), "pitch_deg": pitch_deg}
+    drive, notes = drive_of(columns, "gappy")
+    assert drive.pitch_rad == pytest.approx(np.full(30, math.radians(3.0)))
+    assert [note for note in notes if note.startswith("pitch_deg is silent for 1.")]
+    pitch_deg[first + 5 : last] = 3.0
+    assert not [note for note in drive_of(columns, "gappy")[1] if "silent" in note]
 
 
 def wheels(*ends: float) -> tuple[Drive, list[str]]:

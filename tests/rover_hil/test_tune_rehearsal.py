@@ -142,6 +142,7 @@ def test_cameras_without_a_role_change_only_the_steps_of_the_integration(tmp_pat
     mission = {"type": "line", "length_m": 0.1, "heading": "along_path"}
     table = load_config("el-dorado").model_dump(by_alias=True)
     table["mission"] = mission
+    table["trace_slip"] = table["roles"]["camera"] = None
     table["tune"] = make_config(tmp_path).model_dump(by_alias=True)["tune"]
     config = Config.model_validate(table)
     slim = at_site(config, 3)
@@ -155,6 +156,12 @@ def test_cameras_without_a_role_change_only_the_steps_of_the_integration(tmp_pat
     for key in ("x_m", "y_m", "yaw_rad"):
         assert ends[0][key] == pytest.approx(ends[1][key], abs=2e-4)
         assert ends[0][key] != 0.0
+
+
+def test_the_camera_that_sees_the_trace_stays(tmp_path: Path) -> None:
+    table = load_config("el-dorado").model_dump(by_alias=True)
+    table["tune"] = make_config(tmp_path).model_dump(by_alias=True)["tune"]
+    assert "camera" in at_site(Config.model_validate(table), 3).devices
 
 
 def test_unstable_gains_are_refused(tmp_path: Path) -> None:

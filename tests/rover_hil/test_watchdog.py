@@ -115,13 +115,13 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(stalls: tuple[str, 
             nonlocal steps
             steps += 1
             output = step_now(now_ns, samples)
-            if steps == 180 and "in the step" in stalls:
+            if steps == 90 and "in the step" in stalls:
                 assert output.mode is Mode.RUNNING
                 stall()
             return output
 
         def on_cycle(now_ns: int) -> None:
-            if steps == 180 and "while logging" in stalls:
+            if steps == 90 and "while logging" in stalls:
                 stall()
 
         rig.loop.step = step  # type: ignore[method-assign, assignment]
@@ -131,5 +131,5 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(stalls: tuple[str, 
     recorded = LogReader(path)
     with restore_config(recorded) as restored:
         result = replay(recorded, restored, lambda: None)
-    assert result.cycles > 180
+    assert result.cycles > 90
     assert result.differences == []

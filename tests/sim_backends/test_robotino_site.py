@@ -157,6 +157,11 @@ def test_shipped_sites_load_and_lay_out() -> None:
         ("colour = 1", "colour"),
         ("floor = ", "no valid TOML"),
         ('[[patches]]\ntype = "star"\nsurface = "gray"', "patches.0"),
+        (
+            '[[patches]]\ntype = "rectangle"\nsurface = "gray"\n'
+            "x_min_m = 1\nx_max_m = 0\ny_min_m = 0\ny_max_m = 1",
+            "covers nothing",
+        ),
     ],
 )
 def test_a_wrong_map_is_an_error_that_says_what(tmp_path: Path, text: str, part: str) -> None:

@@ -1,11 +1,12 @@
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from controllers.scomp.drive import Drive, TruePath
-from controllers.scomp.identify import _checked, fit_pitch, identify
+from controllers.scomp.identify import _checked, fit_gyro, fit_pitch, identify
 from controllers.scomp.parameters import ScompParameters
 from controllers.scomp.windows import Windows, cut, true_velocity
 from drivers.errors import ModelError
@@ -67,6 +68,37 @@ def mirrored() -> Drive:
     return replace(
         drive, compass_rad=2.0 - drive.compass_rad, trace_rad=-drive.trace_rad, pitch_rad=-drive.pitch_rad
     )
+
+
+def test_a_noisy_tracker_does_not_blame_the_gyro() -> None:
+    drive, path = read(sideways())
+    assert drive.gyro_rad_s is not None
+    walk = math.degrees(fit_gyro(drive, path).walk_rad_sqrt_s)
+    noisy = replace(
+        path, psi_rad=path.psi_rad + 0.005 * np.random.default_rng(1).standard_normal(len(path.psi_rad))
+    )
+    assert math.degrees(fit_gyro(drive, noisy).walk_rad_sqrt_s) == pytest.approx(walk, rel=0.3)
+    # The same gyro, at half the rate: each reading stands for twice as long.
+    held = replace(drive, gyro_rad_s=np.repeat(drive.gyro_rad_s[::2], 2)[: len(drive.t_s)])
+    assert math.degrees(fit_gyro(held, path).walk_rad_sqrt_s) == pytest.approx(walk * 2**0.5, rel=0.3)
+    few = replace(drive, gyro_rad_s=np.zeros_like(drive.t_s))
+    assert fit_gyro(few, path) == ScompParameters().gyro
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda path: replace(path, x_m=-path.x_m), "backwards or aside in"),
+        (lambda path: replace(path, psi_rad=path.psi_rad + 1.6), "backwards or aside in"),
+        (lambda path: replace(path, x_m=0.0 * path.x_m, y_m=0.0 * path.y_m), "stands while its wheels turn"),
+    ],
+)
+def test_a_truth_that_cannot_be_the_logs_is_refused(
+    change: Callable[[TruePath], TruePath], words: str
+) -> None:
+    drive, path = read(sideways())
+    with pytest.raises(ModelError, match=words):
+        identify(drive, change(path))
 
 
 def test_signs_of_another_house_are_noticed() -> None:

@@ -1,0 +1,169 @@
+"""How right a trace finder is, by the definitions of docs/ftrace.md."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backends.rear_scene.truth import FrameTruth
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+RIGHT_WITHIN_DEG = 5.0
+LEAST_WRONG = 5
+"""With fewer wrong angles than this the area under a curve says nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What a finder says of a drive's frames.
+
+    Attributes:
+        theta_deg: Angle, NaN where none is told.
+        distance_m: Of the trace's line from the origin, NaN where none is told.
+        chord_deg: Direction from the far end of the trace that was seen to the near one, NaN without.
+        confidence: In the angle.
+        detected: The trace is said to be in this frame.
+        tracked: The trace was known from the frame before.
+        cpu_ms: Time used, decoding excluded.
+    """
+
+    theta_deg: Floats
+    distance_m: Floats
+    chord_deg: Floats
+    confidence: Floats
+    detected: Flags
+    tracked: Flags
+    cpu_ms: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """Frames of one or more drives, each with what is right or wrong about it.
+
+    Attributes:
+        present: A trace is there: at least 0.20 m of it visible.
+        detected: It is said to be there.
+        run: Frames in a row, up to this one, of a trace not found.
+        misidentified: Found, and more than 5 deg from the current direction and from the chord, or more than
+            half a wheel's width from both lines.
+        hold_deg: Error against the current direction, the last angle found held on misses; before the first
+            one the wheel's own axis is taken.
+        chord_deg: Error of the angle against the chord, NaN where not found.
+        path_deg: Error of the chord of the path that was found, NaN where there is none.
+        told: An angle is told: found, or kept from the frames before.
+        right: It is within 5 deg of the current direction.
+        confidence: In it.
+        tracked: The trace was known from the frame before.
+        cpu_ms: Time used.
+    """
+
+    present: Flags
+    detected: Flags
+    run: Floats
+    misidentified: Flags
+    hold_deg: Floats
+    chord_deg: Floats
+    path_deg: Floats
+    told: Flags
+    right: Flags
+    confidence: Floats
+    tracked: Flags
+    cpu_ms: Floats
+
+
+def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Judged:
+    """Compare what was found with the truth of the same frames."""
+    theta, chord = (np.array([getattr(row, name) for row in truth]) for name in ("theta_t_deg", "chord_deg"))
+    line, chord_line = (np.array([getattr(row, name) for row in truth]) for name in ("d_t_m", "chord_d_m"))
+    present = np.array([row.trace_present for row in truth])
+    seen = present & found.detected
+    angle_off = np.fmin(np.abs(found.theta_deg - theta), np.abs(found.theta_deg - chord))
+    place_off = np.fmin(np.abs(found.distance_m - line), np.abs(found.distance_m - chord_line))
+    error = np.abs(found.theta_deg - theta)
+    return Judged(
+        present=present,
+        detected=found.detected,
+        run=_runs(present & ~found.detected, present),
+        misidentified=seen & ((angle_off > RIGHT_WITHIN_DEG) | (place_off > wheel_width_m / 2)),
+        hold_deg=_held(found.theta_deg, found.detected) - theta,
+        chord_deg=np.where(seen, found.theta_deg - chord, np.nan),
+        path_deg=np.where(seen, found.chord_deg - chord, np.nan),
+        told=np.isfinite(found.theta_deg),
+        right=np.nan_to_num(error, nan=np.inf) < RIGHT_WITHIN_DEG,
+        confidence=found.confidence,
+        tracked=found.tracked,
+        cpu_ms=found.cpu_ms,
+    )
+
+
+def together(parts: Sequence[Judged]) -> Judged:
+    """Return the frames of several drives as one."""
+    return Judged(
+        **{
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(Judged)
+        }
+    )
+
+
+def figures(judged: Judged) -> dict[str, float]:
+    """Return the figures of a set; shares in per cent of the frames with a trace, false positives of all.
+
+    NaN where there is nothing to count: no frame with a trace, too few wrong angles for a curve.
+    """
+    present = judged.present
+    with_trace = max(int(present.sum()), 1)
+    return {
+        "frames": len(present),
+        "missed_pct": 100 * float((present & ~judged.detected).sum()) / with_trace,
+        "longest_run": float(judged.run.max()),
+        "misidentified_pct": 100 * float(judged.misidentified.sum()) / with_trace,
+        "false_pct": 100 * float((judged.detected & ~present).mean()),
+        "hold_rms_deg": _rms(judged.hold_deg[present]),
+        "chord_rms_deg": _rms(judged.chord_deg),
+        "path_rms_deg": _rms(judged.path_deg),
+        "roc": roc_area(judged.confidence[judged.told], judged.right[judged.told]),
+        "tracked_ms": _median(judged.cpu_ms[judged.tracked]),
+        "cold_ms": _median(judged.cpu_ms[~judged.tracked]),
+    }
+
+
+def roc_area(confidence: Floats, right: Flags) -> float:
+    """Return the chance that a right angle has more confidence than a wrong one, ties counting half.
+
+    NaN where too few are wrong, or where the confidence is always the same.
+    """
+    good, bad = np.sort(confidence[right]), confidence[~right]
+    if len(bad) < LEAST_WRONG or len(good) < LEAST_WRONG or np.ptp(confidence) == 0:
+        return float("nan")
+    below = np.searchsorted(good, bad, "left"), np.searchsorted(good, bad, "right")
+    return float(1 - (below[0] + below[1]).mean() / (2 * len(good)))
+
+
+def _held(theta_deg: Floats, detected: Flags) -> Floats:
+    held, last = np.empty_like(theta_deg), 0.0
+    for place, (angle, is_found) in enumerate(zip(theta_deg.tolist(), detected.tolist(), strict=True)):
+        last = angle if is_found else last
+        held[place] = last
+    return held
+
+
+def _runs(missed: Flags, present: Flags) -> Floats:
+    """Return the number of misses up to each frame; frames without a trace end a run."""
+    runs, count = np.zeros(len(missed)), 0
+    for place in range(len(missed)):
+        count = count + 1 if missed[place] and present[place] else 0
+        runs[place] = count
+    return runs
+
+
+def _rms(values: Floats) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(values)) if len(values) else float("nan")

@@ -1,0 +1,59 @@
+"""How the whole rover slipped, in numbers: what trace and tilt told."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_hil.report.run_data import DriftData
+from rover_hil.report.tracks import Series
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftSummary:
+    """What compensation by trace and tilt told; None for what nobody knows.
+
+    Attributes:
+        slip: Mean slip ratio while the wheels turned.
+        slip_error_rms: Root mean square of told minus true slip.
+        slip_angle_error_rms_deg: The same of the slip angle.
+        greatest_slip_angle_deg: Largest told, either way.
+        traces: Frames in which the trace was found.
+        unsure_share: Share of the cycles in which slip and slip angle were not sure, by reason.
+    """
+
+    slip: float | None
+    slip_error_rms: float | None
+    slip_angle_error_rms_deg: float | None
+    greatest_slip_angle_deg: float
+    traces: int
+    unsure_share: dict[str, float]
+
+
+def summarise_drift(drift: DriftData | None) -> DriftSummary | None:
+    """Return the numbers of a run; None without compensation."""
+    if drift is None:
+        return None
+    count = len(drift.reasons)
+    unsure = Counter(reason for reason in drift.reasons if reason)
+    slip = drift.slip.value
+    if drift.true_slip is not None:
+        slip = slip[np.isfinite(np.interp(drift.slip.t_s, drift.true_slip.t_s, drift.true_slip.value))]
+    angle_rms = _error_rms(drift.angle, drift.true_angle)
+    return DriftSummary(
+        slip=float(slip.mean()) if len(slip) else None,
+        slip_error_rms=_error_rms(drift.slip, drift.true_slip),
+        slip_angle_error_rms_deg=None if angle_rms is None else math.degrees(angle_rms),
+        greatest_slip_angle_deg=math.degrees(float(np.abs(drift.angle.value).max())),
+        traces=len(drift.trace.t_s),
+        unsure_share={reason: cycles / count for reason, cycles in unsure.most_common()},
+    )
+
+
+def _error_rms(told: Series, true: Series | None) -> float | None:
+    if true is None:
+        return None
+    error = told.value - np.interp(told.t_s, true.t_s, true.value)
+    known = error[np.isfinite(error)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else None

@@ -1,0 +1,165 @@
+"""The estimators on rendered drives with exact truth. How good they are in general is measured in
+`benchmarks/ftrace.py`; here is tested that each rule works at all."""
+
+import numpy as np
+import pytest
+
+from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from drivers.errors import ModelError
+from drivers.samples import Image
+from sim_backends.rear_scene.sequence import FrameSequence
+from sim_backends.rear_scene.sets import make_sequence
+from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rms
+
+OURS: tuple[Method, ...] = ("rut", "memory", "fused")
+Drive = tuple[FrameSequence, list[Image]]
+
+
+@pytest.fixture(scope="module")
+def left() -> Drive:
+    """Drifting to the left, 8 deg at most; at the end 4 deg, along a trace whose chord is at 9 deg."""
+    sequence = make_sequence("curved", 1, 15.0)
+    return sequence, grey_frames(sequence)
+
+
+@pytest.fixture(scope="module")
+def right() -> Drive:
+    """Drifting to the right, 4 deg at the end, along a trace whose chord is at 10 deg."""
+    sequence = make_sequence("curved", 4, 15.0)
+    return sequence, grey_frames(sequence)
+
+
+@pytest.mark.parametrize("method", ["ftrace", *OURS])
+def test_the_angle_has_the_sign_and_size_of_the_truth(left: Drive, right: Drive, method: Method) -> None:
+    for sequence, images in (left, right):
+        angles = follow(sequence, images, method)
+
+        assert len(errors_deg(sequence, angles)) > 30
+        assert rms(errors_deg(sequence, angles)) < {"ftrace": 6.0, "fused": 1.2}.get(method, 3.0)
+        truth = sequence.truth[-1]
+        assert angles[-1].theta_deg * truth.theta_t_deg > 0
+        assert angles[-1].distance_m == pytest.approx(truth.d_t_m, abs=0.03 if method in OURS else 0.08)
+
+
+@pytest.mark.parametrize("method", ["memory", "fused"])
+def test_a_curved_trace_gives_the_current_direction_not_the_chord(right: Drive, method: Method) -> None:
+    sequence, images = right
+    angles = follow(sequence, images, method)
+
+    current, chord = errors_deg(sequence, angles), errors_deg(sequence, angles, "chord_deg")
+    assert rms(current) < 0.6 * rms(chord)
+
+
+def test_the_paper_s_straight_line_gives_the_chord(right: Drive) -> None:
+    sequence, images = right
+    angles = follow(sequence, images, "ftrace")
+
+    assert rms(errors_deg(sequence, angles, "chord_deg")) < rms(errors_deg(sequence, angles))
+
+
+@pytest.mark.parametrize("method", OURS)
+def test_without_telemetry(left: Drive, method: Method) -> None:
+    sequence, images = left
+    angles = follow(sequence, images, method, telemetry=False)
+
+    assert rms(errors_deg(sequence, angles)) < 3.0
+
+
+@pytest.mark.parametrize("method", ["ftrace", *OURS])
+def test_three_misses_keep_the_trace_and_the_fourth_loses_it(left: Drive, method: Method) -> None:
+    sequence, images = left
+    black = np.zeros_like(images[0])
+    angles = follow(sequence, [*images[:-5], *[black] * 5], method)
+
+    last = angles[-6]
+    assert last.detected
+    for angle in angles[-5:]:
+        assert not angle.detected
+    for angle in angles[-5:-2]:
+        assert angle.theta_rad is not None
+        assert 0 < angle.confidence < last.confidence
+    assert angles[-2].theta_rad is None
+    assert angles[-2].distance_m is None
+    assert angles[-2].confidence == 0
+    assert len(angles[-2].path_m) == 0
+
+
+def test_found_again_after_it_was_lost(left: Drive) -> None:
+    sequence, images = left
+    dark = list(images)
+    dark[-16:-10] = [np.zeros_like(images[0])] * 6
+    angles = follow(sequence, dark, "fused")
+
+    assert not angles[-11].detected
+    assert angles[-1].detected
+    assert angles[-1].theta_deg == pytest.approx(sequence.truth[-1].theta_t_deg, abs=2.0)
+
+
+@pytest.mark.parametrize("method", OURS)
+def test_nothing_is_found_before_the_wheel_left_a_trace(left: Drive, method: Method) -> None:
+    sequence, images = left
+    angles = follow(sequence, images, method)
+
+    early = [angle for angle, truth in zip(angles, sequence.truth, strict=True) if truth.visible_m < 0.15]
+    assert len(early) > 10
+    assert not any(angle.detected for angle in early)
+    assert all(angle.theta_rad is None for angle in early)
+
+
+def test_ground_without_a_trace() -> None:
+    sequence = make_sequence("no_trace", 2, 9.0)
+    angles = follow(sequence, grey_frames(sequence), "fused")
+
+    assert not any(angle.detected for angle in angles)
+    assert all(np.isnan(angle.theta_deg) for angle in angles)
+
+
+@pytest.mark.parametrize("grey", [0, 128, 255])
+@pytest.mark.parametrize("method", ["ftrace", *OURS])
+def test_black_empty_and_burnt_frames(grey: int, method: Method) -> None:
+    rig = geometry()
+    estimator = TraceEstimator(rig, TraceSettings(method=method))
+
+    for frame in range(8):
+        angle = estimator.step(frame * 200_000_000, np.full((rig.height, rig.width), grey, np.uint8))
+        assert not angle.detected
+        assert angle.theta_rad is None
+
+
+def test_a_camera_upside_down_finds_nothing(left: Drive) -> None:
+    sequence, images = left
+    angles = follow(sequence, [np.ascontiguousarray(image[::-1, ::-1]) for image in images], "fused")
+
+    assert not any(angle.detected for angle in angles)
+
+
+def test_the_same_frames_give_the_same_angles(left: Drive) -> None:
+    sequence, images = left
+
+    first, second = (follow(sequence, images, "fused") for _ in range(2))
+
+    assert [angle.theta_rad for angle in first] == [angle.theta_rad for angle in second]
+
+
+def test_time_that_stands_still() -> None:
+    rig = geometry()
+    estimator = TraceEstimator(rig, TraceSettings())
+    image = np.zeros((rig.height, rig.width), np.uint8)
+    estimator.step(5, image)
+
+    with pytest.raises(ModelError, match="in order"):
+        estimator.step(5, image)
+
+
+def test_a_frame_of_another_size() -> None:
+    with pytest.raises(ModelError, match="of this rig"):
+        TraceEstimator(geometry(), TraceSettings()).step(0, np.zeros((100, 100), np.uint8))
+
+
+def test_confidence_falls_with_the_evidence(left: Drive) -> None:
+    """The trace behind grows while the rover starts, and with it what is known of the direction."""
+    sequence, images = left
+    angles = follow(sequence, images, "memory")
+
+    found = [angle.confidence for angle in angles if angle.detected]
+    assert np.mean(found[-10:]) > np.mean(found[:5])

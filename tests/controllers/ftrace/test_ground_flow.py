@@ -1,0 +1,81 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from controllers.ftrace.frame import Frame
+from controllers.ftrace.geometry import RESOLUTION_M, GroundPatch
+from controllers.ftrace.ground_flow import GroundFlow
+from drivers.samples import Image
+from tests.controllers.ftrace.rigs import geometry
+
+FREE = (0.006, 0.006, 0.02)
+
+
+def texture(shape: tuple[int, int]) -> Image:
+    noise = np.random.default_rng(1).standard_normal(shape)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    return np.asarray(np.clip(128 + 60 * smooth / smooth.std(), 0, 255), np.uint8)
+
+
+def moved(ground: GroundPatch, forward_m: float, left_m: float, turn_rad: float) -> tuple[Image, Image]:
+    """Return the ground before and after the contact moved: turned first, then gone on."""
+    rows, columns = ground.shape
+    wide = texture((rows + 200, columns + 200))
+    y, x = np.indices(ground.shape).astype(np.float64)
+    behind, left = (y + 0.5) * RESOLUTION_M, (x - ground.centre) * RESOLUTION_M
+    # Where a pixel of the later patch was in the earlier: turned back by the turn, then shifted.
+    ahead, aside = forward_m - behind, left_m + left
+    then_ahead = math.cos(turn_rad) * ahead - math.sin(turn_rad) * aside
+    then_left = math.sin(turn_rad) * ahead + math.cos(turn_rad) * aside
+    rows_then = -then_ahead / RESOLUTION_M - 0.5 + 100
+    columns_then = then_left / RESOLUTION_M + ground.centre + 100
+    after = cv2.remap(wide, columns_then.astype(np.float32), rows_then.astype(np.float32), cv2.INTER_LINEAR)
+    before = wide[100 : 100 + rows, 100 : 100 + columns]
+    return before, np.asarray(after, np.uint8)
+
+
+def frame_of(turn_rad: float, turn_sd_rad: tuple[float, float, float] = FREE) -> Frame:
+    return Frame(
+        patch=np.zeros((2, 2), np.uint8),
+        usable=True,
+        distance_m=0.016,
+        turn_rad=(0.0, 0.0, turn_rad),
+        turn_sd_rad=turn_sd_rad,
+        is_first=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("forward_m", "left_m", "turn_deg"),
+    [(0.016, 0.0, 0.0), (0.014, 0.003, 0.0), (0.016, -0.002, 0.5), (0.012, 0.001, -0.8)],
+)
+def test_motion_of_the_contact(forward_m: float, left_m: float, turn_deg: float) -> None:
+    ground = GroundPatch(geometry())
+    before, after = moved(ground, forward_m, left_m, math.radians(turn_deg))
+
+    motion = GroundFlow(ground).measure(before, after, (0.014, 0.0), frame_of(math.radians(turn_deg)))
+
+    assert motion is not None
+    assert motion.forward_m == pytest.approx(forward_m, abs=4e-4)
+    assert motion.left_m == pytest.approx(left_m, abs=4e-4)
+    assert math.degrees(motion.turn_rad) == pytest.approx(turn_deg, abs=0.1)
+    assert motion.share > 0.8
+
+
+def test_ground_that_stands_still_in_the_image_is_not_motion() -> None:
+    ground = GroundPatch(geometry())
+    picture = texture(ground.shape)
+
+    assert GroundFlow(ground).measure(picture, picture, (0.016, 0.0), frame_of(0.0)) is None
+
+
+def test_other_ground_is_not_followed() -> None:
+    ground = GroundPatch(geometry())
+    before = texture(ground.shape)
+    after = np.asarray(before[::-1, ::-1].copy(), np.uint8)
+
+    motion = GroundFlow(ground).measure(before, after, (0.016, 0.0), frame_of(0.0))
+
+    assert motion is None or motion.share < 0.3

@@ -1,0 +1,277 @@
+"""Slip and slip angle in the loop, by tilt and trace."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from controllers.control_loop import ControlLoop
+from controllers.kinematics import SkidSteerKinematics
+from controllers.odometry import BodyIncrement
+from controllers.path_control import PathFollower
+from controllers.planar import Pose
+from controllers.roles import DeviceRoles
+from controllers.settings import ControlSettings, LineMission, SkidSteerRoverSettings
+from controllers.trace_slip import Rates, TraceReading, TraceSlipCompensator
+from controllers.trace_slip_settings import TraceSlipSettings
+from drivers.clock import nanoseconds
+from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample, WheelSample
+from tests.controllers.simulated import LIMITS, OMNI, ROLES, SKID
+
+MS = 1_000_000
+ROVER = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.092, track_m=0.66)
+WITH_CAMERA = DeviceRoles(wheels="wheels", required={}, gyro="imu", camera="camera")
+RIM_M_S = 0.08
+UPHILL = math.radians(8.0)
+
+
+@dataclass
+class SeenTrace:
+    """A finder that always sees the same; None for a frame that cannot be looked at."""
+
+    theta_rad: float | None
+    looked_ns: list[int] = field(default_factory=list)
+    rates: list[Rates | None] = field(default_factory=list)
+
+    def find(
+        self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
+    ) -> TraceReading | None:
+        assert wheel_speed_m_s == pytest.approx(RIM_M_S) or wheel_speed_m_s == 0.0
+        self.looked_ns.append(frame.t_ns)
+        self.rates.append(rates_rad_s)
+        seen = self.theta_rad is not None
+        return TraceReading(t_ns=frame.t_ns, detected=seen, theta_rad=self.theta_rad, confidence=float(seen))
+
+
+class Bench:
+    """A rover that drives straight at a constant rim speed, 100 cycles a second."""
+
+    def __init__(
+        self, finder: SeenTrace | None, pitch_rad: float = UPHILL, settings: TraceSlipSettings | None = None
+    ) -> None:
+        self.told = TraceSlipCompensator(
+            settings or TraceSlipSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
+        )
+        self.pitch_rad = pitch_rad
+        self.t_ns = 0
+        self.readings: list[TraceReading] = []
+        self.way = np.zeros(2)
+        self.increments: list[BodyIncrement] = []
+
+    def feed(self, *samples: Sample) -> None:
+        for sample in samples:
+            self.told.feed(sample, sample.t_ns)
+
+    def run(
+        self,
+        duration_s: float,
+        frame_period_s: float = 0.2,
+        *,
+        has_tilt: bool = True,
+        rim_m_s: float = RIM_M_S,
+    ) -> None:
+        for _ in range(round(duration_s * 100)):
+            self.t_ns += 10 * MS
+            if self.t_ns % (20 * MS) == 0:
+                self.feed(
+                    RateSample(
+                        device="imu", t_ns=self.t_ns, rate_z_rad_s=0.0, rate_x_rad_s=0.1, rate_y_rad_s=0.2
+                    )
+                )
+                if has_tilt:
+                    self.feed(attitude(self.t_ns, self.pitch_rad))
+            if self.t_ns % nanoseconds(frame_period_s) == 0:
+                self.feed(frame("camera", self.t_ns))
+            turned = (rim_m_s * 0.01 / ROVER.wheel_radius_m,) * 4
+            raw = BodyIncrement(x_m=rim_m_s * 0.01, y_m=0.0, turn_rad=0.0, duration_s=0.01, turned_rad=turned)
+            self.increments.append(self.told.compensate(raw, (), None))
+            self.way += (self.increments[-1].x_m, self.increments[-1].y_m)
+            report = self.told.take_report()
+            assert report is not None
+            if report.trace is not None:
+                self.readings.append(report.trace)
+                again = self.told.take_report()
+                assert again is not None
+                assert again.trace is None
+
+
+def attitude(t_ns: int, pitch_rad: float) -> AttitudeSample:
+    """The house counts a lowered nose as positive."""
+    return AttitudeSample(device="imu", t_ns=t_ns, pitch_rad=-pitch_rad, roll_rad=0.0)
+
+
+def frame(device: str, t_ns: int) -> FrameSample:
+    return FrameSample(device=device, t_ns=t_ns, t_capture_ns=None, index=0, image=np.zeros((4, 4), np.uint8))
+
+
+def test_uphill_the_wheels_slip_and_the_way_is_shorter() -> None:
+    level, uphill = Bench(None, 0.0), Bench(None)
+    for bench in (level, uphill):
+        bench.run(5.0)
+    slip = TraceSlipSettings().parameters.pitch.model.slip_at(math.sin(UPHILL) + 0.05, 0.0)
+    # The tilt's low-pass starts where the rover stands.
+    assert uphill.way[0] == pytest.approx(5.0 * RIM_M_S * (1.0 - slip), rel=0.02)
+    assert level.way[0] > uphill.way[0] + 0.05
+    assert uphill.way[1] == 0.0
+
+
+def test_the_trace_turns_the_way() -> None:
+    bench = Bench(SeenTrace(math.radians(-9.0)))
+    bench.run(1.0, rim_m_s=0.0)  # the gyro's bias is learnt
+    bench.run(10.0)
+    report = bench.told.take_report()
+    assert report is not None
+    assert math.degrees(report.slip_angle_rad) == pytest.approx(-9.0, abs=1.0)
+    assert report.reason == ""
+    last = bench.increments[-1]
+    assert math.degrees(math.atan2(last.y_m, last.x_m)) == pytest.approx(-9.0, abs=1.0)
+    velocity = bench.told.body_motion((1.0,) * 4)
+    assert velocity[0] == pytest.approx(ROVER.wheel_radius_m * (1.0 - report.slip))
+    assert velocity[1] == pytest.approx(velocity[0] * math.tan(report.slip_angle_rad))
+
+
+def test_each_frame_is_told_once_with_the_rates() -> None:
+    finder = SeenTrace(0.0)
+    bench = Bench(finder)
+    bench.run(4.0)
+    assert [reading.t_ns for reading in bench.readings] == finder.looked_ns
+    assert len(finder.looked_ns) == 20
+    assert finder.rates == [(0.1, 0.2, 0.0)] * 20
+
+
+def test_frames_that_come_too_fast_are_passed_over() -> None:
+    finder = SeenTrace(0.0)
+    Bench(finder, settings=TraceSlipSettings(frame_period_s=0.5)).run(4.0, 0.02)
+    steps_ns = np.diff(finder.looked_ns)
+    assert steps_ns.min() >= 500 * MS
+    assert len(finder.looked_ns) >= 7
+
+
+def test_what_is_missing_is_said_and_makes_the_way_unsure() -> None:
+    bench = Bench(SeenTrace(0.0))
+    bench.run(1.0, has_tilt=False)
+    report = bench.told.take_report()
+    assert report is not None
+    assert report.reason == "no tilt"
+    assert not bench.increments[-1].is_sure
+    blind = Bench(SeenTrace(None))
+    blind.run(4.0)
+    report = blind.told.take_report()
+    assert report is not None
+    assert report.reason == "no trace"
+    no_camera = Bench(None)
+    no_camera.run(4.0)
+    assert no_camera.increments[-1].is_sure
+
+
+def test_a_trace_that_is_lost_is_missed_after_a_while() -> None:
+    finder = SeenTrace(math.radians(5.0))
+    bench = Bench(finder, settings=TraceSlipSettings(trace_age_s=2.0))
+    bench.run(5.0)
+    assert bench.increments[-1].is_sure
+    finder.theta_rad = None
+    bench.run(1.5)
+    assert bench.increments[-1].is_sure
+    bench.run(1.0)
+    assert not bench.increments[-1].is_sure
+
+
+def test_numbers_that_are_none_and_other_devices_have_no_effect() -> None:
+    calm, disturbed = Bench(SeenTrace(0.0)), Bench(SeenTrace(0.0))
+    for bench in (calm, disturbed):
+        bench.run(1.0)
+        if bench is disturbed:
+            bench.feed(
+                attitude(bench.t_ns, math.nan),
+                RateSample(device="imu", t_ns=bench.t_ns, rate_z_rad_s=math.inf),
+                RateSample(device="other", t_ns=bench.t_ns, rate_z_rad_s=3.0),
+                AttitudeSample(device="other", t_ns=bench.t_ns, pitch_rad=1.0, roll_rad=1.0),
+                AttitudeSample(device="imu", t_ns=bench.t_ns),
+                frame("other", bench.t_ns),
+            )
+        bench.run(1.0)
+    assert disturbed.way == pytest.approx(calm.way, abs=1e-12)
+
+
+def test_a_rover_that_drifts_is_turned_against_the_drift() -> None:
+    mission = LineMission(type="line", length_m=3.0, speed_m_s=0.1, heading="along_path")
+    follower = PathFollower(mission, moves_sideways=False)
+    drift_rad = math.radians(-8.0)
+    assert follower.guide(Pose(), drift_rad).yaw_rate_rad_s > 0.1
+    held = follower.guide(Pose(yaw_rad=-drift_rad), drift_rad)
+    assert held.yaw_rate_rad_s == pytest.approx(0.0, abs=1e-12)
+    assert follower.guide(Pose(yaw_rad=-drift_rad)).yaw_rate_rad_s < -0.1
+
+
+def test_the_loop_tells_slip_and_slip_angle_and_steers_or_not() -> None:
+    mission = LineMission(type="line", length_m=3.0, speed_m_s=0.1, heading="along_path")
+    control = ControlSettings(rover=SKID, limits=LIMITS, mission=mission, trace_slip=TraceSlipSettings())
+    output = ControlLoop(control, ROLES).step(1, [])
+    assert output.drift is None  # nothing has moved yet
+    assert output.slip is None
+
+
+DEVICES = st.sampled_from(["wheels", "gyro", "camera"])
+STAMPS = st.integers(0, 10**12)
+NUMBERS = st.floats() | st.floats(-10.0, 10.0)
+SAMPLES: st.SearchStrategy[Sample] = st.one_of(
+    st.builds(
+        WheelSample, device=st.just("wheels"), t_ns=STAMPS, wheel=st.integers(0, 3), position_rad=NUMBERS
+    ),
+    st.builds(
+        RateSample,
+        device=DEVICES,
+        t_ns=STAMPS,
+        rate_z_rad_s=NUMBERS,
+        rate_x_rad_s=NUMBERS,
+        rate_y_rad_s=NUMBERS,
+    ),
+    st.builds(AttitudeSample, device=DEVICES, t_ns=STAMPS, pitch_rad=st.none() | NUMBERS, roll_rad=NUMBERS),
+    st.builds(frame, st.just("camera"), STAMPS),
+)
+
+
+class AnyTrace:
+    """A finder that says whatever it is given."""
+
+    def __init__(self, theta_rad: float | None) -> None:
+        self.theta_rad = theta_rad
+
+    def find(
+        self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
+    ) -> TraceReading | None:
+        return TraceReading(t_ns=frame.t_ns, detected=True, theta_rad=self.theta_rad, confidence=1.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    cycles=st.lists(
+        st.tuples(st.integers(0, 40 * MS) | st.integers(0, 2**58), st.lists(SAMPLES, max_size=8)), max_size=15
+    ),
+    theta_rad=st.none() | NUMBERS,
+)
+def test_no_stream_of_samples_makes_the_loop_raise(
+    cycles: list[tuple[int, list[Sample]]], theta_rad: float | None
+) -> None:
+    control = ControlSettings(rover=SKID, limits=LIMITS, trace_slip=TraceSlipSettings())
+    roles = DeviceRoles(wheels="wheels", required={}, gyro="gyro", camera="camera")
+    loop = ControlLoop(control, roles, AnyTrace(theta_rad))
+    now_ns = 10**9
+    for step_ns, samples in cycles:
+        now_ns += step_ns
+        # So that every cycle has an increment.
+        wheels = [
+            WheelSample(device="wheels", t_ns=now_ns, wheel=wheel, position_rad=now_ns / 1e9)
+            for wheel in range(4)
+        ]
+        output = loop.step(now_ns, [*samples, *wheels])
+        assert output.estimate.is_finite
+
+
+def test_three_omnidirectional_wheels_leave_no_such_trace() -> None:
+    with pytest.raises(ValidationError, match="four wheels"):
+        ControlSettings(rover=OMNI, limits=LIMITS, trace_slip=TraceSlipSettings())
