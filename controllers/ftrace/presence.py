@@ -25,6 +25,8 @@ MEAN_LOCK_FLOOR, MEAN_KEEP_FLOOR = 2.2, 0.5
 """The same on average, to be believed, and to stay so."""
 KEEP_AGREEMENT = 3.7
 SURE_AGREEMENT = 6.5
+AGAIN_AGREEMENT, AGAIN_FLOOR = 5.0, 1.8
+"""What brings back a trace that was lost: it looks as it did, and somewhat like the floor of a rut."""
 RANGE_BLOCKS = 5
 SURROUND = 5.0
 """Strength that ground without any trace has about everywhere."""
@@ -118,18 +120,19 @@ class Presence:
         return present
 
     def _keeps(self, evidence: Evidence, agreement: float) -> bool:
-        looks_alike = agreement > SURE_AGREEMENT or (agreement > KEEP_AGREEMENT and self._margin > 0)
+        stands_out = self._margin > 0 or self._floor > AGAIN_FLOOR
+        looks_alike = agreement > SURE_AGREEMENT or (agreement > KEEP_AGREEMENT and stands_out)
         return looks_alike and self._floor > MEAN_KEEP_FLOOR
 
     def _locks(self, evidence: Evidence, agreement: float, moved_m: float) -> bool:
         stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
         if stands_out and evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR:
             return True
+        if agreement > AGAIN_AGREEMENT and min(evidence.floor, self._floor) > AGAIN_FLOOR:
+            return True
         is_early = self._travelled_m < self._start_m
         if is_early or evidence.floor < LOCK_FLOOR or self._floor < MEAN_LOCK_FLOOR:
             return False
-        if agreement > SURE_AGREEMENT:
-            return True
         full = len(self._margins) == LOCK_FRAMES
         far = len(self._margins) >= LOCK_FAR_FRAMES and moved_m > MEMORY_M
         if full and self.strength > LASTING_STRENGTH:

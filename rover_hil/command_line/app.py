@@ -333,7 +333,8 @@ def calibrate_camera(
 
     Exit code 1: the board fits worse than 1 pixel; nothing is written.
 
-    Example: see docs/ftrace.md
+    Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
+    --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
     """
     from math import radians
 
