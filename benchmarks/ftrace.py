@@ -29,10 +29,11 @@ from drivers.clock import nanoseconds, stopwatch_ns
 from drivers.samples import Image
 from rover_hil.trace.overlay import draw
 from rover_hil.trace.rig_file import RigFile
+from sim_backends.rear_scene.motion import RATE_HZ
 from sim_backends.rear_scene.rig import Rig
 from sim_backends.rear_scene.sequence import FrameSequence
 from sim_backends.rear_scene.sets import FIRST_HELD_OUT_SEED, SET_NAMES, make_sequence
-from sim_backends.rear_scene.truth import Telemetry
+from sim_backends.rear_scene.truth import Telemetry, centre_line
 
 METHODS: tuple[Method, ...] = get_args(Method)
 PEERS: Mapping[str, Callable[[Rig], Peer]] = {
@@ -66,6 +67,8 @@ MOST_HOLD_DEG = {"rut": 2.2, "memory": 1.4, "fused": 0.8}
 LEAST_ROC = 0.9
 MOST_SPARSE = {"missed_pct": 5.0, "hold_rms_deg": 4.0}
 PICTURES = 6
+NEAR_M, LEAST_CHORD_M = 0.1, 0.15
+"""Nearer to the contact the wheel hides the trace; shorter chords have no direction."""
 
 
 def run(sequence: FrameSequence, images: Sequence[Image], method: Method) -> tuple[Found, list[TraceAngle]]:
@@ -84,7 +87,7 @@ def run(sequence: FrameSequence, images: Sequence[Image], method: Method) -> tup
     found = Found(
         theta_deg=np.array([angle.theta_deg for angle in angles]),
         distance_m=np.array([_or_nan(angle.distance_m) for angle in angles]),
-        chord_deg=np.array([_chord_deg(angle) for angle in angles]),
+        path_off_deg=np.array([_path_off_deg(sequence, frame, angle) for frame, angle in enumerate(angles)]),
         confidence=np.array([angle.confidence for angle in angles]),
         detected=detected,
         tracked=np.r_[False, detected[:-1]],
@@ -109,7 +112,7 @@ def run_peer(sequence: FrameSequence, images: Sequence[Image], peer: Peer) -> Fo
     return Found(
         theta_deg=np.degrees(theta),
         distance_m=y * np.cos(direction) - x * np.sin(direction),
-        chord_deg=np.degrees(theta),
+        path_off_deg=np.full(count, np.nan),
         confidence=np.ones(count),
         detected=np.isfinite(theta),
         tracked=np.ones(count, np.bool_),
@@ -224,12 +227,23 @@ def _or_nan(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _chord_deg(angle: TraceAngle) -> float:
-    """Return the direction from the farthest point of the path found to its nearest."""
-    if len(angle.path_m) == 0:
+def _path_off_deg(sequence: FrameSequence, frame: int, angle: TraceAngle) -> float:
+    """Return the error of the path's chord against the true centre line's over the same stretch."""
+    rig = sequence.rig
+    true, _ = centre_line(rig, sequence.motion, round(sequence.truth[frame].t * RATE_HZ))
+    true = true[np.isfinite(true[:, 0])]
+    if len(angle.path_m) == 0 or len(true) == 0:
         return math.nan
-    along = angle.path_m[0] - angle.path_m[-1]
-    return math.degrees(math.atan2(along[1], along[0]))
+    near, far = rig.wheel.x_m - NEAR_M, max(float(true[:, 0].min()), float(angle.path_m[:, 0].min()))
+    if near - far < LEAST_CHORD_M:
+        return math.nan
+    both = [
+        np.interp([far, near], line[order, 0], line[order, 1])
+        for line in (angle.path_m, true)
+        for order in [np.argsort(line[:, 0])]
+    ]
+    found, right = (math.atan2(y[1] - y[0], near - far) for y in both)
+    return math.degrees(found - right)
 
 
 def _draw(path: Path, sequence: FrameSequence, images: Sequence[Image], angles: Sequence[TraceAngle]) -> None:

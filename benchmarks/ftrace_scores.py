@@ -23,7 +23,7 @@ class Found:
     Attributes:
         theta_deg: Angle, NaN where none is told.
         distance_m: Of the trace's line from the origin, NaN where none is told.
-        chord_deg: Direction from the far end of the trace that was seen to the near one, NaN without.
+        path_off_deg: Error of the chord of the path found against the true one's over the same stretch.
         confidence: In the angle.
         detected: The trace is said to be in this frame.
         tracked: The trace was known from the frame before.
@@ -32,7 +32,7 @@ class Found:
 
     theta_deg: Floats
     distance_m: Floats
-    chord_deg: Floats
+    path_off_deg: Floats
     confidence: Floats
     detected: Flags
     tracked: Flags
@@ -52,7 +52,7 @@ class Judged:
         hold_deg: Error against the current direction, the last angle found held on misses; before the first
             one the wheel's own axis is taken.
         chord_deg: Error of the angle against the chord, NaN where not found.
-        path_deg: Error of the chord of the path that was found, NaN where there is none.
+        path_deg: Error of the chord of the path found, NaN where not found.
         told: An angle is told: found, or kept from the frames before.
         right: It is within 5 deg of the current direction.
         confidence: In it.
@@ -90,7 +90,7 @@ def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Ju
         misidentified=seen & ((angle_off > RIGHT_WITHIN_DEG) | (place_off > wheel_width_m / 2)),
         hold_deg=_held(found.theta_deg, found.detected) - theta,
         chord_deg=np.where(seen, found.theta_deg - chord, np.nan),
-        path_deg=np.where(seen, found.chord_deg - chord, np.nan),
+        path_deg=np.where(seen, found.path_off_deg, np.nan),
         told=np.isfinite(found.theta_deg),
         right=np.nan_to_num(error, nan=np.inf) < RIGHT_WITHIN_DEG,
         confidence=found.confidence,

@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 Kind = Literal["chessboard", "charuco"]
 
 SQUARE_M, COLUMNS, ROWS, SQUARE_PX = 0.04, 8, 6, 60
-GROUND = GroundTarget(x_m=-0.72, y_m=0.10, yaw_rad=math.radians(90.0))
-"""Columns grow to the left, so that rows grow ahead."""
+GROUND = GroundTarget(x_m=-0.72, y_m=0.10, yaw_rad=math.radians(75.0))
+"""Columns grow to the left and a little ahead, rows ahead and a little to the right."""
 CAMERA_KEYS = ("schema", "image", "camera_matrix", "dist_coeffs", "R_vehicle_camera", "t_vehicle_camera")
 
 
@@ -108,7 +108,7 @@ def options(folder: Path, kind: Kind, out: Path) -> list[str]:
         *("calibrate", "camera", str(folder / "views"), "--ground", str(folder / "ground.png")),
         *("--rover", str(folder / "rover.json"), "--board", kind, "--columns", str(COLUMNS)),
         *("--rows", str(ROWS), "--square", str(SQUARE_M), "--ground-x", str(GROUND.x_m)),
-        *("--ground-y", str(GROUND.y_m), "--ground-yaw", "90", "--out", str(out)),
+        *("--ground-y", str(GROUND.y_m), "--ground-yaw", "75", "--out", str(out)),
     ]
 
 

@@ -109,9 +109,9 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_virtual_run_has_a_report(tmp_path: Path) -> None:
-    run_rover("robotino", virtual=True, duration_s=5.0, out=tmp_path / "out", realtime=False, as_json=True)
+    run_rover("robotino", virtual=True, duration_s=7.0, out=tmp_path / "out", realtime=False, as_json=True)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (summary["cycles"], summary["skipped"], summary["duration_s"]) == (250, 0, 5.0)
+    assert (summary["cycles"], summary["skipped"], summary["duration_s"]) == (350, 0, 7.0)
     assert [device["device"] for device in summary["devices"]] == ["board", "imu"]
     # The patch at the start is a textile on which the wheels slip by a third.
     assert 0.3 < summary["distance_truth_m"] < summary["distance_encoders_m"] < 0.6

@@ -22,7 +22,7 @@ def test_a_perfect_candidate() -> None:
 @pytest.mark.parametrize(
     "worse",
     [
-        Candidate(theta_rad=math.radians(10), offset_m=0.0, width_m=WIDTH_M, support=1.0),
+        Candidate(theta_rad=1.1 * MOST_RAD, offset_m=0.0, width_m=WIDTH_M, support=1.0),
         Candidate(theta_rad=0.0, offset_m=0.06, width_m=WIDTH_M, support=1.0),
         Candidate(theta_rad=0.0, offset_m=0.0, width_m=1.4 * WIDTH_M, support=1.0),
         Candidate(theta_rad=0.0, offset_m=0.0, width_m=None, support=1.0),
@@ -31,7 +31,7 @@ def test_a_perfect_candidate() -> None:
     ids=["angle", "contact", "width", "single edge", "support"],
 )
 def test_each_difference_costs_confidence(worse: Candidate) -> None:
-    assert match(worse) < 0.9
+    assert match(worse, None) < 0.9
 
 
 def test_continuity_is_asked_only_after_the_first_trace() -> None:

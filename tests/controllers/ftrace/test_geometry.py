@@ -74,11 +74,11 @@ def test_points_behind_the_camera_are_not_ahead() -> None:
     assert not project(geometry(), np.array([[2.0, 0.0, 0.0]]))[1].any()
 
 
-def test_the_wheel_hides_the_contact() -> None:
-    ground = GroundPatch(geometry())
+def test_a_large_wheel_hides_more_ground_than_a_small_one() -> None:
+    large, small = (GroundPatch(replace(geometry(), wheel_radius_m=radius_m)) for radius_m in (0.15, 0.03))
 
-    assert not ground.visible[0, ground.centre]
-    assert ground.visible[60, ground.centre]
+    assert (small.visible & ~large.visible)[:, large.centre].sum() > 5
+    assert not (large.visible & ~small.visible).any()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,211 @@
+"""What data must be before anything is computed from it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_hil.gap.problem import Group, group_runs, is_steady
+from rover_hil.gap.replicates import LEAST_FREEDOM, pooled_freedom
+from sim_backends.models.interface import Array, DrivenModel, Model, Run
+
+MISSING_SHARE = 0.05
+CONTRADICTION_SD = 15.0
+IRREPRODUCIBLE_SHARE = 0.7
+LEAST_GROUPS = 3
+LEAST_SAMPLES = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Objection:
+    """Why no verdict on effects is possible.
+
+    Attributes:
+        is_identifiability: The data is sound, but cannot tell; otherwise it is bad.
+        reason: What is wrong and what to do, one sentence.
+    """
+
+    is_identifiability: bool
+    reason: str
+
+
+def object_to(model: Model, runs: Sequence[Run]) -> Objection | None:
+    """Return the first objection to data, or None."""
+    tests = (_units, _names, _conditions, _measured, _inputs)
+    for test in tests:
+        reason = test(model, runs)
+        if reason:
+            return Objection(is_identifiability=False, reason=reason)
+    if is_steady(runs):
+        reason = _noise_known(model, runs) or _replicates_agree(model, runs)
+        if reason:
+            return Objection(is_identifiability=False, reason=reason)
+        reason = _conditions_vary(model, runs)
+    else:
+        reason = _inputs_vary(model, runs)
+    return Objection(is_identifiability=True, reason=reason) if reason else None
+
+
+def _units(model: Model, runs: Sequence[Run]) -> str:
+    owners = [(f"channel {item.name}", item.unit) for item in model.channels]
+    owners += [(f"condition {name}", unit) for name, unit in model.condition_units.items()]
+    owners += [(f"parameter {item.name}", item.unit) for item in model.parameters]
+    owners += [
+        (f"parameter {item.name} of {card.name}", item.unit)
+        for card in model.effects
+        for item in card.parameters
+    ]
+    if isinstance(model, DrivenModel):
+        owners += [(f"input {name}", unit) for name, unit in model.input_units.items()]
+    missing = [owner for owner, unit in owners if not unit.strip()]
+    return f'{missing[0]} of the model has no unit: write it, "1" for a pure number' if missing else ""
+
+
+def _names(model: Model, runs: Sequence[Run]) -> str:
+    if not runs:
+        return "there are no runs in the data"
+    names = [run.name for run in runs]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        return f"run {twice[0]} appears {names.count(twice[0])} times: give each run its own name"
+    for channel in model.channels:
+        if not any(channel.name in run.measured for run in runs):
+            return f"channel {channel.name} is in no run: measure it, or take it out of the model"
+    return ""
+
+
+def _conditions(model: Model, runs: Sequence[Run]) -> str:
+    for run in runs:
+        for name in model.condition_units:
+            if name not in run.conditions:
+                return f"run {run.name} does not say its {name}"
+            if not math.isfinite(run.conditions[name]):
+                return f"run {run.name}: {name} is {run.conditions[name]}: write what was set"
+    return ""
+
+
+def _measured(model: Model, runs: Sequence[Run]) -> str:
+    steady = is_steady(runs)
+    for run in runs:
+        for channel in model.channels:
+            values = run.measured.get(channel.name)
+            if values is None:
+                continue
+            if np.isinf(values).any():
+                return f"run {run.name}: {channel.name} is infinite: take the run out, or mend the record"
+            share = float(np.isnan(values).mean()) if values.size else 1.0
+            if (steady and share > 0.0) or share > MISSING_SHARE:
+                return (
+                    f"run {run.name}: {share:.0%} of {channel.name} is not a number: take the run out, or "
+                    "leave the channel out of it"
+                )
+            if not steady and values.size < LEAST_SAMPLES:
+                return f"run {run.name}: {channel.name} has {values.size} samples, fewer than {LEAST_SAMPLES}"
+    return ""
+
+
+def _inputs(model: Model, runs: Sequence[Run]) -> str:
+    needed = list(model.input_units) if isinstance(model, DrivenModel) else []
+    for run in runs:
+        for name in needed:
+            if name not in run.inputs:
+                return f"run {run.name} has no input {name}"
+        for name, values in run.inputs.items():
+            if not np.isfinite(values).all():
+                return f"run {run.name}: input {name} holds values that are no numbers: mend the record"
+    return ""
+
+
+def _noise_known(model: Model, runs: Sequence[Run]) -> str:
+    groups = group_runs(model, runs)
+    for item, freedom in zip(model.channels, pooled_freedom(groups, model.channels), strict=True):
+        known = bool(item.sigma) or item.quantum > 0.0
+        if freedom < LEAST_FREEDOM and not known:
+            return (
+                f"channel {item.name} has no noise estimate: repeat runs under equal conditions "
+                f"({LEAST_FREEDOM} repetitions or more in all), or give the sensor's deviation in the model"
+            )
+        values = [run.measured[item.name][0] for run in runs if item.name in run.measured]
+        within = _within(groups, item.name)
+        if not known and freedom >= LEAST_FREEDOM and not np.any(within):
+            return (
+                f"channel {item.name} has no noise estimate: all repetitions are equal to the last digit"
+                if np.ptp(values) > 0.0
+                else f"channel {item.name} never changes: the sensor seems dead"
+            )
+    return ""
+
+
+def _within(groups: Sequence[Group], name: str) -> Array:
+    """Return the differences between consecutive replicates of one channel."""
+    parts = [
+        np.diff([run.measured[name][0] for run in group.runs if name in run.measured]) for group in groups
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _replicates_agree(model: Model, runs: Sequence[Run]) -> str:
+    groups = group_runs(model, runs)
+    far: dict[str, list[str]] = {}
+    loose = []
+    judged = 0
+    for channel in model.channels:
+        within = _within(groups, channel.name)
+        spread = 1.4826 * float(np.median(np.abs(within))) / math.sqrt(2.0) if within.size else 0.0
+        spread = max(spread, channel.sigma or 0.0, channel.quantum)
+        if within.size < LEAST_FREEDOM or spread <= 0.0:
+            continue
+        judged += 1
+        means = np.array(
+            [group.site.measured[channel.name][0] for group in groups if channel.name in group.site.measured]
+        )
+        noise = float(np.mean(within**2)) / 2.0
+        if means.size >= LEAST_GROUPS and noise > IRREPRODUCIBLE_SHARE * (noise + float(np.var(means))):
+            loose.append(channel.name)
+        for group in groups:
+            values = np.array(
+                [run.measured[channel.name][0] for run in group.runs if channel.name in run.measured]
+            )
+            if values.size > 1 and np.ptp(values) > CONTRADICTION_SD * spread:
+                far.setdefault(", ".join(run.name for run in group.runs), []).append(channel.name)
+    contradicting = [(names, channels) for names, channels in far.items() if len(channels) > 1]
+    if contradicting:
+        names, channels = contradicting[0]
+        return (
+            f"runs {names} were made under equal conditions and contradict each other in "
+            f"{' and '.join(channels)}: find out which is wrong and take it out"
+        )
+    if judged > 1 and len(loose) == judged:
+        return (
+            "repetitions under equal conditions differ as much as runs under different ones, in every "
+            "channel: the data contradicts itself, check what was set in each run"
+        )
+    return ""
+
+
+def _conditions_vary(model: Model, runs: Sequence[Run]) -> str:
+    groups = group_runs(model, runs)
+    if len(groups) >= LEAST_GROUPS:
+        return ""
+    names = list(model.condition_units)
+    constant = [name for name in names if len({run.conditions[name] for run in runs}) == 1]
+    return (
+        f"all runs were made under {len(groups)} set{'s' if len(groups) > 1 else ''} of conditions, which "
+        f"cannot tell effects apart: vary {', '.join(constant or names)}"
+    )
+
+
+def _inputs_vary(model: Model, runs: Sequence[Run]) -> str:
+    if not isinstance(model, DrivenModel):
+        return ""
+    for name in model.input_units:
+        if name != "t_s" and any(np.ptp(run.inputs[name]) > 0.0 for run in runs):
+            return ""
+    levels = {
+        tuple(float(run.inputs[name][0]) for name in model.input_units if name != "t_s") for run in runs
+    }
+    if len(levels) > 1 or all(name == "t_s" for name in model.input_units):
+        return ""
+    names = ", ".join(name for name in model.input_units if name != "t_s")
+    return f"the inputs never change, which cannot tell effects apart: vary {names}"

@@ -1,0 +1,53 @@
+"""What the rooms of the workflow hand on."""
+
+from dataclasses import dataclass
+
+from rover_hil.gap.fit import Fit
+from rover_hil.gap.locate import Place
+from rover_hil.gap.name import Naming
+from rover_hil.gap.plan import Plan
+from rover_hil.gap.prepare import Prepared
+from rover_hil.gap.prove import Proof
+from rover_hil.gap.search import Explanation
+from rover_hil.gap.test import GapTest
+from rover_hil.gap.unnamed import Equation
+from rover_hil.gap.verdict import Verdict
+from sim_backends.models.interface import Model, Run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """What the rooms found; later ones are None where an earlier one ended it.
+
+    Attributes:
+        prepared: The base model fitted to the runs to learn from.
+        gap: Whether there is a gap.
+        places: Where, at the fitted base model.
+        naming: Which effects explain it.
+        best: The chosen explanation, with derivatives at its fit.
+        added: The fit that extends the model; base parameters stay where nothing asks them to move.
+        left: Whether a gap is left with it.
+        equations: What is left, as equations.
+        proof: What the locked runs say.
+    """
+
+    prepared: Prepared
+    gap: GapTest
+    places: tuple[Place, ...]
+    naming: Naming
+    best: Explanation | None = None
+    added: Fit | None = None
+    left: GapTest | None = None
+    equations: tuple[Equation, ...] = ()
+    proof: Proof | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Analysis:
+    """Everything a report is made of."""
+
+    model: Model
+    verdict: Verdict
+    runs: tuple[Run, ...]
+    plan: Plan | None
+    findings: Findings | None

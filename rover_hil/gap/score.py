@@ -1,0 +1,180 @@
+"""Scores: how much the data asks for a direction that the base model cannot follow.
+
+At the fitted base parameters, the whitened residual and the pulls of the priors are one vector. What the base
+parameters can absorb is projected out of it and of each direction; without a gap the rest is standard normal
+along every direction, whatever the parameters were.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from rover_hil.gap.fit import Fit
+from rover_hil.gap.noise import Noise
+from rover_hil.gap.problem import Indices
+from sim_backends.models.interface import Array
+
+DRAWS = 4000
+LEAST_CLUSTERS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """A change of the whitened prediction, per unit.
+
+    Attributes:
+        name: Effect, or term of an equation.
+        change: Per unit of strength.
+        sign: +1 or -1 where the strength has a sign, else 0.
+        shapes: The other parameters it was taken at.
+        size: Natural size of the strength.
+        unit: Of the strength.
+    """
+
+    name: str
+    change: Array
+    sign: int
+    shapes: Mapping[str, float]
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """How much the data asks for one direction.
+
+    Attributes:
+        direction: Which.
+        z: Standard normal without gap; one-sided where the strength has a sign. The smaller of the values by
+            the noise model and by the scatter between independent stretches of data.
+        strength: Estimate to first order, in the direction's unit.
+        standard_error: Of the strength.
+        left: Share of the direction that base parameters leave.
+        projected: The direction after projection, of unit length.
+    """
+
+    direction: Direction
+    z: float
+    strength: float
+    standard_error: float
+    left: float
+    projected: Array
+
+
+class Projection:
+    """Takes out of vectors what the fitted base parameters can absorb."""
+
+    def __init__(self, fit: Fit) -> None:
+        self._priors = fit.jacobian.shape[1]
+        stacked = np.vstack((fit.jacobian, np.eye(self._priors)))
+        self._basis = np.linalg.qr(stacked)[0]
+        self.residual = self.apply(fit.residual, -fit.pull)
+
+    def apply(self, rows: Array, priors: Array | None = None) -> Array:
+        """Return what is left of a whitened vector."""
+        tail = np.zeros(self._priors) if priors is None else priors
+        vector = np.concatenate((rows, tail))
+        left: Array = vector - self._basis @ (self._basis.T @ vector)
+        return left
+
+
+def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_steady: bool) -> list[Score]:
+    """Return one score per direction; those that change nothing are left out."""
+    projection = Projection(fit)
+    blocks = None if is_steady else noise.block
+    scores = []
+    for direction in directions:
+        full = float(direction.change @ direction.change)
+        if full <= 0.0 or not math.isfinite(full):
+            continue
+        left = projection.apply(direction.change)
+        length = math.sqrt(float(left @ left))
+        if length <= 1e-9 * math.sqrt(full):
+            continue
+        unit = left / length
+        z = float(unit @ projection.residual)
+        if blocks is not None:
+            z = math.copysign(min(abs(z), _clustered(unit, projection.residual, z, blocks)), z)
+        scores.append(
+            Score(
+                direction=direction,
+                z=z,
+                strength=float(unit @ projection.residual) / length,
+                standard_error=1.0 / length,
+                left=length**2 / full,
+                projected=unit,
+            )
+        )
+    return scores
+
+
+def asked(score: Score) -> float:
+    """Return how strongly the data asks for a direction: 0 where it asks for the forbidden sign."""
+    return max(0.0, score.direction.sign * score.z) if score.direction.sign else abs(score.z)
+
+
+def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float:
+    """Return the size of z when only the scatter between blocks counts (jackknife, Student's t).
+
+    It is taken around the fitted direction, so that an effect that is there does not count as scatter; the
+    leverage of each block is taken out, as in the jackknife.
+    """
+    rows = blocks.size
+    parts = np.bincount(blocks, weights=unit[:rows] * (residual[:rows] - z * unit[:rows]))
+    leverage = np.bincount(blocks, weights=unit[:rows] ** 2)
+    used = leverage > 1e-12
+    parts, leverage = parts[used], np.minimum(leverage[used], 0.999)
+    active = float(leverage.sum() ** 2 / (leverage**2).sum()) if leverage.size else 0.0
+    if leverage.size < LEAST_CLUSTERS or active < 2.0:
+        return abs(z)
+    spread = math.sqrt(float(np.sum((parts / (1.0 - leverage)) ** 2)))
+    t = abs(z) / max(spread, 1e-12)
+    return float(-stats.norm.ppf(max(stats.t.sf(t, active - 1.0), 1e-300)))
+
+
+def family_draws(scores: Sequence[Score], freedom: float, rng: np.random.Generator) -> Array:
+    """Return draws of the greatest `asked` of a family when there is no gap, sorted.
+
+    The directions' correlations are kept; the size of the errors is as uncertain as its degrees of freedom
+    say.
+    """
+    if not scores:
+        return np.zeros(DRAWS)
+    matrix = np.stack([score.projected for score in scores], axis=1)
+    correlation = matrix.T @ matrix
+    values, vectors = np.linalg.eigh(correlation)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    draws = rng.standard_normal((DRAWS, len(scores))) @ root.T
+    if math.isfinite(freedom):
+        draws /= np.sqrt(rng.chisquare(freedom, (DRAWS, 1)) / freedom)
+    signs = np.array([score.direction.sign for score in scores])
+    sided = np.where(signs == 0, np.abs(draws), np.maximum(draws * signs, 0.0))
+    most: Array = np.sort(sided.max(axis=1))
+    return most
+
+
+def family_p(scores: Sequence[Score], value: float, draws: Array, freedom: float) -> float:
+    """Return the probability of a greatest score of at least `value` without gap.
+
+    Beyond the draws Bonferroni's bound takes over.
+    """
+    exceeding = draws.size - int(np.searchsorted(draws, value))
+    p_draws = (1 + exceeding) / (1 + draws.size)
+    if exceeding > 10:
+        return p_draws
+    single = float(stats.t.sf(value, freedom) if math.isfinite(freedom) else stats.norm.sf(value))
+    sides = sum(1 if score.direction.sign else 2 for score in scores)
+    return min(p_draws, sides * single) if exceeding == 0 else min(1.0, p_draws)
+
+
+def quantile(draws: Array, alpha: float) -> float:
+    """Return the score that the family exceeds with probability `alpha` without gap."""
+    return float(np.quantile(draws, 1.0 - alpha))
+
+
+def cosine(first: Score, second: Score) -> float:
+    """Return how alike two directions are after projection, -1..1."""
+    return float(first.projected @ second.projected)

@@ -1,0 +1,180 @@
+"""Terms of free-form equations: what a channel could depend on that no effect card says, with units."""
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_hil.gap.noise import Noise
+from rover_hil.gap.problem import Observations, cells
+from rover_hil.gap.score import Direction
+from sim_backends.models.interface import Array
+
+ONE = "1"
+MOST_SOURCES = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """A function of conditions, inputs or predicted channels, one value per row.
+
+    Attributes:
+        text: As in an equation.
+        unit: Of its values.
+        values: One per row.
+    """
+
+    text: str
+    unit: str
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    text: str
+    unit: str
+    values: Array
+
+
+def steady_terms(seen: Observations, units: Mapping[str, str]) -> list[Term]:
+    """Return polynomials up to second order, and differences of conditions of one unit."""
+    sources = _condition_sources(seen, units)
+    terms = [Term(text=ONE, unit=ONE, values=np.ones(seen.values.size))]
+    terms += [Term(text=one.text, unit=one.unit, values=one.values) for one in sources]
+    for one in sources:
+        terms.append(Term(text=f"{one.text}^2", unit=_power(one.unit, 2), values=one.values**2))
+    for one, other in itertools.combinations(sources, 2):
+        if one.unit == other.unit:
+            gap = one.values - other.values
+            terms.append(Term(text=f"|{one.text} - {other.text}|", unit=one.unit, values=np.abs(gap)))
+        terms.append(
+            Term(
+                text=f"{one.text} {other.text}",
+                unit=_product(one.unit, other.unit),
+                values=one.values * other.values,
+            )
+        )
+    return terms
+
+
+def series_terms(
+    seen: Observations, predicted: Array, input_units: Mapping[str, str], units: Mapping[str, str]
+) -> list[Term]:
+    """Return shapes of inputs and predicted channels (odd, even, dry, rate, sum), and of time."""
+    sources = _series_sources(seen, predicted, input_units)
+    terms = [Term(text=ONE, unit=ONE, values=np.ones(seen.values.size))]
+    terms += [
+        Term(text=one.text, unit=one.unit, values=one.values) for one in _condition_sources(seen, units)
+    ]
+    for one in sources:
+        x = one.values
+        level = float(np.sqrt(np.mean(x**2)))
+        terms += [
+            Term(text=one.text, unit=one.unit, values=x),
+            Term(text=f"{one.text}^2", unit=_power(one.unit, 2), values=x**2),
+            Term(text=f"{one.text} |{one.text}|", unit=_power(one.unit, 2), values=x * np.abs(x)),
+            Term(text=f"sign({one.text})", unit=ONE, values=np.tanh(x / max(0.05 * level, 1e-300))),
+            Term(text=f"|{one.text}|", unit=one.unit, values=np.abs(x)),
+            Term(text=f"change of {one.text} per sample", unit=one.unit, values=_by_cell(seen, x, _rate)),
+            Term(text=f"sum of {one.text}", unit=one.unit, values=_by_cell(seen, x, _sum)),
+        ]
+    terms.append(Term(text="sample", unit=ONE, values=_by_cell(seen, np.ones(seen.values.size), _sum)))
+    return [
+        term
+        for term in terms
+        if term.text == ONE or (np.isfinite(term.values).all() and np.ptp(term.values) > 0.0)
+    ]
+
+
+def directions(seen: Observations, noise: Noise, terms: Sequence[Term]) -> list[Direction]:
+    """Return one direction per term and channel, in units of the channel per unit of the term."""
+    return [replace(one, change=noise.whiten(one.change)) for one in term_changes(seen, terms)]
+
+
+def term_changes(seen: Observations, terms: Sequence[Term]) -> list[Direction]:
+    """Return the same before whitening."""
+    found = []
+    for index, channel in enumerate(seen.channels):
+        mine = seen.channel == index
+        if not mine.any():
+            continue
+        for term in terms:
+            level = float(np.sqrt(np.mean(term.values[mine] ** 2)))
+            if level <= 0.0:
+                continue
+            found.append(
+                Direction(
+                    name=f"{channel.name}: {term.text}",
+                    change=np.where(mine, term.values, 0.0),
+                    sign=0,
+                    shapes={},
+                    size=1.0 / level,
+                    unit=ratio(channel.unit, term.unit),
+                )
+            )
+    return found
+
+
+def ratio(above: str, below: str) -> str:
+    """Return the unit of a quotient."""
+    if below == ONE:
+        return above
+    if above == below:
+        return ONE
+    return f"{above}/({below})" if " " in below or "/" in below else f"{above}/{below}"
+
+
+def _condition_sources(seen: Observations, units: Mapping[str, str]) -> list[_Source]:
+    sources = []
+    for name, unit in units.items():
+        by_site = np.array([group.site.conditions[name] for group in seen.groups])
+        if np.ptp(by_site) > 0.0:
+            sources.append(_Source(name, unit, by_site[seen.site]))
+    return sources
+
+
+def _series_sources(seen: Observations, predicted: Array, input_units: Mapping[str, str]) -> list[_Source]:
+    sources = []
+    for name, unit in input_units.items():
+        if name == "t_s":
+            continue
+        parts = [seen.groups[int(seen.site[cell[0]])].site.inputs[name] for cell in cells(seen)]
+        values = np.concatenate(parts)
+        if values.size == seen.values.size:
+            sources.append(_Source(name, unit, values))
+    for index, channel in enumerate(seen.channels):
+        values = np.zeros(seen.values.size)
+        for site in range(len(seen.groups)):
+            here = seen.site == site
+            mine = predicted[here & (seen.channel == index)]
+            if mine.size and here.sum() % mine.size == 0:
+                values[here] = np.tile(np.nan_to_num(mine), here.sum() // mine.size)
+        sources.append(_Source(channel.name, channel.unit, values))
+    return sources[:MOST_SOURCES]
+
+
+def _by_cell(seen: Observations, values: Array, act: Callable[[Array], Array]) -> Array:
+    changed = np.empty_like(values)
+    for cell in cells(seen):
+        changed[cell] = act(values[cell])
+    return changed
+
+
+def _sum(values: Array) -> Array:
+    total: Array = np.cumsum(values)
+    return total
+
+
+def _rate(values: Array) -> Array:
+    return np.gradient(values) if values.size > 1 else np.zeros_like(values)
+
+
+def _power(unit: str, exponent: int) -> str:
+    return ONE if unit == ONE else f"{unit}^{exponent}"
+
+
+def _product(one: str, other: str) -> str:
+    if one == other:
+        return _power(one, 2)
+    return " ".join(unit for unit in (one, other) if unit != ONE) or ONE

@@ -1,0 +1,160 @@
+"""When no effect fits: the shortest equation with units that does, labelled as having no name."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_hil.gap.fit import Fit
+from rover_hil.gap.noise import Noise
+from rover_hil.gap.problem import Observations
+from rover_hil.gap.score import Projection, Score, asked, score_all
+from rover_hil.gap.search import linear_gain
+from rover_hil.gap.terms import Term, directions
+from sim_backends.models.interface import Array
+
+TOP_TERMS = 12
+MOST_TERMS = 3
+STABLE_SHARE = 0.8
+RESAMPLES = 60
+MOST_EQUATIONS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equation:
+    """What must be added to one channel.
+
+    Attributes:
+        channel: The channel.
+        unit: Of the sum.
+        terms: Text, coefficient, its standard error and unit, of each term.
+        closest: The effect whose change is most alike, and how alike.
+        cosine: -1..1.
+        stability: Share of resampled data that keeps the same terms.
+    """
+
+    channel: str
+    unit: str
+    terms: tuple[tuple[str, float, float, str], ...]
+    closest: str
+    cosine: float
+    stability: float
+
+    @property
+    def text(self) -> str:
+        """Return the equation as a line of text."""
+        parts = []
+        for text, value, error, unit in self.terms:
+            factor = "" if text == "1" else f" * {text}"
+            parts.append(f"({value:.3g} ± {1.96 * error:.2g} {unit}){factor}")
+        return f"{self.channel} += " + " + ".join(parts)
+
+
+def find_equations(
+    seen: Observations,
+    noise: Noise,
+    fitted: Fit,
+    terms: Sequence[Term],
+    effects: Sequence[Score],
+    line: float,
+    rng: np.random.Generator,
+) -> list[Equation]:
+    """Return an equation for each channel that asks for one, the most asked first.
+
+    Args:
+        seen: The observations.
+        noise: Of the observations.
+        fitted: The model with what could be named.
+        terms: To choose from.
+        effects: Scores of the effects at the same fit, for the closest one.
+        line: Score that counts, over all terms and channels.
+        rng: For the stability.
+    """
+    scores = score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady)
+    equations = []
+    for channel in seen.channels:
+        mine = [score for score in scores if score.direction.name.startswith(f"{channel.name}: ")]
+        mine = sorted(mine, key=lambda score: -asked(score))[:TOP_TERMS]
+        if not mine or asked(mine[0]) < line:
+            continue
+        chosen = _choose(mine, line)
+        gain = linear_gain([mine[index] for index in chosen])
+        equations.append((gain, _equation(channel.name, channel.unit, mine, chosen, fitted, effects, rng)))
+    return [equation for _, equation in sorted(equations, key=lambda item: -item[0])[:MOST_EQUATIONS]]
+
+
+def _choose(scores: Sequence[Score], line: float) -> tuple[int, ...]:
+    """Return the best subset; a further term must be asked for as clearly as the first."""
+    best: tuple[int, ...] = (0,)
+    for size in range(1, min(MOST_TERMS, len(scores)) + 1):
+        subsets = itertools.combinations(range(len(scores)), size)
+        ranked = max(subsets, key=lambda one: linear_gain([scores[index] for index in one]))
+        gain = linear_gain([scores[index] for index in ranked])
+        before = linear_gain([scores[index] for index in best])
+        if size == 1 or gain - before >= line**2 * (size - len(best)):
+            best = ranked
+    return best
+
+
+def _equation(
+    channel: str,
+    unit: str,
+    scores: Sequence[Score],
+    chosen: Sequence[int],
+    fitted: Fit,
+    effects: Sequence[Score],
+    rng: np.random.Generator,
+) -> Equation:
+    parts = [scores[index] for index in chosen]
+    matrix = np.stack([score.projected / score.standard_error for score in parts], axis=1)
+    projection = Projection(fitted)
+    normal = np.linalg.inv(matrix.T @ matrix)
+    values = normal @ matrix.T @ projection.residual
+    errors = np.sqrt(np.diag(normal))
+    together = matrix @ values
+    together /= max(float(np.linalg.norm(together)), 1e-300)
+    closest, alike = "", 0.0
+    for score in effects:
+        similar = float(score.projected @ together)
+        if abs(similar) > abs(alike):
+            closest, alike = score.direction.name, similar
+    return Equation(
+        channel=channel,
+        unit=unit,
+        terms=tuple(
+            (
+                score.direction.name.removeprefix(f"{channel}: "),
+                float(value),
+                float(error),
+                score.direction.unit,
+            )
+            for score, value, error in zip(parts, values, errors, strict=True)
+        ),
+        closest=closest,
+        cosine=alike,
+        stability=_stability(scores, chosen, projection.residual, rng),
+    )
+
+
+def _stability(
+    scores: Sequence[Score], chosen: Sequence[int], residual: Array, rng: np.random.Generator
+) -> float:
+    """Return how often the same subset is best when the errors are drawn again."""
+    matrix = np.stack([score.projected for score in scores], axis=1)
+    gram = matrix.T @ matrix
+    wanted = set(chosen)
+    subsets = list(itertools.combinations(range(len(scores)), len(chosen)))
+    kept = 0
+    for _ in range(RESAMPLES):
+        target = matrix.T @ (residual + rng.standard_normal(residual.size))
+        gains = [_gain(gram, target, subset) for subset in subsets]
+        kept += set(subsets[int(np.argmax(gains))]) == wanted
+    return kept / RESAMPLES
+
+
+def _gain(gram: Array, target: Array, subset: Sequence[int]) -> float:
+    index = np.array(subset)
+    part = gram[np.ix_(index, index)] + 1e-9 * np.eye(index.size)
+    return float(target[index] @ np.linalg.solve(part, target[index])) if math.isfinite(target.sum()) else 0.0

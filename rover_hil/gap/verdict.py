@@ -1,0 +1,56 @@
+"""The verdict, as it is written down."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class Answer(StrEnum):
+    """What can be said."""
+
+    NO_GAP = "NO_GAP"
+    NAMED = "NAMED"
+    NAMED_SET = "NAMED_SET"
+    PARTLY_NAMED = "PARTLY_NAMED"
+    UNNAMED = "UNNAMED"
+    NOT_IDENTIFIABLE = "NOT_IDENTIFIABLE"
+    BAD_DATA = "BAD_DATA"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundParameter:
+    """A parameter of a named effect with its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundEffect:
+    """A named effect."""
+
+    name: str
+    parameters: Mapping[str, FoundParameter]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Everything `verdict.json` says."""
+
+    verdict: Answer
+    sentence: str
+    p_gap: float | None = None
+    where: Sequence[Mapping[str, str | float | int]] = ()
+    effects: Sequence[FoundEffect] = ()
+    confidence_set: Sequence[Sequence[str]] = ()
+    rejected: Sequence[Mapping[str, str]] = ()
+    unnamed: Sequence[Mapping[str, str | float]] = ()
+    next_run: str = ""
+    detectable: Sequence[Mapping[str, str | float]] = ()
+    gap: Mapping[str, Mapping[str, float | Sequence[float] | None]] = field(default_factory=dict)
+    controls: Mapping[str, float | None] = field(
+        default_factory=lambda: {"retuned": None, "placebo": None, "rival": None}
+    )
+    seconds: float = math.nan

@@ -1,0 +1,173 @@
+"""The workflow from runs to a verdict: plan, test, locate, name, prove."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.clock import SystemClock, seconds
+from drivers.errors import ModelError
+from rover_hil.gap import judge
+from rover_hil.gap.candidates import candidate_directions
+from rover_hil.gap.checks import object_to
+from rover_hil.gap.findings import Analysis, Findings
+from rover_hil.gap.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.locate import locate
+from rover_hil.gap.name import MORE_ALPHA, NAME_ALPHA, Naming, name_effects
+from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
+from rover_hil.gap.prepare import Prepared, input_units, prepare, renew
+from rover_hil.gap.prove import prove
+from rover_hil.gap.score import score_all
+from rover_hil.gap.search import Explanation
+from rover_hil.gap.settle import settle
+from rover_hil.gap.test import GAP_ALPHA, GapTest, find_gap
+from rover_hil.gap.unnamed import Equation, find_equations
+from rover_hil.gap.verdict import Answer
+from sim_backends.models.interface import Model, Run
+
+ALPHAS = {"gap": GAP_ALPHA, "first name": NAME_ALPHA, "further name": MORE_ALPHA}
+
+
+def analyse(
+    model: Model,
+    runs: Sequence[Run],
+    *,
+    seed: int = 0,
+    confirm: str = "",
+    on_plan: Callable[[Plan], None] = lambda _: None,
+    advance: Callable[[str], None] = lambda _: None,
+) -> Analysis:
+    """Find where model and runs disagree, name what is missing, and prove it.
+
+    Args:
+        model: The simulator with its effects.
+        runs: Measured.
+        seed: Of all random numbers.
+        confirm: Expression that selects the runs to lock; empty to draw them.
+        on_plan: Told the plan before anything is computed from measured values.
+        advance: Told what is being done.
+
+    Raises:
+        ConfigError: `confirm` is no expression.
+    """
+    clock = SystemClock()
+    start_ns = clock.now_ns()
+    analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
+    duration_s = round(seconds(clock.now_ns() - start_ns), 3)
+    return replace(analysis, verdict=replace(analysis.verdict, seconds=duration_s))
+
+
+def _analyse(
+    model: Model,
+    runs: Sequence[Run],
+    seed: int,
+    confirm: str,
+    on_plan: Callable[[Plan], None],
+    advance: Callable[[str], None],
+) -> Analysis:
+    def refused(answer: Answer, reason: str, plan: Plan | None = None) -> Analysis:
+        verdict = judge.refuse(answer, reason)
+        return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=None)
+
+    try:
+        require_runs(runs)
+    except TooFewRunsError as error:
+        return refused(Answer.BAD_DATA, str(error))
+    objection = object_to(model, runs)
+    if objection is not None:
+        answer = Answer.NOT_IDENTIFIABLE if objection.is_identifiability else Answer.BAD_DATA
+        return refused(answer, objection.reason)
+    try:
+        plan = make_plan(model, runs, seed=seed, confirm=confirm, alphas=ALPHAS)
+    except TooFewRunsError as error:
+        return refused(Answer.BAD_DATA, str(error))
+    on_plan(plan)
+    locked = set(plan.confirm)
+    open_runs = [run for run in runs if run.name not in locked]
+    objection = object_to(model, open_runs)
+    if objection is not None:
+        return refused(Answer.BAD_DATA, f"without the locked runs, {objection.reason}", plan)
+    try:
+        findings = _learn(model, open_runs, np.random.default_rng(seed), advance)
+    except ModelError as error:
+        return refused(Answer.BAD_DATA, str(error), plan)
+    if findings.best is not None:
+        advance("opening the locked runs")
+        findings = _proved(findings, [run for run in runs if run.name in locked], seed + 1)
+    verdict = judge.decide(findings)
+    return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=findings)
+
+
+def _learn(
+    model: Model, runs: Sequence[Run], rng: np.random.Generator, advance: Callable[[str], None]
+) -> Findings:
+    advance("fitting the base model")
+    prepared = prepare(model, runs)
+    naming, gap = _test(prepared, rng, advance)
+    if naming.best is not None and prepared.scatter is None:
+        prepared = renew(prepared, naming.best.fit)
+        naming, gap = _test(prepared, rng, advance)
+    places = tuple(locate(prepared.problem, prepared.noise, prepared.start.point, input_units(model)))
+    findings = Findings(prepared=prepared, gap=gap, places=places, naming=naming)
+    if gap.p > GAP_ALPHA:
+        return findings
+    advance("testing what is left")
+    return _with_best(findings, naming.best, rng)
+
+
+def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Generator) -> Findings:
+    """Return findings with an explanation: what it leaves, and equations for that."""
+    prepared, left, added = findings.prepared, None, None
+    seen, noise, fitted = prepared.problem.seen, prepared.noise, prepared.start
+    if best is not None:
+        fitted = _polished(prepared, best.fit)
+        best = replace(best, fit=fitted)
+        added = settle(prepared.problem, noise, fitted)
+        left = find_gap(seen, noise, prepared.scatter, fitted, prepared.terms, len(best.names), None, rng)
+    equations: list[Equation] = []
+    if left is None or left.p <= GAP_ALPHA:
+        named = () if best is None else best.names
+        others = [item for item in findings.naming.scores if item.card.name not in named]
+        changes = candidate_directions(prepared.problem, noise, fitted, others)
+        effects = score_all(fitted, noise, changes, is_steady=seen.is_steady)
+        line = (left or findings.gap).line
+        equations = find_equations(seen, noise, fitted, prepared.terms, effects, line, rng)
+    return replace(findings, best=best, added=added, left=left, equations=tuple(equations))
+
+
+def _polished(prepared: Prepared, found: Fit) -> Fit:
+    """Return a fit carried to its end, with derivatives taken there: for intervals and scores."""
+    free = {item.key for item in found.free}
+    fixed = {key: value for key, value in found.point.items() if key not in free}
+    best = fit(prepared.problem, prepared.noise, found.free, found.point, fixed=fixed)
+    jacobian = whitened_jacobian(prepared.problem, prepared.noise, best.free, best.point)
+    return replace(best, jacobian=jacobian)
+
+
+def _proved(findings: Findings, locked_runs: Sequence[Run], seed: int) -> Findings:
+    """Return findings with their proof; effects that the locked runs speak against are taken back."""
+    rng = np.random.default_rng(seed)
+    while findings.best is not None and findings.added is not None:
+        best, naming = findings.best, findings.naming
+        proof = prove(findings.prepared, locked_runs, best, findings.added.point, naming, rng)
+        findings = replace(findings, proof=proof)
+        fewer = [one for key, one in naming.tried.items() if len(key) == len(best.names) - 1]
+        fewer = [one for one in fewer if set(one.names) < set(best.names)]
+        if proof.is_confirmed or not fewer:
+            break
+        instead = min(fewer, key=lambda one: one.cost)
+        findings = replace(findings, naming=replace(naming, best=instead, members=(instead,)))
+        findings = _with_best(findings, instead, rng)
+    return findings
+
+
+def _test(
+    prepared: Prepared, rng: np.random.Generator, advance: Callable[[str], None]
+) -> tuple[Naming, GapTest]:
+    problem = prepared.problem
+    naming = name_effects(problem, prepared.noise, prepared.start, problem.model.effects, rng, advance)
+    p_effects = naming.p_name if naming.scores else None
+    gap = find_gap(
+        problem.seen, prepared.noise, prepared.scatter, prepared.start, prepared.terms, 0, p_effects, rng
+    )
+    return naming, gap

@@ -1,0 +1,182 @@
+"""The odometry of a rover on four wheels that do not steer, and the effects that may be missing in it.
+
+Base: the wheels roll and drift nowhere; both sides' mean speeds give way and turn; gyro and compass tell the
+true rate and heading but for an offset. Everything is compared as mean rates in windows of 0.2 s, so that an
+early error stays where it happened.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
+
+from sim_backends.models.four_wheel_drive_data import (
+    WHEELS,
+    four_wheel_runs_of_log,
+    read_four_wheel_runs,
+)
+from sim_backends.models.four_wheel_drive_effects import EFFECTS
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.log_columns import DriveLog
+from sim_backends.models.windows import earlier, stretches
+
+RADIUS_M = 0.092
+TRACK_M = 0.44
+MOST_SLIP = 0.98
+TURN_WINDOWS = 5
+
+CHANNELS = (
+    Channel(name="forward_m_s", unit="m/s"),
+    Channel(name="left_m_s", unit="m/s"),
+    Channel(name="turn_rad_s", unit="rad/s"),
+    Channel(name="gyro_deg_s", unit="deg/s"),
+    Channel(name="compass_error_deg", unit="deg"),
+)
+
+
+def _own(
+    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
+) -> Parameter:
+    return Parameter(
+        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
+    )
+
+
+PARAMETERS = (
+    _own("radius_error", "1", 0.0, 0.01, -0.5, 0.5, "of the wheels' nominal radius"),
+    _own("track_error", "1", 0.0, 0.05, -0.5, 20.0, "of the distance between left and right wheels"),
+    _own("side_error", "1", 0.0, 0.003, -0.3, 0.3, "radius of the right wheels beside the left ones"),
+    _own("compass_offset_deg", "deg", 0.0, 1.0, -180.0, 180.0, "mounting and declination"),
+    _own("compass_age_s", "s", 0.05, 0.03, 0.0, 1.0, "age of the compass's reading: some of its period"),
+    _own("gyro_bias_deg_s", "deg/s", 0.0, 0.05, -20.0, 20.0, "what calibration at rest leaves"),
+    _own("pitch_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "pitch told on the level"),
+    _own("roll_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "roll told on the level"),
+)
+NOMINAL = {item.name: item.nominal for item in PARAMETERS}
+NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+
+
+class FourWheelDrive:
+    """A `Model` of a four-wheel rover's odometry.
+
+    Conditions: mean climb, roll and speed of a drive. Labels of a run that the model heeds: `wheel_radius_m`,
+    `track_m`; else 92 mm and 440 mm.
+
+    Attributes:
+        channels: What is predicted; sensors that the data read last do not have are left out.
+    """
+
+    name = "four-wheel-drive"
+    condition_units: Mapping[str, str] = {"climb_deg": "deg", "roll_deg": "deg", "speed_m_s": "m/s"}
+    input_units: Mapping[str, str] = {
+        "t_s": "s",
+        **{f"wheel_{wheel}_rad_s": "rad/s" for wheel in WHEELS},
+        "pitch_rad": "rad",
+        "roll_rad": "rad",
+        "heading_rad": "rad",
+        "true_turn_rad_s": "rad/s",
+    }
+    parameters = PARAMETERS
+    effects: tuple[EffectCard, ...] = EFFECTS
+
+    def __init__(self) -> None:
+        self.channels: tuple[Channel, ...] = CHANNELS
+
+    def read_runs(self, path: Path) -> list[Run]:
+        """Return one run per log of a file or folder; see `read_four_wheel_runs`."""
+        return self._taken(read_four_wheel_runs(path))
+
+    def runs_of_log(self, log: DriveLog) -> list[Run]:
+        """Return the run in a log; see `four_wheel_runs_of_log`."""
+        return self._taken(four_wheel_runs_of_log(log))
+
+    def stretches_of(self, run: Run) -> list[Run]:
+        """Return stretches of a long drive; see `stretches`."""
+        return stretches(run)
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict the motion of every run and what its sensors say. See `Model.predict`."""
+        base = {**NOMINAL, **parameters}
+        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        return [_motion(run, base, active) | _sensors(run, base, active) for run in runs]
+
+    def _taken(self, runs: list[Run]) -> list[Run]:
+        self.channels = tuple(one for one in CHANNELS if any(one.name in run.measured for run in runs))
+        return runs
+
+
+def _motion(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:
+    radius_m = run.conditions.get("wheel_radius_m", RADIUS_M)
+    radius_m *= 1.0 + base["radius_error"] + active["wheel_radius"]["error"]
+    left_side, right_side = _sides(run, active)
+    right_side = right_side * (1.0 + base["side_error"])
+    rim = radius_m * 0.5 * (left_side + right_side)
+    track_m = run.conditions.get("track_m", TRACK_M)
+    track_m *= 1.0 + base["track_error"] + active["base_radius"]["error"]
+    turn = radius_m * (right_side - left_side) / track_m
+    climb = run.inputs["pitch_rad"] - base["pitch_zero_rad"]
+    hill = active["slope_slip"]
+    level = active["wheel_slip"]["share"]
+    slip = level + hill["per_slope"] * climb * (1.0 + hill["curvature"] * np.abs(climb)) * np.sign(rim)
+    forward = rim * (1.0 - np.clip(slip, -MOST_SLIP, MOST_SLIP))
+    drift = -active["side_drift"]["per_roll"] * (run.inputs["roll_rad"] - base["roll_zero_rad"])
+    left = np.abs(forward) * np.tan(np.clip(drift, -1.5, 1.5))
+    # Wheels that are logged late say now what they did before: the true motion is ahead of them.
+    shift = active["latency"]["time"]
+    return {
+        "forward_m_s": _ahead(run.inputs["t_s"], forward, shift),
+        "left_m_s": _ahead(run.inputs["t_s"], left, shift),
+        "turn_rad_s": _ahead(run.inputs["t_s"], turn, shift),
+    }
+
+
+def _ahead(t_s: Array, rate: Array, time_s: float) -> Array:
+    """Return rates as they are `time_s` later; after the end nothing moves."""
+    turned: Array = earlier(t_s, rate[::-1], time_s)[::-1]
+    return turned
+
+
+def _sides(run: Run, active: Mapping[str, Values]) -> tuple[Array, Array]:
+    """Return the mean speed of the left and of the right wheels."""
+    lost = active["encoder_dropouts"]
+    speeds = []
+    for wheel in WHEELS:
+        speed = run.inputs[f"wheel_{wheel}_rad_s"]
+        if round(lost["wheel"]) == wheel and lost["share"] > 0.0:
+            speed = np.where(np.abs(speed) > lost["onset"], speed / (1.0 - lost["share"]), speed)
+        speeds.append(speed)
+    return 0.5 * (speeds[0] + speeds[2]), 0.5 * (speeds[1] + speeds[3])
+
+
+def _sensors(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:
+    t_s, heading = run.inputs["t_s"], run.inputs["heading_rad"]
+    turn = np.degrees(run.inputs["true_turn_rad_s"])
+    keep = _keep(t_s, active["compass_lag"]["time"])
+    first = heading[:1]
+    shown = lfilter([1.0 - keep], [1.0, -keep], heading, zi=keep * first)[0] if keep > 0.0 else heading
+    # Over five windows, errors of the true heading at their edges do not look like those of the one.
+    steady_turn = uniform_filter1d(turn, TURN_WINDOWS, mode="nearest")
+    error = np.degrees(shown - heading) + base["compass_offset_deg"] + active["compass_offset"]["angle"]
+    error = error - base["compass_age_s"] * steady_turn
+    hard, soft = active["hard_iron"], active["soft_iron"]
+    error = error + hard["size"] * np.cos(shown - np.radians(hard["phase"]))
+    error = error + soft["size"] * np.cos(2.0 * (shown - np.radians(soft["phase"])))
+    bias = base["gyro_bias_deg_s"] + active["gyro_bias"]["rate"]
+    return {
+        "gyro_deg_s": turn + active["gyro_scale"]["error"] * steady_turn + bias,
+        "compass_error_deg": error,
+    }
+
+
+def _keep(t_s: Array, time_s: float) -> float:
+    """Return the share of its last reading that a damped compass keeps from window to window."""
+    return float(np.exp(-(t_s[1] - t_s[0]) / time_s)) if time_s > 0.0 else 0.0
+
+
+def make_model() -> FourWheelDrive:
+    """Return the model with its effects."""
+    return FourWheelDrive()

@@ -1,0 +1,172 @@
+"""Recorded drives of a four-wheel rover with their true path, as runs of windows.
+
+A log is a table `t_s,enc1_rad..enc4_rad,compass_deg,gyro_z_deg_s,pitch_deg,roll_deg,...`; encoders at the
+wheels in the order front left, front right, rear left, rear right; pitch nose up, roll left side up. The
+truth is a second table `t_s,x_m,y_m,psi_rad,...` beside it: its name is that of the log with `truth` in it,
+or it is the only one of its folder. Truth in the same table, and logs of this software, will do as well.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from drivers.errors import ConfigError
+from sim_backends.models.interface import Array, Run
+from sim_backends.models.log_columns import (
+    Columns,
+    DriveLog,
+    check_times,
+    need,
+    read_columns,
+    table_files,
+    whole_rows,
+)
+from sim_backends.models.windows import LEAST_WINDOWS, Windows, body_rates, windows_over
+
+WHEELS = (1, 2, 3, 4)
+POSE = ("x_m", "y_m", "psi_rad")
+LABELS = ("wheel_radius_m", "track_m")
+TILT_WINDOWS = 5
+"""Over which tilt is smoothed: a body on wheels 0.6 m apart turns slowly, an inclinometer's noise does not.
+Noise in an input would make effects that follow it look smaller than they are."""
+LEAST_DIFFERENCE = 0.02
+"""Of the sides' speeds over their mean, rms: below it they are driven alike and tell nothing of turns."""
+
+
+def read_four_wheel_runs(path: Path) -> list[Run]:
+    """Return one run per log in a file or folder.
+
+    Raises:
+        ConfigError: A file cannot be read, a log has no truth, a column is missing or the time does not rise.
+    """
+    among = table_files(path if path.is_dir() else path.parent)
+    tables = {file: read_columns(file) for file in among}
+    logs = [file for file in table_files(path) if "enc1_rad" in tables[file]]
+    if not logs:
+        raise ConfigError(f"{path} holds no log: a table with t_s and enc1_rad is needed")
+    truths = [
+        file for file, columns in tables.items() if "enc1_rad" not in columns and set(POSE) <= set(columns)
+    ]
+    runs = []
+    for file in logs:
+        columns = tables[file]
+        name = file.relative_to(path).as_posix() if path.is_dir() else file.name
+        name = name.split(".csv")[0]
+        truth = columns if set(POSE) <= set(columns) else tables[_truth_of(file, truths, logs)]
+        runs.append(four_wheel_run(name, columns, truth, {}))
+    return runs
+
+
+def four_wheel_runs_of_log(log: DriveLog) -> list[Run]:
+    """Return the run in a log.
+
+    Raises:
+        ConfigError: It is of another kind of rover, or lacks wheels or the true pose.
+    """
+    if log.kind not in ("", "skid_steer_4"):
+        raise ConfigError(
+            f"{log.name} is of a {log.kind} rover: give the log of four wheels that do not steer"
+        )
+    return [four_wheel_run(log.name, log.columns, log.columns, log.facts)]
+
+
+def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[str, float]) -> Run:
+    """Return a log with its truth as a run.
+
+    Raises:
+        ConfigError: A column is missing, or times do not rise.
+    """
+    turned = [f"enc{wheel}_rad" for wheel in WHEELS]
+    need(columns, ("t_s", *turned), name, "wheels are what odometry is made of")
+    need(truth, ("t_s", *POSE), f"truth of {name}", "the true pose is what odometry is compared with")
+    t_s, true_s = columns["t_s"], truth["t_s"]
+    check_times(t_s, name)
+    check_times(true_s, f"truth of {name}")
+    seen = np.isfinite(np.stack([truth[one] for one in POSE])).all(axis=0)
+    if seen.sum() < LEAST_WINDOWS:
+        raise ConfigError(f"truth of {name} has {int(seen.sum())} poses: {LEAST_WINDOWS} or more are needed")
+    told = t_s[whole_rows(columns, turned)]
+    first, last = max(float(told[0]), float(true_s[seen][0])), min(float(told[-1]), float(true_s[seen][-1]))
+    windows = windows_over(first, last, name)
+    x_m, y_m, psi_rad = (truth[one][seen] for one in POSE)
+    heading = np.unwrap(psi_rad)
+    forward, left, turn = body_rates(windows, true_s[seen], x_m, y_m, heading)
+    inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, columns[f"enc{wheel}_rad"]) for wheel in WHEELS}
+    inputs |= {f"{one}_rad": _tilt(windows, columns, one) for one in ("pitch", "roll")}
+    inputs["heading_rad"] = np.interp(windows.middle_s, true_s[seen], heading)
+    inputs["true_turn_rad_s"] = turn
+    measured = {"forward_m_s": forward, "left_m_s": left}
+    if _are_sides_apart(inputs):
+        measured["turn_rad_s"] = turn
+    return Run(
+        name=name,
+        conditions=_conditions(inputs, forward) | {key: facts[key] for key in LABELS if key in facts},
+        inputs={"t_s": windows.middle_s, **inputs},
+        measured=measured | _sensors(windows, columns, true_s[seen], heading),
+    )
+
+
+def _are_sides_apart(inputs: Mapping[str, Array]) -> bool:
+    left, right = (
+        0.5 * (inputs[f"wheel_{a}_rad_s"] + inputs[f"wheel_{b}_rad_s"]) for a, b in ((1, 3), (2, 4))
+    )
+    level = float(np.sqrt(np.mean(np.square(left) + np.square(right)) / 2.0))
+    return float(np.sqrt(np.mean(np.square(right - left)))) > LEAST_DIFFERENCE * level
+
+
+def _truth_of(log: Path, truths: Sequence[Path], logs: Sequence[Path]) -> Path:
+    stem = _plain(log)
+    named = [one for one in truths if one.parent == log.parent and _plain(one) == stem]
+    beside = [one for one in truths if one.parent == log.parent]
+    if len(named) == 1:
+        return named[0]
+    if len(beside) == 1 and sum(1 for one in logs if one.parent == log.parent) == 1:
+        return beside[0]
+    raise ConfigError(
+        f"{log} has no truth beside it: put a table with t_s, x_m, y_m, psi_rad there, named "
+        f"{log.name.split('.csv')[0]}_truth.csv"
+    )
+
+
+def _plain(path: Path) -> str:
+    name = path.name.split(".csv")[0].lower()
+    for word in ("truth", "log"):
+        name = name.replace(word, "")
+    return name.strip("_-. ")
+
+
+def _tilt(windows: Windows, columns: Columns, name: str) -> Array:
+    values = columns.get(f"{name}_deg")
+    if values is None or not np.isfinite(values).any():
+        return np.zeros(windows.middle_s.size)
+    tilt = windows.mean(columns["t_s"], np.radians(values))
+    smooth: Array = uniform_filter1d(tilt, TILT_WINDOWS, mode="nearest")
+    return smooth
+
+
+def _conditions(inputs: Mapping[str, Array], forward: Array) -> dict[str, float]:
+    return {
+        "climb_deg": round(math.degrees(float(inputs["pitch_rad"].mean()))),
+        "roll_deg": round(math.degrees(float(inputs["roll_rad"].mean()))),
+        "speed_m_s": round(float(np.abs(forward).mean()), 2),
+    }
+
+
+def _sensors(windows: Windows, columns: Columns, true_s: Array, heading: Array) -> dict[str, Array]:
+    """Return what gyro and compass say; of the compass how far it is from the true heading."""
+    t_s, found = columns["t_s"], {}
+    gyro = columns.get("gyro_z_deg_s")
+    if gyro is not None and np.isfinite(gyro).any():
+        found["gyro_deg_s"] = windows.mean(t_s, gyro)
+    compass = columns.get("compass_deg")
+    if compass is not None and np.isfinite(compass).any():
+        error = compass - np.degrees(np.interp(t_s, true_s, heading))
+        wrapped = (error + 180.0) % 360.0 - 180.0
+        good = np.isfinite(wrapped)
+        smooth = np.full(wrapped.size, np.nan)
+        smooth[good] = np.degrees(np.unwrap(np.radians(wrapped[good])))
+        found["compass_error_deg"] = windows.mean(t_s, smooth)
+    return found

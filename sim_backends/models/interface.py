@@ -1,0 +1,172 @@
+"""What a model offers so that it can be compared with measured runs. It knows nothing about rovers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Values: TypeAlias = Mapping[str, float]
+"""Parameter name to value."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A number of a model or an effect.
+
+    Attributes:
+        name: Unique within its model or effect.
+        unit: SI unit or degree; "1" for a pure number.
+        nominal: Its value when nothing else is known; of an effect's parameter, the value without effect.
+        prior_sd: How well the nominal value is known; of an effect's parameter, its natural size.
+        lower: Least possible value.
+        upper: Greatest possible value.
+        meaning: One sentence.
+    """
+
+    name: str
+    unit: str
+    nominal: float
+    prior_sd: float
+    lower: float
+    upper: float
+    meaning: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """A measured quantity that a model predicts.
+
+    Attributes:
+        name: Unique within its model.
+        unit: Its unit.
+        sigma: Standard deviation of one value where the sensor's is known; None where replicates must tell.
+        quantum: Step of the sensor; 0 where there is none.
+        tolerance: Standard deviation of what the base model is known to be wrong by (formula, solver), the
+            same whenever the conditions are the same. Steady experiments only.
+    """
+
+    name: str
+    unit: str
+    sigma: float | None = None
+    quantum: float = 0.0
+    tolerance: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One experiment: what was set, and what was measured.
+
+    Attributes:
+        name: Unique within a data set.
+        conditions: Numbers that were set, one per run (slope, load, ...); equal conditions are replicates.
+        inputs: Series that were fed in, all of one length; empty for steady experiments.
+        measured: Channel to values: one value for a steady experiment, else a series; NaN where missing.
+    """
+
+    name: str
+    conditions: Mapping[str, float]
+    inputs: Mapping[str, Array] = field(default_factory=dict)
+    measured: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectCard:
+    """A physical effect that may be missing in a model.
+
+    Attributes:
+        name: Its identifier.
+        sentence: The physics, in one sentence.
+        place: Where it enters: equation, port, sensor channel, clock or supply.
+        parameters: Its parameters; with all of them at `nominal` the model predicts what it does without.
+            A bound at the nominal value is the sign rule. The first is the strength, the others are shapes.
+        shape_grid: Values of the shape parameters to search where the effect is not smooth at its null.
+        releases: The base parameter that this card sets free beyond its prior; None for a structural effect.
+        claims: Symmetries in words: what it must do when mirrored, on the flat, with load, with time.
+        experiment: The run that tells it from its rivals.
+        source: Paper, equation, data sheet or reasoning.
+    """
+
+    name: str
+    sentence: str
+    place: str
+    parameters: tuple[Parameter, ...]
+    claims: tuple[str, ...]
+    experiment: str
+    source: str
+    shape_grid: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    releases: str | None = None
+
+
+class Model(Protocol):
+    """A simulator with effects that can be switched on."""
+
+    @property
+    def name(self) -> str:
+        """Its identifier."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """What it predicts."""
+
+    @property
+    def condition_units(self) -> Mapping[str, str]:
+        """The conditions it needs and their units."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Base parameters; all are uncertain by their prior."""
+
+    @property
+    def effects(self) -> tuple[EffectCard, ...]:
+        """Effects that may be missing."""
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict every channel of every run.
+
+        Args:
+            runs: Their conditions and inputs; `measured` gives the lengths of series only.
+            parameters: Values of base parameters; those left out are nominal.
+            effects: Active effects with their parameters; those left out are nominal.
+
+        Returns:
+            One table per run: channel to values, shaped as measured. NaN where the model has no solution.
+        """
+        ...
+
+
+@runtime_checkable
+class RunReader(Protocol):
+    """A model that knows the files its measured runs come in; without it a table of runs is read."""
+
+    def read_runs(self, path: Path) -> list[Run]:
+        """Return the runs in a file or folder.
+
+        Raises:
+            ConfigError: The data is not what it should be; the message says where.
+            LogError: A log cannot be read.
+        """
+        ...
+
+
+@runtime_checkable
+class StretchReader(Protocol):
+    """A model whose series may begin in the middle of a drive."""
+
+    def stretches_of(self, run: Run) -> list[Run]:
+        """Return a long run cut into shorter ones; itself where it is too short."""
+        ...
+
+
+@runtime_checkable
+class DrivenModel(Protocol):
+    """A model that is fed with series."""
+
+    @property
+    def input_units(self) -> Mapping[str, str]:
+        """The inputs it needs and their units."""

@@ -1,0 +1,170 @@
+"""The odometry of a Robotino beside an overhead camera, with the effects that may be missing in it.
+
+Base: wheels that roll. Their mean speeds in windows of 0.2 s give, by inverse kinematics, the velocity that
+the camera should see in the same windows. Pose and heading are never integrated, so that an early error
+stays where it happened.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.log_columns import DriveLog
+from sim_backends.models.robotino_drive_data import (
+    BASE_M,
+    RADIUS_M,
+    TO_BODY,
+    WHEELS,
+    drive_runs_of_log,
+    read_drive_runs,
+)
+from sim_backends.models.robotino_drive_effects import EFFECTS
+from sim_backends.models.windows import earlier, stretches
+
+GYRO = "gyro_rad_s"
+CHANNELS = (
+    Channel(name="forward_m_s", unit="m/s"),
+    Channel(name="left_m_s", unit="m/s"),
+    Channel(name="turn_rad_s", unit="rad/s"),
+    Channel(name=GYRO, unit="rad/s"),
+)
+MOST_SLIP = 0.98
+
+
+def _own(
+    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
+) -> Parameter:
+    return Parameter(
+        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
+    )
+
+
+PARAMETERS = (
+    _own("radius_error", "1", 0.0, 0.005, -0.5, 0.5, "of the wheels' nominal radius, 40 mm"),
+    _own(
+        "base_error",
+        "1",
+        0.0,
+        0.05,
+        -0.5,
+        0.5,
+        "of the wheels' nominal distance, 125 mm; two rows of rollers carry in turn",
+    ),
+    _own("scale_error", "1", 0.0, 0.006, -0.5, 0.5, "of the camera's scale; its file tells 0.6 %"),
+    _own(
+        "scale_slope_x", "1/m", 0.0, 0.05, -0.5, 0.5, "growth of the scale to the right: the camera is tilted"
+    ),
+    _own("scale_slope_y", "1/m", 0.0, 0.05, -0.5, 0.5, "growth of the scale upwards in the picture"),
+    _own("marker_yaw_rad", "rad", 0.0, 0.03, -0.8, 0.8, "turn of the marker on the rover"),
+    _own(
+        "camera_age_s", "s", 0.06, 0.03, 0.0, 0.5, "age of the camera's pose: one to three pictures at 30 Hz"
+    ),
+    _own("wheel_1_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 1 beside wheel 3"),
+    _own("wheel_2_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 2 beside wheel 3"),
+    _own("idle_current_a", "A", 0.2, 0.03, 0.0, 2.0, "current of a wheel that pulls nothing"),
+)
+NOMINAL = {item.name: item.nominal for item in PARAMETERS}
+NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+
+
+class RobotinoDrive:
+    """A `Model` of a Robotino's odometry.
+
+    Conditions: direction of travel as the encoders see it, mean speed, and number of the surface from 1.
+    Labels of a run that the model heeds: `wheel_radius_m`, `base_radius_m`, `is_averaged` (no clock to be
+    late by).
+
+    Attributes:
+        channels: What is predicted; the gyro is left out where the data read last have none.
+    """
+
+    name = "robotino-drive"
+    condition_units: Mapping[str, str] = {"direction_deg": "deg", "speed_m_s": "m/s", "surface": "1"}
+    input_units: Mapping[str, str] = {
+        "t_s": "s",
+        **{f"wheel_{wheel}_rad_s": "rad/s" for wheel in WHEELS},
+        **{f"current_{wheel}_a": "A" for wheel in WHEELS},
+        "image_x_m": "m",
+        "image_y_m": "m",
+    }
+    parameters = PARAMETERS
+    effects: tuple[EffectCard, ...] = EFFECTS
+
+    def __init__(self) -> None:
+        self.channels: tuple[Channel, ...] = CHANNELS
+
+    def read_runs(self, path: Path) -> list[Run]:
+        """Return the runs of a file or folder; see `read_drive_runs`."""
+        return self._taken(read_drive_runs(path))
+
+    def runs_of_log(self, log: DriveLog) -> list[Run]:
+        """Return the run in a log; see `drive_runs_of_log`."""
+        return self._taken(drive_runs_of_log(log))
+
+    def stretches_of(self, run: Run) -> list[Run]:
+        """Return stretches of a long drive; see `stretches`."""
+        return stretches(run)
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict what the camera sees of every run. See `Model.predict`."""
+        base = {**NOMINAL, **parameters}
+        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        return [_table(run, base, active) for run in runs]
+
+    def _taken(self, runs: list[Run]) -> list[Run]:
+        if not any(GYRO in run.measured for run in runs):
+            self.channels = tuple(one for one in CHANNELS if one.name != GYRO)
+        return runs
+
+
+def _table(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:
+    ways = _ways(run, base, active)
+    base_m = run.conditions.get("base_radius_m", BASE_M) / BASE_M
+    forward, left, turn = TO_BODY @ ways
+    turn = turn / base_m / (1.0 + base["base_error"] + active["base_radius"]["error"])
+    turn = turn * (1.0 - active["turn_scrub"]["share"])
+    t_s = run.inputs["t_s"]
+    is_averaged = run.conditions.get("is_averaged", 0.0) > 0.5
+    age_s = 0.0 if is_averaged else max(base["camera_age_s"] + active["latency"]["time"], 0.0)
+    seen_forward, seen_left, seen_turn = (earlier(t_s, one, age_s) for one in (forward, left, turn))
+    scale_error = base["scale_error"] + active["camera_scale"]["error"]
+    uneven = base["scale_slope_x"] * run.inputs["image_x_m"] + base["scale_slope_y"] * run.inputs["image_y_m"]
+    scale = 1.0 / (1.0 + scale_error + uneven)
+    yaw = base["marker_yaw_rad"] + active["marker_yaw"]["angle"]
+    cosine, sine = scale * np.cos(yaw), scale * np.sin(yaw)
+    return {
+        "forward_m_s": cosine * seen_forward + sine * seen_left,
+        "left_m_s": cosine * seen_left - sine * seen_forward,
+        "turn_rad_s": seen_turn,
+        GYRO: (1.0 + active["gyro_scale"]["error"]) * turn + active["gyro_bias"]["rate"],
+    }
+
+
+def _ways(run: Run, base: Values, active: Mapping[str, Values]) -> Array:
+    """Return the ways of the wheels over the ground per second: wheels x windows."""
+    radius_m = run.conditions.get("wheel_radius_m", RADIUS_M)
+    radius_m *= 1.0 + base["radius_error"] + active["wheel_radius"]["error"]
+    uneven = [base["wheel_1_error"], base["wheel_2_error"], 0.0]
+    uneven[round(active["uneven_wheel"]["wheel"]) - 1] += active["uneven_wheel"]["error"]
+    lost = active["encoder_dropouts"]
+    slip = active["wheel_slip"]
+    gain = slip["gain"] if round(slip["surface"]) in (0, round(run.conditions["surface"])) else 0.0
+    ways = []
+    for index, wheel in enumerate(WHEELS):
+        turned = run.inputs[f"wheel_{wheel}_rad_s"]
+        if round(lost["wheel"]) == wheel and lost["share"] > 0.0:
+            # What is counted above the onset is what is left of the true speed.
+            turned = np.where(np.abs(turned) > lost["onset"], turned / (1.0 - lost["share"]), turned)
+        pulls_a = np.maximum(run.inputs[f"current_{wheel}_a"] - base["idle_current_a"], 0.0)
+        slips = np.minimum(gain * pulls_a, MOST_SLIP)
+        ways.append(radius_m * (1.0 + uneven[index]) * (1.0 - slips) * turned)
+    return np.stack(ways)
+
+
+def make_model() -> RobotinoDrive:
+    """Return the model with its effects."""
+    return RobotinoDrive()

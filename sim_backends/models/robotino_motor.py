@@ -1,0 +1,309 @@
+"""A gear motor behind the speed loop of its board, without friction, with the effects that may be missing.
+
+    U = feed_forward s + stiffness (s - w)        cut to the supply; s the set-point in whole steps
+    I = (U - Km w) / R                            J dw/dt = Km I
+
+Where the voltage at the motor was measured, it takes the place of the loop. The electric time constant,
+1.7 ms, is left out. SI units at the motor's shaft. A leaky integral in the loop multiplies its stiffness.
+
+Readings: speed in steps; current a magnitude, cut to whole steps, where the log says so. A loop answers a
+jump of its set-point within a few milliseconds, between two readings: 168 measured jumps took up to 175
+rad/s, which needs amperes, and one reading came to 1.05 A. So in a loop the current is that of friction and
+of accelerations that last; an isolated jump shows none.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.log_columns import DriveLog
+from sim_backends.models.robotino_motor_data import motor_runs_of_log, read_motor_runs
+from sim_backends.models.robotino_motor_effects import COPPER_PER_K, EFFECTS
+
+SUBSTEPS = 6
+MOST_STRETCHES = 4
+LASTING_ROWS = 5
+LEAST_OHM = 0.1
+"""Below which a small base value and a large change together do not go."""
+SECONDS_PER_HOUR = 3600.0
+SPEED_STEP_RAD_S = 27.0 * math.tau / 60.0
+"""Step of the board's speeds at the motor: 27 rpm."""
+CURRENT_STEP_A = 4.0 / 156.0
+
+CHANNELS = (
+    Channel(name="speed_rad_s", unit="rad/s", quantum=SPEED_STEP_RAD_S),
+    Channel(name="current_a", unit="A", quantum=CURRENT_STEP_A),
+)
+INPUTS = {"t_s": "s", "set_point_rad_s": "rad/s", "others_current_a": "A"}
+
+
+def _own(
+    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
+) -> Parameter:
+    return Parameter(
+        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
+    )
+
+
+PARAMETERS = (
+    _own(
+        "motor_constant_v_s_rad",
+        "V s/rad",
+        0.0508,
+        0.0006,
+        0.01,
+        0.2,
+        "voltage per speed, torque per current",
+    ),
+    _own("resistance_ohm", "ohm", 5.6, 0.3, 0.5, 50.0, "winding, leads and brushes"),
+    _own("inertia_kg_m2", "kg m2", 7.1e-6, 2e-6, 1e-6, 1e-2, "rotor"),
+    _own("stiffness_v_s_rad", "V s/rad", 0.35, 0.05, 0.01, 5.0, "voltage the loop adds per speed error"),
+    _own("feed_forward_v_s_rad", "V s/rad", 0.047, 0.007, 0.0, 0.3, "voltage the loop adds per set-point"),
+    _own("integral_factor", "1", 2.0, 0.7, 1.0, 50.0, "stiffness with over that without integral action"),
+    _own(
+        "wait_share",
+        "1",
+        0.5,
+        0.3,
+        0.05,
+        1.0,
+        "longest wait of a set-point for its turn, over the log's cycle",
+    ),
+    _own("supply_v", "V", 24.0, 0.5, 5.0, 60.0, "voltage of the supply"),
+)
+NOMINAL = {item.name: item.nominal for item in PARAMETERS}
+NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+
+
+class RobotinoMotor:
+    """A `Model` of one motor over time.
+
+    Conditions: `integral` is 1 where the loop has integral action, else 0. Labels of a run that the model
+    heeds where they are there: `speed_step_rad_s` (of the set-point), `current_step_a`, `is_unsigned`.
+
+    Attributes:
+        input_units: With `voltage_v` in place of the set-point where the data read last have it.
+    """
+
+    name = "robotino-motor"
+    channels: tuple[Channel, ...] = CHANNELS
+    condition_units: Mapping[str, str] = {"integral": "1"}
+    parameters = PARAMETERS
+    effects: tuple[EffectCard, ...] = EFFECTS
+
+    def __init__(self) -> None:
+        self.input_units: Mapping[str, str] = INPUTS
+
+    def read_runs(self, path: Path) -> list[Run]:
+        """Return one run per motor and record; see `read_motor_runs`."""
+        return self._taken(read_motor_runs(path))
+
+    def runs_of_log(self, log: DriveLog) -> list[Run]:
+        """Return one run per wheel; see `motor_runs_of_log`."""
+        return self._taken(motor_runs_of_log(log))
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict speed and current of every run. See `Model.predict`."""
+        base = {**NOMINAL, **parameters}
+        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        return [self._table(run, base, active) for run in runs]
+
+    def _taken(self, runs: list[Run]) -> list[Run]:
+        if runs and all("voltage_v" in run.inputs for run in runs):
+            self.input_units = {"t_s": "s", "voltage_v": "V", "others_current_a": "A"}
+        return runs
+
+    def _table(self, run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:
+        t_s = run.inputs["t_s"]
+        is_loop = "voltage_v" not in run.inputs
+        drive = run.inputs["set_point_rad_s" if is_loop else "voltage_v"]
+        step = run.conditions.get("speed_step_rad_s", 0.0)
+        if is_loop and step > 0.0:
+            drive = np.trunc(drive / step + 1e-9 * np.sign(drive)) * step
+        if is_loop:
+            acting = _held(t_s, drive, active["loop_delay"]["time"], base["wait_share"])
+        else:
+            acting = np.interp(_middles(t_s), t_s, drive)
+        supply = _supply(run, t_s, base, active["battery_sag"])
+        numbers = _numbers(base, active, is_loop=is_loop, integral=run.conditions["integral"])
+        speed, current, brake = _simulate(t_s, acting, supply, numbers)
+        if is_loop:
+            pull = brake + numbers[2] * _lasting_rate(t_s, speed)
+            current = np.where(speed == 0.0, current, pull / numbers[0])
+        return {
+            "speed_rad_s": speed,
+            "current_a": _reading(run, current, active["current_offset"]["offset"]),
+        }
+
+
+def _middles(t_s: Array) -> Array:
+    """Return the middles of the parts that the time from row to row is integrated in: rows x parts."""
+    share = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
+    middles: Array = t_s[:-1, None] + np.diff(t_s)[:, None] * share
+    return middles
+
+
+def _held(t_s: Array, drive: Array, delay_s: float, wait_share: float) -> Array:
+    """Return what acts in each part on average; a set-point's turn comes within a share of the cycle."""
+    at_s = _middles(t_s) - delay_s
+    row = np.searchsorted(t_s, at_s, side="right") - 1
+    known = np.maximum(row, 0)
+    longest_s = wait_share * float(np.median(np.diff(t_s)))
+    done = np.clip((at_s - t_s[known]) / longest_s, 0.0, 1.0)
+    before = np.where(row > 0, drive[np.maximum(row - 1, 0)], 0.0)
+    held: Array = np.where(row < 0, 0.0, before + done * (drive[known] - before))
+    return held
+
+
+def _supply(run: Run, t_s: Array, base: Values, sag: Values) -> Array:
+    """Return the share of its nominal voltage that the supply gives under the load of the other motors."""
+    others = run.inputs["others_current_a"]
+    charge_ah = np.concatenate(([0.0], np.cumsum(others[:-1] * np.diff(t_s)))) / SECONDS_PER_HOUR
+    share: Array = 1.0 - (sag["per_amp"] * others + sag["per_charge"] * charge_ah) / base["supply_v"]
+    return np.maximum(share, 0.0)
+
+
+def _numbers(base: Values, active: Mapping[str, Values], *, is_loop: bool, integral: float) -> Array:
+    """Return the constants of `_simulate` in its order."""
+    stiffness = base["stiffness_v_s_rad"] + active["loop_stiffness"]["change"]
+    stiffness *= base["integral_factor"] if integral > 0.5 else 1.0
+    heat = active["winding_heat"]
+    return np.array(
+        [
+            base["motor_constant_v_s_rad"] + active["back_emf"]["change"],
+            max(base["resistance_ohm"] + active["winding_resistance"]["change"], LEAST_OHM),
+            base["inertia_kg_m2"] + active["load_inertia"]["change"],
+            max(stiffness, 0.0) if is_loop else 0.0,
+            base["feed_forward_v_s_rad"] if is_loop else 1.0,
+            base["supply_v"] if is_loop else math.inf,
+            active["coulomb_friction"]["torque"],
+            active["viscous_friction"]["per_speed"],
+            active["stribeck_friction"]["excess"],
+            active["stribeck_friction"]["speed"],
+            active["asymmetric_friction"]["excess"],
+            active["dead_zone"]["voltage"],
+            COPPER_PER_K * heat["per_watt"],
+            heat["time"],
+            active["battery_sag"]["per_amp"] / base["supply_v"],
+        ]
+    )
+
+
+def _lasting_rate(t_s: Array, speed: Array) -> Array:
+    """Return the acceleration that lasts over several rows: the median of five differences."""
+    rate = np.diff(speed, prepend=0.0) / np.maximum(np.diff(t_s, prepend=t_s[0] - 1.0), 1e-9)
+    padded = np.pad(rate, LASTING_ROWS // 2, mode="edge")
+    lasting: Array = np.median(np.lib.stride_tricks.sliding_window_view(padded, LASTING_ROWS), axis=1)
+    return lasting
+
+
+def _reading(run: Run, current: Array, offset_a: float) -> Array:
+    """Return what the sensor tells of a current, on average."""
+    step = run.conditions.get("current_step_a", 0.0)
+    is_unsigned = run.conditions.get("is_unsigned", 0.0) > 0.5
+    magnitude = np.abs(current)
+    # Cutting to whole steps takes half a step away, on average, of what is above one.
+    cut = magnitude - 0.5 * step * -np.expm1(-magnitude / step) if step > 0.0 else magnitude
+    return np.maximum(cut + offset_a, 0.0) if is_unsigned else np.copysign(cut, current) + offset_a
+
+
+@njit(cache=True)
+def _dry(speed: float, direction: float, numbers: Array) -> float:
+    """Return the friction torque that does not vanish at rest, a magnitude."""
+    dry = float(numbers[6] + numbers[8] * math.exp(-abs(speed) / numbers[9]))
+    return dry + max(0.0, direction * float(numbers[10]))
+
+
+@njit(cache=True)
+def _advance(speed: float, drive: float, share: float, resistance: float, h: float, numbers: Array) -> float:
+    """Return the speed after `h`."""
+    for _ in range(MOST_STRETCHES):
+        speed, h = _stretch(speed, drive, share, resistance, h, numbers)
+        if h <= 0.0:
+            break
+    return speed
+
+
+@njit(cache=True)
+def _stretch(
+    speed: float, drive: float, share: float, resistance: float, h: float, numbers: Array
+) -> tuple[float, float]:
+    """Return the speed after `h`, or where its sign or the limit of the supply changes, and the time left."""
+    motor, inertia, stiffness, forward, supply = numbers[0], numbers[2], numbers[3], numbers[4], numbers[5]
+    output = forward * drive + stiffness * (drive - speed)
+    gain = stiffness
+    is_cut = abs(output) > supply * (1.0 + 1e-9)
+    free_speed = speed
+    if is_cut:
+        output, gain = math.copysign(supply, output), 0.0
+        if stiffness > 0.0:
+            free_speed = ((forward + stiffness) * drive - output) / stiffness
+    voltage = math.copysign(max(abs(output) * share - numbers[11], 0.0), output)
+    push = motor / resistance * (voltage - motor * speed)
+    direction = math.copysign(1.0, speed) if speed != 0.0 else math.copysign(1.0, push)
+    dry = _dry(speed, direction, numbers)
+    if speed == 0.0 and abs(push) <= dry:
+        return 0.0, 0.0
+    damping = motor / resistance * (motor + gain * share) + numbers[7]
+    change = (push - direction * dry - numbers[7] * speed) / damping
+    after = speed + change * -math.expm1(-damping / inertia * h)
+    end = after
+    if after * direction < 0.0:
+        end = 0.0
+    if is_cut and (free_speed - speed) * (free_speed - end) < 0.0:
+        end = free_speed
+    if end == after:
+        return after, 0.0
+    return end, h + math.log1p(-(end - speed) / change) * inertia / damping
+
+
+@njit(cache=True)
+def _current(speed: float, drive: float, share: float, resistance: float, numbers: Array) -> float:
+    output = numbers[4] * drive + numbers[3] * (drive - speed)
+    output = min(max(output, -numbers[5]), numbers[5])
+    voltage = math.copysign(max(abs(output) * share - numbers[11], 0.0), output)
+    return float((voltage - numbers[0] * speed) / resistance)
+
+
+@njit(cache=True)
+def _simulate(t_s: Array, acting: Array, share: Array, numbers: Array) -> tuple[Array, Array, Array]:
+    """Return speed, circuit current and friction torque at each row; the motor rests at the first.
+
+    Constants: motor constant, resistance, inertia, stiffness, feed-forward, supply; dry friction, viscous
+    friction, breakaway excess, its speed, excess forwards; lost voltage; resistance's growth per W, its
+    time; share of the supply lost per own current.
+    """
+    count = t_s.size
+    speed, current, brake = np.zeros(count), np.zeros(count), np.zeros(count)
+    here, heat, load = 0.0, 0.0, 0.0
+    is_loop = numbers[3] > 0.0
+    for row in range(count):
+        resistance = numbers[1] * (1.0 + heat)
+        left = max(share[row] - numbers[14] * abs(load), 0.0)
+        if row > 0:
+            h = (t_s[row] - t_s[row - 1]) / SUBSTEPS
+            now = 0.0
+            for part in range(SUBSTEPS):
+                now = acting[row - 1, part]
+                here = _advance(here, now, left, resistance, h, numbers)
+            current[row] = _current(here, now, left, resistance, numbers)
+        speed[row] = here
+        if here != 0.0:
+            direction = math.copysign(1.0, here)
+            brake[row] = direction * _dry(here, direction, numbers) + numbers[7] * here
+        load = brake[row] / numbers[0] if is_loop and here != 0.0 else current[row]
+        if row > 0 and numbers[12] > 0.0:
+            keep = math.exp(-(t_s[row] - t_s[row - 1]) / numbers[13])
+            heat = keep * heat + (1.0 - keep) * numbers[12] * resistance * load**2
+    return speed, current, brake
+
+
+def make_model() -> RobotinoMotor:
+    """Return the model with its effects."""
+    return RobotinoMotor()

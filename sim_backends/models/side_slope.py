@@ -1,0 +1,255 @@
+"""The rover of paper 001 that traverses a sand slope, with the effects that may be missing in it.
+
+Base: the steady states of the paper's section IV.B with the numbers of its Tables I and III. Their priors say
+how well such numbers are known after plate, shear and wheel tests in the same sand. What is measured is the
+path in the frame of the slope, so heading, soil that flows and a turned camera come after the steady state.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.side_slope_data import (
+    BEND,
+    MIDDLE_M,
+    NOMINAL_RADIUS_M,
+    START_SHARE,
+    WAY_M,
+    read_side_slope,
+)
+from sim_backends.models.side_slope_effects import EFFECTS, REFERENCE_MASS_KG
+from sim_backends.models.slope_states import Build, Site, SlopeStates, State
+
+CHANNELS = (
+    Channel(name="slip", unit="1", tolerance=0.001),
+    Channel(name="slip_angle_deg", unit="deg", tolerance=0.05),
+    Channel(name="sinkage_up_mm", unit="mm", tolerance=0.1),
+    Channel(name="sinkage_down_mm", unit="mm", tolerance=0.1),
+    Channel(name="torque_up_Nm", unit="N m", tolerance=0.01),
+    Channel(name="torque_down_Nm", unit="N m", tolerance=0.02),
+    Channel(name=BEND, unit="deg/m", tolerance=0.1),
+)
+
+
+def _own(
+    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
+) -> Parameter:
+    return Parameter(
+        name=name,
+        unit=unit,
+        nominal=nominal,
+        prior_sd=prior_sd,
+        lower=lower,
+        upper=upper,
+        meaning=meaning,
+    )
+
+
+PARAMETERS = (
+    _own("friction_angle_deg", "deg", 38.0, 0.4, 25.0, 50.0, "internal friction of the soil, phi"),
+    _own(
+        "shear_modulus_m",
+        "m",
+        0.0283,
+        0.0007,
+        0.008,
+        0.08,
+        "displacement over which shear stress builds up, k",
+    ),
+    _own("sinkage_modulus", "1", 122.73, 3.0, 30.0, 400.0, "frictional modulus of sinkage, k_phi"),
+    _own("sinkage_exponent", "1", 1.703, 0.012, 0.8, 2.5, "exponent of sinkage, n"),
+    _own("exit_share", "1", 0.82, 0.02, 0.3, 1.2, "rise of the wheel behind, over the sinkage"),
+    _own("greatest_stress", "1", 0.40, 0.007, 0.2, 0.6, "angle of greatest stress over entry angle, a_0"),
+    _own("wheel_radius_m", "m", NOMINAL_RADIUS_M, 0.00015, 0.08, 0.115, "radius of the wheels"),
+    _own("cog_lateral_m", "m", 0.0, 0.002, -0.15, 0.15, "centre of gravity towards the uphill side"),
+    _own("cog_height_m", "m", 0.187, 0.003, 0.05, 0.4, "height of the centre of gravity"),
+    _own("heading_deg", "deg", 0.0, 0.1, -20.0, 20.0, "heading of the rover, uphill of the traverse"),
+    _own("camera_yaw_deg", "deg", 0.0, 0.1, -20.0, 20.0, "turn of the motion capture's frame on the slope"),
+    _own(
+        "start_length_m",
+        "m",
+        0.1,
+        0.04,
+        0.005,
+        0.3,
+        "way over which slip builds up at the start",
+    ),
+    _own("sinkage_zero_mm", "mm", 0.0, 0.2, -5.0, 5.0, "zero of the gauge of the ruts"),
+    _own("torque_scale", "1", 1.0, 0.01, 0.8, 1.2, "measured over true torque"),
+)
+USUAL_SLIP = 0.1
+LATE_WAY_M = np.linspace(START_SHARE * WAY_M, WAY_M, 36)
+NOMINAL = {item.name: item.nominal for item in PARAMETERS}
+NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+
+
+class _Seen(NamedTuple):
+    """What comes after the steady state.
+
+    Attributes:
+        flow_down: Downhill speed of the failing soil, over r omega.
+        flow_back: Its speed backward.
+        creep_deg: Turn uphill of the path that the body does not make.
+        camera_yaw_deg: Turn of the seen path, uphill.
+        camera_slip_share: Share of that which enters the speed along the traverse.
+        late: Mean of slip and side speed over the way that counts, in parts of their steady values.
+    """
+
+    flow_down: float
+    flow_back: float
+    creep_deg: float
+    camera_yaw_deg: float
+    camera_slip_share: float
+    late: float
+
+
+class SideSlope:
+    """A `Model` of a four-wheeled rover on a side slope.
+
+    Attributes:
+        channels: What is predicted; those that the data read last do not have are left out.
+    """
+
+    name = "side-slope"
+    condition_units: Mapping[str, str] = {"slope_deg": "deg", "roll_deg": "deg", "mass_kg": "kg"}
+    parameters: tuple[Parameter, ...] = PARAMETERS
+    effects: tuple[EffectCard, ...] = EFFECTS
+
+    def __init__(self) -> None:
+        self.channels: tuple[Channel, ...] = CHANNELS
+        self._states = SlopeStates()
+
+    def read_runs(self, path: Path) -> list[Run]:
+        """Return the runs of a folder with summary.csv and paths.csv; see `read_side_slope`."""
+        runs = read_side_slope(path)
+        self.channels = tuple(one for one in CHANNELS if any(one.name in run.measured for run in runs))
+        return runs
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict every channel of every run; NaN where no steady state exists. See `Model.predict`."""
+        base = {**NOMINAL, **parameters}
+        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        build = _build(base, active)
+        tables: list[dict[str, Array]] = []
+        for run in runs:
+            site = Site(*(float(run.conditions[name]) for name in self.condition_units))
+            tables.append(self._table(build, site, base, active))
+        return tables
+
+    def _table(
+        self, build: Build, site: Site, base: Values, active: Mapping[str, Values]
+    ) -> dict[str, Array]:
+        drift = active["heading_drift"]
+        seen = _seen(base, active, site)
+        state = self._states.state(build, site)
+        path = _path(state, build, seen)
+        bend = path[1] * late_bend(base["start_length_m"])
+        turn = drift_rate(drift, site) * MIDDLE_M
+        if turn != 0.0:
+            body = drift["body_share"] * turn
+            turned = build._replace(heading_deg=build.heading_deg + body)
+            if body != 0.0:
+                state = self._states.state(turned, site)
+            straight = path[1]
+            path = _path(state, turned, seen._replace(creep_deg=seen.creep_deg + turn - body))
+            bend += (path[1] - straight) / MIDDLE_M
+        return _measured(_dug_in(state, build, active["slip_sinkage"]), path, bend, base)
+
+
+def drift_rate(drift: Values, site: Site) -> float:
+    """Return how fast the rover turns uphill, deg/m."""
+    steep = (math.sin(math.radians(site.slope_deg)) / math.sin(math.radians(20.0))) ** drift["slope_exponent"]
+    return float(drift["rate"] * steep * (site.mass_kg / REFERENCE_MASS_KG) ** drift["load_exponent"])
+
+
+def _dug_in(state: State, build: Build, digging: Values) -> State:
+    """Return a state with what slip sinkage adds to the depth beyond the part that is in the contact."""
+    slip = max(1.0 - state.forward * build.radius_m / (build.radius_m + build.shearing_m), 0.0)
+    deeper_m = digging["depth_per_slip"] * USUAL_SLIP * (slip / USUAL_SLIP) ** digging["exponent"]
+    more_m = deeper_m - build.slip_sinkage_m * slip
+    return state._replace(
+        sinkage_up_m=state.sinkage_up_m + more_m, sinkage_down_m=state.sinkage_down_m + more_m
+    )
+
+
+def _build(base: Values, active: Mapping[str, Values]) -> Build:
+    cog, heading = active["cog_offset"], active["heading_offset"]
+    direction = math.radians(cog["direction"])
+    return Build(
+        friction_angle_deg=base["friction_angle_deg"] + active["friction_angle"]["change"],
+        shear_modulus_m=base["shear_modulus_m"] + active["shear_modulus"]["change"],
+        k_phi=base["sinkage_modulus"] + active["sinkage_modulus"]["change"],
+        exponent=base["sinkage_exponent"],
+        exit_share=base["exit_share"],
+        greatest_stress=base["greatest_stress"],
+        wall_friction_deg=active["sidewall"]["wall_friction"],
+        radius_m=base["wheel_radius_m"] + active["wheel_radius"]["change"],
+        shearing_m=active["grouser_radius"]["excess"],
+        slip_sinkage_m=active["slip_sinkage"]["depth_per_slip"] * active["slip_sinkage"]["contact_share"],
+        cog_lateral_m=base["cog_lateral_m"] + cog["offset"] * math.cos(direction),
+        cog_height_m=base["cog_height_m"] + cog["offset"] * math.sin(direction),
+        heading_deg=base["heading_deg"] + heading["offset"] * heading["body_share"],
+    )
+
+
+def _seen(base: Values, active: Mapping[str, Values], site: Site) -> _Seen:
+    failure, heading, camera = active["slope_failure"], active["heading_offset"], active["camera_yaw"]
+    above = math.radians(max(site.slope_deg - failure["onset"], 0.0))
+    down = failure["gain"] * above * (site.mass_kg / REFERENCE_MASS_KG) ** failure["load_exponent"]
+    return _Seen(
+        flow_down=down,
+        flow_back=failure["backward_share"] * down,
+        creep_deg=heading["offset"] * (1.0 - heading["body_share"]),
+        camera_yaw_deg=base["camera_yaw_deg"] + camera["offset"],
+        camera_slip_share=camera["slip_share"],
+        late=late_mean(base["start_length_m"]),
+    )
+
+
+def late_mean(length_m: float) -> float:
+    """Return the mean of 1 - exp(-x / length) over the way that counts."""
+    return float(np.mean(1.0 - np.exp(-LATE_WAY_M / length_m)))
+
+
+def late_bend(length_m: float) -> float:
+    """Return the slope per metre of a straight line through 1 - exp(-x / length) over the way that counts."""
+    offset = LATE_WAY_M - LATE_WAY_M.mean()
+    return float(offset @ -np.exp(-LATE_WAY_M / length_m) / (offset @ offset))
+
+
+def _path(state: State, build: Build, seen: _Seen) -> tuple[float, float]:
+    """Return slip and slip angle (deg) as the camera sees them in the frame of the slope."""
+    heading, yaw = math.radians(build.heading_deg), math.radians(seen.camera_yaw_deg)
+    forward = 1.0 - (1.0 - state.forward) * seen.late
+    sideways = state.sideways * seen.late + forward * math.tan(math.radians(seen.creep_deg))
+    along = forward * math.cos(heading) - sideways * math.sin(heading) - seen.flow_back
+    across = forward * math.sin(heading) + sideways * math.cos(heading) - seen.flow_down
+    entering = yaw * seen.camera_slip_share
+    seen_along = along * math.cos(entering) - across * math.sin(entering)
+    slip = 1.0 - seen_along * build.radius_m / NOMINAL_RADIUS_M
+    return slip, math.degrees(math.atan2(across, along) + yaw)
+
+
+def _measured(state: State, path: tuple[float, float], bend: float, base: Values) -> dict[str, Array]:
+    scale, zero = base["torque_scale"], base["sinkage_zero_mm"]
+    values = {
+        "slip": path[0],
+        "slip_angle_deg": path[1],
+        "sinkage_up_mm": 1000.0 * state.sinkage_up_m + zero,
+        "sinkage_down_mm": 1000.0 * state.sinkage_down_m + zero,
+        "torque_up_Nm": scale * state.torque_up_nm,
+        "torque_down_Nm": scale * state.torque_down_nm,
+        BEND: bend,
+    }
+    return {name: np.array([value]) for name, value in values.items()}
+
+
+def make_model() -> SideSlope:
+    """Return the model with its effects."""
+    return SideSlope()

@@ -1,0 +1,45 @@
+"""A handful of the battery of `benchmarks/gap_battery_side_slope.py`: hidden effects on a side slope."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_hil.gap.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.verdict import Answer
+from rover_hil.gap.workflow import analyse
+from sim_backends.models.side_slope import make_model
+from tests.nature.side_slope import Experiment, some_nature, write
+
+
+def folder_with(path: Path, seed: int, kind: str, **hidden: float) -> Path:
+    rng = np.random.default_rng(seed)
+    write(path, some_nature(rng, **hidden), Experiment(kind=kind), rng)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["ar", "heavy"])
+def test_without_effect_there_is_no_gap(tmp_path: Path, kind: str) -> None:
+    model = make_model()
+    verdict = analyse(model, model.read_runs(folder_with(tmp_path, 1, kind))).verdict
+    assert verdict.verdict is Answer.NO_GAP, verdict.sentence
+
+
+def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) -> None:
+    model = make_model()
+    runs = model.read_runs(folder_with(tmp_path, 2, "white", flow=0.006))
+    found = analyse(model, runs)
+    assert found.verdict.verdict is Answer.NAMED, found.verdict.sentence
+    assert found.verdict.confidence_set == [["slope_failure"]]
+    assert found.findings is not None
+    assert found.findings.best is not None
+    provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
+    file = describe_model(model, "side-slope", provenance, found.findings.added, found.findings.best.fit, 2.0)
+    again = analyse(ExtendedModel(model, file), runs).verdict
+    assert again.verdict is Answer.NO_GAP, again.sentence
+
+
+def test_a_cable_that_pulls_back_gets_no_name_of_the_catalogue(tmp_path: Path) -> None:
+    model = make_model()
+    verdict = analyse(model, model.read_runs(folder_with(tmp_path, 3, "white", tether=20.0))).verdict
+    assert verdict.verdict in (Answer.UNNAMED, Answer.PARTLY_NAMED, Answer.NAMED_SET), verdict.sentence
