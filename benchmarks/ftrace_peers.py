@@ -4,7 +4,7 @@ They share nothing with `controllers.ftrace`: the ground is rectified here by ca
 into the picture.
 """
 
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -29,6 +29,8 @@ LEAST_DARKER = 2.0
 
 Line = tuple[float, float] | None
 """Angle of the wheel's velocity in rad, and the trace's place left of the contact in m; None: nothing."""
+
+Found = TypeVar("Found")
 
 
 class Peer(Protocol):
@@ -78,10 +80,14 @@ class CannyHough:
         best: tuple[float, float] | None = None
         most = -1.0
         for low, high in ((0.0, steepest), (np.pi - steepest, np.pi)):
-            lines = cv2.HoughLinesWithAccumulator(
-                edges, 1, np.radians(0.5), LEAST_VOTES, min_theta=low, max_theta=high
+            lines = _or_none(
+                cv2.HoughLinesWithAccumulator(
+                    edges, 1, np.radians(0.5), LEAST_VOTES, min_theta=low, max_theta=high
+                )
             )
-            for rho, angle, votes in [] if lines is None else lines.reshape(-1, 3)[:1]:
+            if lines is None:
+                continue
+            for rho, angle, votes in lines.reshape(-1, 3)[:1]:
                 if votes > most:
                     most, best = votes, (rho / np.cos(angle), -np.tan(angle))
         if best is None:
@@ -111,7 +117,7 @@ class PlanarFlow:
         before, self._before = self._before, patch
         if before is None:
             return None
-        corners = cv2.goodFeaturesToTrack(before, MOST_FEATURES, 0.01, 5, mask=self._mask)
+        corners = _or_none(cv2.goodFeaturesToTrack(before, MOST_FEATURES, 0.01, 5, mask=self._mask))
         if corners is None or len(corners) < LEAST_FEATURES:
             return None
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
@@ -133,8 +139,11 @@ class PlanarFlow:
             # Columns to the right, rows backwards: seen from above, ground turns clockwise under a left turn.
             turned = start @ np.array([[1.0, turn_rad], [-turn_rad, 1.0]])
             return np.asarray(np.median(end - turned, axis=0), np.float64)
-        matrix, _ = cv2.estimateAffinePartial2D(start, end, ransacReprojThreshold=RANSAC_M / PIXEL_M)
-        return None if matrix is None else np.asarray(matrix, np.float64)[:, 2]
+        found, _ = cv2.estimateAffinePartial2D(start, end, ransacReprojThreshold=RANSAC_M / PIXEL_M)
+        matrix = _or_none(found)
+        if matrix is None:
+            return None
+        return np.asarray(matrix, np.float64)[:, 2]
 
 
 class BandFilter:
@@ -166,3 +175,8 @@ class BandFilter:
             return None
         left = -(place - self._columns.shape[1] // 2) * PIXEL_M
         return float(np.arctan(self._slopes[slope])), float(left)
+
+
+def _or_none(found: Found) -> Found | None:
+    """Return what OpenCV found, which may be None although its type hints deny it."""
+    return found

@@ -57,7 +57,7 @@ def _bic(columns: Floats, target: Floats, chosen: list[int]) -> float:
 
 
 def _lasso(columns: Floats, target: Floats) -> list[int]:
-    from sklearn.linear_model import LassoCV
+    from sklearn.linear_model import LassoCV  # type: ignore[import-untyped]
 
     order = np.random.default_rng(0).permutation(target.size)
     fitted = LassoCV(cv=FOLDS, fit_intercept=False, max_iter=20_000).fit(columns[order], target[order])

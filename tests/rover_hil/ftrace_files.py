@@ -23,7 +23,8 @@ def write_drive(folder: Path) -> Path:
 
 def rig_table(**changes: Any) -> dict[str, Any]:
     """Return a rig file's content with some keys changed."""
-    return json.loads(json.dumps(rig().as_json())) | changes
+    table: dict[str, Any] = json.loads(json.dumps(rig().as_json()))
+    return table | changes
 
 
 def write_rig(path: Path, table: dict[str, Any]) -> Path:
@@ -33,7 +34,8 @@ def write_rig(path: Path, table: dict[str, Any]) -> Path:
 
 def write_video(frames: Path, path: Path) -> Path:
     """Write pictures as a video without loss."""
-    pictures = [cv2.imread(str(name)) for name in sorted(frames.iterdir())]
+    found = [cv2.imread(str(name)) for name in sorted(frames.iterdir())]
+    pictures = [picture for picture in found if picture is not None]
     height, width = pictures[0].shape[:2]
     video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 5.0, (width, height))
     for picture in pictures:

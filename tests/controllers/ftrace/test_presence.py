@@ -46,11 +46,25 @@ def test_before_there_can_be_a_trace_only_an_unmistakable_one_is_believed() -> N
     assert after(Presence(START_M), STRONG, 1)
 
 
-def test_a_shadow_s_edge_is_not_believed_however_strong() -> None:
-    edge = evidence(300.0)
-    edge = Evidence(sums=edge.sums, strength=edge.strength, around=15.0, floor=-0.5, answers=edge.answers)
+def with_floor(shown: Evidence, floor: float) -> Evidence:
+    return Evidence(
+        sums=shown.sums, strength=shown.strength, around=shown.around, floor=floor, answers=shown.answers
+    )
 
-    assert not after(Presence(START_M), edge, 60)
+
+def test_a_shadow_s_edge_is_not_believed_however_strong() -> None:
+    presence = Presence(START_M)
+    after(presence, NOTHING, 30)
+
+    assert not after(presence, with_floor(STRONG, 3.0), 60)
+    assert after(presence, with_floor(STRONG, 4.0), 1)
+
+
+def test_a_floor_for_one_frame_is_not_believed() -> None:
+    presence = Presence(START_M)
+    after(presence, with_floor(WEAK, 0.0), 60)
+
+    assert not presence.judge(with_floor(WEAK, 5.0), STEP_M)
 
 
 def test_less_than_the_length_that_counts_is_not_believed() -> None:
@@ -67,7 +81,7 @@ def test_a_trace_that_is_gone_is_lost_at_once_and_comes_back_faster() -> None:
 
     assert not presence.judge(NOTHING, STEP_M)
     presence.forget()
-    assert presence.judge(WEAK, STEP_M)
+    assert presence.judge(evidence(80.0, around=120.0), STEP_M)
 
 
 def test_as_much_beside_does_not_lose_a_trace_that_looks_as_before() -> None:
@@ -88,7 +102,7 @@ def test_the_weaker_side_of_the_floor_counts() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mean", "sd", "usable"), [(120, 10, True), (2, 4, False), (254, 6, False), (120, 0.5, False)]
+    ("mean", "sd", "usable"), [(120, 10, True), (2, 9, False), (254, 6, False), (120, 0.5, False)]
 )
 def test_frames_that_show_nothing_are_not_used(mean: float, sd: float, usable: bool) -> None:
     noise = np.random.default_rng(2).normal(mean, sd, (60, 60))
