@@ -91,7 +91,7 @@ def run(sequence: FrameSequence, images: Sequence[Image], method: Method) -> tup
         confidence=np.array([angle.confidence for angle in angles]),
         detected=detected,
         tracked=np.r_[False, detected[:-1]],
-        cpu_ms=np.array(spent_ms),
+        spent_ms=np.array(spent_ms),
     )
     return found, angles
 
@@ -116,7 +116,7 @@ def run_peer(sequence: FrameSequence, images: Sequence[Image], peer: Peer) -> Fo
         confidence=np.ones(count),
         detected=np.isfinite(theta),
         tracked=np.ones(count, np.bool_),
-        cpu_ms=np.array(spent_ms),
+        spent_ms=np.array(spent_ms),
     )
 
 

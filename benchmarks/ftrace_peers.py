@@ -24,6 +24,8 @@ LARGEST_DEG = 35.0
 MOST_FEATURES = 300
 LEAST_FEATURES = 12
 RANSAC_M = 0.002
+LEAST_SPREAD = 3.0
+"""Darker and emptier frames have no corners worth following."""
 LEAST_DARKER = 2.0
 """Grey levels by which the band must differ from its sides."""
 
@@ -114,8 +116,8 @@ class PlanarFlow:
     def look(self, image: Image, turn_rad: float) -> Line:
         """Return the direction moved since the frame before."""
         patch = self._ground(image)
-        before, self._before = self._before, patch
-        if before is None:
+        before, self._before = self._before, patch if patch[self._mask > 0].std() > LEAST_SPREAD else None
+        if before is None or self._before is None:
             return None
         corners = _or_none(cv2.goodFeaturesToTrack(before, MOST_FEATURES, 0.01, 5, mask=self._mask))
         if corners is None or len(corners) < LEAST_FEATURES:

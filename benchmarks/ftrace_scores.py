@@ -27,7 +27,7 @@ class Found:
         confidence: In the angle.
         detected: The trace is said to be in this frame.
         tracked: The trace was known from the frame before.
-        cpu_ms: Time used, decoding excluded.
+        spent_ms: Time used, decoding excluded.
     """
 
     theta_deg: Floats
@@ -36,7 +36,7 @@ class Found:
     confidence: Floats
     detected: Flags
     tracked: Flags
-    cpu_ms: Floats
+    spent_ms: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class Judged:
         right: It is within 5 deg of the current direction.
         confidence: In it.
         tracked: The trace was known from the frame before.
-        cpu_ms: Time used.
+        spent_ms: Time used.
     """
 
     present: Flags
@@ -71,7 +71,7 @@ class Judged:
     right: Flags
     confidence: Floats
     tracked: Flags
-    cpu_ms: Floats
+    spent_ms: Floats
 
 
 def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Judged:
@@ -95,7 +95,7 @@ def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Ju
         right=np.nan_to_num(error, nan=np.inf) < RIGHT_WITHIN_DEG,
         confidence=found.confidence,
         tracked=found.tracked,
-        cpu_ms=found.cpu_ms,
+        spent_ms=found.spent_ms,
     )
 
 
@@ -126,8 +126,8 @@ def figures(judged: Judged) -> dict[str, float]:
         "chord_rms_deg": _rms(judged.chord_deg),
         "path_rms_deg": _rms(judged.path_deg),
         "roc": roc_area(judged.confidence[judged.told], judged.right[judged.told]),
-        "tracked_ms": _median(judged.cpu_ms[judged.tracked]),
-        "cold_ms": _median(judged.cpu_ms[~judged.tracked]),
+        "tracked_ms": _median(judged.spent_ms[judged.tracked]),
+        "cold_ms": _median(judged.spent_ms[~judged.tracked]),
     }
 
 

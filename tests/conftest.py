@@ -1,14 +1,26 @@
 """Shared fixtures: measured data outside the repository, and the switch for tests on a real rover."""
 
+import signal
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("any_machine", deadline=None)
+settings.load_profile("any_machine")
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--rover", metavar="CONFIG", help="run the tests on the rover of this configuration")
+
+
+def pytest_configure() -> None:
+    # A job started in the background inherits signals that are ignored, and ctrl-C is tested here.
+    for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -15,14 +15,14 @@ from controllers.ftrace.frame import Frame
 from controllers.ftrace.geometry import RESOLUTION_M, Floats, GroundPatch, Mask
 from drivers.samples import Image
 
-SPACING_M = 0.04
+SPACING_M = 0.056
 WINDOW = 15
 LEAST_POINTS = 14
 POINT_SD_M = 0.0006
 STANDING_M = 0.008
 STANDING_SHARE = 0.3
 """Points that move less than this share of what the ground should stand still in the image."""
-ROUNDS = 5
+ROUNDS = 4
 CUT = 3.0
 MOST_SCALE_M = 0.0025
 """Points that scatter more than this follow nothing."""

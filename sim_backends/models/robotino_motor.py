@@ -67,9 +67,9 @@ PARAMETERS = (
     _own(
         "wait_share",
         "1",
-        0.5,
+        0.8,
+        0.2,
         0.3,
-        0.05,
         1.0,
         "longest wait of a set-point for its turn, over the log's cycle",
     ),

@@ -39,7 +39,7 @@ def simulated(folder: Path) -> Iterator[subprocess.Popen[str]]:
 
 def first_wheel_position(board: WheelDrive) -> float:
     for _ in range(100):
-        sample = board.wait_next(WheelSample, 5.0)
+        sample = board.wait_next(WheelSample, 20.0)
         if sample.wheel == 0 and sample.position_rad is not None:
             return sample.position_rad
     msg = "wheel 0 is never reported"

@@ -11,6 +11,7 @@ from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.four_wheel_drive import TRACK_M, FourWheelDrive
 from sim_backends.models.four_wheel_drive import make_model as make_four_wheel
+from sim_backends.models.four_wheel_drive_data import WHEELS
 from sim_backends.models.interface import DrivenModel, Run, RunReader
 from sim_backends.models.log_columns import DriveLog
 from sim_backends.models.robotino_drive import RobotinoDrive
@@ -229,3 +230,38 @@ def test_logs_without_truth_and_of_other_rovers_are_refused(tmp_path: Path) -> N
         make_four_wheel().runs_of_log(log)
     with pytest.raises(ConfigError, match="omnidirectional"):
         make_robotino().runs_of_log(replace(log, kind="skid_steer_4"))
+
+
+def test_a_small_latency_changes_rates_in_proportion() -> None:
+    # Also where a whole window is a step of the latency: straight pieces would have a kink there.
+    t_s = np.asarray(0.1 + 0.2 * np.arange(50), np.float64)
+    rate = np.asarray(np.sin(t_s), np.float64)
+    before, at, after = (earlier(t_s, rate, latency_s)[5:] for latency_s in (0.19, 0.2, 0.21))
+    assert after - at == pytest.approx(at - before, abs=2e-4)
+    assert at == pytest.approx(rate[4:-1], abs=1e-9)
+
+
+def test_a_long_drive_is_cut_into_stretches_and_a_short_one_is_not() -> None:
+    model, run = make_four_wheel(), skid_run(count=300)
+    run = replace(run, measured={"forward_m_s": np.arange(300.0)})
+    parts = model.stretches_of(run)
+    assert [part.name for part in parts] == [f"run part {number}" for number in (1, 2, 3, 4)]
+    assert sum(part.inputs["t_s"].size for part in parts) == 300
+    missing = [np.flatnonzero(np.isnan(part.measured["forward_m_s"])).tolist() for part in parts]
+    assert missing == [[0, 1, 74]] * 4
+    assert parts[1].measured["forward_m_s"][2] == 77.0
+    assert run.measured["forward_m_s"][0] == 0.0
+    assert len(model.stretches_of(skid_run())) == 1
+
+
+def test_ends_at_which_a_wheel_says_nothing_are_left_out() -> None:
+    count = 200
+    columns = {
+        "t_s": 0.05 * np.arange(count),
+        **{f"enc{wheel}_rad": 0.1 * np.arange(count) for wheel in WHEELS},
+    }
+    columns |= {"x_m": 0.01 * np.arange(count), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
+    columns["enc4_rad"][-3:] = np.nan
+    (run,) = make_four_wheel().runs_of_log(DriveLog(name="drive", columns=columns, kind="skid_steer_4"))
+    assert np.isfinite(run.inputs["wheel_4_rad_s"]).all()
+    assert run.inputs["t_s"][-1] < columns["t_s"][-4]

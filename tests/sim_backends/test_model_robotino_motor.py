@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +126,24 @@ def test_a_delay_moves_the_answer_as_far_as_it_is_long() -> None:
     late = model.predict([run], {}, {"loop_delay": {"time": 4 * PERIOD_S}})[0]["speed_rad_s"]
     assert late[54:] == pytest.approx(prompt[50:-4], abs=1e-6)
     assert not late[:53].any()
+
+
+def test_a_motor_driven_by_all_of_the_supply_comes_to_its_set_point() -> None:
+    # A stiff loop asks for more than the supply on the way; within one step it must not leap to and fro.
+    stiff = make_model().predict([loop_run(np.full(60, 50.0), integral=1.0)], {}, {})[0]["speed_rad_s"]
+    assert stiff[5:] == pytest.approx(stiff[-1], rel=1e-3)
+    assert 45.0 < stiff[-1] < 51.0
+
+
+def test_an_offset_of_the_current_shows_at_rest() -> None:
+    model, run = make_model(), loop_run(np.zeros(40))
+    run = replace(run, conditions={**run.conditions, "is_unsigned": 1.0})
+    above, below = (
+        model.predict([run], {}, {"current_offset": {"offset": offset}})[0]["current_a"]
+        for offset in (0.05, -0.05)
+    )
+    assert above == pytest.approx(np.full(40, 0.05))
+    assert not below.any()
 
 
 def test_heat_takes_current_away_where_the_voltage_is_given() -> None:
