@@ -37,6 +37,7 @@ class Channel(BaseModel):
     after: float
     floor: float
     closure: float | None
+    is_worse: bool
 
 
 class Outcome(BaseModel):
@@ -111,7 +112,13 @@ def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
         channels={}
         if proof is None
         else {
-            name: Channel(before=one.before, after=one.after, floor=one.noise_floor, closure=one.closure)
+            name: Channel(
+                before=one.before,
+                after=one.after,
+                floor=one.noise_floor,
+                closure=one.closure,
+                is_worse=one.is_worse,
+            )
             for name, one in proof.channels.items()
         },
         closure=proof.closure if proof is not None else None,

@@ -19,8 +19,8 @@ def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:
     if findings is None or findings.best is None or not is_named(analysis.verdict.verdict):
         return None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    fitted, full, factor = findings.added, findings.best.fit, interval_factor(findings)
-    return ExtendedModel(model, describe_model(model, model.name, provenance, fitted, full, factor))
+    fitted, factor = findings.best.fit, interval_factor(findings)
+    return ExtendedModel(model, describe_model(model, model.name, provenance, fitted, factor))
 
 
 def _show(folder: Path, seed: int) -> None:

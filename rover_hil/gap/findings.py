@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from rover_hil.gap.fit import Fit
 from rover_hil.gap.locate import Place
 from rover_hil.gap.name import Naming
 from rover_hil.gap.plan import Plan
@@ -25,7 +24,6 @@ class Findings:
         places: Where, at the fitted base model.
         naming: Which effects explain it.
         best: The chosen explanation, with derivatives at its fit.
-        added: The fit that extends the model; base parameters stay where nothing asks them to move.
         left: Whether a gap is left with it.
         equations: What is left, as equations.
         proof: What the locked runs say.
@@ -36,7 +34,6 @@ class Findings:
     places: tuple[Place, ...]
     naming: Naming
     best: Explanation | None = None
-    added: Fit | None = None
     left: GapTest | None = None
     equations: tuple[Equation, ...] = ()
     proof: Proof | None = None

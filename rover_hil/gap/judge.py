@@ -134,13 +134,12 @@ def is_named(answer: Answer) -> bool:
 def found_effects(findings: Findings, best: Explanation) -> list[FoundEffect]:
     """Return the effects of an explanation with intervals."""
     prepared, factor = findings.prepared, interval_factor(findings)
-    values = findings.added or best.fit
     cards = {card.name: card for card in prepared.problem.model.effects}
     effects = []
     for name in best.names:
         parameters = {}
         for item in cards[name].parameters:
-            value, error = values.value((name, item.name)), best.fit.standard_error((name, item.name))
+            value, error = best.fit.value((name, item.name)), best.fit.standard_error((name, item.name))
             low, high = max(value - factor * error, item.lower), min(value + factor * error, item.upper)
             parameters[item.name] = FoundParameter(value=value, unit=item.unit, ci95=(low, high))
         effects.append(FoundEffect(name=name, parameters=parameters))

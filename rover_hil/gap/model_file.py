@@ -172,7 +172,6 @@ def describe_model(
     base: str,
     provenance: Provenance,
     fitted: Fit | None,
-    full: Fit | None,
     factor: float,
 ) -> ModelFile:
     """Return what is known of a model after a fit; unchanged without one.
@@ -182,13 +181,12 @@ def describe_model(
         base: How it was named on the command line.
         provenance: Where the numbers come from.
         fitted: Parameters and effects; None leaves everything as it was.
-        full: The same with all base parameters free, which has the honest errors.
         factor: Half width of a 95 % interval in standard errors.
     """
     parameters: dict[str, Number] = {}
     effects: dict[str, dict[str, Number]] = {}
     for item in model.parameters:
-        number = _number(item, ("", item.name), fitted, full, factor)
+        number = _number(item, ("", item.name), fitted, factor)
         card, _, name = item.name.rpartition(SEPARATOR)
         if card:
             effects.setdefault(card, {})[name] = number
@@ -198,19 +196,16 @@ def describe_model(
     for one in model.effects:
         if one.name in found:
             effects[one.name] = {
-                item.name: _number(item, (one.name, item.name), fitted, full, factor)
-                for item in one.parameters
+                item.name: _number(item, (one.name, item.name), fitted, factor) for item in one.parameters
             }
     return ModelFile(base=base, provenance=provenance, parameters=parameters, effects=effects)
 
 
-def _number(
-    item: Parameter, key: tuple[str, str], fitted: Fit | None, full: Fit | None, factor: float
-) -> Number:
+def _number(item: Parameter, key: tuple[str, str], fitted: Fit | None, factor: float) -> Number:
     fitted_keys = [free.key for free in fitted.free] if fitted is not None else []
-    if fitted is None or full is None or key not in fitted_keys:
+    if fitted is None or key not in fitted_keys:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
-    value, error = fitted.value(key), full.standard_error(key)
+    value, error = fitted.value(key), fitted.standard_error(key)
     low, high = max(value - factor * error, item.lower), min(value + factor * error, item.upper)
     return Number(value=value, unit=item.unit, sd=error, ci95=(low, high))
 

@@ -41,6 +41,7 @@ class ChannelProof:
         noise_floor: Of a perfect model.
         closure: Share of the gap between `before` and `noise_floor` that is closed; None where there is none.
         ci95: Interval of the closure over locked conditions.
+        is_worse: The error grew by more than 2 %, and by more than chance over locked conditions.
     """
 
     before: float
@@ -48,6 +49,7 @@ class ChannelProof:
     noise_floor: float
     closure: float | None
     ci95: tuple[float, float] | None
+    is_worse: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,12 +151,7 @@ class Locked:
 
 
 def prove(
-    prepared: Prepared,
-    runs: Sequence[Run],
-    best: Explanation,
-    added: Point,
-    naming: Naming,
-    rng: np.random.Generator,
+    prepared: Prepared, runs: Sequence[Run], best: Explanation, naming: Naming, rng: np.random.Generator
 ) -> Proof:
     """Open the locked runs.
 
@@ -162,19 +159,18 @@ def prove(
         prepared: What was learned from the other runs.
         runs: The locked runs.
         best: The chosen explanation.
-        added: Parameters of the extended model.
         naming: All explanations, for the rival.
         rng: For intervals and placebos.
     """
     locked = Locked(prepared, runs)
     before = locked.errors({})
     fitted = locked.errors(prepared.start.point)
-    after = locked.errors(added)
+    after = locked.errors(best.fit.point)
     channels = {
         channel.name: _channel(locked, before, after, index, rng)
         for index, channel in enumerate(locked.seen.channels)
     }
-    harmed = [name for name, one in channels.items() if one.after > HARM * max(one.before, one.noise_floor)]
+    harmed = [name for name, one in channels.items() if one.is_worse]
     steps = [("base", before), ("base fitted", fitted)]
     steps += [(" + ".join(one.names), locked.errors(one.fit.point)) for one in _parts(best, naming)]
     steps.append((" + ".join(best.names), after))
@@ -235,22 +231,24 @@ def _channel(
     mean_before, mean_after = before[:, index].sum() / count, after[:, index].sum() / count
     gap = mean_before - floor**2
     closure, interval = None, None
+    draws = rng.integers(0, locked.groups, (RESAMPLES, locked.groups))
+    counts = locked.counts[draws, index].sum(axis=1)
+    sums = [squares[draws, index].sum(axis=1) / np.maximum(counts, 1.0) for squares in (before, after)]
     if gap > CLEAR * floor**2 * math.sqrt(2.0 / count):
         closure = float((mean_before - mean_after) / gap)
-        draws = rng.integers(0, locked.groups, (RESAMPLES, locked.groups))
-        counts = locked.counts[draws, index].sum(axis=1)
-        sums = [squares[draws, index].sum(axis=1) / np.maximum(counts, 1.0) for squares in (before, after)]
         gaps = sums[0] - floor**2
         resampled = (sums[0] - sums[1])[gaps > 0.0] / gaps[gaps > 0.0]
         if resampled.size > RESAMPLES // 2:
             low, high = np.quantile(resampled, (0.025, 0.975))
             interval = (float(low), float(high))
+    is_more = mean_after > HARM**2 * max(mean_before, floor**2)
     return ChannelProof(
         before=math.sqrt(mean_before),
         after=math.sqrt(mean_after),
         noise_floor=floor,
         closure=closure,
         ci95=interval,
+        is_worse=bool(is_more and np.quantile(sums[1] - HARM**2 * sums[0], 0.025) > 0.0),
     )
 
 

@@ -72,8 +72,8 @@ def _shown(analysis: Analysis) -> list[Run]:
 
 def _sides(findings: Findings) -> list[tuple[str, str, Point]]:
     sides: list[tuple[str, str, Point]] = [("before", style.ENCODERS, {})]
-    if findings.added is not None:
-        sides.append(("after", style.ESTIMATE, findings.added.point))
+    if findings.best is not None:
+        sides.append(("after", style.ESTIMATE, findings.best.fit.point))
     else:
         sides.append(("parameters fitted", style.ESTIMATE, findings.prepared.start.point))
     return sides

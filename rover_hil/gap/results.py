@@ -55,9 +55,7 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> str
 def _model_text(analysis: Analysis, base: str, date: str) -> str:
     plan, findings, verdict = analysis.plan, analysis.findings, analysis.verdict
     named = is_named(verdict.verdict)
-    fitted, full = None, None
-    if named and findings is not None and findings.best is not None:
-        fitted, full = findings.added, findings.best.fit
+    fitted = findings.best.fit if named and findings is not None and findings.best is not None else None
     factor = interval_factor(findings) if findings is not None else math.nan
     provenance = Provenance(
         date=date,
@@ -67,4 +65,4 @@ def _model_text(analysis: Analysis, base: str, date: str) -> str:
         seed=plan.seed if plan is not None else 0,
         alternatives=tuple(tuple(names) for names in verdict.confidence_set[1:]) if named else (),
     )
-    return model_file_text(describe_model(analysis.model, base, provenance, fitted, full, factor))
+    return model_file_text(describe_model(analysis.model, base, provenance, fitted, factor))

@@ -19,7 +19,6 @@ from rover_hil.gap.prepare import Prepared, input_units, prepare, renew
 from rover_hil.gap.prove import prove
 from rover_hil.gap.score import score_all
 from rover_hil.gap.search import Explanation
-from rover_hil.gap.settle import settle
 from rover_hil.gap.test import GAP_ALPHA, GapTest, find_gap
 from rover_hil.gap.unnamed import Equation, find_equations
 from rover_hil.gap.verdict import Answer
@@ -117,12 +116,11 @@ def _learn(
 
 def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Generator) -> Findings:
     """Return findings with an explanation: what it leaves, and equations for that."""
-    prepared, left, added = findings.prepared, None, None
+    prepared, left = findings.prepared, None
     seen, noise, fitted = prepared.problem.seen, prepared.noise, prepared.start
     if best is not None:
         fitted = _polished(prepared, best.fit)
         best = replace(best, fit=fitted)
-        added = settle(prepared.problem, noise, fitted)
         left = find_gap(seen, noise, prepared.scatter, fitted, prepared.terms, len(best.names), None, rng)
     equations: list[Equation] = []
     if left is None or left.p <= GAP_ALPHA:
@@ -132,7 +130,7 @@ def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Gene
         effects = score_all(fitted, noise, changes, is_steady=seen.is_steady)
         line = (left or findings.gap).line
         equations = find_equations(seen, noise, fitted, prepared.terms, effects, line, rng)
-    return replace(findings, best=best, added=added, left=left, equations=tuple(equations))
+    return replace(findings, best=best, left=left, equations=tuple(equations))
 
 
 def _polished(prepared: Prepared, found: Fit) -> Fit:
@@ -147,9 +145,9 @@ def _polished(prepared: Prepared, found: Fit) -> Fit:
 def _proved(findings: Findings, locked_runs: Sequence[Run], seed: int) -> Findings:
     """Return findings with their proof; effects that the locked runs speak against are taken back."""
     rng = np.random.default_rng(seed)
-    while findings.best is not None and findings.added is not None:
+    while findings.best is not None:
         best, naming = findings.best, findings.naming
-        proof = prove(findings.prepared, locked_runs, best, findings.added.point, naming, rng)
+        proof = prove(findings.prepared, locked_runs, best, naming, rng)
         findings = replace(findings, proof=proof)
         fewer = [one for key, one in naming.tried.items() if len(key) == len(best.names) - 1]
         fewer = [one for one in fewer if set(one.names) < set(best.names)]

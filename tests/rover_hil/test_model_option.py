@@ -141,6 +141,9 @@ def test_a_virtual_run_has_the_effects_in_its_log(
         plant = config.simulation.plant
     assert isinstance(plant, RobotinoPlantSettings)
     assert plant.motor.friction_nm == 0.012
+    # Its log can be asked; one short drive is too little.
+    assert call(monkeypatch, "gap", "robotino-drive", "a", "--out", "g") == 1
+    assert "1 runs are too few" in capsys.readouterr().out
 
 
 def test_the_served_rover_says_what_was_changed(

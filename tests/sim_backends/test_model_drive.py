@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
 from rover_hil.gap.verdict import Answer
@@ -256,11 +257,12 @@ def test_a_long_drive_is_cut_into_stretches_and_a_short_one_is_not() -> None:
 
 def test_ends_at_which_a_wheel_says_nothing_are_left_out() -> None:
     count = 200
-    columns = {
-        "t_s": 0.05 * np.arange(count),
-        **{f"enc{wheel}_rad": 0.1 * np.arange(count) for wheel in WHEELS},
+    steps = np.arange(count, dtype=np.float64)
+    columns: dict[str, NDArray[np.float64]] = {
+        "t_s": np.multiply(0.05, steps),
+        **{f"enc{wheel}_rad": np.multiply(0.1, steps) for wheel in WHEELS},
     }
-    columns |= {"x_m": 0.01 * np.arange(count), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
+    columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
     columns["enc4_rad"][-3:] = np.nan
     (run,) = make_four_wheel().runs_of_log(DriveLog(name="drive", columns=columns, kind="skid_steer_4"))
     assert np.isfinite(run.inputs["wheel_4_rad_s"]).all()
