@@ -256,7 +256,7 @@ def _stretch(
     end = after
     if after * direction < 0.0:
         end = 0.0
-    if False and (free_speed - speed) * (free_speed - end) < 0.0:
+    if is_cut and (free_speed - speed) * (free_speed - end) < 0.0:
         end = free_speed
     if end == after:
         return after, 0.0
