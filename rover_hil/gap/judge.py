@@ -163,14 +163,12 @@ def _sentence(findings: Findings, answer: Answer) -> str:
         return f"There is a gap, and these runs cannot tell which of {names} it is.{where}"
     closed = "" if proof.closure is None else f"; it closes {proof.closure:.0%} of the gap on locked runs"
     values = _join([_values(effect) for effect in found_effects(findings, best)])
-    match answer:
-        case Answer.PARTLY_NAMED:
-            text = f"Missing at least: {values}{closed}; {1 - explained_share(findings):.0%} has no name"
-        case Answer.NAMED_SET:
-            names = " or ".join(_join(one.names) for one in findings.naming.members)
-            text = f"Missing: {names}, which these runs do not tell apart; best fit {values}{closed}"
-        case _:
-            text = f"Missing: {values}{closed}"
+    if len(findings.naming.members) > 1:
+        names = " or ".join(_join(one.names) for one in findings.naming.members)
+        values = f"{names}, which these runs do not tell apart; best fit {values}"
+    text = f"Missing: {values}{closed}"
+    if answer is Answer.PARTLY_NAMED:
+        text = f"Missing at least: {values}{closed}; {1 - explained_share(findings):.0%} has no name"
     harm = f" Worse than before: {', '.join(proof.harmed)}." if proof.harmed else ""
     return f"{text}.{where}{harm}"
 

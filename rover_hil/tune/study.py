@@ -112,7 +112,7 @@ class Study:
         if is_first:
             study.enqueue_trial(start_values(self._config, self._tune), user_attrs={IS_START: True})
         # A generator of its own for every trial: an interrupted study goes on as it would have gone on.
-        study.sampler = TPESampler(seed=len(study.get_trials(deepcopy=False)), multivariate=True)
+        study.sampler = TPESampler(seed=len(study.get_trials(deepcopy=False)))
         trial = study.ask(self._distributions)
         attempt = _attempt(study.get_trials(deepcopy=False)[trial.number], self._tune)
         config = self._config if attempt.is_start else with_values(self._config, attempt.values)
