@@ -186,7 +186,7 @@ def _promising(
 ) -> list[tuple[str, ...]]:
     """Return the subsets worth a fit: best to first order at the base model, and next to the best so far."""
     by_name = {item.card.name: item for item in top}
-    subsets = [one for one in itertools.combinations(sorted(by_name), size) if _are_apart(by_name, one)]
+    subsets = [one for one in itertools.combinations(sorted(by_name), size) if are_apart(by_name, one)]
     if size == 1:
         return [names for names in subsets if asked(by_name[names[0]].score) > 1.0] or subsets[:1]
     ranked = sorted(subsets, key=lambda names: -linear_gain([by_name[name].score for name in names]))
@@ -197,10 +197,10 @@ def _promising(
         for name in part.names:
             search.explain((name,))
     unique = dict.fromkeys(tuple(sorted(names)) for names in promising)
-    return [names for names in unique if _are_apart(by_name, names)]
+    return [names for names in unique if are_apart(by_name, names)]
 
 
-def _are_apart(by_name: Mapping[str, Candidate], names: Sequence[str]) -> bool:
+def are_apart(by_name: Mapping[str, Candidate], names: Sequence[str]) -> bool:
     """Tell whether no two look the same: two that do imitate a third by pulling against each other."""
     pairs = itertools.combinations(names, 2)
     return all(abs(cosine(by_name[one].score, by_name[other].score)) < ALIKE for one, other in pairs)
