@@ -1,6 +1,7 @@
 """What the rooms of the workflow hand on."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from rover_hil.gap.locate import Place
 from rover_hil.gap.name import Naming
@@ -25,6 +26,7 @@ class Findings:
         naming: Which effects explain it.
         best: The chosen explanation, with derivatives at its fit.
         left: Whether a gap is left with it.
+        rivals: Its effects that a term without a name does as well as, and the term.
         equations: What is left, as equations.
         proof: What the locked runs say.
     """
@@ -35,6 +37,7 @@ class Findings:
     naming: Naming
     best: Explanation | None = None
     left: GapTest | None = None
+    rivals: Mapping[str, str] = field(default_factory=dict)
     equations: tuple[Equation, ...] = ()
     proof: Proof | None = None
 

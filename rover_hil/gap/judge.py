@@ -9,13 +9,16 @@ from rover_hil.gap.candidates import Candidate, is_visible
 from rover_hil.gap.findings import Findings
 from rover_hil.gap.name import Naming, rest
 from rover_hil.gap.next_run import propose, watch
-from rover_hil.gap.score import asked
+from rover_hil.gap.score import asked, asked_at_all
 from rover_hil.gap.search import Explanation
+from rover_hil.gap.support import support
 from rover_hil.gap.test import GAP_ALPHA, GapTest
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 
 WHOLE_SHARE = 0.9
 """Share of what can be explained from which on a name stands although something is left."""
+WHOLE_SHARE_OF_SERIES = 0.98
+"""The same for series, whose many samples show more of an effect."""
 HALF_SHARE = 0.5
 MOST_MEMBERS = 4
 POWER_Z = 1.28
@@ -92,9 +95,11 @@ def _answer(findings: Findings) -> Answer:
         return Answer.UNNAMED
     if len(naming.members) > MOST_MEMBERS:
         return Answer.NOT_IDENTIFIABLE
-    if share < WHOLE_SHARE:
+    is_single = len(naming.members) == 1
+    whole = WHOLE_SHARE if findings.prepared.problem.seen.is_steady else WHOLE_SHARE_OF_SERIES
+    if share < whole or (is_single and findings.rivals):
         return Answer.PARTLY_NAMED
-    return Answer.NAMED if len(naming.members) == 1 else Answer.NAMED_SET
+    return Answer.NAMED if is_single else Answer.NAMED_SET
 
 
 def explained_share(findings: Findings) -> float:
@@ -112,10 +117,10 @@ def _asked_by_terms(left: GapTest) -> float:
     """Return what the best free-form term of each channel would still explain."""
     by_channel: dict[str, float] = {}
     for score in left.free:
-        if asked(score) < left.line:
-            continue
-        channel = score.direction.name.split(": ", 1)[0]
-        by_channel[channel] = max(by_channel.get(channel, 0.0), asked(score) ** 2)
+        size = asked_at_all(score)
+        if size >= left.line:
+            channel = score.direction.name.split(": ", 1)[0]
+            by_channel[channel] = max(by_channel.get(channel, 0.0), size**2)
     return sum(by_channel.values())
 
 
@@ -138,8 +143,12 @@ def found_effects(findings: Findings, best: Explanation) -> list[FoundEffect]:
     effects = []
     for name in best.names:
         parameters = {}
-        for item in cards[name].parameters:
-            value, error = best.fit.value((name, item.name)), best.fit.standard_error((name, item.name))
+        keys = [(name, item.name) for item in cards[name].parameters]
+        wider = [1.0 for _ in keys]
+        if not prepared.problem.seen.is_steady:
+            wider = [found.widening for found in support(best.fit, prepared.noise, keys)]
+        for item, key, widening in zip(cards[name].parameters, keys, wider, strict=True):
+            value, error = best.fit.value(key), widening * best.fit.standard_error(key)
             low, high = max(value - factor * error, item.lower), min(value + factor * error, item.upper)
             parameters[item.name] = FoundParameter(value=value, unit=item.unit, ci95=(low, high))
         effects.append(FoundEffect(name=name, parameters=parameters))
@@ -169,6 +178,9 @@ def _sentence(findings: Findings, answer: Answer) -> str:
     text = f"Missing: {values}{closed}"
     if answer is Answer.PARTLY_NAMED:
         text = f"Missing at least: {values}{closed}; {1 - explained_share(findings):.0%} has no name"
+        if findings.rivals:
+            name, term = next(iter(findings.rivals.items()))
+            text += f", and {name} explains no more than a term in {term} would"
     harm = f" Worse than before: {', '.join(proof.harmed)}." if proof.harmed else ""
     return f"{text}.{where}{harm}"
 

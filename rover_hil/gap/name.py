@@ -21,6 +21,7 @@ from rover_hil.gap.noise import Noise
 from rover_hil.gap.problem import Problem
 from rover_hil.gap.score import asked, cosine, family_draws, family_p, quantile, score_all
 from rover_hil.gap.search import Explanation, Search, linear_gain
+from rover_hil.gap.support import is_clearly_worse
 from sim_backends.models.interface import Array, EffectCard
 
 NAME_ALPHA = 0.005
@@ -35,6 +36,8 @@ IMITATED = 0.1
 """Share below which an effect that is not asked for is said to be imitated by base parameters."""
 SHARE_OF_REST = 0.5
 """What a further name must explain of what is left."""
+SHARE_OF_BEST = 0.5
+"""What a rival that costs more than errors of samples allow must explain of what the best does."""
 TRIED_PER_SIZE = 8
 ALIKE = 0.9
 """Cosine from which on two effects are not tried together."""
@@ -93,11 +96,17 @@ def name_effects(
     names = {item.card.name for item in visible}
     counted = [score for score in scores if score.direction.name in names]
     draws = family_draws(counted, noise.freedom, rng)
-    p_name = family_p(counted, max(map(asked, counted)), draws, noise.freedom) if counted else 1.0
     search = Search(problem, noise, start, visible, scores)
-    is_asked = p_name <= NAME_ALPHA
-    chosen = _choose(problem, noise, start, search, visible[:TOP], draws, advance) if is_asked else None
-    best, members, inflation = chosen or (None, [], 1.0)
+    # Of series, the scatter between runs is known only when effects are out of it: fitted first, judged then.
+    greatest = max((asked(score, by_samples=True) for score in counted), default=0.0)
+    p_name = family_p(counted, greatest, draws, noise.freedom) if counted else 1.0
+    chosen = None
+    if p_name <= NAME_ALPHA:
+        chosen = _choose(problem, noise, start, search, visible[:TOP], draws, advance)
+        if not problem.seen.is_steady:
+            sure = max((one.support for one in search.tried.values()), default=0.0)
+            p_name = family_p(counted, sure, draws, noise.freedom)
+    best, members = chosen or (None, [])
     return Naming(
         scores=tuple(candidates),
         p_name=p_name,
@@ -106,7 +115,7 @@ def name_effects(
         tried=search.tried,
         absorbed=_absorbed(start, candidates),
         line=quantile(draws, NAME_ALPHA),
-        inflation=inflation,
+        inflation=1.0 if best is None else inflation_of(problem, best),
     )
 
 
@@ -126,7 +135,7 @@ def _choose(
     top: Sequence[Candidate],
     draws: Array,
     advance: Callable[[str], None],
-) -> tuple[Explanation, list[Explanation], float] | None:
+) -> tuple[Explanation, list[Explanation]] | None:
     line = quantile(draws, MORE_ALPHA) ** 2
     by_size: dict[int, list[Explanation]] = {}
     for size in range(1, min(MOST_EFFECTS, len(top)) + 1):
@@ -138,19 +147,51 @@ def _choose(
         by_size[size] = sorted(fitted, key=lambda one: one.cost)
         if size > 1 and by_size[size - 1][0].cost - by_size[size][0].cost < WORTH * line:
             break
-    best = by_size[1][0]
-    if start.cost - best.cost < quantile(draws, 0.05) ** 2:
+    best = _largest_needed(problem, start, by_size, draws)
+    if best is None:
         return None
-    for size in sorted(by_size)[1:]:
-        more = by_size[size][0]
-        gain = best.cost - more.cost
-        needed = line * (len(more.names) - len(best.names)) * inflation_of(problem, more)
-        if gain >= needed and gain >= SHARE_OF_REST * max(rest(problem, best), 0.0):
+    return best, _members(problem, noise, start, by_size[len(best.names)], best, draws)
+
+
+def _largest_needed(
+    problem: Problem, start: Fit, by_size: Mapping[int, Sequence[Explanation]], draws: Array
+) -> Explanation | None:
+    """Return the explanation with as many effects as the data asks for."""
+    best: Explanation | None = None
+    for size, ranked in sorted(by_size.items()):
+        sure = quantile(draws, NAME_ALPHA if size == 1 else MORE_ALPHA)
+        more = next((one for one in ranked if one.support >= sure), None)
+        if more is None:
+            continue
+        gain = (start.cost if best is None else best.cost) - more.cost
+        added = size - (0 if best is None else len(best.names))
+        needed = quantile(draws, MORE_ALPHA) ** 2 * added * inflation_of(problem, more)
+        if size == 1:
+            needed = quantile(draws, 0.05) ** 2
+        left = 0.0 if best is None else max(rest(problem, best), 0.0)
+        if gain >= needed and gain >= SHARE_OF_REST * left:
             best = more
-    inflation = inflation_of(problem, best)
-    reach = inflation * set_reach(noise.freedom)
-    members = [one for one in by_size[len(best.names)] if one.cost <= best.cost + reach]
-    return best, members, inflation
+    return best
+
+
+def _members(
+    problem: Problem,
+    noise: Noise,
+    start: Fit,
+    rivals: Sequence[Explanation],
+    best: Explanation,
+    draws: Array,
+) -> list[Explanation]:
+    """Return what the data does not tell from the best; of series, each run is one witness."""
+    reach = inflation_of(problem, best) * set_reach(noise.freedom)
+    members = [one for one in rivals if one.cost <= best.cost + reach and one.support > 0.0]
+    if problem.seen.is_steady:
+        return members
+    line, least = quantile(draws, NAME_ALPHA), SHARE_OF_BEST * (start.cost - best.cost)
+    others = [one for one in rivals if one.support >= line and start.cost - one.cost >= least]
+    members += [one for one in others if not is_clearly_worse(one.fit, best.fit, noise, SET_LEVEL)]
+    unique = {one.names: one for one in members}.values()
+    return sorted(unique, key=lambda one: (one is not best, one.cost))
 
 
 def set_reach(freedom: float) -> float:

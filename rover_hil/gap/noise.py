@@ -11,11 +11,14 @@ from scipy.signal import lfilter
 
 from rover_hil.gap.problem import Indices, Observations, cells
 from rover_hil.gap.replicates import Scatter
+from rover_hil.gap.run_scatter import RunScatter, likeliest, run_scatter, series_starts
 from sim_backends.models.interface import Array, Channel
 
 MOST_LAGS = 8
 HUBER_SD = 2.5
 LEAST_BLOCKS = 24
+CLEARLY = 1.0
+"""By which minus two log-likelihood must fall before runs are said to have constants of their own."""
 
 
 class Noise(Protocol):
@@ -110,20 +113,24 @@ def _shared_variance(channel: Channel, variance: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeriesNoise:
-    """Errors of series: autoregressive per channel, heavy tails weighted down.
+    """Errors of series: autoregressive per channel, heavy tails weighted down, and constants of runs.
 
     Attributes:
         lags: Coefficients of past errors, per channel.
+        taps: The same for each row.
         innovation_sd: Of what is new in each error, per channel.
+        constant_sd: Of what each run has of its own, per channel.
         keep: Rows that have all their past.
         scale: Factor of each kept row.
     """
 
-    seen: Observations
     lags: tuple[Array, ...]
+    taps: Array
     innovation_sd: Array
+    constant_sd: Array
     keep: Indices
     scale: Array
+    constants: RunScatter
     row_sd: Array
     freedom: float
     site: Indices
@@ -132,8 +139,8 @@ class SeriesNoise:
 
     def whiten(self, rows: Array) -> Array:
         """Return independent standard errors of the rows that have all their past."""
-        filtered = _filter(self.seen, self.lags, rows)[self.keep]
-        return filtered * (self.scale if rows.ndim == 1 else self.scale[:, None])
+        filtered = _filter(self.taps, rows)[self.keep]
+        return self.constants.whiten(filtered * (self.scale if rows.ndim == 1 else self.scale[:, None]))
 
 
 def series_noise(seen: Observations, residual: Array, *, is_final: bool = True) -> SeriesNoise:
@@ -145,9 +152,17 @@ def series_noise(seen: Observations, residual: Array, *, is_final: bool = True) 
         is_final: Weight down what lies far out. Not before effects are out of the residual: an effect that
             acts now and then, like a delay, looks like heavy tails.
     """
-    lags = tuple(_fit_lags(seen, residual, index) for index in range(len(seen.channels)))
+    constant_sd = np.zeros(len(seen.channels))
+    centred = residual.copy()
+    lags = []
+    for index in range(len(seen.channels)):
+        learned, constant_sd[index] = _learn(seen, residual, index)
+        lags.append(learned)
+        if constant_sd[index] > 0.0:
+            _centre(seen, centred, index)
     filled = np.where(np.isfinite(residual), residual, 0.0)
-    innovations = _filter(seen, lags, filled)
+    taps = _taps(seen, lags)
+    innovations = _filter(taps, np.where(np.isfinite(centred), centred, 0.0))
     keep = _with_past(seen, np.isfinite(residual), lags)
     weight = np.ones(innovations.size)
     sigma = np.zeros(len(seen.channels))
@@ -158,17 +173,65 @@ def series_noise(seen: Observations, residual: Array, *, is_final: bool = True) 
         row_sd[seen.channel == index] = _rms(filled[(seen.channel == index) & np.isfinite(residual)])
     scale = np.sqrt(weight[keep]) / sigma[seen.channel[keep]]
     return SeriesNoise(
-        seen=seen,
-        lags=lags,
+        lags=tuple(lags),
+        taps=taps,
         innovation_sd=sigma,
+        constant_sd=constant_sd,
         keep=keep,
         scale=scale,
+        constants=_constants(seen, taps, keep, scale, constant_sd),
         row_sd=row_sd,
         freedom=math.inf,
         site=seen.site[keep],
         channel=seen.channel[keep],
         block=_blocks(seen, keep),
     )
+
+
+def _learn(seen: Observations, residual: Array, channel: int) -> tuple[Array, float]:
+    """Return the autoregression of one channel's errors, and the deviation of the constants of its runs.
+
+    A constant that differs from run to run looks like errors that never fade, behind which all that is slow
+    would hide; so both readings are tried, and the likelier one is kept.
+    """
+    cost = {}
+    found = {}
+    centred = residual.copy()
+    _centre(seen, centred, channel)
+    for name, errors in (("slow", residual), ("constant", centred)):
+        lags = _fit_lags(seen, errors, channel)
+        every = [lags if index == channel else np.zeros(0) for index in range(len(seen.channels))]
+        keep = _with_past(seen, np.isfinite(residual), every)
+        keep = keep[seen.channel[keep] == channel]
+        if keep.size < LEAST_BLOCKS:
+            return lags, 0.0
+        taps = _taps(seen, every)
+        new = _filter(taps, np.where(np.isfinite(residual), residual, 0.0))[keep]
+        square = max(float(np.mean(new**2)), 1e-300)
+        variance, total = 0.0, keep.size * (math.log(square) + 1.0)
+        if name == "constant":
+            level = _filter(taps, np.ones(residual.size))[keep]
+            starts = series_starts(seen.site[keep], seen.channel[keep])
+            variance, total = likeliest(starts, level, new)
+        cost[name], found[name] = total / keep.size, (lags, math.sqrt(variance))
+    gain = (cost["slow"] - cost["constant"]) * float(np.sum(seen.channel == channel))
+    return found["constant"] if gain > CLEARLY else found["slow"]
+
+
+def _centre(seen: Observations, values: Array, channel: int) -> None:
+    """Take the mean out of each series of a channel."""
+    for cell in cells(seen):
+        good = cell[np.isfinite(values[cell])]
+        if seen.channel[cell[0]] == channel and good.size:
+            values[good] -= float(np.mean(values[good]))
+
+
+def _constants(
+    seen: Observations, taps: Array, keep: Indices, scale: Array, constant_sd: Array
+) -> RunScatter:
+    level = _filter(taps, np.ones(seen.values.size))[keep] * scale
+    starts = series_starts(seen.site[keep], seen.channel[keep])
+    return run_scatter(starts, level, constant_sd[seen.channel[keep][starts]] ** 2)
 
 
 def _weigh(innovations: Array, channel: Channel, *, is_final: bool) -> tuple[Array, float]:
@@ -189,11 +252,14 @@ def for_other_runs(noise: Noise, scatter: Scatter | None, seen: Observations) ->
     if isinstance(noise, SeriesNoise):
         present = np.isfinite(seen.values)
         keep = _with_past(seen, present, noise.lags)
+        scale = 1.0 / noise.innovation_sd[seen.channel[keep]]
+        taps = _taps(seen, noise.lags)
         return replace(
             noise,
-            seen=seen,
+            taps=taps,
             keep=keep,
-            scale=1.0 / noise.innovation_sd[seen.channel[keep]],
+            scale=scale,
+            constants=_constants(seen, taps, keep, scale, noise.constant_sd),
             site=seen.site[keep],
             channel=seen.channel[keep],
             block=_blocks(seen, keep),
@@ -208,12 +274,20 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
-def _filter(seen: Observations, lags: Sequence[Array], rows: Array) -> Array:
-    filtered = np.empty_like(rows)
+def _taps(seen: Observations, lags: Sequence[Array]) -> Array:
+    """Return the coefficients of each row's past errors: lags x rows; none from before its series."""
+    taps = np.zeros((max((one.size for one in lags), default=0), seen.values.size))
     for cell in cells(seen):
-        part = slice(int(cell[0]), int(cell[-1]) + 1)
-        taps = np.concatenate(([1.0], -lags[int(seen.channel[cell[0]])]))
-        filtered[part] = lfilter(taps, [1.0], rows[part], axis=0)
+        for lag, coefficient in enumerate(lags[int(seen.channel[cell[0]])]):
+            taps[lag, cell[lag + 1 :]] = coefficient
+    return taps
+
+
+def _filter(taps: Array, rows: Array) -> Array:
+    filtered = rows.copy()
+    for lag, weight in enumerate(taps, start=1):
+        past = weight[lag:] if rows.ndim == 1 else weight[lag:, None]
+        filtered[lag:] -= past * rows[:-lag]
     return filtered
 
 

@@ -194,8 +194,9 @@ def _without_effects(problem: Problem, noise: Noise, start: Fit) -> Array:
     # Each channel may have its own: one that stays in makes errors look slow, and hides behind them.
     for _ in range(MOST_EFFECTS * len(seen.channels)):
         scores = score_all(fitted, noise, directions, is_steady=False)
-        best = max(scores, key=asked, default=None)
-        if best is None or asked(best) < STANDS_OUT:
+        # By samples: runs that disagree on a term are no reason to take what it explains for errors.
+        best = max(scores, key=lambda score: asked(score, by_samples=True), default=None)
+        if best is None or asked(best, by_samples=True) < STANDS_OUT:
             break
         columns.append(raw[id(best.direction)] * WEAK * best.direction.size)
         jacobian = noise.whiten(np.stack(columns, axis=1))

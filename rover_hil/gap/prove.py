@@ -184,7 +184,7 @@ def prove(
             "rival": _rival(locked, before, best, naming),
         },
         harmed=tuple(harmed),
-        is_confirmed=_is_confirmed(prepared, locked, best.fit.point),
+        is_confirmed=_is_confirmed(prepared, locked, best),
         steps=(*sizes, ("noise", 1.0)),
     )
 
@@ -199,20 +199,24 @@ def _parts(best: Explanation, naming: Naming) -> list[Explanation]:
     return parts
 
 
-def _is_confirmed(prepared: Prepared, locked: Locked, point: Point) -> bool:
+def _is_confirmed(prepared: Prepared, locked: Locked, best: Explanation) -> bool:
     """Tell whether the locked runs do not speak against the effects, beside base parameters fitted alike.
 
     They do where they are nearer to the fitted base model, and lean towards it more than by chance: were the
-    effects all there is, the part of their errors in its direction would be standard normal.
+    effects all there is, the part of their errors in its direction would be normal, as wide as runs scatter.
     """
     noise = for_other_runs(prepared.noise, prepared.scatter, locked.seen)
-    base, with_effects = (locked.predict(one) for one in (prepared.start.point, point))
+    base, with_effects = (locked.predict(one) for one in (prepared.start.point, best.fit.point))
     error = locked.seen.values - with_effects
     good = np.isfinite(error) & np.isfinite(base)
     error = noise.whiten(np.where(good, error, 0.0))
     apart = noise.whiten(np.where(good, base - with_effects, 0.0))
-    distance = math.sqrt(float(apart @ apart))
-    return float(error @ apart) <= max(VETO_SD, 0.5 * distance) * distance
+    lean, square = float(error @ apart), float(apart @ apart)
+    if prepared.scatter is None:
+        # In minus two log-likelihood: where base and effects hardly differ there, neither speaks against any.
+        return 2.0 * lean - square <= (VETO_SD * best.widening) ** 2
+    distance = math.sqrt(square)
+    return lean <= max(VETO_SD * best.widening, 0.5 * distance) * distance
 
 
 def retuned(prepared: Prepared) -> Point:

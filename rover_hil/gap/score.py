@@ -15,10 +15,12 @@ from scipy import stats
 from rover_hil.gap.fit import Fit
 from rover_hil.gap.noise import Noise
 from rover_hil.gap.problem import Indices
+from rover_hil.gap.support import LEAST_RUNS, as_normal, clusters, scatter_of_runs
 from sim_backends.models.interface import Array
 
 DRAWS = 4000
-LEAST_CLUSTERS = 8
+LARGE = 0.02
+"""Share of the scatter of samples from which on a term counts although runs do not agree on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +52,7 @@ class Score:
         direction: Which.
         z: Standard normal without gap; one-sided where the strength has a sign. The smaller of the values by
             the noise model and by the scatter between independent stretches of data.
+        z_by_samples: The former alone.
         strength: Estimate to first order, in the direction's unit.
         standard_error: Of the strength.
         left: Share of the direction that base parameters leave.
@@ -58,6 +61,7 @@ class Score:
 
     direction: Direction
     z: float
+    z_by_samples: float
     strength: float
     standard_error: float
     left: float
@@ -84,7 +88,7 @@ class Projection:
 def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_steady: bool) -> list[Score]:
     """Return one score per direction; those that change nothing are left out."""
     projection = Projection(fit)
-    blocks = None if is_steady else noise.block
+    blocks = None if is_steady else clusters(noise)
     scores = []
     for direction in directions:
         full = float(direction.change @ direction.change)
@@ -95,14 +99,15 @@ def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_ste
         if length <= 1e-9 * math.sqrt(full):
             continue
         unit = left / length
-        z = float(unit @ projection.residual)
+        by_samples = z = float(unit @ projection.residual)
         if blocks is not None:
             z = math.copysign(min(abs(z), _clustered(unit, projection.residual, z, blocks)), z)
         scores.append(
             Score(
                 direction=direction,
                 z=z,
-                strength=float(unit @ projection.residual) / length,
+                z_by_samples=by_samples,
+                strength=by_samples / length,
                 standard_error=1.0 / length,
                 left=length**2 / full,
                 projected=unit,
@@ -111,9 +116,16 @@ def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_ste
     return scores
 
 
-def asked(score: Score) -> float:
+def asked(score: Score, *, by_samples: bool = False) -> float:
     """Return how strongly the data asks for a direction: 0 where it asks for the forbidden sign."""
-    return max(0.0, score.direction.sign * score.z) if score.direction.sign else abs(score.z)
+    z = score.z_by_samples if by_samples else score.z
+    return max(0.0, score.direction.sign * z) if score.direction.sign else abs(z)
+
+
+def asked_at_all(score: Score) -> float:
+    """Return the same for terms that need no name: where they are large, runs may disagree on them."""
+    by_samples = asked(score, by_samples=True)
+    return by_samples if by_samples**2 > LARGE * score.direction.change.size else asked(score)
 
 
 def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float:
@@ -124,15 +136,13 @@ def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float
     """
     rows = blocks.size
     parts = np.bincount(blocks, weights=unit[:rows] * (residual[:rows] - z * unit[:rows]))
-    leverage = np.bincount(blocks, weights=unit[:rows] ** 2)
+    leverage: Array = np.bincount(blocks, weights=unit[:rows] ** 2).astype(np.float64)
     used = leverage > 1e-12
     parts, leverage = parts[used], np.minimum(leverage[used], 0.999)
-    active = float(leverage.sum() ** 2 / (leverage**2).sum()) if leverage.size else 0.0
-    if leverage.size < LEAST_CLUSTERS or active < 2.0:
+    if leverage.size < LEAST_RUNS:
         return abs(z)
-    spread = math.sqrt(float(np.sum((parts / (1.0 - leverage)) ** 2)))
-    t = abs(z) / max(spread, 1e-12)
-    return float(-stats.norm.ppf(max(stats.t.sf(t, active - 1.0), 1e-300)))
+    by_runs = math.sqrt(float(np.sum((parts / (1.0 - leverage)) ** 2)))
+    return as_normal(z, *scatter_of_runs(by_runs, leverage))
 
 
 def family_draws(scores: Sequence[Score], freedom: float, rng: np.random.Generator) -> Array:

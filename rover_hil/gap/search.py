@@ -14,7 +14,8 @@ from rover_hil.gap.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.noise import Noise
 from rover_hil.gap.problem import Free, Key, Point, Problem, base_free, effect_free
 from rover_hil.gap.score import Score, asked
-from sim_backends.models.interface import Array
+from rover_hil.gap.support import support
+from sim_backends.models.interface import Array, Parameter
 
 STARTS = 2
 """Starting shapes of a fit."""
@@ -22,6 +23,9 @@ FAR = (0.5, 1.0, 2.0, 4.0)
 """Strengths to begin from, in natural sizes."""
 HOPELESS = 60.0
 """Cost above the best at which a fit is left as it is."""
+
+AT_LIMIT = 1e-3
+"""Share of its range within which a strength is at its limit."""
 
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to its shape parameters."""
@@ -35,11 +39,16 @@ class Explanation:
         names: Effects, sorted.
         fit: Base parameters and effects together.
         cost: Minus two log-posterior; free shapes are charged for (Laplace's approximation).
+        support: What independent runs say of its weakest effect, as a standard normal; endless for steady
+            experiments, whose scatter between runs is in the errors.
+        widening: Factor on standard errors that covers the scatter between runs.
     """
 
     names: tuple[str, ...]
     fit: Fit
     cost: float
+    support: float
+    widening: float
 
 
 class Search:
@@ -85,8 +94,26 @@ class Search:
                 hopeless = min(hopeless, best.cost + HOPELESS)
             if best is None:
                 raise AssertionError("every subset has shapes to begin with")
-            self.tried[key] = Explanation(names=key, fit=best, cost=best.cost + self._charge(key, best))
+            cost = best.cost + self._charge(key, best)
+            sure, widening = self._support(key, best, cost)
+            self.tried[key] = Explanation(names=key, fit=best, cost=cost, support=sure, widening=widening)
         return self.tried[key]
+
+    def _support(self, names: tuple[str, ...], fitted: Fit, cost: float) -> tuple[float, float]:
+        if self._problem.seen.is_steady:
+            return math.inf, 1.0
+        cards = [self._by_name[name].card for name in names]
+        if any(
+            _is_at_limit(card.parameters[0], fitted.value((card.name, card.parameters[0].name)))
+            for card in cards
+        ):
+            return 0.0, 1.0
+        strengths = [(card.name, card.parameters[0].name) for card in cards]
+        shapes = [(card.name, item.name) for card in cards for item in card.parameters[1:]]
+        found = support(fitted, self._noise, strengths, given=shapes)
+        # A base parameter that is set free needs more than its place: it must lie beyond its prior.
+        gain = math.sqrt(max(self._start.cost - cost, 0.0))
+        return min(gain, *(abs(one.z) for one in found)), max(one.widening for one in found)
 
     def _charge(self, names: tuple[str, ...], fitted: Fit) -> float:
         shapes = [(name, item.name) for name in names for item in self._by_name[name].card.parameters[1:]]
@@ -237,6 +264,13 @@ class Search:
         singles = [self.tried[(name,)] for name in names if len(names) > 1 and (name,) in self.tried]
         nearest = self._nearest(names)
         return [*singles, nearest] if nearest is not None else singles
+
+
+def _is_at_limit(strength: Parameter, value: float) -> bool:
+    """Tell whether a strength would be more than it can be: then it stands for something else."""
+    reach = AT_LIMIT * (strength.upper - strength.lower)
+    limits = [one for one in (strength.lower, strength.upper) if one != strength.nominal]
+    return any(abs(value - one) <= reach for one in limits)
 
 
 def linear_gain(scores: Sequence[Score], pulled: float = 0.0) -> float:

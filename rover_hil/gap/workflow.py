@@ -17,6 +17,7 @@ from rover_hil.gap.name import MORE_ALPHA, NAME_ALPHA, Naming, name_effects
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
 from rover_hil.gap.prepare import Prepared, input_units, prepare, renew
 from rover_hil.gap.prove import prove
+from rover_hil.gap.rivals import find_rivals
 from rover_hil.gap.score import score_all
 from rover_hil.gap.search import Explanation
 from rover_hil.gap.test import GAP_ALPHA, GapTest, find_gap
@@ -130,7 +131,8 @@ def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Gene
         effects = score_all(fitted, noise, changes, is_steady=seen.is_steady)
         line = (left or findings.gap).line
         equations = find_equations(seen, noise, fitted, prepared.terms, effects, line, rng)
-    return replace(findings, best=best, left=left, equations=tuple(equations))
+    rivals = {} if best is None else find_rivals(prepared, findings.naming, best)
+    return replace(findings, best=best, left=left, rivals=rivals, equations=tuple(equations))
 
 
 def _polished(prepared: Prepared, found: Fit) -> Fit:
