@@ -150,7 +150,7 @@ def _choose(
     best = _largest_needed(problem, start, by_size, draws)
     if best is None:
         return None
-    return best, _members(problem, noise, start, by_size[len(best.names)], best, draws)
+    return best, _members(problem, noise, start, by_size, best, draws)
 
 
 def _largest_needed(
@@ -178,17 +178,23 @@ def _members(
     problem: Problem,
     noise: Noise,
     start: Fit,
-    rivals: Sequence[Explanation],
+    by_size: Mapping[int, Sequence[Explanation]],
     best: Explanation,
     draws: Array,
 ) -> list[Explanation]:
     """Return what the data does not tell from the best; of series, each run is one witness."""
+    rivals, parts = by_size[len(best.names)], by_size.get(len(best.names) - 1, ())
     reach = inflation_of(problem, best) * set_reach(noise.freedom)
     members = [one for one in rivals if one.cost <= best.cost + reach and one.support > 0.0]
     if problem.seen.is_steady:
         return members
     line, least = quantile(draws, NAME_ALPHA), SHARE_OF_BEST * (start.cost - best.cost)
     others = [one for one in rivals if one.support >= line and start.cost - one.cost >= least]
+    for part in parts:
+        # An effect that adds nothing to the others does not make them a rival.
+        others = [
+            one for one in others if not set(part.names) < set(one.names) or part.cost - one.cost >= line**2
+        ]
     members += [one for one in others if not is_clearly_worse(one.fit, best.fit, noise, SET_LEVEL)]
     unique = {one.names: one for one in members}.values()
     return sorted(unique, key=lambda one: (one is not best, one.cost))

@@ -21,6 +21,8 @@ STARTS = 2
 """Starting shapes of a fit."""
 FAR = (0.5, 1.0, 2.0, 4.0)
 """Strengths to begin from, in natural sizes."""
+MOST_PULLED = 4.0
+"""How much larger effects may be one by one than together."""
 HOPELESS = 60.0
 """Cost above the best at which a fit is left as it is."""
 
@@ -109,6 +111,8 @@ class Search:
         ):
             return 0.0, 1.0
         strengths = [(card.name, card.parameters[0].name) for card in cards]
+        if pulled_apart(fitted, strengths) > MOST_PULLED:
+            return 0.0, 1.0
         shapes = [(card.name, item.name) for card in cards for item in card.parameters[1:]]
         found = support(fitted, self._noise, strengths, given=shapes)
         # A base parameter that is set free needs more than its place: it must lie beyond its prior.
@@ -271,6 +275,17 @@ def _is_at_limit(strength: Parameter, value: float) -> bool:
     reach = AT_LIMIT * (strength.upper - strength.lower)
     limits = [one for one in (strength.lower, strength.upper) if one != strength.nominal]
     return any(abs(value - one) <= reach for one in limits)
+
+
+def pulled_apart(fitted: Fit, strengths: Sequence[Key]) -> float:
+    """Return by how much more effects change the prediction one by one than together, at least 1.
+
+    Large effects that cancel imitate the small difference between them, which is something else.
+    """
+    places = [index for index, item in enumerate(fitted.free) if item.key in strengths]
+    changes = fitted.jacobian[:, places] * fitted.pull[places]
+    together = float(np.linalg.norm(changes.sum(axis=1)))
+    return float(np.linalg.norm(changes, axis=0).sum()) / max(together, 1e-300)
 
 
 def linear_gain(scores: Sequence[Score], pulled: float = 0.0) -> float:
