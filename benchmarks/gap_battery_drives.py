@@ -1,10 +1,10 @@
-"""Hidden effects in motors and drives, named blind: `python -m benchmarks.gap_battery_drives [--cases N]`.
+"""Hidden effects in motors and drives, named blind: `python -m benchmarks.gap_battery_drives [--first N]`.
 
 Nature (tests/nature: motor.py, omni_drive.py, four_wheel_drive.py) makes the runs and knows nothing of the
 models. Cases of the three models take turns; each draws its own base parameters within what the model says
 of them, and adds white, autocorrelated (AR 0.95), heavy-tailed or quantised errors. Motors have dry friction
 and delay; the model knows of them but where they are what is hidden. Prints one line per case, then the table
-with 95 % bounds (Clopper-Pearson).
+with 95 % bounds (Clopper-Pearson). Cases 0 to 89 served development.
 """
 
 import argparse

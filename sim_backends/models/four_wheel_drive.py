@@ -135,8 +135,9 @@ def _motion(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, A
 
 
 def _ahead(t_s: Array, rate: Array, time_s: float) -> Array:
-    """Return rates as they are `time_s` later; after the end nothing moves."""
-    turned: Array = earlier(t_s, rate[::-1], time_s)[::-1]
+    """Return rates as they are `time_s` later; after the end they stay."""
+    last = float(rate[-1])
+    turned: Array = last + earlier(t_s, rate[::-1] - last, time_s)[::-1]
     return turned
 
 

@@ -104,7 +104,7 @@ BACK_EMF = EffectCard(
     name="back_emf",
     sentence="The motor's constant, voltage per speed and torque per current, is not that of the data sheet.",
     place="circuit and torque of the motor",
-    parameters=(_number("change", "V s/rad", 0.0, 0.003, -0.03, 0.05, "added to the constant"),),
+    parameters=(_number("change", "V s/rad", 0.0, 0.003, -0.015, 0.015, "added to the constant"),),
     claims=(
         "speed changes by one factor where the voltage is given",
         "friction currents change by its inverse",
@@ -117,7 +117,7 @@ RESISTANCE = EffectCard(
     name="winding_resistance",
     sentence="The winding with its leads and brushes has another resistance than the data sheet says.",
     place="circuit of the motor",
-    parameters=(_number("change", "ohm", 0.0, 0.6, -4.0, 20.0, "added to the resistance"),),
+    parameters=(_number("change", "ohm", 0.0, 0.6, -1.5, 3.0, "added to the resistance"),),
     claims=(
         "the same from the first second on",
         "speed under load and friction changes, idle speed does not",
@@ -140,7 +140,7 @@ STIFFNESS = EffectCard(
     name="loop_stiffness",
     sentence="The speed loop is tuned otherwise: it adds other volts per speed error.",
     place="speed loop",
-    parameters=(_number("change", "V s/rad", 0.0, 0.15, -0.4, 4.0, "added to the stiffness"),),
+    parameters=(_number("change", "V s/rad", 0.0, 0.15, -0.3, 4.0, "added to the stiffness"),),
     claims=("the speed droops more or less under the same friction",),
     experiment="read the tuning from the board",
     source="proportional loop of the board",

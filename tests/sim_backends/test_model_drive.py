@@ -233,6 +233,15 @@ def test_logs_without_truth_and_of_other_rovers_are_refused(tmp_path: Path) -> N
         make_robotino().runs_of_log(replace(log, kind="skid_steer_4"))
 
 
+def test_wheels_that_are_logged_late_do_not_stop_when_the_log_does() -> None:
+    model, run = make_four_wheel(), skid_run()
+    on_time, late = (
+        model.predict([run], {}, {"latency": {"time": time_s}})[0]["forward_m_s"] for time_s in (0.0, 0.4)
+    )
+    assert late[:-2] == pytest.approx(on_time[2:])
+    assert late[-3:] == pytest.approx(on_time[-1])
+
+
 def test_a_small_latency_changes_rates_in_proportion() -> None:
     # Also where a whole window is a step of the latency: straight pieces would have a kink there.
     t_s = np.asarray(0.1 + 0.2 * np.arange(50), np.float64)
