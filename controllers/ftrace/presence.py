@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.ftrace.geometry import Floats
-from controllers.ftrace.rut import BLOCK_M
+from controllers.ftrace.rut import BLOCK_M, two_sided
 
 LEAST_LENGTH_M = 0.20
 """A trace counts as present when at least this much of it is in view."""
@@ -24,18 +24,27 @@ START_FLOOR, LOCK_FLOOR = 6.0, 3.5
 MEAN_LOCK_FLOOR, MEAN_KEEP_FLOOR = 2.2, 0.5
 """The same on average, to be believed, and to stay so."""
 KEEP_AGREEMENT = 3.7
+BARE_AGREEMENT = 5.5
+"""What keeps a trace, whatever lies beside it, where shadows of the rover are not mistaken for it."""
 SURE_AGREEMENT = 6.5
 AGAIN_AGREEMENT, AGAIN_FLOOR = 5.0, 1.8
 """What brings back a trace that was lost: it looks as it did, and somewhat like the floor of a rut."""
 RANGE_BLOCKS = 5
 SURROUND = 5.0
 """Strength that ground without any trace has about everywhere."""
+SURE_M, MOST_SURE_M = 0.32, 0.45
+"""Clearness summed over the way that is believed whatever it shows: a plain band of tone has no floor."""
+CLEAR_RATIO = 1.3
+FLOOR_SHARE, USUAL_FLOOR, MOST_FLOOR = 0.3, 1.0, 5.0
+"""Here a step in tone alike on both sides counts as well as what the floor does to texture."""
+USUAL_LIKENESS, MOST_LIKENESS = 0.7, 0.9
 MEMORY_M = 0.10
 LOOK_GAIN = 0.1
 KEPT_LENGTH_M = 0.13
 """What must be left of a trace that was there: blocks beside stones or old traces answer less."""
 ENDS_M = 0.055
 """The end of the rut and the edge of the view reach into blocks that they do not fill."""
+START_ERROR_M = 0.01
 FULL_ANSWER = 0.75
 """A block that answers with this share of the usual strength counts as fully covered."""
 
@@ -66,15 +75,22 @@ class Presence:
     A trace that was there is believed on less than one that appears. Until the rover has moved far enough to
     leave a trace that counts, only an unmistakable one is believed: a shadow's edge along the way looks like
     a trace.
+
+    Args:
+        start_m: Distance after which a trace that counts can be in view.
+        is_light_known: Shadows of the rover are taken out of what is seen: a clear band is then a trace, also
+            one that differs from the ground in tone only.
     """
 
-    def __init__(self, start_m: float) -> None:
+    def __init__(self, start_m: float, *, is_light_known: bool) -> None:
         self._start_m = start_m
+        self._is_light_known = is_light_known
         self._travelled_m = 0.0
         self._mean = np.zeros(0)
         self._margin = 0.0
         self._floor = 0.0
         self._usual = 0.0
+        self._sure_m = 0.0
         self._margins: deque[float] = deque(maxlen=LOCK_FRAMES)
         self._look = np.zeros(0)
         self.locked = False
@@ -103,6 +119,7 @@ class Presence:
         self._travelled_m += moved_m
         if self._mean.size == 0:
             self._mean = evidence.sums
+        self._sure_m = float(np.clip(self._sure_m + moved_m * self._clearness(evidence), 0.0, MOST_SURE_M))
         gain = max(1 - np.exp(-moved_m / MEMORY_M), 0.05)
         self._mean = self._mean + gain * (evidence.sums - self._mean)
         self._floor += gain * (evidence.floor - self._floor)
@@ -110,19 +127,37 @@ class Presence:
         self._margin += gain * (margin - self._margin)
         self._margins.append(margin)
         agreement = self._agreement(evidence)
-        present = (
-            self._keeps(evidence, agreement) if self.locked else self._locks(evidence, agreement, moved_m)
-        )
-        least_m = KEPT_LENGTH_M if self.locked else LEAST_LENGTH_M
+        present = self._keeps(agreement) if self.locked else self._locks(evidence, agreement, moved_m)
+        # The first trace of a drive is as long as the way, which is known better than its far end.
+        is_first = self._look.size == 0 and self._travelled_m >= self._start_m + START_ERROR_M
+        least_m = KEPT_LENGTH_M if self.locked or is_first else LEAST_LENGTH_M
         present = present and self._length_m(evidence) >= least_m
         if present:
             self._learn(evidence, agreement)
         return present
 
-    def _keeps(self, evidence: Evidence, agreement: float) -> bool:
+    def _keeps(self, agreement: float) -> bool:
+        if self._is_light_known and agreement > BARE_AGREEMENT:
+            return True
         stands_out = self._margin > 0 or self._floor > AGAIN_FLOOR
         looks_alike = agreement > SURE_AGREEMENT or (agreement > KEEP_AGREEMENT and stands_out)
-        return looks_alike and self._floor > MEAN_KEEP_FLOOR
+        is_band = self._is_light_known and self._sure_m > SURE_M
+        return looks_alike and (self._floor > MEAN_KEEP_FLOOR or is_band)
+
+    def _clearness(self, evidence: Evidence) -> float:
+        """Return how clearly both sides stand out, look as before and differ from the ground.
+
+        About a logarithm of odds for each metre, below 0 without a trace: summed, a test for change (CUSUM).
+        """
+        lengths = np.linalg.norm(evidence.sums) * np.linalg.norm(self._mean)
+        likeness = float(evidence.sums @ self._mean) / max(float(lengths), 1e-6)
+        strength = min(evidence.strength, float(two_sided(evidence.sums[None])[0]))
+        ratio = max(strength, 1.0) / (CLEAR_RATIO * (evidence.around + SURROUND))
+        right, left = np.split(evidence.sums, 2)
+        tone = min(abs(right[0]), abs(left[0])) if right[0] * left[0] > 0 else 0.0
+        floor = np.hypot(max(evidence.floor, 0.0), tone)
+        floor = FLOOR_SHARE * (min(float(floor), MOST_FLOOR) - USUAL_FLOOR)
+        return float(np.log(ratio)) + floor + min(likeness, MOST_LIKENESS) - USUAL_LIKENESS
 
     def _locks(self, evidence: Evidence, agreement: float, moved_m: float) -> bool:
         stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
@@ -130,8 +165,11 @@ class Presence:
             return True
         if agreement > AGAIN_AGREEMENT and min(evidence.floor, self._floor) > AGAIN_FLOOR:
             return True
-        is_early = self._travelled_m < self._start_m
-        if is_early or evidence.floor < LOCK_FLOOR or self._floor < MEAN_LOCK_FLOOR:
+        if self._travelled_m < self._start_m:
+            return False
+        if self._is_light_known and self._sure_m > SURE_M:
+            return True
+        if evidence.floor < LOCK_FLOOR or self._floor < MEAN_LOCK_FLOOR:
             return False
         full = len(self._margins) == LOCK_FRAMES
         far = len(self._margins) >= LOCK_FAR_FRAMES and moved_m > MEMORY_M

@@ -32,6 +32,7 @@ NEAR_M = 0.016
 ALIKE, LEAST_PEAK = 0.45, 1.3
 """A block shows the rut when it answers with this share of what the better ones do, and beyond chance."""
 LEAST_BLOCKS = 4
+ONE_SIDED_SHARE = 0.3
 
 
 Answers = NDArray[np.float32]
@@ -116,25 +117,30 @@ class RutFinder:
         return np.asarray((seen - cv2.blur(seen, self._window) / self._share) * self._visible, np.float32)
 
     def along(
-        self, sections: CrossSections, curves_m: Floats, blocks: int
-    ) -> tuple[Floats, NDArray[np.int_]]:
+        self, sections: CrossSections, curves_m: Floats, *reaches: int
+    ) -> list[tuple[Floats, NDArray[np.int_]]]:
         """Return sums of the answers along curves over root of the number of blocks, and that number.
 
         Args:
             sections: Answers.
             curves_m: Places to the left at `s_m`: curve, block.
-            blocks: Number of blocks to count, from the contact on.
+            reaches: Numbers of blocks to count, from the contact on.
 
         Returns:
-            Sums: curve, kernel; in ground without a rut their variance is about 1. Numbers: curve.
+            For each reach the sums (curve, kernel), in ground without a rut of variance about 1, and the
+            numbers (curve).
         """
         columns = np.round(curves_m / RESOLUTION_M).astype(np.intp) + self._centre
         inside = (columns >= 0) & (columns < self._columns)
-        inside[:, blocks:] = False
         columns = np.clip(columns, 0, self._columns - 1)
-        count = (sections.valid[self._block, columns] & inside).sum(axis=1)
-        sums = (sections.answers[:, self._block, columns] * inside).sum(axis=2).T
-        return sums / np.sqrt(np.maximum(count, 1))[:, None], count
+        valid = sections.valid[self._block, columns] & inside
+        answers = sections.answers[:, self._block, columns] * inside
+        found = []
+        for blocks in reaches:
+            count = valid[:, :blocks].sum(axis=1)
+            sums = answers[:, :, :blocks].sum(axis=2).T
+            found.append((sums / np.sqrt(np.maximum(count, 1))[:, None], count))
+        return found
 
     def answers_on(self, sections: CrossSections, curve_m: Floats) -> Floats:
         """Return the answers block by block along one curve, where they are valid: kernel, block."""
@@ -188,6 +194,19 @@ def floor_evidence(answers: Floats) -> float:
     sides = answers.reshape(2, -1, answers.shape[1])[:, SURE_KERNELS].sum(axis=1)
     sums = np.cumsum(sides, axis=1)[:, LEAST_BLOCKS:] / np.sqrt(count * len(SURE_KERNELS))
     return float(sums.min(axis=0).max())
+
+
+def two_sided(sums: Floats) -> Floats:
+    """Return how strongly both sides of a rut answer, kernel by kernel the weaker side counting.
+
+    Floor and texture differ from the ground on both sides alike; walls may be lit from one side.
+    """
+    right, left = (side.copy() for side in np.split(sums, 2, axis=1))
+    for side in (right, left):
+        side[:, SURE_KERNELS] = np.maximum(side[:, SURE_KERNELS], 0.0)
+    both = 2 * np.minimum(np.abs(right), np.abs(left)) ** 2
+    both[:, EVEN_KERNELS] *= right[:, EVEN_KERNELS] * left[:, EVEN_KERNELS] > 0
+    return np.asarray((both + ONE_SIDED_SHARE * (right**2 + left**2)).sum(axis=1))
 
 
 def _placing(look: Floats) -> Floats:

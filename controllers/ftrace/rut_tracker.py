@@ -1,10 +1,9 @@
 """Looks for the rut: in one image, with memory of the path, or with the ground's motion as well."""
 
-from typing import Literal
-
 import cv2
 import numpy as np
 
+from controllers.ftrace.confidence import RutMethod, Signs, confidence
 from controllers.ftrace.frame import Frame, Reading
 from controllers.ftrace.geometry import RESOLUTION_M, Floats, GroundPatch, Patch
 from controllers.ftrace.ground_flow import GroundFlow, Motion
@@ -12,17 +11,14 @@ from controllers.ftrace.ground_match import GroundMatch
 from controllers.ftrace.path_memory import PathMemory
 from controllers.ftrace.presence import LEAST_LENGTH_M, Evidence, Presence
 from controllers.ftrace.rut import (
-    EVEN_KERNELS,
     LEAST_BLOCKS,
-    SURE_KERNELS,
     CrossSections,
     RutFinder,
     floor_evidence,
+    two_sided,
 )
 from controllers.ftrace.standing_light import StandingLight
 from drivers.samples import Image
-
-RutMethod = Literal["rut", "memory", "fused"]
 
 GREY_FLOOR = 12.0
 FLOW_CONTRAST = 160.0
@@ -32,10 +28,10 @@ LEAST_SHARE = 0.3
 SLIP_GUESS = 0.15
 """Share of the wheel's way that is guessed to be slip where the ground's motion is not seen."""
 FLOW_SD_M = 0.0002
-OFFSET_SD_M = {"rut": 0.008, "memory": 0.002, "fused": 0.002}
+OFFSET_SD_M = 0.002
 """What all points of a frame err together: with memory the lasting part is a state of the path's filter."""
 SLOPE_SD = 0.01
-POINT_SD_FACTORS = {"rut": 1.5, "memory": 5.0, "fused": 2.5}
+POINT_SD_FACTOR = 2.5
 """Points of one rut err together, and from frame to frame: the more frames count, the less each may."""
 OUTLIER_SD = 1.5
 CANDIDATE_SD_M = 0.006
@@ -44,13 +40,19 @@ SPREAD_SD = 2.2
 MOST_STEPS = (22, 5, 2)
 NEAR_BLOCKS = 9
 BESIDE_M = (0.28, 0.016)
-ONE_SIDED_SHARE = 0.3
 BACKWARDS_SHARE = 0.3
 BACKWARDS_GAIN = 0.05
 MOST_BACKWARDS = 0.04
 """Share of the last frames in which the ground moved the wrong way, as in frames that are upside down."""
 LEAST_SCORE = -1e6
-RIGHT_WITHIN_RAD = np.radians(5.0)
+TEMPER = 16.0
+"""Answers along neighbouring curves, and of kernels and blocks, err together: this many count as one."""
+CURVE_SD: dict[RutMethod, tuple[float, float, float]] = {
+    "rut": (0.006, 0.008, 0.01),
+    "memory": (0.012, 0.004, 0.02),
+}
+"""Of the curve of a single image: of each place, and of what all err together in place (m) and in slope."""
+BEND_M = np.arange(0.08, 0.5, 0.02)
 
 
 class RutTracker:
@@ -70,10 +72,12 @@ class RutTracker:
         self._match = GroundMatch(ground)
         self._light = StandingLight(ground)
         self._memory = PathMemory(ground.rig.behind_m)
+        self._any_path = PathMemory(ground.rig.behind_m)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
-        self._presence = Presence(hidden_m + LEAST_LENGTH_M)
+        self._presence = Presence(hidden_m + LEAST_LENGTH_M, is_light_known=method == "fused")
         self._before: Image | None = None
         self._offset_m = 0.0
+        self._signs: Signs | None = None
         self._backwards = 0.0
         width_m = ground.rig.wheel_width_m
         beside = np.arange(1.5 * width_m, max(BESIDE_M[0], 2 * width_m), BESIDE_M[1])
@@ -86,16 +90,14 @@ class RutTracker:
         if self._method == "fused":
             seen = log_grey - cv2.GaussianBlur(self._light.field, (0, 0), 2.0)
         moved_m, goes_back = self._advance(frame, seen, log_grey)
-        found, strength = False, 0.0
-        if frame.usable and not goes_back:
-            found, strength = self._look(self._finder.cross_sections(seen), moved_m)
+        found = frame.usable and not goes_back and self._look(self._finder.cross_sections(seen), moved_m)
         s = self._finder.s_m
         curve = self._memory.curve(s)
         return Reading(
             found=found,
             theta_rad=self._memory.theta_rad,
             offset_m=self._offset_m,
-            confidence=self._confidence(strength) if found else 0.0,
+            confidence=confidence(self._signs, self._method) if found and self._signs else 0.0,
             path_m=np.stack([s, curve], axis=1),
         )
 
@@ -151,20 +153,36 @@ class RutTracker:
                 return motion
         return None
 
-    def _look(self, sections: CrossSections, moved_m: float) -> tuple[bool, float]:
-        """Look for the rut near the path; learn from it; return whether it is there and how strong."""
-        curve, evidence = self._best(sections)
+    def _look(self, sections: CrossSections, moved_m: float) -> bool:
+        """Look for the rut near the path; learn from it; return whether it is there."""
+        curve, spread_m, evidence = self._best(sections)
         if not self._presence.judge(evidence, moved_m):
-            return False, evidence.strength
+            return False
         look = self._presence.look + evidence.sums / np.sqrt(evidence.strength)
         points = self._finder.points(sections, curve, look / np.linalg.norm(look))
         if len(points.s_m) < LEAST_BLOCKS:
-            return False, evidence.strength
-        sd = self._without_outliers(points.s_m, points.y_m, points.sd_m * POINT_SD_FACTORS[self._method])
-        self._memory.observe_trace(points.s_m, points.y_m, sd, OFFSET_SD_M[self._method], SLOPE_SD)
-        fitted = self._memory.curve(points.s_m)
-        self._offset_m = float(np.average(points.y_m - fitted, weights=1 / sd**2))
-        return True, evidence.strength
+            return False
+        if self._method == "fused":
+            sd = self._without_outliers(points.s_m, points.y_m, points.sd_m * POINT_SD_FACTOR)
+            self._memory.observe_trace(points.s_m, points.y_m, sd, OFFSET_SD_M, SLOPE_SD)
+        else:
+            sd = points.sd_m
+            self._observe_curve(curve)
+        fitted = self._memory.curve(np.r_[BEND_M, points.s_m])
+        off = points.y_m - fitted[len(BEND_M) :]
+        self._offset_m = float(np.average(off, weights=1 / sd**2))
+        residual_m = float(np.sqrt(np.average((off - self._offset_m) ** 2, weights=1 / sd**2)))
+        bend = float(np.ptp(np.diff(fitted[: len(BEND_M)])) / (BEND_M[1] - BEND_M[0]))
+        self._signs = Signs(spread_m=spread_m, residual_m=residual_m, bend_rad=bend)
+        return True
+
+    def _observe_curve(self, curve_m: Floats) -> None:
+        """Take in the curve of a single image where the ground can be seen."""
+        seen = self._finder.valid[:, self._ground.centre]
+        sd, offset_sd, slope_sd = CURVE_SD[self._method]
+        self._memory.observe_trace(
+            self._finder.s_m[seen], curve_m[seen], np.full(int(seen.sum()), sd), offset_sd, slope_sd
+        )
 
     def _without_outliers(self, s_m: Floats, y_m: Floats, sd_m: Floats) -> Floats:
         """Return deviations that are greater for points that lie far off, others and the path considered."""
@@ -174,25 +192,37 @@ class RutTracker:
         usual = OUTLIER_SD * np.sqrt(sd_m**2 + np.diag(covariance))
         return np.asarray(sd_m * np.maximum(1.0, np.abs(off) / usual) ** 2)
 
-    def _best(self, sections: CrossSections) -> tuple[Floats, Evidence]:
-        """Return the best curve near the path and the evidence along it."""
+    def _best(self, sections: CrossSections) -> tuple[Floats, float, Evidence]:
+        """Return the likely curve, how far others that may be it lie from it, and the evidence.
+
+        The evidence is that along the best curve. Where the path is known from the ground's motion that is
+        the likely one; otherwise the likely one is the mean of all, each with its weight.
+        """
         curves, penalty = self._candidates()
         look = self._presence.look if self._presence.locked else None
-        best_score, place, reach, sums = -np.inf, 0, self._finder.blocks, np.zeros(0)
-        for blocks in (self._finder.blocks, NEAR_BLOCKS):
-            along, count = self._finder.along(sections, curves, blocks)
-            score = _two_sided(along)
+        reaches = (self._finder.blocks, NEAR_BLOCKS)
+        scores, sums = [], []
+        for along, count in self._finder.along(sections, curves, *reaches):
+            score = two_sided(along)
             if look is not None:
                 score = (score + np.maximum(along @ look, 0) ** 2) / 2
-            score = np.where(count >= LEAST_BLOCKS, score - penalty, LEAST_SCORE)
-            if score.max() > best_score:
-                place = int(score.argmax())
-                best_score, reach, sums = float(score[place]), blocks, along[place]
-        curve = curves[place]
-        beside, count = self._finder.along(sections, curve + self._beside[:, None], reach)
+            scores.append(np.where(count >= LEAST_BLOCKS, score, LEAST_SCORE))
+            sums.append(along)
+        which, place = np.unravel_index(int(np.argmax(np.stack(scores) - penalty)), (2, len(curves)))
+        best = curves[place]
+        weight = np.maximum(*scores) / TEMPER - penalty
+        weight = np.exp(weight - weight.max())
+        weight /= weight.sum()
+        mean = weight @ curves
+        spread_m = float(np.sqrt(weight @ ((curves - mean) ** 2).mean(axis=1)))
+        evidence = self._evidence(sections, best, sums[which][place], reaches[which])
+        return (best if self._method == "fused" else mean), spread_m, evidence
+
+    def _evidence(self, sections: CrossSections, curve: Floats, sums: Floats, reach: int) -> Evidence:
+        ((beside, count),) = self._finder.along(sections, curve + self._beside[:, None], reach)
         around = (beside**2).sum(axis=1)[count >= LEAST_BLOCKS]
         answers = self._finder.answers_on(sections, curve)
-        return curve, Evidence(
+        return Evidence(
             sums=sums,
             strength=float(sums @ sums),
             around=float(np.percentile(around, 90)) if around.size else 0.0,
@@ -204,8 +234,10 @@ class RutTracker:
         """Return curves that the path may have, and how unlikely each is.
 
         They vary along the three main directions of the path's covariance, in steps of a few millimetres.
+        Without optical flow any path may be: a curve found wrong would draw the next ones to itself.
         """
-        mean, covariance = self._memory.trace(self._finder.s_m)
+        path = self._memory if self._method == "fused" else self._any_path
+        mean, covariance = path.trace(self._finder.s_m)
         values, vectors = np.linalg.eigh(covariance + CANDIDATE_SD_M**2)
         values, vectors = np.sqrt(np.maximum(values[:-4:-1], 1e-12)), vectors[:, :-4:-1]
         grids = []
@@ -214,22 +246,3 @@ class RutTracker:
             grids.append(np.linspace(-SPREAD_SD, SPREAD_SD, 2 * steps + 1) if steps else np.zeros(1))
         grid = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3)
         return mean + (grid * values) @ vectors.T, (grid**2).sum(axis=1)
-
-    def _confidence(self, strength: float) -> float:
-        """Return a probability-like number: of a trace at all, times of an error below 5 deg."""
-        seen = strength / (strength + 40.0)
-        ratio = RIGHT_WITHIN_RAD / max(2.0 * self._memory.theta_sd_rad, 1e-6)
-        return float(seen * np.tanh(ratio))
-
-
-def _two_sided(sums: Floats) -> Floats:
-    """Return how strongly both sides of a rut answer, kernel by kernel the weaker side counting.
-
-    Floor and texture differ from the ground on both sides alike; walls may be lit from one side.
-    """
-    right, left = (side.copy() for side in np.split(sums, 2, axis=1))
-    for side in (right, left):
-        side[:, SURE_KERNELS] = np.maximum(side[:, SURE_KERNELS], 0.0)
-    both = 2 * np.minimum(np.abs(right), np.abs(left)) ** 2
-    both[:, EVEN_KERNELS] *= right[:, EVEN_KERNELS] * left[:, EVEN_KERNELS] > 0
-    return np.asarray((both + ONE_SIDED_SHARE * (right**2 + left**2)).sum(axis=1))

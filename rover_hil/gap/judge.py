@@ -9,7 +9,7 @@ from rover_hil.gap.candidates import Candidate, is_visible
 from rover_hil.gap.findings import Findings
 from rover_hil.gap.name import Naming, rest
 from rover_hil.gap.next_run import propose, watch
-from rover_hil.gap.score import asked, asked_at_all
+from rover_hil.gap.score import asked
 from rover_hil.gap.search import Explanation
 from rover_hil.gap.support import support
 from rover_hil.gap.test import GAP_ALPHA, GapTest
@@ -117,10 +117,9 @@ def _asked_by_terms(left: GapTest) -> float:
     """Return what the best free-form term of each channel would still explain."""
     by_channel: dict[str, float] = {}
     for score in left.free:
-        size = asked_at_all(score)
-        if size >= left.line:
+        if asked(score) >= left.line:
             channel = score.direction.name.split(": ", 1)[0]
-            by_channel[channel] = max(by_channel.get(channel, 0.0), size**2)
+            by_channel[channel] = max(by_channel.get(channel, 0.0), asked(score) ** 2)
     return sum(by_channel.values())
 
 

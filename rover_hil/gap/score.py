@@ -7,7 +7,7 @@ along every direction, whatever the parameters were.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -122,10 +122,12 @@ def asked(score: Score, *, by_samples: bool = False) -> float:
     return max(0.0, score.direction.sign * z) if score.direction.sign else abs(z)
 
 
-def asked_at_all(score: Score) -> float:
-    """Return the same for terms that need no name: where they are large, runs may disagree on them."""
-    by_samples = asked(score, by_samples=True)
-    return by_samples if by_samples**2 > LARGE * score.direction.change.size else asked(score)
+def of_terms(scores: Sequence[Score]) -> list[Score]:
+    """Return scores of terms that need no name: where they are large, runs may disagree on them."""
+    return [
+        replace(one, z=one.z_by_samples) if one.z_by_samples**2 > LARGE * one.direction.change.size else one
+        for one in scores
+    ]
 
 
 def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float:

@@ -10,7 +10,7 @@ from rover_hil.gap.fit import Fit
 from rover_hil.gap.noise import Noise
 from rover_hil.gap.problem import Observations
 from rover_hil.gap.replicates import Scatter
-from rover_hil.gap.score import DRAWS, Score, asked_at_all, family_draws, family_p, quantile, score_all
+from rover_hil.gap.score import DRAWS, Score, asked, family_draws, family_p, of_terms, quantile, score_all
 from rover_hil.gap.terms import Term, directions
 from sim_backends.models.interface import Array
 
@@ -58,9 +58,10 @@ def find_gap(
         p_effects: Probability of the scores of the effects that are not; None where they were not taken.
         rng: For the calibration.
     """
-    free = score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady)
+    scores = score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady)
+    free = of_terms(scores)
     draws = family_draws(free, noise.freedom, rng)
-    greatest = max((asked_at_all(score) for score in free), default=0.0)
+    greatest = max((asked(score) for score in free), default=0.0)
     parts = {"free": family_p(free, greatest, draws, noise.freedom)}
     if p_effects is not None:
         parts["effects"] = p_effects
@@ -70,7 +71,7 @@ def find_gap(
     return GapTest(
         p=min(1.0, *(p * total / WEIGHTS[name] for name, p in parts.items())),
         parts=parts,
-        free=tuple(sorted(free, key=lambda score: -asked_at_all(score))),
+        free=tuple(sorted(free, key=lambda score: -asked(score))),
         line=quantile(draws, GAP_ALPHA),
     )
 

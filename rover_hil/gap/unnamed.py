@@ -10,7 +10,7 @@ import numpy as np
 from rover_hil.gap.fit import Fit
 from rover_hil.gap.noise import Noise
 from rover_hil.gap.problem import Observations
-from rover_hil.gap.score import Projection, Score, asked, score_all
+from rover_hil.gap.score import Projection, Score, asked, of_terms, score_all
 from rover_hil.gap.search import linear_gain
 from rover_hil.gap.terms import Term, directions
 from sim_backends.models.interface import Array
@@ -72,7 +72,7 @@ def find_equations(
         line: Score that counts, over all terms and channels.
         rng: For the stability.
     """
-    scores = score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady)
+    scores = of_terms(score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady))
     equations = []
     for channel in seen.channels:
         mine = [score for score in scores if score.direction.name.startswith(f"{channel.name}: ")]

@@ -34,7 +34,7 @@ def after(presence: Presence, shown: Evidence, frames: int) -> bool:
 
 
 def test_a_trace_is_believed_after_some_frames_of_it() -> None:
-    presence = Presence(START_M)
+    presence = Presence(START_M, is_light_known=True)
     after(presence, NOTHING, 30)
 
     assert not presence.judge(WEAK, STEP_M)
@@ -42,8 +42,8 @@ def test_a_trace_is_believed_after_some_frames_of_it() -> None:
 
 
 def test_before_there_can_be_a_trace_only_an_unmistakable_one_is_believed() -> None:
-    assert not after(Presence(START_M), WEAK, 15)
-    assert after(Presence(START_M), STRONG, 1)
+    assert not after(Presence(START_M, is_light_known=True), WEAK, 15)
+    assert after(Presence(START_M, is_light_known=True), STRONG, 1)
 
 
 def with_floor(shown: Evidence, floor: float) -> Evidence:
@@ -52,23 +52,60 @@ def with_floor(shown: Evidence, floor: float) -> Evidence:
     )
 
 
-def test_a_shadow_s_edge_is_not_believed_however_strong() -> None:
-    presence = Presence(START_M)
+def one_sided(shown: Evidence) -> Evidence:
+    """Return evidence of which the right side is gone."""
+    answers = shown.answers.copy()
+    answers[:5] = 0.0
+    sums = answers.sum(axis=1) / np.sqrt(BLOCKS)
+    strength = float(sums @ sums)
+    return Evidence(
+        sums=sums, strength=strength, around=shown.around, floor=floor_evidence(answers), answers=answers
+    )
+
+
+def test_a_shadow_s_edge_is_not_believed_however_long() -> None:
+    presence = Presence(START_M, is_light_known=True)
     after(presence, NOTHING, 30)
 
-    assert not after(presence, with_floor(STRONG, 3.0), 60)
-    assert after(presence, with_floor(STRONG, 4.0), 1)
+    assert not after(presence, one_sided(evidence(150.0)), 200)
+
+
+def test_a_plain_band_without_a_floor_is_believed_when_it_was_clear_for_a_while() -> None:
+    presence, with_shadows = Presence(START_M, is_light_known=True), Presence(START_M, is_light_known=False)
+    after(presence, NOTHING, 30)
+    band = with_floor(STRONG, 1.0)
+
+    assert not after(presence, band, 4)
+    assert after(presence, band, 14)
+    assert not after(with_shadows, band, 200)
+
+
+def test_a_plain_band_as_clear_as_others_beside_is_not_believed() -> None:
+    presence = Presence(START_M, is_light_known=True)
+    after(presence, NOTHING, 30)
+
+    assert not after(presence, with_floor(evidence(150.0, around=300.0), 1.0), 200)
 
 
 def test_a_floor_for_one_frame_is_not_believed() -> None:
-    presence = Presence(START_M)
-    after(presence, with_floor(WEAK, 0.0), 60)
+    presence = Presence(START_M, is_light_known=True)
+    shown = evidence(80.0, around=200.0)
+    after(presence, with_floor(shown, 0.0), 60)
 
-    assert not presence.judge(with_floor(WEAK, 5.0), STEP_M)
+    assert not presence.judge(with_floor(shown, 5.0), STEP_M)
+
+
+def test_the_first_trace_is_believed_when_the_way_is_long_enough() -> None:
+    """Its far end reaches into blocks that it does not fill: measured, it is shorter than it is."""
+    presence = Presence(START_M, is_light_known=True)
+    after(presence, NOTHING, 19)
+
+    assert not presence.judge(evidence(200.0, blocks=5), 0.0)
+    assert after(presence, evidence(200.0, blocks=5), 8)
 
 
 def test_less_than_the_length_that_counts_is_not_believed() -> None:
-    presence = Presence(START_M)
+    presence = Presence(START_M, is_light_known=True)
     after(presence, NOTHING, 30)
 
     assert not after(presence, evidence(200.0, blocks=4), 30)
@@ -76,7 +113,7 @@ def test_less_than_the_length_that_counts_is_not_believed() -> None:
 
 
 def test_a_trace_that_is_gone_is_lost_at_once_and_comes_back_faster() -> None:
-    presence = Presence(0.0)
+    presence = Presence(0.0, is_light_known=True)
     after(presence, STRONG, 20)
 
     assert not presence.judge(NOTHING, STEP_M)
@@ -85,10 +122,18 @@ def test_a_trace_that_is_gone_is_lost_at_once_and_comes_back_faster() -> None:
 
 
 def test_as_much_beside_does_not_lose_a_trace_that_looks_as_before() -> None:
-    presence = Presence(0.0)
+    presence = Presence(0.0, is_light_known=True)
     after(presence, STRONG, 20)
 
     assert after(presence, evidence(80.0, around=120.0), 20)
+
+
+@pytest.mark.parametrize("is_light_known", [True, False])
+def test_a_trace_in_a_shadow_that_looks_as_before_is_kept_where_light_is_known(is_light_known: bool) -> None:
+    presence = Presence(0.0, is_light_known=is_light_known)
+    after(presence, STRONG, 20)
+
+    assert after(presence, with_floor(evidence(70.0, around=150.0), -2.0), 40) is is_light_known
 
 
 def test_the_weaker_side_of_the_floor_counts() -> None:
