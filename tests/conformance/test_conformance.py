@@ -124,7 +124,7 @@ def test_garbage_is_counted_and_streaming_goes_on(bench: Bench) -> None:
     bench.forward_until(lambda samples: heard_all(bench, samples), START_LIMIT_S)
     before = sum(bench.driver.health().rejected.values())
     bench.babble()
-    bench.forward(0.3)
+    bench.forward_until(lambda _: sum(bench.driver.health().rejected.values()) > before, START_LIMIT_S)
     assert sum(bench.driver.health().rejected.values()) > before
     said = bench.forward_until(lambda samples: heard_all(bench, samples), START_LIMIT_S)
     assert said

