@@ -10,8 +10,14 @@ from controllers.ftrace.rut import BLOCK_M, two_sided
 
 LEAST_LENGTH_M = 0.20
 """A trace counts as present when at least this much of it is in view."""
-START_STRENGTH = 130.0
-START_RATIO = 2.5
+START_STRENGTH, START_RATIO, START_FLOOR = 130.0, 2.5, 6.0
+"""What is believed at once where shadows of the rover are not told from ground."""
+START_CLEARNESS = 1.7
+"""How clear a trace must be that is in view when the drive begins: in all frames until it is believed."""
+START_FRAMES = 2
+"""So many frames at least: one alone may be chance."""
+FULL_SHARE = 0.5
+"""What the farthest third of the view must answer, against the rest, where a trace fills the view."""
 LOCK_MARGIN = 14.0
 """By this the strength must exceed that of curves beside, in all of the last frames, to be believed."""
 LOCK_FRAMES = 5
@@ -19,8 +25,8 @@ LOCK_FAR_FRAMES = 2
 """As good as `LOCK_FRAMES` where frames are so far apart that each shows other ground."""
 LASTING_STRENGTH = 46.0
 """Averaged strength that is believed even where there is as much beside, as among shadows."""
-START_FLOOR, LOCK_FLOOR = 6.0, 3.5
-"""What the floor of a trace must show to be believed at once, and to be believed."""
+LOCK_FLOOR = 3.5
+"""What the floor of a trace must show to be believed."""
 MEAN_LOCK_FLOOR, MEAN_KEEP_FLOOR = 2.2, 0.5
 """The same on average, to be believed, and to stay so."""
 KEEP_AGREEMENT = 3.7
@@ -32,9 +38,10 @@ AGAIN_AGREEMENT, AGAIN_FLOOR = 5.0, 1.8
 RANGE_BLOCKS = 5
 SURROUND = 5.0
 """Strength that ground without any trace has about everywhere."""
-SURE_M, MOST_SURE_M = 0.32, 0.45
+SURE_M, MOST_SURE_M = 0.25, 0.45
 """Clearness summed over the way that is believed whatever it shows: a plain band of tone has no floor."""
-CLEAR_RATIO = 1.3
+CLEAR_RATIO, MOST_LOG_RATIO = 1.3, 1.0
+"""However strong walls are, floor or tone must show as well: edges of shadows are strong."""
 FLOOR_SHARE, USUAL_FLOOR, MOST_FLOOR = 0.3, 1.0, 5.0
 """Here a step in tone alike on both sides counts as well as what the floor does to texture."""
 USUAL_LIKENESS, MOST_LIKENESS = 0.7, 0.9
@@ -69,6 +76,31 @@ class Evidence:
     answers: Floats
 
 
+class Before:
+    """What is seen before the rover can have left a trace in view.
+
+    That is none, as shadows of the rover; a trace that comes must be clearer, or look otherwise.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._clearness = 0.0
+        self._sums = np.zeros(0)
+
+    def learn(self, clearness: float, sums: Floats) -> None:
+        """Take in how clear the best curve of a frame is, and its sums of answers."""
+        self._count += 1
+        self._clearness += (clearness - self._clearness) / self._count
+        self._sums = sums if self._count == 1 else self._sums + (sums - self._sums) / self._count
+
+    def share_in(self, sums: Floats) -> float:
+        """Return how much of the clearness of these sums was there before, 0 or more."""
+        if self._count == 0:
+            return 0.0
+        alike = np.clip(_likeness(sums, self._sums) / USUAL_LIKENESS, 0.0, 1.0)
+        return float(max(self._clearness, 0.0) * alike)
+
+
 class Presence:
     """Decides, frame by frame, whether the trace is there.
 
@@ -91,6 +123,8 @@ class Presence:
         self._floor = 0.0
         self._usual = 0.0
         self._sure_m = 0.0
+        self._before = Before()
+        self._frames = self._whole_frames = 0
         self._margins: deque[float] = deque(maxlen=LOCK_FRAMES)
         self._look = np.zeros(0)
         self.locked = False
@@ -119,7 +153,13 @@ class Presence:
         self._travelled_m += moved_m
         if self._mean.size == 0:
             self._mean = evidence.sums
-        self._sure_m = float(np.clip(self._sure_m + moved_m * self._clearness(evidence), 0.0, MOST_SURE_M))
+        clearness = self._clearness(evidence)
+        self._frames += 1
+        self._whole_frames += clearness > START_CLEARNESS and fills_view(evidence.answers)
+        if self._travelled_m < self._start_m - LEAST_LENGTH_M:
+            self._before.learn(clearness, evidence.sums)
+        clearer = clearness - self._before.share_in(evidence.sums)
+        self._sure_m = float(np.clip(self._sure_m + moved_m * clearer, 0.0, MOST_SURE_M))
         gain = max(1 - np.exp(-moved_m / MEMORY_M), 0.05)
         self._mean = self._mean + gain * (evidence.sums - self._mean)
         self._floor += gain * (evidence.floor - self._floor)
@@ -127,7 +167,10 @@ class Presence:
         self._margin += gain * (margin - self._margin)
         self._margins.append(margin)
         agreement = self._agreement(evidence)
-        present = self._keeps(agreement) if self.locked else self._locks(evidence, agreement, moved_m)
+        if self.locked:
+            present = self._keeps(agreement)
+        else:
+            present = self._locks(evidence, agreement, moved_m, clearer)
         # The first trace of a drive is as long as the way, which is known better than its far end.
         is_first = self._look.size == 0 and self._travelled_m >= self._start_m + START_ERROR_M
         least_m = KEPT_LENGTH_M if self.locked or is_first else LEAST_LENGTH_M
@@ -149,19 +192,18 @@ class Presence:
 
         About a logarithm of odds for each metre, below 0 without a trace: summed, a test for change (CUSUM).
         """
-        lengths = np.linalg.norm(evidence.sums) * np.linalg.norm(self._mean)
-        likeness = float(evidence.sums @ self._mean) / max(float(lengths), 1e-6)
+        likeness = _likeness(evidence.sums, self._mean)
         strength = min(evidence.strength, float(two_sided(evidence.sums[None])[0]))
         ratio = max(strength, 1.0) / (CLEAR_RATIO * (evidence.around + SURROUND))
         right, left = np.split(evidence.sums, 2)
         tone = min(abs(right[0]), abs(left[0])) if right[0] * left[0] > 0 else 0.0
         floor = np.hypot(max(evidence.floor, 0.0), tone)
         floor = FLOOR_SHARE * (min(float(floor), MOST_FLOOR) - USUAL_FLOOR)
-        return float(np.log(ratio)) + floor + min(likeness, MOST_LIKENESS) - USUAL_LIKENESS
+        strong = min(float(np.log(ratio)), MOST_LOG_RATIO)
+        return strong + floor + min(likeness, MOST_LIKENESS) - USUAL_LIKENESS
 
-    def _locks(self, evidence: Evidence, agreement: float, moved_m: float) -> bool:
-        stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
-        if stands_out and evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR:
+    def _locks(self, evidence: Evidence, agreement: float, moved_m: float, clearer: float) -> bool:
+        if self._was_there_before() if self._is_light_known else _is_unmistakable(evidence):
             return True
         if agreement > AGAIN_AGREEMENT and min(evidence.floor, self._floor) > AGAIN_FLOOR:
             return True
@@ -169,6 +211,8 @@ class Presence:
             return False
         if self._is_light_known and self._sure_m > SURE_M:
             return True
+        if self._is_light_known and clearer < 0:
+            return False
         if evidence.floor < LOCK_FLOOR or self._floor < MEAN_LOCK_FLOOR:
             return False
         full = len(self._margins) == LOCK_FRAMES
@@ -176,6 +220,10 @@ class Presence:
         if full and self.strength > LASTING_STRENGTH:
             return True
         return (full or far) and min(self._margins) > LOCK_MARGIN
+
+    def _was_there_before(self) -> bool:
+        """Return whether the drive began with a trace in view, which fills it from the first frame on."""
+        return self._whole_frames == self._frames >= START_FRAMES
 
     def _agreement(self, evidence: Evidence) -> float:
         """Return how well the best stretch of blocks looks like the trace before, in standard deviations."""
@@ -201,4 +249,32 @@ class Presence:
             self._look = now
         look = self._look + LOOK_GAIN * (now - self._look)
         self._look = look / max(float(np.linalg.norm(look)), 1e-6)
+        self._before = Before()
         self.locked = True
+
+
+def fills_view(answers: Floats) -> bool:
+    """Return whether the farthest third of the view answers like the rest.
+
+    A trace left before the drive began does; the shadow of a wheel, or a trace begun in view, ends in it.
+
+    Args:
+        answers: Along one curve: kernel, block, the nearest first.
+    """
+    third = answers.shape[1] // 3
+    if third == 0:
+        return False
+    near, far = answers[:, :-third].mean(axis=1), answers[:, -third:].mean(axis=1)
+    look = answers.mean(axis=1)
+    return float(look @ far) > FULL_SHARE * float(look @ near) > 0
+
+
+def _is_unmistakable(evidence: Evidence) -> bool:
+    stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
+    return stands_out and evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR
+
+
+def _likeness(sums: Floats, others: Floats) -> float:
+    """Return the cosine of the angle between two vectors of sums."""
+    lengths = float(np.linalg.norm(sums) * np.linalg.norm(others))
+    return float(sums @ others) / max(lengths, 1e-6)

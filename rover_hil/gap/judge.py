@@ -176,12 +176,20 @@ def _sentence(findings: Findings, answer: Answer) -> str:
         values = f"{names}, which these runs do not tell apart; best fit {values}"
     text = f"Missing: {values}{closed}"
     if answer is Answer.PARTLY_NAMED:
-        text = f"Missing at least: {values}{closed}; {1 - explained_share(findings):.0%} has no name"
-        if findings.rivals:
-            name, term = next(iter(findings.rivals.items()))
-            text += f", and {name} explains no more than a term in {term} would"
+        text = f"Missing, or what looks most like it: {values}{closed}{_unsure(findings)}"
     harm = f" Worse than before: {', '.join(proof.harmed)}." if proof.harmed else ""
     return f"{text}.{where}{harm}"
+
+
+def _unsure(findings: Findings) -> str:
+    """Return why names are not the whole truth."""
+    text = ""
+    if findings.left is not None and findings.left.p <= GAP_ALPHA:
+        text = f"; {1 - explained_share(findings):.0%} has no name"
+    for name, rival in findings.rivals.items():
+        channel, term = rival.split(": ", 1)
+        text += f"; a term {term} in {channel} explains as much as {name}"
+    return text
 
 
 def _values(effect: FoundEffect) -> str:

@@ -36,7 +36,7 @@ IMITATED = 0.1
 """Share below which an effect that is not asked for is said to be imitated by base parameters."""
 SHARE_OF_REST = 0.5
 """What a further name must explain of what is left."""
-SHARE_OF_BEST = 0.5
+SHARE_OF_BEST = 0.9
 """What a rival that costs more than errors of samples allow must explain of what the best does."""
 TRIED_PER_SIZE = 8
 ALIKE = 0.9
@@ -103,9 +103,9 @@ def name_effects(
     chosen = None
     if p_name <= NAME_ALPHA:
         chosen = _choose(problem, noise, start, search, visible[:TOP], draws, advance)
-        if not problem.seen.is_steady:
-            sure = max((one.support for one in search.tried.values()), default=0.0)
-            p_name = family_p(counted, sure, draws, noise.freedom)
+    if counted and not problem.seen.is_steady:
+        by_runs = [one.support for one in search.tried.values()] or list(map(asked, counted))
+        p_name = family_p(counted, max(by_runs), draws, noise.freedom)
     best, members = chosen or (None, [])
     return Naming(
         scores=tuple(candidates),

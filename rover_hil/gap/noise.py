@@ -17,6 +17,10 @@ from sim_backends.models.interface import Array, Channel
 MOST_LAGS = 8
 HUBER_SD = 2.5
 LEAST_BLOCKS = 24
+RINGING = 0.9
+"""Size of complex poles from which on errors swing for ten samples and more."""
+ROUNDING = 1e-9
+"""Errors of exact data, as a share of the values: below it is arithmetic."""
 CLEARLY = 1.0
 """By which minus two log-likelihood must fall before runs are said to have constants of their own."""
 
@@ -169,8 +173,10 @@ def series_noise(seen: Observations, residual: Array, *, is_final: bool = True) 
     row_sd = np.zeros(innovations.size)
     for index, channel in enumerate(seen.channels):
         mine = keep[seen.channel[keep] == index]
-        weight[mine], sigma[index] = _weigh(innovations[mine], channel, is_final=is_final)
-        row_sd[seen.channel == index] = _rms(filled[(seen.channel == index) & np.isfinite(residual)])
+        here = (seen.channel == index) & np.isfinite(residual)
+        least = max(ROUNDING * _rms(seen.values[here]), 1e-12)
+        weight[mine], sigma[index] = _weigh(innovations[mine], channel, least, is_final=is_final)
+        row_sd[seen.channel == index] = max(_rms(filled[here]), least)
     scale = np.sqrt(weight[keep]) / sigma[seen.channel[keep]]
     return SeriesNoise(
         lags=tuple(lags),
@@ -234,9 +240,9 @@ def _constants(
     return run_scatter(starts, level, constant_sd[seen.channel[keep][starts]] ** 2)
 
 
-def _weigh(innovations: Array, channel: Channel, *, is_final: bool) -> tuple[Array, float]:
-    """Return Huber's weights and the deviation that makes weighted scores of unit size."""
-    floor = max(channel.quantum / math.sqrt(12.0), (channel.sigma or 0.0), 1e-297) * 1e-3
+def _weigh(innovations: Array, channel: Channel, least: float, *, is_final: bool) -> tuple[Array, float]:
+    """Return Huber's weights and the deviation, above `least`, that makes weighted scores of unit size."""
+    floor = max(1e-3 * channel.quantum / math.sqrt(12.0), 1e-3 * (channel.sigma or 0.0), least)
     median = 1.4826 * float(np.median(np.abs(innovations))) if innovations.size else 0.0
     spread = max(median, 1e-3 * _rms(innovations), floor)
     weight = np.ones(innovations.size)
@@ -323,11 +329,19 @@ def _fit_lags(seen: Observations, residual: Array, channel: int) -> Array:
     best_score = now.size * math.log(float(np.mean(now**2)))
     for order in range(1, MOST_LAGS + 1):
         coefficients, *_ = np.linalg.lstsq(past[:, :order], now, rcond=None)
+        if _rings(coefficients):
+            continue
         left = max(float(np.mean((now - past[:, :order] @ coefficients) ** 2)), 1e-300)
         score = now.size * math.log(left) + order * math.log(now.size)
         if score < best_score:
             best, best_score = coefficients.astype(np.float64), score
     return best
+
+
+def _rings(lags: NDArray[np.floating]) -> bool:
+    """Tell whether errors of such an autoregression swing: like a system that the model has wrong."""
+    poles = np.roots(np.concatenate(([1.0], -lags)))
+    return bool(np.any((np.abs(poles) > RINGING) & (np.abs(poles.imag) > 1e-9) & (poles.real > 0.0)))
 
 
 def _blocks(seen: Observations, keep: Indices) -> Indices:

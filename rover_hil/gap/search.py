@@ -21,6 +21,8 @@ STARTS = 2
 """Starting shapes of a fit."""
 FAR = (0.5, 1.0, 2.0, 4.0)
 """Strengths to begin from, in natural sizes."""
+FAR_STARTS = 3
+"""Strong effects to begin from: of a delay, the nearest in cost may lead to another swing of the error."""
 MOST_PULLED = 4.0
 """How much larger effects may be one by one than together."""
 HOPELESS = 60.0
@@ -115,9 +117,12 @@ class Search:
             return 0.0, 1.0
         shapes = [(card.name, item.name) for card in cards for item in card.parameters[1:]]
         found = support(fitted, self._noise, strengths, given=shapes)
+        by_runs = min(abs(one.z) for one in found)
+        if len(names) == 1:
+            by_runs = max(by_runs, *(asked(score) for score in self._scores[names[0]]))
         # A base parameter that is set free needs more than its place: it must lie beyond its prior.
         gain = math.sqrt(max(self._start.cost - cost, 0.0))
-        return min(gain, *(abs(one.z) for one in found)), max(one.widening for one in found)
+        return min(gain, by_runs), max(one.widening for one in found)
 
     def _charge(self, names: tuple[str, ...], fitted: Fit) -> float:
         shapes = [(name, item.name) for name in names for item in self._by_name[name].card.parameters[1:]]
@@ -142,12 +147,15 @@ class Search:
                 starts.append((shapes, begin))
                 continue
             near, far = [begin, self._as_base(names[0], begin)], self._far(names[0], shapes)
-            families = [near + far] if self._problem.seen.is_steady else [near, far]
-            starts += [(shapes, self._cheapest(free, points)) for points in families]
+            if self._problem.seen.is_steady:
+                chosen = self._cheapest(free, near + far, 1)
+            else:
+                chosen = self._cheapest(free, near, 1) + self._cheapest(free, far, FAR_STARTS)
+            starts += [(shapes, point) for point in chosen]
         return starts
 
-    def _cheapest(self, free: Sequence[Free], points: Sequence[Point]) -> Point:
-        return min(points, key=lambda point: self._cost(free, point))
+    def _cheapest(self, free: Sequence[Free], points: Sequence[Point], count: int) -> list[Point]:
+        return sorted(points, key=lambda point: self._cost(free, point))[:count]
 
     def _fit(self, names: tuple[str, ...], shapes: Shapes, begin: Point, hopeless: float) -> Fit:
         free = self.free(names, shapes)
@@ -272,9 +280,12 @@ class Search:
 
 def _is_at_limit(strength: Parameter, value: float) -> bool:
     """Tell whether a strength would be more than it can be: then it stands for something else."""
-    reach = AT_LIMIT * (strength.upper - strength.lower)
-    limits = [one for one in (strength.lower, strength.upper) if one != strength.nominal]
-    return any(abs(value - one) <= reach for one in limits)
+    limits = [one for one in (strength.lower, strength.upper) if math.isfinite(one)]
+    return any(
+        abs(value - one) <= AT_LIMIT * abs(one - strength.nominal)
+        for one in limits
+        if one != strength.nominal
+    )
 
 
 def pulled_apart(fitted: Fit, strengths: Sequence[Key]) -> float:

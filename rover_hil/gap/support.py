@@ -22,6 +22,10 @@ LEAST_RUNS = 6
 AGREEING_RUNS = 3.0
 """What is believed beforehand, in runs: that runs scatter no more than their samples do. Without it, an
 effect that only one or two runs show could never be sure, however clearly they do."""
+BEYOND_CHANCE = 0.9
+"""Level from which on runs do scatter more than their samples, and that belief is given up."""
+ALMOST_ALL = 0.999
+"""Share of what is known of a number that one run may hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,11 +66,12 @@ def support(fit: Fit, noise: Noise, keys: Sequence[Key], given: Sequence[Key] = 
     number = clusters(noise)
     parts = [np.flatnonzero(number == one) for one in range(int(number.max(initial=-1)) + 1)]
     moved, informed = np.zeros((len(parts), len(used))), np.zeros((len(parts), len(used)))
+    squares = [jacobian[rows].T @ jacobian[rows] for rows in parts]
     for index, rows in enumerate(parts):
-        mine = jacobian[rows]
-        without = normal - mine.T @ mine
-        moved[index] = np.linalg.solve(without, mine.T @ fit.residual[rows])
-        informed[index] = np.sum((mine @ covariance) ** 2, axis=0)
+        # A run that holds almost all that is known would leave nothing but the priors.
+        without = normal - ALMOST_ALL * squares[index]
+        moved[index] = np.linalg.solve(without, jacobian[rows].T @ fit.residual[rows])
+        informed[index] = np.sum((jacobian[rows] @ covariance) ** 2, axis=0)
     return [_support(moved[:, k], informed[:, k], float(pull[k]), float(covariance[k, k])) for k in places]
 
 
@@ -95,6 +100,8 @@ def scatter_of_runs(by_runs: float, informed: Array) -> tuple[float, float]:
     """
     active = float(informed.sum() ** 2 / max(float((informed**2).sum()), 1e-300))
     freedom = max(active - 1.0, 0.0)
+    if freedom >= 1.0 and by_runs**2 > stats.chi2.ppf(BEYOND_CHANCE, freedom) / freedom:
+        return by_runs, freedom
     together = (AGREEING_RUNS + freedom * by_runs**2) / (AGREEING_RUNS + freedom)
     return math.sqrt(max(together, 1.0)), AGREEING_RUNS + freedom
 
@@ -106,11 +113,17 @@ def as_normal(z: float, spread: float, freedom: float) -> float:
 
 
 def is_clearly_worse(rival: Fit, best: Fit, noise: Noise, level: float) -> bool:
-    """Tell whether a rival explains the runs worse than the best, run by run (paired t-test)."""
+    """Tell whether a rival explains the runs worse than the best, run by run (paired t-test).
+
+    Each run's difference is taken in its own standard deviation: that of twice the squared distance between
+    the two, were errors all there is.
+    """
     number = clusters(noise)
     worse = np.bincount(number, weights=rival.residual**2 - best.residual**2)
-    spread = float(np.std(worse, ddof=1)) if worse.size > 1 else 0.0
-    if spread <= 0.0:
-        return bool(worse.sum() > 0.0)
-    t = float(worse.mean()) * math.sqrt(worse.size) / spread
-    return t > float(stats.t.ppf(level, worse.size - 1))
+    apart = np.sqrt(np.bincount(number, weights=(rival.residual - best.residual) ** 2))
+    told = worse[apart > 0.0] / apart[apart > 0.0]
+    if told.size < 2:
+        return False
+    spread = max(float(np.std(told, ddof=1)), 1e-12)
+    t = float(told.mean()) * math.sqrt(told.size) / spread
+    return t > float(stats.t.ppf(level, told.size - 1))

@@ -9,7 +9,10 @@ from scipy.signal import lfilter
 from rover_hil.gap.noise import SeriesNoise, for_other_runs, series_noise
 from rover_hil.gap.problem import Group, Observations
 from rover_hil.gap.run_scatter import likeliest, run_scatter
+from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array, Channel, Run
+from tests.nature.axis import Drive
+from tests.rover_hil.gap_data import axis_runs, make_axis
 
 RUNS, SAMPLES = 12, 80
 CHANNEL = Channel(name="speed", unit="m/s")
@@ -102,3 +105,9 @@ def test_the_likeliest_scatter_is_none_where_there_is_none() -> None:
     errors -= errors.mean(axis=1, keepdims=True)
     variance, _ = likeliest(starts, np.ones(errors.size), errors.ravel())
     assert variance < 1e-3
+
+
+def test_exact_data_is_no_division_by_zero() -> None:
+    runs = axis_runs(3, Drive(noise=0.0), dry=0.0125)
+    verdict = analyse(make_axis(), runs, seed=3).verdict
+    assert any("dry_friction" in names for names in verdict.confidence_set), verdict.sentence

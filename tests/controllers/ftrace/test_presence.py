@@ -41,9 +41,28 @@ def test_a_trace_is_believed_after_some_frames_of_it() -> None:
     assert after(presence, WEAK, 12)
 
 
-def test_before_there_can_be_a_trace_only_an_unmistakable_one_is_believed() -> None:
-    assert not after(Presence(START_M, is_light_known=True), WEAK, 15)
-    assert after(Presence(START_M, is_light_known=True), STRONG, 1)
+def test_a_trace_in_view_when_the_drive_begins_is_believed_with_the_second_frame() -> None:
+    presence = Presence(START_M, is_light_known=True)
+
+    assert not presence.judge(STRONG, 0.0)
+    assert presence.judge(STRONG, STEP_M)
+
+
+def test_where_light_is_not_known_only_an_unmistakable_trace_is_believed_at_the_start() -> None:
+    assert not after(Presence(START_M, is_light_known=False), WEAK, 15)
+    assert after(Presence(START_M, is_light_known=False), STRONG, 1)
+
+
+@pytest.mark.parametrize(
+    ("shown", "frames_before"), [(evidence(300.0, blocks=8), 0), (evidence(30.0), 0), (STRONG, 1)]
+)
+def test_before_there_can_be_a_trace_one_that_ends_in_view_is_faint_or_comes_later_is_not_believed(
+    shown: Evidence, frames_before: int
+) -> None:
+    presence = Presence(START_M, is_light_known=True)
+    after(presence, NOTHING, frames_before + 1)
+
+    assert not after(presence, shown, 15)
 
 
 def with_floor(shown: Evidence, floor: float) -> Evidence:
@@ -78,6 +97,19 @@ def test_a_plain_band_without_a_floor_is_believed_when_it_was_clear_for_a_while(
     assert not after(presence, band, 4)
     assert after(presence, band, 14)
     assert not after(with_shadows, band, 200)
+
+
+def test_what_was_seen_before_there_could_be_a_trace_is_not_believed_until_it_looks_otherwise() -> None:
+    presence = Presence(START_M, is_light_known=True)
+    shadow = with_floor(evidence(60.0, blocks=9), 1.0)
+
+    assert not after(presence, shadow, 200)
+
+    answers = -shadow.answers
+    other = Evidence(
+        sums=-shadow.sums, strength=shadow.strength, around=shadow.around, floor=4.0, answers=answers
+    )
+    assert after(presence, other, 20)
 
 
 def test_a_plain_band_as_clear_as_others_beside_is_not_believed() -> None:
