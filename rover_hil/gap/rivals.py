@@ -27,9 +27,7 @@ def find_rivals(prepared: Prepared, naming: Naming, best: Explanation) -> Mappin
     if prepared.problem.seen.is_steady:
         return {}
     found = {}
-    released = {card.name for card in prepared.problem.model.effects if card.releases is not None}
-    # What a base parameter would explain beyond its prior is bounded by the prior: nothing to compare with.
-    for name in (one for one in best.names if one not in released):
+    for name in best.names:
         rest = tuple(other for other in best.names if other != name)
         part = naming.tried.get(rest)
         if part is None and rest:
