@@ -22,8 +22,8 @@ LEAST_RUNS = 6
 AGREEING_RUNS = 3.0
 """What is believed beforehand, in runs: that runs scatter no more than their samples do. Without it, an
 effect that only one or two runs show could never be sure, however clearly they do."""
-BEYOND_CHANCE = 0.9
-"""Level from which on runs do scatter more than their samples, and that belief is given up."""
+BEYOND_CHANCE, SCATTERING_RUNS = 0.9, 1.0
+"""Level from which on runs do scatter more than their samples, and what is left of that belief then."""
 ALMOST_ALL = 0.999
 """Share of what is known of a number that one run may hold."""
 
@@ -100,10 +100,10 @@ def scatter_of_runs(by_runs: float, informed: Array) -> tuple[float, float]:
     """
     active = float(informed.sum() ** 2 / max(float((informed**2).sum()), 1e-300))
     freedom = max(active - 1.0, 0.0)
-    if freedom >= 1.0 and by_runs**2 > stats.chi2.ppf(BEYOND_CHANCE, freedom) / freedom:
-        return by_runs, freedom
-    together = (AGREEING_RUNS + freedom * by_runs**2) / (AGREEING_RUNS + freedom)
-    return math.sqrt(max(together, 1.0)), AGREEING_RUNS + freedom
+    is_sure = freedom >= 1.0 and by_runs**2 > stats.chi2.ppf(BEYOND_CHANCE, freedom) / freedom
+    agreeing = SCATTERING_RUNS if is_sure else AGREEING_RUNS
+    together = (agreeing + freedom * by_runs**2) / (agreeing + freedom)
+    return math.sqrt(max(together, 1.0)), agreeing + freedom
 
 
 def as_normal(z: float, spread: float, freedom: float) -> float:

@@ -84,9 +84,9 @@ def test_runs_that_disagree_take_away_what_samples_are_sure_of() -> None:
 def test_without_effect_runs_that_scatter_seldom_ask_for_one() -> None:
     rng = np.random.default_rng(3)
     z = np.array([support(*fitted(rng.standard_normal(9), rng), [KEY])[0].z for _ in range(1000)])
-    # 5 and 0.5 % would be perfect.
+    # 5 and 0.5 % would be perfect; what is left of the belief in the samples costs the rest.
     assert np.mean(np.abs(z) > 1.96) < 0.075
-    assert np.mean(np.abs(z) > 2.81) <= 0.01
+    assert np.mean(np.abs(z) > 2.81) <= 0.015
 
 
 def test_one_run_that_shows_it_clearly_is_enough() -> None:
