@@ -89,11 +89,6 @@ class PathMemory:
         rows = self._rows(np.array([s_m]))
         self._update(rows, np.array([y_m]) - rows @ self._x, np.array([[sd_m**2]]))
 
-    @property
-    def beside_m(self) -> float:
-        """How far left of the path the trace seems to lie."""
-        return float(self._x[2])
-
     def curve(self, s_m: Floats) -> Floats:
         """Return y at `s_m`."""
         return np.asarray(self._rows(s_m) @ self._x)

@@ -1,7 +1,6 @@
 """When no effect fits: the shortest equation with units that does, labelled as having no name."""
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,12 +12,9 @@ from rover_hil.gap.problem import Observations
 from rover_hil.gap.score import Projection, Score, asked, of_terms, score_all
 from rover_hil.gap.search import linear_gain
 from rover_hil.gap.terms import Term, directions
-from sim_backends.models.interface import Array
 
 TOP_TERMS = 12
 MOST_TERMS = 3
-STABLE_SHARE = 0.8
-RESAMPLES = 60
 MOST_EQUATIONS = 3
 
 
@@ -32,7 +28,6 @@ class Equation:
         terms: Text, coefficient, its standard error and unit, of each term.
         closest: The effect whose change is most alike, and how alike.
         cosine: -1..1.
-        stability: Share of resampled data that keeps the same terms.
     """
 
     channel: str
@@ -40,7 +35,6 @@ class Equation:
     terms: tuple[tuple[str, float, float, str], ...]
     closest: str
     cosine: float
-    stability: float
 
     @property
     def text(self) -> str:
@@ -59,7 +53,6 @@ def find_equations(
     terms: Sequence[Term],
     effects: Sequence[Score],
     line: float,
-    rng: np.random.Generator,
 ) -> list[Equation]:
     """Return an equation for each channel that asks for one, the most asked first.
 
@@ -70,7 +63,6 @@ def find_equations(
         terms: To choose from.
         effects: Scores of the effects at the same fit, for the closest one.
         line: Score that counts, over all terms and channels.
-        rng: For the stability.
     """
     scores = of_terms(score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady))
     equations = []
@@ -81,7 +73,7 @@ def find_equations(
             continue
         chosen = _choose(mine, line)
         gain = linear_gain([mine[index] for index in chosen])
-        equations.append((gain, _equation(channel.name, channel.unit, mine, chosen, fitted, effects, rng)))
+        equations.append((gain, _equation(channel.name, channel.unit, mine, chosen, fitted, effects)))
     return [equation for _, equation in sorted(equations, key=lambda item: -item[0])[:MOST_EQUATIONS]]
 
 
@@ -105,7 +97,6 @@ def _equation(
     chosen: Sequence[int],
     fitted: Fit,
     effects: Sequence[Score],
-    rng: np.random.Generator,
 ) -> Equation:
     parts = [scores[index] for index in chosen]
     matrix = np.stack([score.projected / score.standard_error for score in parts], axis=1)
@@ -134,27 +125,4 @@ def _equation(
         ),
         closest=closest,
         cosine=alike,
-        stability=_stability(scores, chosen, projection.residual, rng),
     )
-
-
-def _stability(
-    scores: Sequence[Score], chosen: Sequence[int], residual: Array, rng: np.random.Generator
-) -> float:
-    """Return how often the same subset is best when the errors are drawn again."""
-    matrix = np.stack([score.projected for score in scores], axis=1)
-    gram = matrix.T @ matrix
-    wanted = set(chosen)
-    subsets = list(itertools.combinations(range(len(scores)), len(chosen)))
-    kept = 0
-    for _ in range(RESAMPLES):
-        target = matrix.T @ (residual + rng.standard_normal(residual.size))
-        gains = [_gain(gram, target, subset) for subset in subsets]
-        kept += set(subsets[int(np.argmax(gains))]) == wanted
-    return kept / RESAMPLES
-
-
-def _gain(gram: Array, target: Array, subset: Sequence[int]) -> float:
-    index = np.array(subset)
-    part = gram[np.ix_(index, index)] + 1e-9 * np.eye(index.size)
-    return float(target[index] @ np.linalg.solve(part, target[index])) if math.isfinite(target.sum()) else 0.0

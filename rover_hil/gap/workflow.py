@@ -130,7 +130,7 @@ def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Gene
         changes = candidate_directions(prepared.problem, noise, fitted, others)
         effects = score_all(fitted, noise, changes, is_steady=seen.is_steady)
         line = (left or findings.gap).line
-        equations = find_equations(seen, noise, fitted, prepared.terms, effects, line, rng)
+        equations = find_equations(seen, noise, fitted, prepared.terms, effects, line)
     rivals = {} if best is None else find_rivals(prepared, findings.naming, best)
     return replace(findings, best=best, left=left, rivals=rivals, equations=tuple(equations))
 

@@ -18,7 +18,7 @@ from sim_backends.models.four_wheel_drive_data import (
     read_four_wheel_runs,
 )
 from sim_backends.models.four_wheel_drive_effects import EFFECTS
-from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.log_columns import DriveLog
 from sim_backends.models.windows import earlier, stretches
 
@@ -36,23 +36,15 @@ CHANNELS = (
 )
 
 
-def _own(
-    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
-    )
-
-
 PARAMETERS = (
-    _own("radius_error", "1", 0.0, 0.01, -0.5, 0.5, "of the wheels' nominal radius"),
-    _own("track_error", "1", 0.0, 0.05, -0.5, 20.0, "of the distance between left and right wheels"),
-    _own("side_error", "1", 0.0, 0.003, -0.3, 0.3, "radius of the right wheels beside the left ones"),
-    _own("compass_offset_deg", "deg", 0.0, 1.0, -180.0, 180.0, "mounting and declination"),
-    _own("compass_age_s", "s", 0.05, 0.03, 0.0, 1.0, "age of the compass's reading: some of its period"),
-    _own("gyro_bias_deg_s", "deg/s", 0.0, 0.05, -20.0, 20.0, "what calibration at rest leaves"),
-    _own("pitch_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "pitch told on the level"),
-    _own("roll_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "roll told on the level"),
+    parameter("radius_error", "1", 0.0, 0.01, -0.5, 0.5, "of the wheels' nominal radius"),
+    parameter("track_error", "1", 0.0, 0.05, -0.5, 20.0, "of the distance between left and right wheels"),
+    parameter("side_error", "1", 0.0, 0.003, -0.3, 0.3, "radius of the right wheels beside the left ones"),
+    parameter("compass_offset_deg", "deg", 0.0, 1.0, -180.0, 180.0, "mounting and declination"),
+    parameter("compass_age_s", "s", 0.05, 0.03, 0.0, 1.0, "age of the compass's reading: some of its period"),
+    parameter("gyro_bias_deg_s", "deg/s", 0.0, 0.05, -20.0, 20.0, "what calibration at rest leaves"),
+    parameter("pitch_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "pitch told on the level"),
+    parameter("roll_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "roll told on the level"),
 )
 NOMINAL = {item.name: item.nominal for item in PARAMETERS}
 NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}

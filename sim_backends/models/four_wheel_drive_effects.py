@@ -1,21 +1,12 @@
 """Effects that may be missing in the odometry of a four-wheel rover with gyro and compass: one card each."""
 
-from sim_backends.models.interface import EffectCard, Parameter
-
-
-def _number(
-    name: str, unit: str, nominal: float, size: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=size, lower=lower, upper=upper, meaning=meaning
-    )
-
+from sim_backends.models.interface import EffectCard, parameter
 
 WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
     sentence="The wheels are larger or smaller than thought, so that every way is, too.",
     place="kinematics: way per turn of the wheels",
-    parameters=(_number("error", "1", 0.0, 0.05, -0.5, 0.5, "true over nominal radius, less one"),),
+    parameters=(parameter("error", "1", 0.0, 0.05, -0.5, 0.5, "true over nominal radius, less one"),),
     claims=("the same share of every way", "the same uphill and downhill"),
     experiment="a measured way on hard ground",
     source="tyres, grousers, sinkage of the rim",
@@ -25,7 +16,7 @@ BASE_RADIUS = EffectCard(
     name="base_radius",
     sentence="The rover turns as if its wheels stood farther apart: they scrub sideways in turns.",
     place="kinematics: turn per difference of the sides",
-    parameters=(_number("error", "1", 0.0, 0.5, -0.5, 20.0, "effective over nominal track, less one"),),
+    parameters=(parameter("error", "1", 0.0, 0.5, -0.5, 20.0, "effective over nominal track, less one"),),
     claims=("turns change by its inverse, both ways", "straight drives do not change"),
     experiment="full turns on the spot",
     source="skid steering: effective track (Mandow et al. 2007)",
@@ -36,11 +27,11 @@ DROPOUTS = EffectCard(
     sentence="The counter of one wheel loses ticks.",
     place="encoder of one wheel",
     parameters=(
-        _number("share", "1", 0.0, 0.05, 0.0, 0.9, "ticks lost above the onset"),
-        _number(
+        parameter("share", "1", 0.0, 0.05, 0.0, 0.9, "ticks lost above the onset"),
+        parameter(
             "wheel", "1", 1.0, 0.01, 1.0, 4.0, "which one: front left, front right, rear left, rear right"
         ),
-        _number("onset", "rad/s", 0.0, 0.5, 0.0, 50.0, "wheel speed above which they are lost"),
+        parameter("onset", "rad/s", 0.0, 0.5, 0.0, 50.0, "wheel speed above which they are lost"),
     ),
     shape_grid={"wheel": (1.0, 2.0, 3.0, 4.0), "onset": (0.0, 1.0)},
     claims=("one wheel", "the wheel seems slower than it is, never faster"),
@@ -52,8 +43,8 @@ HARD_IRON = EffectCard(
     sentence="Magnets of the rover add a field that turns with it: the compass errs once per turn.",
     place="compass",
     parameters=(
-        _number("size", "deg", 0.0, 2.0, -90.0, 90.0, "greatest error"),
-        _number("phase", "deg", 0.0, 45.0, -180.0, 180.0, "heading at which it is greatest"),
+        parameter("size", "deg", 0.0, 2.0, -90.0, 90.0, "greatest error"),
+        parameter("phase", "deg", 0.0, 45.0, -180.0, 180.0, "heading at which it is greatest"),
     ),
     shape_grid={"phase": (0.0, 45.0, 90.0, 135.0)},
     claims=("one wave per turn of heading", "wheels and gyro do not know of it"),
@@ -65,8 +56,8 @@ SOFT_IRON = EffectCard(
     sentence="Iron of the rover bends the earth's field: the compass errs twice per turn.",
     place="compass",
     parameters=(
-        _number("size", "deg", 0.0, 2.0, -45.0, 45.0, "greatest error"),
-        _number("phase", "deg", 0.0, 22.0, -90.0, 90.0, "heading at which it is greatest"),
+        parameter("size", "deg", 0.0, 2.0, -45.0, 45.0, "greatest error"),
+        parameter("phase", "deg", 0.0, 22.0, -90.0, 90.0, "heading at which it is greatest"),
     ),
     shape_grid={"phase": (0.0, 22.5, 45.0, 67.5)},
     claims=("two waves per turn of heading", "wheels and gyro do not know of it"),
@@ -77,7 +68,7 @@ COMPASS_OFFSET = EffectCard(
     name="compass_offset",
     sentence="The compass is mounted turned, or the declination is wrong.",
     place="compass",
-    parameters=(_number("angle", "deg", 0.0, 3.0, -180.0, 180.0, "added to every heading"),),
+    parameters=(parameter("angle", "deg", 0.0, 3.0, -180.0, 180.0, "added to every heading"),),
     claims=("the same at every heading",),
     experiment="one known heading",
     source="mounting, map of declination (coefficient A)",
@@ -87,7 +78,7 @@ COMPASS_LAG = EffectCard(
     name="compass_lag",
     sentence="The compass follows late: it damps its reading.",
     place="compass",
-    parameters=(_number("time", "s", 0.0, 0.3, 0.0, 5.0, "time constant"),),
+    parameters=(parameter("time", "s", 0.0, 0.3, 0.0, 5.0, "time constant"),),
     claims=("in proportion to the turning rate", "zero on straight ways"),
     experiment="turns to both sides at some rates",
     source="first-order damping of a fluxgate compass",
@@ -96,7 +87,7 @@ LATENCY = EffectCard(
     name="latency",
     sentence="The log of the wheels is later than that of the true pose, by a constant time.",
     place="clock of the wheels",
-    parameters=(_number("time", "s", 0.0, 0.1, 0.0, 1.0, "age of the encoders' values"),),
+    parameters=(parameter("time", "s", 0.0, 0.1, 0.0, 1.0, "age of the encoders' values"),),
     claims=("shows only where the speed changes", "changes its sign with the acceleration"),
     experiment="steps of the speed",
     source="bus and cycle of the drive",
@@ -105,7 +96,7 @@ WHEEL_SLIP = EffectCard(
     name="wheel_slip",
     sentence="The wheels slip on level ground by what their own rolling resistance asks of the soil.",
     place="contact of wheels and soil",
-    parameters=(_number("share", "1", 0.0, 0.1, 0.0, 0.95, "slip on the level"),),
+    parameters=(parameter("share", "1", 0.0, 0.1, 0.0, 0.95, "slip on the level"),),
     claims=("wheels turn more than the rover moves", "the same on every level way"),
     experiment="the same way on hard ground",
     source="equilibrium of traction and resistance at zero drawbar pull",
@@ -115,8 +106,8 @@ SLOPE_SLIP = EffectCard(
     sentence="Uphill the wheels pull the weight's share along the slope, and slip more the steeper it is.",
     place="contact of wheels and soil",
     parameters=(
-        _number("per_slope", "1/rad", 0.0, 0.5, 0.0, 10.0, "slip per slope climbed"),
-        _number("curvature", "1/rad", 0.0, 2.0, 0.0, 20.0, "growth of that slope by slope"),
+        parameter("per_slope", "1/rad", 0.0, 0.5, 0.0, 10.0, "slip per slope climbed"),
+        parameter("curvature", "1/rad", 0.0, 2.0, 0.0, 20.0, "growth of that slope by slope"),
     ),
     shape_grid={"curvature": (0.0, 4.0)},
     claims=("positive uphill, negative downhill", "zero on the level"),
@@ -127,7 +118,7 @@ SIDE_DRIFT = EffectCard(
     name="side_drift",
     sentence="On a side slope the rover drifts downhill while it drives.",
     place="contact of wheels and soil",
-    parameters=(_number("per_roll", "1", 0.0, 0.3, 0.0, 5.0, "slip angle per roll angle, both in rad"),),
+    parameters=(parameter("per_roll", "1", 0.0, 0.3, 0.0, 5.0, "slip angle per roll angle, both in rad"),),
     claims=("downhill, whichever side", "zero without roll", "only while driving"),
     experiment="one side slope in both directions",
     source="paper 000, eq 2 and fig. 12: slip angle grows with the side force",
@@ -136,7 +127,7 @@ GYRO_BIAS = EffectCard(
     name="gyro_bias",
     sentence="The gyro shows a rate at rest.",
     place="gyro",
-    parameters=(_number("rate", "deg/s", 0.0, 0.3, -20.0, 20.0, "shown at rest"),),
+    parameters=(parameter("rate", "deg/s", 0.0, 0.3, -20.0, 20.0, "shown at rest"),),
     claims=("the same at every rate", "wheels and compass do not know of it"),
     experiment="log at rest",
     source="micromechanical gyro",
@@ -146,7 +137,7 @@ GYRO_SCALE = EffectCard(
     name="gyro_scale",
     sentence="The gyro shows too much or too little of every rate.",
     place="gyro",
-    parameters=(_number("error", "1", 0.0, 0.02, -0.5, 0.5, "shown over true rate, less one"),),
+    parameters=(parameter("error", "1", 0.0, 0.02, -0.5, 0.5, "shown over true rate, less one"),),
     claims=("in proportion to the rate, both ways",),
     experiment="ten full turns",
     source="data sheets tell 1 to 3 %",

@@ -36,6 +36,15 @@ class Parameter:
     meaning: str = ""
 
 
+def parameter(
+    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str = ""
+) -> Parameter:
+    """Return a parameter given as a row of a table; see `Parameter` for the columns."""
+    return Parameter(
+        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
     """A measured quantity that a model predicts.

@@ -94,7 +94,8 @@ def read_columns(path: Path) -> dict[str, Array]:
     columns = {}
     for place, name in enumerate(names):
         if name and name != RUN_COLUMN:
-            columns[name] = np.array([_number(path, name, row[place]) for row in body])
+            where = f"{path}: a cell of column '{name}'"
+            columns[name] = np.array([cell_number(row[place], where) for row in body])
     return columns
 
 
@@ -182,10 +183,14 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _number(path: Path, name: str, cell: str) -> float:
-    if not cell:
-        return math.nan
+def cell_number(cell: str, where: str) -> float:
+    """Return the number in a cell of a table; NaN where it is empty.
+
+    Raises:
+        ConfigError: It is no number.
+    """
+    text = cell.strip()
     try:
-        return float(cell)
+        return float(text) if text else math.nan
     except ValueError as error:
-        raise ConfigError(f"{path}: a cell of column '{name}' is '{cell}', no number") from error
+        raise ConfigError(f"{where} is '{text}', no number") from error

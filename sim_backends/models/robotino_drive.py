@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.log_columns import DriveLog
 from sim_backends.models.robotino_drive_data import (
     BASE_M,
@@ -33,17 +33,9 @@ CHANNELS = (
 MOST_SLIP = 0.98
 
 
-def _own(
-    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
-    )
-
-
 PARAMETERS = (
-    _own("radius_error", "1", 0.0, 0.005, -0.5, 0.5, "of the wheels' nominal radius, 40 mm"),
-    _own(
+    parameter("radius_error", "1", 0.0, 0.005, -0.5, 0.5, "of the wheels' nominal radius, 40 mm"),
+    parameter(
         "base_error",
         "1",
         0.0,
@@ -52,18 +44,18 @@ PARAMETERS = (
         0.5,
         "of the wheels' nominal distance, 125 mm; two rows of rollers carry in turn",
     ),
-    _own("scale_error", "1", 0.0, 0.006, -0.5, 0.5, "of the camera's scale; its file tells 0.6 %"),
-    _own(
+    parameter("scale_error", "1", 0.0, 0.006, -0.5, 0.5, "of the camera's scale; its file tells 0.6 %"),
+    parameter(
         "scale_slope_x", "1/m", 0.0, 0.05, -0.5, 0.5, "growth of the scale to the right: the camera is tilted"
     ),
-    _own("scale_slope_y", "1/m", 0.0, 0.05, -0.5, 0.5, "growth of the scale upwards in the picture"),
-    _own("marker_yaw_rad", "rad", 0.0, 0.03, -0.8, 0.8, "turn of the marker on the rover"),
-    _own(
+    parameter("scale_slope_y", "1/m", 0.0, 0.05, -0.5, 0.5, "growth of the scale upwards in the picture"),
+    parameter("marker_yaw_rad", "rad", 0.0, 0.03, -0.8, 0.8, "turn of the marker on the rover"),
+    parameter(
         "camera_age_s", "s", 0.06, 0.03, 0.0, 0.5, "age of the camera's pose: one to three pictures at 30 Hz"
     ),
-    _own("wheel_1_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 1 beside wheel 3"),
-    _own("wheel_2_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 2 beside wheel 3"),
-    _own("idle_current_a", "A", 0.2, 0.03, 0.0, 2.0, "current of a wheel that pulls nothing"),
+    parameter("wheel_1_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 1 beside wheel 3"),
+    parameter("wheel_2_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 2 beside wheel 3"),
+    parameter("idle_current_a", "A", 0.2, 0.03, 0.0, 2.0, "current of a wheel that pulls nothing"),
 )
 NOMINAL = {item.name: item.nominal for item in PARAMETERS}
 NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}

@@ -1,23 +1,15 @@
 """Effects that may be missing in the odometry of a Robotino under an overhead camera: one card each."""
 
-from sim_backends.models.interface import EffectCard, Parameter
+from sim_backends.models.interface import EffectCard, parameter
 
 PAPER = "Slippage compensation of a Robotino (paper 003)"
-
-
-def _number(
-    name: str, unit: str, nominal: float, size: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=size, lower=lower, upper=upper, meaning=meaning
-    )
 
 
 WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
     sentence="The wheels are larger or smaller than thought, so that every way and every turn is, too.",
     place="kinematics: way per turn of the wheels",
-    parameters=(_number("error", "1", 0.0, 0.05, -0.25, 0.25, "true over nominal radius, less one"),),
+    parameters=(parameter("error", "1", 0.0, 0.05, -0.25, 0.25, "true over nominal radius, less one"),),
     claims=("the same share in all directions and at all speeds", "turns change by the same share"),
     experiment="pure rotation: the camera's scale does not touch it",
     source="wear and tolerance of the rollers",
@@ -28,7 +20,7 @@ BASE_RADIUS = EffectCard(
     sentence="The wheels stand nearer to or farther from the centre than thought.",
     place="kinematics: turn per way of the wheels",
     parameters=(
-        _number("error", "1", 0.0, 0.05, -0.4, 0.4, "true over nominal radius of the base, less one"),
+        parameter("error", "1", 0.0, 0.05, -0.4, 0.4, "true over nominal radius of the base, less one"),
     ),
     claims=("turns change by its inverse", "straight drives do not change"),
     experiment="pure rotation beside straight drives",
@@ -39,7 +31,7 @@ CAMERA_SCALE = EffectCard(
     name="camera_scale",
     sentence="The camera's millimetres per pixel, or the size of its marker, are not what was calibrated.",
     place="position from the camera",
-    parameters=(_number("error", "1", 0.0, 0.05, -0.4, 0.4, "true over nominal mm per pixel, less one"),),
+    parameters=(parameter("error", "1", 0.0, 0.05, -0.4, 0.4, "true over nominal mm per pixel, less one"),),
     claims=(
         "the same share in all directions and at all speeds",
         "turns do not change",
@@ -54,7 +46,7 @@ MARKER_YAW = EffectCard(
     sentence="The marker is glued to the rover turned by some angle.",
     place="heading from the camera",
     parameters=(
-        _number("angle", "rad", 0.0, 0.05, -0.8, 0.8, "of the marker's x axis, left of the rover's"),
+        parameter("angle", "rad", 0.0, 0.05, -0.8, 0.8, "of the marker's x axis, left of the rover's"),
     ),
     claims=("turns every seen motion by one angle", "its length stays"),
     experiment="a ruler along the rover's side",
@@ -66,8 +58,8 @@ UNEVEN_WHEEL = EffectCard(
     sentence="One wheel is larger or smaller than the other two.",
     place="kinematics: way per turn of one wheel",
     parameters=(
-        _number("error", "1", 0.0, 0.02, -0.4, 0.4, "its radius over that of the others, less one"),
-        _number("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
+        parameter("error", "1", 0.0, 0.02, -0.4, 0.4, "its radius over that of the others, less one"),
+        parameter("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
     ),
     shape_grid={"wheel": (1.0, 2.0, 3.0)},
     claims=("turns a straight drive, by direction", "the same share at every speed"),
@@ -79,9 +71,9 @@ DROPOUTS = EffectCard(
     sentence="The counter of one wheel loses ticks, perhaps only when they come too fast.",
     place="encoder of one wheel",
     parameters=(
-        _number("share", "1", 0.0, 0.05, 0.0, 0.9, "ticks lost above the onset"),
-        _number("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
-        _number("onset", "rad/s", 2.0, 1.0, 0.0, 20.0, "wheel speed above which they are lost"),
+        parameter("share", "1", 0.0, 0.05, 0.0, 0.9, "ticks lost above the onset"),
+        parameter("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
+        parameter("onset", "rad/s", 2.0, 1.0, 0.0, 20.0, "wheel speed above which they are lost"),
     ),
     shape_grid={"wheel": (1.0, 2.0, 3.0), "onset": (0.0, 2.0, 4.0, 6.0)},
     claims=("one wheel", "the wheel seems slower than it is, never faster", "none below the onset"),
@@ -92,7 +84,7 @@ LATENCY = EffectCard(
     name="latency",
     sentence="The camera's pose is older than its time in the log.",
     place="clock of the camera",
-    parameters=(_number("time", "s", 0.0, 0.05, -0.02, 0.5, "added to the known age"),),
+    parameters=(parameter("time", "s", 0.0, 0.05, -0.02, 0.5, "added to the known age"),),
     claims=("shows only where the speed changes", "changes its sign with the acceleration"),
     experiment="steps of the speed",
     source="exposure, transfer and search for the marker",
@@ -103,8 +95,8 @@ WHEEL_SLIP = EffectCard(
     sentence="A wheel slips on the ground in proportion to its pull, which its current above idle tells.",
     place="contact of wheel and ground",
     parameters=(
-        _number("gain", "1/A", 0.0, 0.2, 0.0, 5.0, "slip per current above that of an idle wheel"),
-        _number("surface", "1", 0.0, 0.01, 0.0, 20.0, "which surface; 0 for all"),
+        parameter("gain", "1/A", 0.0, 0.2, 0.0, 5.0, "slip per current above that of an idle wheel"),
+        parameter("surface", "1", 0.0, 0.01, 0.0, 20.0, "which surface; 0 for all"),
     ),
     shape_grid={"surface": (0.0, 1.0, 2.0, 3.0, 4.0)},
     claims=(
@@ -119,7 +111,7 @@ SIDE_SLIP = EffectCard(
     name="turn_scrub",
     sentence="Rollers scrub when the rover turns, and eat a share of the turn.",
     place="contact of wheel and ground",
-    parameters=(_number("share", "1", 0.0, 0.05, 0.0, 0.7, "of the turn that is lost"),),
+    parameters=(parameter("share", "1", 0.0, 0.05, 0.0, 0.7, "of the turn that is lost"),),
     claims=("turns fall short both ways", "straight drives do not change"),
     experiment="full turns on the spot on two surfaces",
     source="width of the contact patch",
@@ -128,7 +120,7 @@ GYRO_BIAS = EffectCard(
     name="gyro_bias",
     sentence="The gyro shows a rate at rest.",
     place="gyro",
-    parameters=(_number("rate", "rad/s", 0.0, 0.01, -0.5, 0.5, "shown at rest"),),
+    parameters=(parameter("rate", "rad/s", 0.0, 0.01, -0.5, 0.5, "shown at rest"),),
     claims=("the same at every rate", "wheels and camera do not know of it"),
     experiment="log at rest",
     source="micromechanical gyro",
@@ -137,7 +129,7 @@ GYRO_SCALE = EffectCard(
     name="gyro_scale",
     sentence="The gyro shows too much or too little of every rate.",
     place="gyro",
-    parameters=(_number("error", "1", 0.0, 0.02, -0.5, 0.5, "shown over true rate, less one"),),
+    parameters=(parameter("error", "1", 0.0, 0.02, -0.5, 0.5, "shown over true rate, less one"),),
     claims=("in proportion to the rate, both ways",),
     experiment="ten full turns",
     source="data sheets tell 1 to 3 %",

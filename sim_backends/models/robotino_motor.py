@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
-from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.log_columns import DriveLog
 from sim_backends.models.robotino_motor_data import motor_runs_of_log, read_motor_runs
 from sim_backends.models.robotino_motor_effects import COPPER_PER_K, EFFECTS
@@ -41,16 +41,8 @@ CHANNELS = (
 INPUTS = {"t_s": "s", "set_point_rad_s": "rad/s", "others_current_a": "A"}
 
 
-def _own(
-    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
-    )
-
-
 PARAMETERS = (
-    _own(
+    parameter(
         "motor_constant_v_s_rad",
         "V s/rad",
         0.0508,
@@ -59,12 +51,16 @@ PARAMETERS = (
         0.2,
         "voltage per speed, torque per current",
     ),
-    _own("resistance_ohm", "ohm", 5.6, 0.3, 0.5, 50.0, "winding, leads and brushes"),
-    _own("inertia_kg_m2", "kg m2", 7.1e-6, 2e-6, 1e-6, 1e-2, "rotor"),
-    _own("stiffness_v_s_rad", "V s/rad", 0.35, 0.05, 0.01, 5.0, "voltage the loop adds per speed error"),
-    _own("feed_forward_v_s_rad", "V s/rad", 0.047, 0.007, 0.0, 0.3, "voltage the loop adds per set-point"),
-    _own("integral_factor", "1", 2.0, 0.7, 1.0, 50.0, "stiffness with over that without integral action"),
-    _own(
+    parameter("resistance_ohm", "ohm", 5.6, 0.3, 0.5, 50.0, "winding, leads and brushes"),
+    parameter("inertia_kg_m2", "kg m2", 7.1e-6, 2e-6, 1e-6, 1e-2, "rotor"),
+    parameter("stiffness_v_s_rad", "V s/rad", 0.35, 0.05, 0.01, 5.0, "voltage the loop adds per speed error"),
+    parameter(
+        "feed_forward_v_s_rad", "V s/rad", 0.047, 0.007, 0.0, 0.3, "voltage the loop adds per set-point"
+    ),
+    parameter(
+        "integral_factor", "1", 2.0, 0.7, 1.0, 50.0, "stiffness with over that without integral action"
+    ),
+    parameter(
         "wait_share",
         "1",
         0.8,
@@ -73,7 +69,7 @@ PARAMETERS = (
         1.0,
         "longest wait of a set-point for its turn, over the log's cycle",
     ),
-    _own("supply_v", "V", 24.0, 0.5, 5.0, 60.0, "voltage of the supply"),
+    parameter("supply_v", "V", 24.0, 0.5, 5.0, 60.0, "voltage of the supply"),
 )
 NOMINAL = {item.name: item.nominal for item in PARAMETERS}
 NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}

@@ -1,18 +1,10 @@
 """Effects that may be missing in a gear motor behind a speed loop: one card each. SI units at the motor."""
 
-from sim_backends.models.interface import EffectCard, Parameter
+from sim_backends.models.interface import EffectCard, parameter
 
 DATA_SHEET = "Dunkermotoren GR 42x25"
 COPPER_PER_K = 0.0039
 """Rise of the resistance of copper with temperature."""
-
-
-def _number(
-    name: str, unit: str, nominal: float, size: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=size, lower=lower, upper=upper, meaning=meaning
-    )
 
 
 COULOMB = EffectCard(
@@ -20,7 +12,7 @@ COULOMB = EffectCard(
     sentence="Dry friction in bearings, brushes and gear brakes the motor with a torque that does not depend "
     "on its speed.",
     place="torque balance of the rotor",
-    parameters=(_number("torque", "N m", 0.0, 0.01, 0.0, 0.2, "friction torque at the motor"),),
+    parameters=(parameter("torque", "N m", 0.0, 0.01, 0.0, 0.2, "friction torque at the motor"),),
     claims=(
         "brakes, whichever way the motor turns",
         "raises the current by the same amount at every speed",
@@ -33,7 +25,9 @@ VISCOUS = EffectCard(
     name="viscous_friction",
     sentence="Grease and windage brake the motor with a torque in proportion to its speed.",
     place="torque balance of the rotor",
-    parameters=(_number("per_speed", "N m s/rad", 0.0, 2e-5, 0.0, 1e-3, "friction torque per motor speed"),),
+    parameters=(
+        parameter("per_speed", "N m s/rad", 0.0, 2e-5, 0.0, 1e-3, "friction torque per motor speed"),
+    ),
     claims=("brakes, whichever way the motor turns", "current grows in proportion to speed", "zero at rest"),
     experiment="two steady speeds far apart",
     source="Newtonian lubricant",
@@ -43,8 +37,8 @@ STRIBECK = EffectCard(
     sentence="Before a lubricant film has formed friction is higher: it falls from breakaway as speed grows.",
     place="torque balance of the rotor",
     parameters=(
-        _number("excess", "N m", 0.0, 0.005, 0.0, 0.1, "breakaway torque above dry friction"),
-        _number("speed", "rad/s", 20.0, 10.0, 1.0, 60.0, "motor speed at which it has fallen to 1/e"),
+        parameter("excess", "N m", 0.0, 0.005, 0.0, 0.1, "breakaway torque above dry friction"),
+        parameter("speed", "rad/s", 20.0, 10.0, 1.0, 60.0, "motor speed at which it has fallen to 1/e"),
     ),
     shape_grid={"speed": (10.0, 40.0)},
     claims=("brakes, whichever way the motor turns", "gone at high speed", "greatest just above rest"),
@@ -56,7 +50,7 @@ ASYMMETRIC = EffectCard(
     sentence="Brushes or gear brake more in one direction than in the other.",
     place="torque balance of the rotor",
     parameters=(
-        _number("excess", "N m", 0.0, 0.003, -0.1, 0.1, "more friction forwards; negative: backwards"),
+        parameter("excess", "N m", 0.0, 0.003, -0.1, 0.1, "more friction forwards; negative: backwards"),
     ),
     claims=("in one direction only", "does not depend on speed"),
     experiment="the same speeds both ways",
@@ -67,8 +61,8 @@ HEAT = EffectCard(
     sentence="Current heats the winding, and warm copper resists more.",
     place="resistance of the winding",
     parameters=(
-        _number("per_watt", "K/W", 0.0, 6.0, 0.0, 60.0, "thermal resistance from winding to air"),
-        _number("time", "s", 120.0, 100.0, 5.0, 2000.0, "time constant of the winding"),
+        parameter("per_watt", "K/W", 0.0, 6.0, 0.0, 60.0, "thermal resistance from winding to air"),
+        parameter("time", "s", 120.0, 100.0, 5.0, 2000.0, "time constant of the winding"),
     ),
     shape_grid={"time": (30.0, 300.0)},
     claims=(
@@ -84,8 +78,8 @@ SAG = EffectCard(
     sentence="The supply gives less voltage as more current is drawn from it, and as it empties.",
     place="supply",
     parameters=(
-        _number("per_amp", "ohm", 0.0, 0.2, 0.0, 5.0, "inner resistance of the supply"),
-        _number("per_charge", "V/(A h)", 0.0, 0.5, 0.0, 20.0, "voltage lost per charge drawn"),
+        parameter("per_amp", "ohm", 0.0, 0.2, 0.0, 5.0, "inner resistance of the supply"),
+        parameter("per_charge", "V/(A h)", 0.0, 0.5, 0.0, 20.0, "voltage lost per charge drawn"),
     ),
     claims=("follows the current of all motors together", "common to all motors"),
     experiment="load one motor and look at another",
@@ -95,7 +89,7 @@ DELAY = EffectCard(
     name="loop_delay",
     sentence="A set-point acts later than its turn in the cycle: bus and board take time.",
     place="clock of the set-point",
-    parameters=(_number("time", "s", 0.0, 0.05, 0.0, 0.5, "from its turn in the cycle to its effect"),),
+    parameters=(parameter("time", "s", 0.0, 0.05, 0.0, 0.5, "from its turn in the cycle to its effect"),),
     claims=("shows only where the set-point changes", "the same for every size and sign of change"),
     experiment="steps of the set-point, far apart",
     source="serial bus of the board, cycle of the host",
@@ -104,7 +98,7 @@ BACK_EMF = EffectCard(
     name="back_emf",
     sentence="The motor's constant, voltage per speed and torque per current, is not that of the data sheet.",
     place="circuit and torque of the motor",
-    parameters=(_number("change", "V s/rad", 0.0, 0.003, -0.015, 0.015, "added to the constant"),),
+    parameters=(parameter("change", "V s/rad", 0.0, 0.003, -0.015, 0.015, "added to the constant"),),
     claims=(
         "speed changes by one factor where the voltage is given",
         "friction currents change by its inverse",
@@ -117,7 +111,7 @@ RESISTANCE = EffectCard(
     name="winding_resistance",
     sentence="The winding with its leads and brushes has another resistance than the data sheet says.",
     place="circuit of the motor",
-    parameters=(_number("change", "ohm", 0.0, 0.6, -1.5, 3.0, "added to the resistance"),),
+    parameters=(parameter("change", "ohm", 0.0, 0.6, -1.5, 3.0, "added to the resistance"),),
     claims=(
         "the same from the first second on",
         "speed under load and friction changes, idle speed does not",
@@ -130,7 +124,7 @@ LOAD_INERTIA = EffectCard(
     name="load_inertia",
     sentence="The motor accelerates more than its rotor: gear, wheel, and a share of the rover.",
     place="torque balance of the rotor",
-    parameters=(_number("change", "kg m2", 0.0, 1e-5, 0.0, 1e-2, "added to the inertia at the motor"),),
+    parameters=(parameter("change", "kg m2", 0.0, 1e-5, 0.0, 1e-2, "added to the inertia at the motor"),),
     claims=("shows only while the speed changes", "current peaks in proportion to acceleration"),
     experiment="steps of the set-point with the wheel free and with the rover on the ground",
     source="rigid bodies behind a gear",
@@ -140,7 +134,7 @@ STIFFNESS = EffectCard(
     name="loop_stiffness",
     sentence="The speed loop is tuned otherwise: it adds other volts per speed error.",
     place="speed loop",
-    parameters=(_number("change", "V s/rad", 0.0, 0.15, -0.3, 4.0, "added to the stiffness"),),
+    parameters=(parameter("change", "V s/rad", 0.0, 0.15, -0.3, 4.0, "added to the stiffness"),),
     claims=("the speed droops more or less under the same friction",),
     experiment="read the tuning from the board",
     source="proportional loop of the board",
@@ -150,7 +144,7 @@ DEAD_ZONE = EffectCard(
     name="dead_zone",
     sentence="The bridge drops some voltage whichever way it drives, so that small outputs do nothing.",
     place="motor voltage",
-    parameters=(_number("voltage", "V", 0.0, 0.5, 0.0, 5.0, "lost by the bridge"),),
+    parameters=(parameter("voltage", "V", 0.0, 0.5, 0.0, 5.0, "lost by the bridge"),),
     claims=("like dry friction for the speed, but draws no current",),
     experiment="idle current at rest under a small output",
     source="saturation voltage of an H-bridge",
@@ -159,7 +153,7 @@ CURRENT_OFFSET = EffectCard(
     name="current_offset",
     sentence="The current sensor shows some current where none flows.",
     place="current sensor",
-    parameters=(_number("offset", "A", 0.0, 0.03, -0.2, 0.2, "added to every reading"),),
+    parameters=(parameter("offset", "A", 0.0, 0.03, -0.2, 0.2, "added to every reading"),),
     claims=("the same at rest and at every speed", "the speed does not know of it"),
     experiment="log at rest",
     source="offset of an amplifier",

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
 from sim_backends.models.side_slope_data import (
     BEND,
     MIDDLE_M,
@@ -35,23 +35,9 @@ CHANNELS = (
 )
 
 
-def _own(
-    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name,
-        unit=unit,
-        nominal=nominal,
-        prior_sd=prior_sd,
-        lower=lower,
-        upper=upper,
-        meaning=meaning,
-    )
-
-
 PARAMETERS = (
-    _own("friction_angle_deg", "deg", 38.0, 0.4, 25.0, 50.0, "internal friction of the soil, phi"),
-    _own(
+    parameter("friction_angle_deg", "deg", 38.0, 0.4, 25.0, 50.0, "internal friction of the soil, phi"),
+    parameter(
         "shear_modulus_m",
         "m",
         0.0283,
@@ -60,16 +46,20 @@ PARAMETERS = (
         0.08,
         "displacement over which shear stress builds up, k",
     ),
-    _own("sinkage_modulus", "1", 122.73, 3.0, 30.0, 400.0, "frictional modulus of sinkage, k_phi"),
-    _own("sinkage_exponent", "1", 1.703, 0.012, 0.8, 2.5, "exponent of sinkage, n"),
-    _own("exit_share", "1", 0.82, 0.02, 0.3, 1.2, "rise of the wheel behind, over the sinkage"),
-    _own("greatest_stress", "1", 0.40, 0.007, 0.2, 0.6, "angle of greatest stress over entry angle, a_0"),
-    _own("wheel_radius_m", "m", NOMINAL_RADIUS_M, 0.00015, 0.08, 0.115, "radius of the wheels"),
-    _own("cog_lateral_m", "m", 0.0, 0.002, -0.15, 0.15, "centre of gravity towards the uphill side"),
-    _own("cog_height_m", "m", 0.187, 0.003, 0.05, 0.4, "height of the centre of gravity"),
-    _own("heading_deg", "deg", 0.0, 0.1, -20.0, 20.0, "heading of the rover, uphill of the traverse"),
-    _own("camera_yaw_deg", "deg", 0.0, 0.1, -20.0, 20.0, "turn of the motion capture's frame on the slope"),
-    _own(
+    parameter("sinkage_modulus", "1", 122.73, 3.0, 30.0, 400.0, "frictional modulus of sinkage, k_phi"),
+    parameter("sinkage_exponent", "1", 1.703, 0.012, 0.8, 2.5, "exponent of sinkage, n"),
+    parameter("exit_share", "1", 0.82, 0.02, 0.3, 1.2, "rise of the wheel behind, over the sinkage"),
+    parameter(
+        "greatest_stress", "1", 0.40, 0.007, 0.2, 0.6, "angle of greatest stress over entry angle, a_0"
+    ),
+    parameter("wheel_radius_m", "m", NOMINAL_RADIUS_M, 0.00015, 0.08, 0.115, "radius of the wheels"),
+    parameter("cog_lateral_m", "m", 0.0, 0.002, -0.15, 0.15, "centre of gravity towards the uphill side"),
+    parameter("cog_height_m", "m", 0.187, 0.003, 0.05, 0.4, "height of the centre of gravity"),
+    parameter("heading_deg", "deg", 0.0, 0.1, -20.0, 20.0, "heading of the rover, uphill of the traverse"),
+    parameter(
+        "camera_yaw_deg", "deg", 0.0, 0.1, -20.0, 20.0, "turn of the motion capture's frame on the slope"
+    ),
+    parameter(
         "start_length_m",
         "m",
         0.1,
@@ -78,8 +68,8 @@ PARAMETERS = (
         0.3,
         "way over which slip builds up at the start",
     ),
-    _own("sinkage_zero_mm", "mm", 0.0, 0.2, -5.0, 5.0, "zero of the gauge of the ruts"),
-    _own("torque_scale", "1", 1.0, 0.01, 0.8, 1.2, "measured over true torque"),
+    parameter("sinkage_zero_mm", "mm", 0.0, 0.2, -5.0, 5.0, "zero of the gauge of the ruts"),
+    parameter("torque_scale", "1", 1.0, 0.01, 0.8, 1.2, "measured over true torque"),
 )
 USUAL_SLIP = 0.1
 LATE_WAY_M = np.linspace(START_SHARE * WAY_M, WAY_M, 36)

@@ -13,6 +13,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import Array, Run
+from sim_backends.models.log_columns import cell_number
 
 NOMINAL_RADIUS_M = 0.097
 """Radius with which encoder speeds were turned into r omega."""
@@ -49,11 +50,15 @@ def read_side_slope(path: Path) -> list[Run]:
     runs = []
     for line, row in enumerate(rows, start=2):
         name = row["run"].strip()
-        measured = {key: np.array([_number(summary, line, key, row[key])]) for key in present}
+        measured = {
+            key: np.array([cell_number(row[key], f"{summary}, line {line}: {key}")]) for key in present
+        }
         if name in bends:
             measured[BEND] = np.array([bends[name]])
         labels = [key for key in LABELS if key in row]
-        conditions = {key: _number(summary, line, key, row[key]) for key in (*CONDITIONS, *labels)}
+        conditions = {
+            key: cell_number(row[key], f"{summary}, line {line}: {key}") for key in (*CONDITIONS, *labels)
+        }
         runs.append(Run(name=name, conditions=conditions, measured=measured))
     return runs
 
@@ -75,18 +80,10 @@ def _rows(path: Path, needed: Sequence[str]) -> list[dict[str, str]]:
     return rows
 
 
-def _number(path: Path, line: int, column: str, cell: str) -> float:
-    text = cell.strip()
-    try:
-        return float(text) if text else math.nan
-    except ValueError as error:
-        raise ConfigError(f"{path}, line {line}: {column} is '{text}', no number") from error
-
-
 def _bends(path: Path) -> dict[str, float]:
     points: dict[str, list[list[float]]] = {}
     for line, row in enumerate(_rows(path, ("run", *PATH_COLUMNS)), start=2):
-        point = [_number(path, line, key, row[key]) for key in PATH_COLUMNS]
+        point = [cell_number(row[key], f"{path}, line {line}: {key}") for key in PATH_COLUMNS]
         points.setdefault(row["run"].strip(), []).append(point)
     bends = {name: path_bend_deg_m(np.array(rows)) for name, rows in points.items()}
     return {name: bend for name, bend in bends.items() if math.isfinite(bend)}

@@ -1,20 +1,12 @@
 """Effects that may be missing in the side-slope rover: one card each."""
 
-from sim_backends.models.interface import EffectCard, Parameter
+from sim_backends.models.interface import EffectCard, parameter
 
 REFERENCE_MASS_KG = 23.8
 PAPER = "Slope Traversability Analysis of Reconfigurable Planetary Rovers"
 
 
-def _number(
-    name: str, unit: str, nominal: float, size: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=size, lower=lower, upper=upper, meaning=meaning
-    )
-
-
-BODY_SHARE = _number(
+BODY_SHARE = parameter(
     "body_share", "1", 1.0, 0.5, 0.0, 1.0, "share of the turn that the body makes; the rest is sideways creep"
 )
 
@@ -24,10 +16,12 @@ SLOPE_FAILURE = EffectCard(
     "wheels shear it, and carries the rover with it, whatever its roll.",
     place="speed of the soil under the wheels",
     parameters=(
-        _number("gain", "1/rad", 0.0, 0.15, 0.0, 3.0, "downhill speed over rim speed, per slope above onset"),
-        _number("onset", "deg", 10.0, 4.0, 0.0, 25.0, "slope at which the soil begins to flow"),
-        _number("backward_share", "1", 0.25, 0.25, 0.0, 2.0, "backward over downhill speed of the soil"),
-        _number("load_exponent", "1", 0.5, 0.5, 0.0, 3.0, f"power of mass over {REFERENCE_MASS_KG} kg"),
+        parameter(
+            "gain", "1/rad", 0.0, 0.15, 0.0, 3.0, "downhill speed over rim speed, per slope above onset"
+        ),
+        parameter("onset", "deg", 10.0, 4.0, 0.0, 25.0, "slope at which the soil begins to flow"),
+        parameter("backward_share", "1", 0.25, 0.25, 0.0, 2.0, "backward over downhill speed of the soil"),
+        parameter("load_exponent", "1", 0.5, 0.5, 0.0, 3.0, f"power of mass over {REFERENCE_MASS_KG} kg"),
     ),
     shape_grid={"onset": (0.0, 5.0, 10.0, 15.0), "backward_share": (0.0, 0.5), "load_exponent": (0.0, 1.0)},
     claims=(
@@ -43,7 +37,7 @@ FRICTION_ANGLE = EffectCard(
     name="friction_angle",
     sentence="The soil's angle of internal friction is not the one of the tables.",
     place="shear strength (paper 001, eq 19)",
-    parameters=(_number("change", "deg", 0.0, 3.0, -10.0, 10.0, "added to phi"),),
+    parameters=(parameter("change", "deg", 0.0, 3.0, -10.0, 10.0, "added to phi"),),
     claims=("slip angle stays zero where the roll equals the slope", "slip and slip angle grow together"),
     experiment="shear box, or drawbar at high slip",
     source=f"{PAPER}, eq 19 and Table III",
@@ -53,7 +47,7 @@ SHEAR_MODULUS = EffectCard(
     name="shear_modulus",
     sentence="Shear stress builds up over another displacement than that of the tables.",
     place="shear stress (paper 001, eq 19)",
-    parameters=(_number("change", "m", 0.0, 0.006, -0.018, 0.04, "added to k"),),
+    parameters=(parameter("change", "m", 0.0, 0.006, -0.018, 0.04, "added to k"),),
     claims=("slip angle stays zero where the roll equals the slope", "scales slips, hardly sinkages"),
     experiment="drawbar over slip at small slips",
     source=f"{PAPER}, eq 19 and Table III",
@@ -63,7 +57,7 @@ SINKAGE_MODULUS = EffectCard(
     name="sinkage_modulus",
     sentence="The soil bears another pressure at a given depth than that of the tables.",
     place="normal stress (paper 001, eq 17)",
-    parameters=(_number("change", "1", 0.0, 25.0, -80.0, 240.0, "added to k_phi"),),
+    parameters=(parameter("change", "1", 0.0, 25.0, -80.0, 240.0, "added to k_phi"),),
     claims=("all sinkages change by nearly one factor", "slip angle stays zero where roll equals slope"),
     experiment="plates, or ruts of the wheels at rest",
     source=f"{PAPER}, eq 17 and Table III",
@@ -75,8 +69,8 @@ COG_OFFSET = EffectCard(
     "uphill and the downhill wheels.",
     place="load transfer (paper 001, eqs 3 and 4)",
     parameters=(
-        _number("offset", "m", 0.0, 0.015, -0.12, 0.12, "distance"),
-        _number("direction", "deg", 0.0, 20.0, -90.0, 90.0, "0 uphill, 90 up"),
+        parameter("offset", "m", 0.0, 0.015, -0.12, 0.12, "distance"),
+        parameter("direction", "deg", 0.0, 20.0, -90.0, 90.0, "0 uphill, 90 up"),
     ),
     shape_grid={"direction": (0.0, 90.0)},
     claims=(
@@ -93,9 +87,9 @@ HEADING_DRIFT = EffectCard(
     "steeper the slope or the greater its load, as the side forces of front and rear wheels do not balance.",
     place="yaw of the rover along the path",
     parameters=(
-        _number("rate", "deg/m", 0.0, 2.0, -20.0, 20.0, "turn uphill per way on 20 deg with 23.8 kg"),
-        _number("slope_exponent", "1", 1.0, 0.5, 0.0, 3.0, "power of the sine of the slope"),
-        _number("load_exponent", "1", 0.0, 1.0, 0.0, 4.0, f"power of mass over {REFERENCE_MASS_KG} kg"),
+        parameter("rate", "deg/m", 0.0, 2.0, -20.0, 20.0, "turn uphill per way on 20 deg with 23.8 kg"),
+        parameter("slope_exponent", "1", 1.0, 0.5, 0.0, 3.0, "power of the sine of the slope"),
+        parameter("load_exponent", "1", 0.0, 1.0, 0.0, 4.0, f"power of mass over {REFERENCE_MASS_KG} kg"),
         BODY_SHARE,
     ),
     shape_grid={"slope_exponent": (0.0, 1.0), "load_exponent": (0.0, 2.0), "body_share": (0.0, 1.0)},
@@ -113,7 +107,7 @@ HEADING_OFFSET = EffectCard(
     "along it.",
     place="heading of the rover on the slope",
     parameters=(
-        _number("offset", "deg", 0.0, 1.5, -15.0, 15.0, "heading uphill of the traverse"),
+        parameter("offset", "deg", 0.0, 1.5, -15.0, 15.0, "heading uphill of the traverse"),
         BODY_SHARE,
     ),
     shape_grid={"body_share": (0.0, 1.0)},
@@ -132,8 +126,10 @@ CAMERA_YAW = EffectCard(
     "turned.",
     place="measured path",
     parameters=(
-        _number("offset", "deg", 0.0, 1.5, -15.0, 15.0, "turn of the seen path, uphill"),
-        _number("slip_share", "1", 1.0, 0.5, 0.0, 1.0, "share that also enters the speed along the traverse"),
+        parameter("offset", "deg", 0.0, 1.5, -15.0, 15.0, "turn of the seen path, uphill"),
+        parameter(
+            "slip_share", "1", 1.0, 0.5, 0.0, 1.0, "share that also enters the speed along the traverse"
+        ),
     ),
     shape_grid={"slip_share": (0.0, 1.0)},
     claims=(
@@ -149,7 +145,7 @@ GROUSER_RADIUS = EffectCard(
     name="grouser_radius",
     sentence="Grousers shear the soil outside the rim, at a greater radius than that of the wheel.",
     place="slip velocity and shear displacement (paper 002, eq 8)",
-    parameters=(_number("excess", "m", 0.0, 0.002, 0.0, 0.02, "shearing radius less wheel radius"),),
+    parameters=(parameter("excess", "m", 0.0, 0.002, 0.0, 0.02, "shearing radius less wheel radius"),),
     claims=("slip falls by nearly one constant", "hardly any slip angle", "none on hard ground"),
     experiment="free rolling on a hard floor against free rolling in the sand",
     source="Longitudinal Slip versus Skid of Planetary Rovers' Wheels, eq 8",
@@ -159,9 +155,9 @@ SLIP_SINKAGE = EffectCard(
     sentence="A slipping wheel digs soil out from under itself and sinks deeper without bearing more.",
     place="sinkage",
     parameters=(
-        _number("depth_per_slip", "m", 0.0, 0.015, 0.0, 0.2, "sinkage per slip ratio, at slip 0.1"),
-        _number("exponent", "1", 1.0, 0.4, 0.3, 3.0, "power of the slip"),
-        _number("contact_share", "1", 0.5, 0.5, 0.0, 1.0, "share that also lengthens the contact in front"),
+        parameter("depth_per_slip", "m", 0.0, 0.015, 0.0, 0.2, "sinkage per slip ratio, at slip 0.1"),
+        parameter("exponent", "1", 1.0, 0.4, 0.3, 3.0, "power of the slip"),
+        parameter("contact_share", "1", 0.5, 0.5, 0.0, 1.0, "share that also lengthens the contact in front"),
     ),
     shape_grid={"exponent": (1.0,), "contact_share": (0.0, 1.0)},
     claims=("grows with slip", "none where the slip is zero"),
@@ -172,7 +168,7 @@ WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
     sentence="The wheels have another radius than the encoder speeds were turned into rim speeds with.",
     place="rim speed and contact",
-    parameters=(_number("change", "m", 0.0, 0.002, -0.015, 0.015, "added to the radius"),),
+    parameters=(parameter("change", "m", 0.0, 0.002, -0.015, 0.015, "added to the radius"),),
     claims=("slip is off by nearly one constant", "also on a hard floor", "hardly any slip angle"),
     experiment="free rolling on a hard floor over a measured way",
     source="geometry",
@@ -182,7 +178,7 @@ SIDEWALL = EffectCard(
     name="sidewall",
     sentence="Soil rubs on the side walls of the wheels, so that the soil pushed aside holds them harder.",
     place="side walls (paper 001, eqs 26 to 32)",
-    parameters=(_number("wall_friction", "deg", 0.0, 8.0, 0.0, 25.0, "between soil and side wall, delta"),),
+    parameters=(parameter("wall_friction", "deg", 0.0, 8.0, 0.0, 25.0, "between soil and side wall, delta"),),
     claims=("grows with the slip angle", "none where the slip angle is zero"),
     experiment="wheels with smooth and with rough discs on their sides",
     source=f"{PAPER}, eqs 26 to 32; Table III sets delta to 0",

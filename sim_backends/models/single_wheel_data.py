@@ -7,7 +7,6 @@ Source: GitHub robomechanics/3d-terramechanics @ 55a6e92 (MIT-style licence).
 """
 
 import csv
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import Run
+from sim_backends.models.log_columns import cell_number
 
 COLUMNS = (
     "beta_deg",
@@ -48,7 +48,7 @@ def read_single_wheel(path: Path) -> list[Run]:
     if missing:
         raise ConfigError(f"{file} has no column '{missing[0]}'")
     rows = [
-        {name: _number(file, line, name, row[name] or "") for name in COLUMNS}
+        {name: cell_number(row[name] or "", f"{file}, line {line}: {name}") for name in COLUMNS}
         for line, row in enumerate(cells, start=2)
     ]
     groups: dict[tuple[float, float], list[Row]] = {}
@@ -79,11 +79,3 @@ def _runs(key: tuple[float, float], members: Sequence[Row]) -> list[Run]:
         )
         for trial, row in enumerate(members, start=1)
     ]
-
-
-def _number(path: Path, line: int, column: str, cell: str) -> float:
-    text = cell.strip()
-    try:
-        return float(text) if text else math.nan
-    except ValueError as error:
-        raise ConfigError(f"{path}, line {line}: {column} is '{text}', no number") from error

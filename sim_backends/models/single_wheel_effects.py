@@ -1,21 +1,12 @@
 """Effects that may be missing in the single wheel: one card each."""
 
-from sim_backends.models.interface import EffectCard, Parameter
-
-
-def _number(
-    name: str, unit: str, nominal: float, size: float, lower: float, upper: float, meaning: str
-) -> Parameter:
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, prior_sd=size, lower=lower, upper=upper, meaning=meaning
-    )
-
+from sim_backends.models.interface import EffectCard, parameter
 
 LUGS = EffectCard(
     name="lugs",
     sentence="Lugs shear the soil outside the rim, soil on soil.",
     place="shearing radius and friction of the rim (paper 002, eq 8)",
-    parameters=(_number("height", "m", 0.0, 0.003, 0.0, 0.02, "shearing radius less rim radius"),),
+    parameters=(parameter("height", "m", 0.0, 0.003, 0.0, 0.02, "shearing radius less rim radius"),),
     claims=("drawbar grows at every positive slip", "none on a smooth rim: look at it"),
     experiment="the same wheel with and without lugs",
     source="Longitudinal Slip versus Skid of Planetary Rovers' Wheels, eq 8",
@@ -24,7 +15,7 @@ SLIP_SINKAGE = EffectCard(
     name="slip_sinkage",
     sentence="A slipping wheel digs soil out from under itself and sinks deeper without bearing more.",
     place="sinkage",
-    parameters=(_number("depth_per_slip", "m", 0.0, 0.005, 0.0, 0.1, "sinkage per slip ratio"),),
+    parameters=(parameter("depth_per_slip", "m", 0.0, 0.005, 0.0, 0.1, "sinkage per slip ratio"),),
     claims=("grows with slip", "none in skid"),
     experiment="one load, rising slip, straight ahead",
     source="Reece 1965, slip sinkage in proportion to slip",
@@ -33,7 +24,7 @@ FRICTION_ANGLE = EffectCard(
     name="friction_angle",
     sentence="Soil rubs harder or less on the rim than assumed.",
     place="shear strength at the rim",
-    parameters=(_number("change", "deg", 0.0, 5.0, -12.0, 20.0, "added to the friction of the rim"),),
+    parameters=(parameter("change", "deg", 0.0, 5.0, -12.0, 20.0, "added to the friction of the rim"),),
     claims=("drawbar and side force change in proportion to what shears",),
     experiment="a plate with the rim's surface, sheared",
     source="paper 001, eq 19",
@@ -43,7 +34,7 @@ SHEAR_MODULUS = EffectCard(
     name="shear_modulus",
     sentence="Shear stress builds up over another displacement.",
     place="shear stress",
-    parameters=(_number("change", "m", 0.0, 0.01, -0.024, 0.06, "added to the shear modulus"),),
+    parameters=(parameter("change", "m", 0.0, 0.01, -0.024, 0.06, "added to the shear modulus"),),
     claims=("drawbar at small slip, not at large",),
     experiment="small slips, straight ahead",
     source="paper 001, eq 19",
@@ -53,7 +44,7 @@ SINKAGE_MODULUS = EffectCard(
     name="sinkage_modulus",
     sentence="The soil in the bed bears another pressure than under the plates.",
     place="pressure of a plate",
-    parameters=(_number("change", "Pa/m^n", 0.0, 2e6, -6e6, 4e7, "added to k"),),
+    parameters=(parameter("change", "Pa/m^n", 0.0, 2e6, -6e6, 4e7, "added to k"),),
     claims=("sinkage changes, most where the wheel rolls",),
     experiment="plates in the prepared bed before each run",
     source="paper 001, eq 17",
@@ -63,7 +54,7 @@ PUSHED_SOIL = EffectCard(
     name="pushed_soil",
     sentence="Soil piles up ahead of a wheel that is dragged or slides, and resists it.",
     place="pressure where the rim pushes the soil ahead",
-    parameters=(_number("change", "1", 0.0, 10.0, -8.0, 100.0, "added to the push number"),),
+    parameters=(parameter("change", "1", 0.0, 10.0, -8.0, 100.0, "added to the push number"),),
     claims=("drawbar falls in skid, most for the locked wheel", "none where the wheel slips freely"),
     experiment="a locked wheel dragged at two depths",
     source="Broms 1964: a narrow wall pushed through sand meets a multiple of the passive pressure",
@@ -73,7 +64,7 @@ SIDEWALL = EffectCard(
     name="sidewall",
     sentence="The side wall meets another pressure than a narrow wall in level sand.",
     place="pressure on the leading side wall",
-    parameters=(_number("change", "1", 0.0, 5.0, -8.0, 50.0, "added to the wall number"),),
+    parameters=(parameter("change", "1", 0.0, 5.0, -8.0, 50.0, "added to the wall number"),),
     claims=("side force grows with depth and slip angle", "none straight ahead"),
     experiment="the wheel dragged sideways without turning, at two depths",
     source="Broms 1964",
@@ -83,7 +74,7 @@ TRENCH_FLOW = EffectCard(
     name="trench_flow",
     sentence="Loose soil flows in the trench along with the wheel, so that the rim slides past it slower.",
     place="sideways speed of the wheel over the soil",
-    parameters=(_number("share", "1", 0.0, 0.2, 0.0, 0.9, "sideways speed of the soil over the wheel's"),),
+    parameters=(parameter("share", "1", 0.0, 0.2, 0.0, 0.9, "sideways speed of the soil over the wheel's"),),
     claims=("grows with the slip angle", "the same to both sides"),
     experiment="coloured sand in the trench, 90 deg",
     source="paper 001, IV.C: soil beneath the wheel moves; kinematics",
@@ -92,7 +83,7 @@ RIG_YAW = EffectCard(
     name="rig_yaw",
     sentence="The wheel stands turned in the test bed against the slip angle that was set.",
     place="slip angle",
-    parameters=(_number("offset", "deg", 0.0, 1.0, -10.0, 10.0, "true less set slip angle"),),
+    parameters=(parameter("offset", "deg", 0.0, 1.0, -10.0, 10.0, "true less set slip angle"),),
     claims=("side force straight ahead", "changes sign with the slip angle's"),
     experiment="slip angles to both sides",
     source="geometry",

@@ -4,13 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sim_backends.models.interface import Array, Channel, EffectCard, Model, Parameter, Run, Values
+from sim_backends.models.interface import Array, Channel, EffectCard, Model, Parameter, Run, Values, parameter
 
 G = 9.81
-
-
-def parameter(name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float) -> Parameter:
-    return Parameter(name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper)
 
 
 def card(

@@ -7,9 +7,9 @@ import pytest
 
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.interface import Array, Channel, Run, Values
+from sim_backends.models.interface import Array, Channel, Run, Values, parameter
 from tests.nature.pendulum import G_M_S2, SAMPLE_S, SAMPLES, TruePendulum, measure_swings
-from tests.rover_hil.gap_models import card, parameter
+from tests.rover_hil.gap_models import card
 
 RUNS, NOISE_RAD = 12, 0.005
 
