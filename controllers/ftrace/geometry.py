@@ -42,6 +42,8 @@ class RigGeometry:
         contact_m: Contact point of the wheel in the vehicle frame.
         wheel_width_m: Width of the wheel.
         wheel_radius_m: Radius of the wheel, grousers included.
+        lead_m: From that contact to the one of the wheel ahead on the same side, in the vehicle frame:
+            forward, left; None without one.
         steer_rad: Angle of the wheel's longitudinal axis from x, counter-clockwise.
         behind_m: Length of ground to use, from the contact backwards.
         lateral_m: Ground to use to either side of the contact.
@@ -58,6 +60,7 @@ class RigGeometry:
     contact_m: Floats
     wheel_width_m: float
     wheel_radius_m: float
+    lead_m: tuple[float, float] | None
     steer_rad: float
     behind_m: float
     lateral_m: float

@@ -10,12 +10,17 @@ from controllers.ftrace.rut import BLOCK_M, two_sided
 
 LEAST_LENGTH_M = 0.20
 """A trace counts as present when at least this much of it is in view."""
-START_STRENGTH, START_RATIO, START_FLOOR = 130.0, 2.5, 6.0
+START_STRENGTH, START_FLOOR = 130.0, 6.0
 """What is believed at once where shadows of the rover are not told from ground."""
 START_CLEARNESS = 1.7
 """How clear a trace must be that is in view when the drive begins: in all frames until it is believed."""
 START_FRAMES = 2
-"""So many frames at least: one alone may be chance."""
+START_MOVED_M, LIGHT_KNOWN_M = 0.01, 0.08
+"""While the rover stands nothing is new; until it has moved this far, shadows look like ground."""
+START_TWO_SIDED, START_ROUGHNESS = 90.0, 2.0
+"""Strength on both sides that such a trace must have, and floor while shadows may be taken for tone."""
+BEFORE_SHARE = 0.5
+"""Share of the clearness there was before that what comes must exceed: most of a shadow is taken out."""
 FULL_SHARE = 0.5
 """What the farthest third of the view must answer, against the rest, where a trace fills the view."""
 LOCK_MARGIN = 14.0
@@ -38,7 +43,7 @@ AGAIN_AGREEMENT, AGAIN_FLOOR = 5.0, 1.8
 RANGE_BLOCKS = 5
 SURROUND = 5.0
 """Strength that ground without any trace has about everywhere."""
-SURE_M, MOST_SURE_M = 0.25, 0.45
+SURE_M, MOST_SURE_M = 0.20, 0.45
 """Clearness summed over the way that is believed whatever it shows: a plain band of tone has no floor."""
 CLEAR_RATIO, MOST_LOG_RATIO = 1.3, 1.0
 """However strong walls are, floor or tone must show as well: edges of shadows are strong."""
@@ -155,10 +160,10 @@ class Presence:
             self._mean = evidence.sums
         clearness = self._clearness(evidence)
         self._frames += 1
-        self._whole_frames += clearness > START_CLEARNESS and fills_view(evidence.answers)
+        self._whole_frames += clearness > START_CLEARNESS and self._is_whole(evidence)
         if self._travelled_m < self._start_m - LEAST_LENGTH_M:
             self._before.learn(clearness, evidence.sums)
-        clearer = clearness - self._before.share_in(evidence.sums)
+        clearer = clearness - BEFORE_SHARE * self._before.share_in(evidence.sums)
         self._sure_m = float(np.clip(self._sure_m + moved_m * clearer, 0.0, MOST_SURE_M))
         gain = max(1 - np.exp(-moved_m / MEMORY_M), 0.05)
         self._mean = self._mean + gain * (evidence.sums - self._mean)
@@ -203,7 +208,7 @@ class Presence:
         return strong + floor + min(likeness, MOST_LIKENESS) - USUAL_LIKENESS
 
     def _locks(self, evidence: Evidence, agreement: float, moved_m: float, clearer: float) -> bool:
-        if self._was_there_before() if self._is_light_known else _is_unmistakable(evidence):
+        if _is_unmistakable(evidence) or (self._is_light_known and self._was_there_before()):
             return True
         if agreement > AGAIN_AGREEMENT and min(evidence.floor, self._floor) > AGAIN_FLOOR:
             return True
@@ -221,9 +226,15 @@ class Presence:
             return True
         return (full or far) and min(self._margins) > LOCK_MARGIN
 
+    def _is_whole(self, evidence: Evidence) -> bool:
+        """Return whether what is seen fills the view on both sides and is no shadow."""
+        is_two_sided = float(two_sided(evidence.sums[None])[0]) > START_TWO_SIDED
+        is_ground = evidence.floor > START_ROUGHNESS or self._travelled_m > LIGHT_KNOWN_M
+        return is_two_sided and is_ground and fills_view(evidence.answers)
+
     def _was_there_before(self) -> bool:
         """Return whether the drive began with a trace in view, which fills it from the first frame on."""
-        return self._whole_frames == self._frames >= START_FRAMES
+        return self._whole_frames == self._frames >= START_FRAMES and self._travelled_m > START_MOVED_M
 
     def _agreement(self, evidence: Evidence) -> float:
         """Return how well the best stretch of blocks looks like the trace before, in standard deviations."""
@@ -270,8 +281,9 @@ def fills_view(answers: Floats) -> bool:
 
 
 def _is_unmistakable(evidence: Evidence) -> bool:
-    stands_out = evidence.strength > START_RATIO * (evidence.around + SURROUND)
-    return stands_out and evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR
+    return (
+        fills_view(evidence.answers) and evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR
+    )
 
 
 def _likeness(sums: Floats, others: Floats) -> float:

@@ -2,17 +2,21 @@
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.ftrace.confidence import RutMethod, Signs, confidence
 from controllers.ftrace.frame import Frame, Reading
 from controllers.ftrace.geometry import RESOLUTION_M, Floats, GroundPatch, Patch
 from controllers.ftrace.ground_flow import GroundFlow, Motion
 from controllers.ftrace.ground_match import GroundMatch
+from controllers.ftrace.lead_trace import LeadTrace
 from controllers.ftrace.path_memory import PathMemory
 from controllers.ftrace.presence import LEAST_LENGTH_M, Evidence, Presence
 from controllers.ftrace.rut import (
+    BLOCK_M,
     LEAST_BLOCKS,
     CrossSections,
+    Edges,
     RutFinder,
     floor_evidence,
     two_sided,
@@ -20,7 +24,10 @@ from controllers.ftrace.rut import (
 from controllers.ftrace.standing_light import StandingLight
 from drivers.samples import Image
 
+LIT_SHARE, ROUGH_SHARE = 0.75, 0.5
+"""Shadows darken: the bright places of a line are lit. Their edges are rough, half of a line is."""
 GREY_FLOOR = 12.0
+LOG_GREY = np.log(np.arange(256, dtype=np.float32) + GREY_FLOOR)
 FLOW_CONTRAST = 160.0
 FLOW_REACH_M = 0.12
 """Frames further apart than this share too little ground for optical flow."""
@@ -40,11 +47,17 @@ SPREAD_SD = 2.2
 MOST_STEPS = (22, 5, 2)
 NEAR_BLOCKS = 9
 BESIDE_M = (0.28, 0.016)
+MOST_BESIDE = 0.33
+"""A trace that lies this many widths beside the path is not the wheel's own."""
+OTHER_WIDTHS = 1.0
+"""Curves this near to the trace of the wheel ahead say nothing about the ground beside."""
 BACKWARDS_SHARE = 0.3
 BACKWARDS_GAIN = 0.05
 MOST_BACKWARDS = 0.04
 """Share of the last frames in which the ground moved the wrong way, as in frames that are upside down."""
 LEAST_SCORE = -1e6
+BOTH_PENALTY = 3.0
+"""By this two traces that overlap must look better than one alone."""
 TEMPER = 16.0
 """Answers along neighbouring curves, and of kernels and blocks, err together: this many count as one."""
 CURVE_SD: dict[RutMethod, tuple[float, float, float]] = {
@@ -70,7 +83,9 @@ class RutTracker:
         self._finder = RutFinder(ground)
         self._flow = GroundFlow(ground)
         self._match = GroundMatch(ground)
-        self._light = StandingLight(ground)
+        self._light = StandingLight(ground.visible.astype(np.float32), ground.centre, LIT_SHARE)
+        self._texture = StandingLight(self._finder.inner, ground.centre, ROUGH_SHARE)
+        self._lead = LeadTrace(ground.rig, BLOCK_M)
         self._memory = PathMemory(ground.rig.behind_m)
         self._any_path = PathMemory(ground.rig.behind_m)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
@@ -85,12 +100,21 @@ class RutTracker:
 
     def track(self, frame: Frame) -> Reading:
         """Return what the next frame shows."""
-        log_grey = np.log(frame.patch.astype(np.float32) + GREY_FLOOR)
+        log_grey = np.asarray(cv2.LUT(frame.patch, LOG_GREY), np.float32)
         seen = log_grey
         if self._method == "fused":
-            seen = log_grey - cv2.GaussianBlur(self._light.field, (0, 0), 2.0)
-        moved_m, goes_back = self._advance(frame, seen, log_grey)
-        found = frame.usable and not goes_back and self._look(self._finder.cross_sections(seen), moved_m)
+            seen = log_grey - self._light.field
+        detail = self._finder.detail(seen)
+        motion = self._motion(frame, detail) if self._method == "fused" else None
+        moved_m, goes_back = self._advance(frame, motion)
+        found = False
+        if frame.usable:
+            rough = self._finder.roughness(detail)
+            if self._method == "fused":
+                self._light.update(log_grey, motion)
+                self._texture.update(rough.mean, motion)
+                rough = rough.without(self._texture.field)
+            found = not goes_back and self._look(self._finder.cross_sections(detail, rough), moved_m)
         s = self._finder.s_m
         curve = self._memory.curve(s)
         return Reading(
@@ -105,15 +129,10 @@ class RutTracker:
         """Forget that there was a trace."""
         self._presence.forget()
 
-    def _advance(self, frame: Frame, seen: Patch, log_grey: Patch) -> tuple[float, bool]:
+    def _advance(self, frame: Frame, motion: Motion | None) -> tuple[float, bool]:
         """Carry the path on to this frame; return the distance moved, and whether that was backwards."""
         if frame.is_first or self._method == "rut":
             self._memory.reset()
-        motion = None
-        if self._method == "fused":
-            motion = self._motion(frame, seen)
-            if frame.usable:
-                self._light.update(log_grey, motion)
         moved_m = frame.distance_m * (1 - SLIP_GUESS)
         turn, turn_sd = frame.turn_rad[2], frame.turn_sd_rad[2]
         if motion is not None:
@@ -131,10 +150,9 @@ class RutTracker:
                 )
         return moved_m, self._backwards > MOST_BACKWARDS
 
-    def _motion(self, frame: Frame, seen: Patch) -> Motion | None:
+    def _motion(self, frame: Frame, detail: Patch) -> Motion | None:
         """Return the motion since the frame before, where the two share enough ground."""
         before = self._before
-        detail = self._finder.without_light(seen)
         grey = np.clip(128 + FLOW_CONTRAST * detail, 0, 255).astype(np.uint8)
         self._before = grey if frame.usable else None
         if before is None or not frame.usable:
@@ -155,11 +173,11 @@ class RutTracker:
 
     def _look(self, sections: CrossSections, moved_m: float) -> bool:
         """Look for the rut near the path; learn from it; return whether it is there."""
-        curve, spread_m, evidence = self._best(sections)
+        curve, edges, spread_m, evidence = self._best(sections)
         if not self._presence.judge(evidence, moved_m):
             return False
         look = self._presence.look + evidence.sums / np.sqrt(evidence.strength)
-        points = self._finder.points(sections, curve, look / np.linalg.norm(look))
+        points = self._finder.points(sections, curve, edges, look / np.linalg.norm(look))
         if len(points.s_m) < LEAST_BLOCKS:
             return False
         if self._method == "fused":
@@ -174,7 +192,7 @@ class RutTracker:
         residual_m = float(np.sqrt(np.average((off - self._offset_m) ** 2, weights=1 / sd**2)))
         bend = float(np.ptp(np.diff(fitted[: len(BEND_M)])) / (BEND_M[1] - BEND_M[0]))
         self._signs = Signs(spread_m=spread_m, residual_m=residual_m, bend_rad=bend)
-        return True
+        return abs(self._offset_m) < MOST_BESIDE * self._ground.rig.wheel_width_m
 
     def _observe_curve(self, curve_m: Floats) -> None:
         """Take in the curve of a single image where the ground can be seen."""
@@ -192,36 +210,54 @@ class RutTracker:
         usual = OUTLIER_SD * np.sqrt(sd_m**2 + np.diag(covariance))
         return np.asarray(sd_m * np.maximum(1.0, np.abs(off) / usual) ** 2)
 
-    def _best(self, sections: CrossSections) -> tuple[Floats, float, Evidence]:
-        """Return the likely curve, how far others that may be it lie from it, and the evidence.
+    def _best(self, sections: CrossSections) -> tuple[Floats, Edges, float, Evidence]:
+        """Return the likely curve, its edges, how far others that may be it lie from it, and the evidence.
 
         The evidence is that along the best curve. Where the path is known from the ground's motion that is
-        the likely one; otherwise the likely one is the mean of all, each with its weight.
+        the likely one; otherwise the likely one is the mean of all, each with its weight. Each may be that of
+        a trace alone, or together with that of the wheel ahead.
         """
         curves, penalty = self._candidates()
-        look = self._presence.look if self._presence.locked else None
+        alone, both = (curves, curves), self._lead.edges(curves)
         reaches = (self._finder.blocks, NEAR_BLOCKS)
-        scores, sums = [], []
-        for along, count in self._finder.along(sections, curves, *reaches):
-            score = two_sided(along)
-            if look is not None:
-                score = (score + np.maximum(along @ look, 0) ** 2) / 2
-            scores.append(np.where(count >= LEAST_BLOCKS, score, LEAST_SCORE))
-            sums.append(along)
-        which, place = np.unravel_index(int(np.argmax(np.stack(scores) - penalty)), (2, len(curves)))
-        best = curves[place]
-        weight = np.maximum(*scores) / TEMPER - penalty
+        found = [
+            (edges, reach, *along)
+            for edges in (alone, both)
+            for reach, along in zip(reaches, self._finder.along(sections, edges, *reaches), strict=True)
+        ]
+        scores = np.stack([self._scores(sums, count) for *_, sums, count in found])
+        scores[len(reaches) :] -= BOTH_PENALTY
+        which, place = np.unravel_index(int(np.argmax(scores - penalty)), scores.shape)
+        weight = scores.max(axis=0) / TEMPER - penalty
         weight = np.exp(weight - weight.max())
         weight /= weight.sum()
         mean = weight @ curves
         spread_m = float(np.sqrt(weight @ ((curves - mean) ** 2).mean(axis=1)))
-        evidence = self._evidence(sections, best, sums[which][place], reaches[which])
-        return (best if self._method == "fused" else mean), spread_m, evidence
+        (right, left), reach, sums, _ = found[which]
+        edges = (right[place], left[place])
+        evidence = self._evidence(sections, curves[place], edges, sums[place], reach)
+        if self._method == "fused":
+            return curves[place], edges, spread_m, evidence
+        aside = mean - curves[place]
+        return mean, (edges[0] + aside, edges[1] + aside), spread_m, evidence
 
-    def _evidence(self, sections: CrossSections, curve: Floats, sums: Floats, reach: int) -> Evidence:
-        ((beside, count),) = self._finder.along(sections, curve + self._beside[:, None], reach)
-        around = (beside**2).sum(axis=1)[count >= LEAST_BLOCKS]
-        answers = self._finder.answers_on(sections, curve)
+    def _scores(self, sums: Floats, count: NDArray[np.int_]) -> Floats:
+        score = two_sided(sums)
+        if self._presence.locked:
+            score = (score + np.maximum(sums @ self._presence.look, 0) ** 2) / 2
+        return np.where(count >= LEAST_BLOCKS, score, LEAST_SCORE)
+
+    def _evidence(
+        self, sections: CrossSections, curve: Floats, edges: Edges, sums: Floats, reach: int
+    ) -> Evidence:
+        beside = curve + self._beside[:, None]
+        ((others, count),) = self._finder.along(sections, (beside, beside), reach)
+        other = np.median(self._lead.beside(curve[None]))
+        counts = (count >= LEAST_BLOCKS) & (
+            np.abs(self._beside - other) > OTHER_WIDTHS * self._ground.rig.wheel_width_m
+        )
+        around = (others**2).sum(axis=1)[counts]
+        answers = self._finder.answers_on(sections, edges)
         return Evidence(
             sums=sums,
             strength=float(sums @ sums),

@@ -76,7 +76,8 @@ class RigFile(Settings):
         t_vehicle_camera: Camera in the vehicle frame: origin at the projection of the centre of mass on the
             wheel-contact plane, x forward, y left, z up.
         wheel: The wheel whose trace is seen.
-        other_wheels: The others, for information.
+        other_wheels: The others. Those with a `contact_point` like the wheel's may leave traces beside its
+            own; all else is for information.
         b_m: Distance between the rear axle and the centre of mass.
         nominal_speed_mps: Speed assumed where telemetry tells none.
         ground_view_m: Ground in view.
@@ -109,12 +110,19 @@ class RigFile(Settings):
             contact_m=np.array(self.wheel.contact_point),
             wheel_width_m=self.wheel.width_m,
             wheel_radius_m=self.wheel.radius_m + self.wheel.grouser_height_m,
+            lead_m=self._lead_m(),
             steer_rad=float(np.radians(self.wheel.steer_deg)),
             behind_m=self.ground_view_m.behind_contact,
             lateral_m=self.ground_view_m.lateral_about_contact,
             max_slip_rad=float(np.radians(self.max_slip_angle_deg)),
             nominal_speed_m_s=self.nominal_speed_mps,
         )
+
+    def _lead_m(self) -> tuple[float, float] | None:
+        x, y, _ = self.wheel.contact_point
+        others = [(ahead - x, left - y) for ahead, left in _contact_points(self.other_wheels)]
+        leads = [lead for lead in others if lead[0] > self.wheel.radius_m and abs(lead[1]) < lead[0] / 2]
+        return min(leads, key=lambda lead: abs(lead[1]), default=None)
 
 
 def read_rig(path: Path) -> RigFile:
@@ -138,3 +146,18 @@ def read_rig(path: Path) -> RigFile:
 
 def _as_table(table: object) -> dict[str, object]:
     return table if isinstance(table, dict) else {}
+
+
+def _contact_points(wheels: JsonValue) -> list[tuple[float, float]]:
+    """Return x, y of the wheels that tell where they touch the ground, whatever else the rig file holds."""
+    entries = list(wheels.values()) if isinstance(wheels, dict) else wheels
+    points = (
+        [entry.get("contact_point") for entry in entries if isinstance(entry, dict)]
+        if isinstance(entries, list)
+        else []
+    )
+    return [
+        (float(x), float(y))
+        for x, y, _ in (point for point in points if isinstance(point, list) and len(point) == 3)
+        if isinstance(x, int | float) and isinstance(y, int | float)
+    ]

@@ -31,6 +31,44 @@ def test_a_rig_file_is_read(tmp_path: Path) -> None:
     assert geometry.max_slip_rad == pytest.approx(np.radians(table["max_slip_angle_deg"]))
 
 
+WHEEL = [-0.3, 0.2, 0.0]
+FRONT, OTHER_SIDE, SAME_AXLE = [0.3, 0.22, 0.0], [0.3, -0.2, 0.0], [-0.3, -0.2, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("others", "lead_m"),
+    [
+        (
+            [{"contact_point": SAME_AXLE}, {"contact_point": OTHER_SIDE}, {"contact_point": FRONT}],
+            (0.6, 0.02),
+        ),
+        ({"front_left": {"contact_point": FRONT, "note": "driven"}}, (0.6, 0.02)),
+        ([{"contact_point": OTHER_SIDE}, {"contact_point": SAME_AXLE}], None),
+        (
+            [
+                {"name": "front_left"},
+                "front_right",
+                {"contact_point": ["0.3", 0.2, 0.0]},
+                {"contact_point": [1.0]},
+            ],
+            None,
+        ),
+        ([], None),
+        (None, None),
+    ],
+)
+def test_the_wheel_ahead_is_the_one_on_the_same_side(
+    tmp_path: Path, others: Any, lead_m: tuple[float, float] | None
+) -> None:
+    table = rig_table()
+    table["wheel"]["contact_point"], table["other_wheels"] = WHEEL, others
+
+    found = read_rig(write_rig(tmp_path / "rig.json", table)).geometry().lead_m
+
+    assert (found is None) == (lead_m is None)
+    assert found is None or found == pytest.approx(lead_m)
+
+
 def without(table: Table, key: str) -> Table:
     del table[key]
     return table

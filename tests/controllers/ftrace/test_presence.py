@@ -26,7 +26,7 @@ def evidence(strength: float, blocks: int = BLOCKS, around: float = 15.0) -> Evi
 
 
 NOTHING = evidence(0.01)
-WEAK, STRONG = evidence(80.0), evidence(300.0)
+WEAK, CLEAR, STRONG = evidence(80.0), evidence(120.0), evidence(300.0)
 
 
 def after(presence: Presence, shown: Evidence, frames: int) -> bool:
@@ -44,8 +44,26 @@ def test_a_trace_is_believed_after_some_frames_of_it() -> None:
 def test_a_trace_in_view_when_the_drive_begins_is_believed_with_the_second_frame() -> None:
     presence = Presence(START_M, is_light_known=True)
 
-    assert not presence.judge(STRONG, 0.0)
-    assert presence.judge(STRONG, STEP_M)
+    assert not presence.judge(CLEAR, 0.0)
+    assert presence.judge(CLEAR, STEP_M)
+
+
+def test_an_unmistakable_one_is_believed_with_the_first_frame() -> None:
+    presence = Presence(START_M, is_light_known=True)
+
+    assert presence.judge(STRONG, 0.0)
+
+
+def test_while_the_rover_stands_only_an_unmistakable_trace_is_believed() -> None:
+    presence = Presence(START_M, is_light_known=True)
+
+    assert not any(presence.judge(CLEAR, 0.0) for _ in range(20))
+
+
+def test_a_band_of_tone_at_the_start_may_be_a_shadow_until_light_is_known() -> None:
+    presence = Presence(START_M, is_light_known=True)
+
+    assert not after(presence, with_floor(CLEAR, 1.0), 15)
 
 
 def test_where_light_is_not_known_only_an_unmistakable_trace_is_believed_at_the_start() -> None:
@@ -54,7 +72,7 @@ def test_where_light_is_not_known_only_an_unmistakable_trace_is_believed_at_the_
 
 
 @pytest.mark.parametrize(
-    ("shown", "frames_before"), [(evidence(300.0, blocks=8), 0), (evidence(30.0), 0), (STRONG, 1)]
+    ("shown", "frames_before"), [(evidence(300.0, blocks=8), 0), (evidence(30.0), 0), (CLEAR, 1)]
 )
 def test_before_there_can_be_a_trace_one_that_ends_in_view_is_faint_or_comes_later_is_not_believed(
     shown: Evidence, frames_before: int
@@ -99,17 +117,22 @@ def test_a_plain_band_without_a_floor_is_believed_when_it_was_clear_for_a_while(
     assert not after(with_shadows, band, 200)
 
 
-def test_what_was_seen_before_there_could_be_a_trace_is_not_believed_until_it_looks_otherwise() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def frames_until_believed(presence: Presence, shown: Evidence) -> int:
+    return next(frame for frame in range(1000) if presence.judge(shown, STEP_M))
+
+
+def test_what_was_seen_before_there_could_be_a_trace_is_believed_much_later_than_what_is_new() -> None:
     shadow = with_floor(evidence(60.0, blocks=9), 1.0)
-
-    assert not after(presence, shadow, 200)
-
-    answers = -shadow.answers
     other = Evidence(
-        sums=-shadow.sums, strength=shadow.strength, around=shadow.around, floor=4.0, answers=answers
+        sums=-shadow.sums, strength=shadow.strength, around=15.0, floor=1.0, answers=-shadow.answers
     )
-    assert after(presence, other, 20)
+    before, new = (Presence(START_M, is_light_known=True) for _ in range(2))
+    first = round(START_M / STEP_M) + 1
+    for presence, seen in ((before, shadow), (new, other)):
+        after(presence, seen, 6)
+        after(presence, NOTHING, first)
+
+    assert frames_until_believed(before, shadow) > 1.5 * frames_until_believed(new, shadow)
 
 
 def test_a_plain_band_as_clear_as_others_beside_is_not_believed() -> None:

@@ -1,0 +1,62 @@
+"""Shadows that stand in the image, told from what moves with the ground."""
+
+import numpy as np
+import pytest
+
+from controllers.ftrace.geometry import RESOLUTION_M, Patch
+from controllers.ftrace.ground_flow import Motion
+from controllers.ftrace.standing_light import StandingLight
+
+ROWS, COLUMNS, FRAMES, STEP = 140, 161, 90, 4
+SHADOW = -0.5
+
+
+def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0) -> Patch:
+    """Return the light learned from ground that moves back and `aside` under a shadow fixed to the image."""
+    rng = np.random.default_rng(7)
+    ground = rng.normal(0, 0.15, (ROWS + STEP * FRAMES, COLUMNS + abs(aside) * FRAMES)).astype(np.float32)
+    first = max(-aside, 0) * FRAMES
+    light = StandingLight(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75)
+    motion = Motion(
+        forward_m=STEP * RESOLUTION_M,
+        left_m=aside * RESOLUTION_M,
+        turn_rad=0.0,
+        turn_sd_rad=0.001,
+        left_sd_m=0.0002,
+        share=1.0,
+    )
+    for frame in range(FRAMES):
+        top, left = STEP * (FRAMES - frame), first + aside * frame
+        seen = ground[top : top + ROWS, left : left + COLUMNS].copy()
+        seen[:, 70:95] += band
+        light.update(seen + shadow, motion if frame else None)
+    return light.field
+
+
+def wheel_shadow() -> Patch:
+    shadow = np.zeros((ROWS, COLUMNS), np.float32)
+    shadow[:50, 70:95] = SHADOW
+    return shadow
+
+
+@pytest.mark.parametrize("aside", [0, 1, -1])
+def test_a_shadow_is_taken_out_and_the_lit_ground_beyond_it_is_left(aside: int) -> None:
+    field = learned(wheel_shadow(), aside=aside)
+
+    assert field[10:40, 75:90].mean() == pytest.approx(SHADOW, abs=0.12)
+    assert np.abs(field[75:120, 75:90]).mean() < 0.06
+    assert np.abs(field[:, :50]).mean() < 0.03
+
+
+def test_a_trace_is_ground_not_light() -> None:
+    field = learned(np.zeros((ROWS, COLUMNS), np.float32), band=-0.4)
+
+    assert np.abs(field[:, 75:90]).mean() < 0.06
+
+
+def test_nothing_is_learned_where_the_motion_is_not_known() -> None:
+    light = StandingLight(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75)
+    for _ in range(20):
+        light.update(wheel_shadow(), None)
+
+    assert not light.field.any()
