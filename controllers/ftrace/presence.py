@@ -10,14 +10,14 @@ from controllers.ftrace.rut import BLOCK_M, two_sided
 
 LEAST_LENGTH_M = 0.20
 """A trace counts as present when at least this much of it is in view."""
-START_STRENGTH, START_FLOOR = 130.0, 6.0
-"""What is believed at once where shadows of the rover are not told from ground."""
+START_STRENGTH, START_RATIO, START_FLOOR = 130.0, 2.5, 6.0
+"""What is believed at once; against what lies beside where shadows of the rover are not told from ground."""
 START_CLEARNESS = 1.7
 """How clear a trace must be that is in view when the drive begins: in all frames until it is believed."""
 START_FRAMES = 2
-START_MOVED_M, LIGHT_KNOWN_M = 0.01, 0.08
+START_MOVED_M, LIGHT_KNOWN_M = 0.01, 0.06
 """While the rover stands nothing is new; until it has moved this far, shadows look like ground."""
-START_TWO_SIDED, START_ROUGHNESS = 90.0, 2.0
+START_TWO_SIDED, START_ROUGHNESS = 90.0, 5.5
 """Strength on both sides that such a trace must have, and floor while shadows may be taken for tone."""
 BEFORE_SHARE = 0.5
 """Share of the clearness there was before that what comes must exceed: most of a shadow is taken out."""
@@ -160,7 +160,7 @@ class Presence:
             self._mean = evidence.sums
         clearness = self._clearness(evidence)
         self._frames += 1
-        self._whole_frames += clearness > START_CLEARNESS and self._is_whole(evidence)
+        self._whole_frames += clearness > START_CLEARNESS and _is_whole(evidence)
         if self._travelled_m < self._start_m - LEAST_LENGTH_M:
             self._before.learn(clearness, evidence.sums)
         clearer = clearness - BEFORE_SHARE * self._before.share_in(evidence.sums)
@@ -208,7 +208,9 @@ class Presence:
         return strong + floor + min(likeness, MOST_LIKENESS) - USUAL_LIKENESS
 
     def _locks(self, evidence: Evidence, agreement: float, moved_m: float, clearer: float) -> bool:
-        if _is_unmistakable(evidence) or (self._is_light_known and self._was_there_before()):
+        if _is_unmistakable(evidence) and (self._is_light_known or _is_alone(evidence)):
+            return True
+        if self._is_light_known and self._was_there_before(evidence):
             return True
         if agreement > AGAIN_AGREEMENT and min(evidence.floor, self._floor) > AGAIN_FLOOR:
             return True
@@ -226,15 +228,10 @@ class Presence:
             return True
         return (full or far) and min(self._margins) > LOCK_MARGIN
 
-    def _is_whole(self, evidence: Evidence) -> bool:
-        """Return whether what is seen fills the view on both sides and is no shadow."""
-        is_two_sided = float(two_sided(evidence.sums[None])[0]) > START_TWO_SIDED
-        is_ground = evidence.floor > START_ROUGHNESS or self._travelled_m > LIGHT_KNOWN_M
-        return is_two_sided and is_ground and fills_view(evidence.answers)
-
-    def _was_there_before(self) -> bool:
+    def _was_there_before(self, evidence: Evidence) -> bool:
         """Return whether the drive began with a trace in view, which fills it from the first frame on."""
-        return self._whole_frames == self._frames >= START_FRAMES and self._travelled_m > START_MOVED_M
+        least_m = START_MOVED_M if evidence.floor > START_ROUGHNESS else LIGHT_KNOWN_M
+        return self._whole_frames == self._frames >= START_FRAMES and self._travelled_m > least_m
 
     def _agreement(self, evidence: Evidence) -> float:
         """Return how well the best stretch of blocks looks like the trace before, in standard deviations."""
@@ -280,10 +277,18 @@ def fills_view(answers: Floats) -> bool:
     return float(look @ far) > FULL_SHARE * float(look @ near) > 0
 
 
+def _is_whole(evidence: Evidence) -> bool:
+    """Return whether what is seen fills the view, on both sides."""
+    return fills_view(evidence.answers) and float(two_sided(evidence.sums[None])[0]) > START_TWO_SIDED
+
+
 def _is_unmistakable(evidence: Evidence) -> bool:
-    return (
-        fills_view(evidence.answers) and evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR
-    )
+    is_strong = evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR
+    return is_strong and fills_view(evidence.answers)
+
+
+def _is_alone(evidence: Evidence) -> bool:
+    return evidence.strength > START_RATIO * (evidence.around + SURROUND)
 
 
 def _likeness(sums: Floats, others: Floats) -> float:

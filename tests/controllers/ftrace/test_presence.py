@@ -63,7 +63,8 @@ def test_while_the_rover_stands_only_an_unmistakable_trace_is_believed() -> None
 def test_a_band_of_tone_at_the_start_may_be_a_shadow_until_light_is_known() -> None:
     presence = Presence(START_M, is_light_known=True)
 
-    assert not after(presence, with_floor(CLEAR, 1.0), 15)
+    assert not after(presence, with_floor(CLEAR, 1.0), 3)
+    assert after(presence, with_floor(CLEAR, 1.0), 3)
 
 
 def test_where_light_is_not_known_only_an_unmistakable_trace_is_believed_at_the_start() -> None:
