@@ -47,7 +47,7 @@ SPREAD_SD = 2.2
 MOST_STEPS = (22, 5, 2)
 NEAR_BLOCKS = 9
 BESIDE_M = (0.28, 0.016)
-MOST_BESIDE = 0.33
+MOST_BESIDE = 0.5
 """A trace that lies this many widths beside the path is not the wheel's own."""
 OTHER_WIDTHS = 1.0
 """Curves this near to the trace of the wheel ahead say nothing about the ground beside."""
