@@ -42,8 +42,8 @@ class RigGeometry:
         contact_m: Contact point of the wheel in the vehicle frame.
         wheel_width_m: Width of the wheel.
         wheel_radius_m: Radius of the wheel, grousers included.
-        lead_m: From that contact to the one of the wheel ahead on the same side, in the vehicle frame:
-            forward, left; None without one.
+        lead_m: From that contact to the one of the next wheel ahead in about the same track, in the vehicle
+            frame: forward, left; None without one.
         steer_rad: Angle of the wheel's longitudinal axis from x, counter-clockwise.
         behind_m: Length of ground to use, from the contact backwards.
         lateral_m: Ground to use to either side of the contact.

@@ -9,6 +9,7 @@ import numpy as np
 
 from controllers.ftrace.geometry import Floats, RigGeometry
 
+MOST_AHEAD_M = 5.0
 MOST_WIDTHS = 1.1
 """Traces further apart than this many widths of a wheel do not touch."""
 
@@ -16,25 +17,28 @@ MOST_WIDTHS = 1.1
 class LeadTrace:
     """Where the other trace lies beside curves that the watched one may have.
 
-    The heading is taken to be the same over the length of the rover, and the path behind the view as straight
-    on.
+    The heading is taken to be the same over the length of the rover, the path behind the view as straight on.
+    A rover that starts on clean ground leaves this trace in view only when it has driven its own length.
 
     Args:
         rig: Calibration.
         block_m: Distance between the places of a curve.
+
+    Attributes:
+        exists: Whether a wheel goes ahead of the watched one, along its axis.
     """
 
     def __init__(self, rig: RigGeometry, block_m: float) -> None:
         self._most_m = MOST_WIDTHS * rig.wheel_width_m
-        self._lead = rig.lead_m is not None
         forward, left = rig.lead_m or (0.0, 0.0)
         cos, sin = np.cos(rig.steer_rad), np.sin(rig.steer_rad)
         self._ahead_blocks = (cos * forward + sin * left) / block_m
         self._left_m = cos * left - sin * forward
+        self.exists = bool(1.0 <= self._ahead_blocks < MOST_AHEAD_M / block_m)
 
     def beside(self, curves_m: Floats) -> Floats:
         """Return how far left of each curve the other trace lies (curve, block); infinite without one."""
-        if not self._lead:
+        if not self.exists:
             return np.full_like(curves_m, np.inf)
         whole = int(self._ahead_blocks)
         share = self._ahead_blocks - whole

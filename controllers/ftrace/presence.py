@@ -67,7 +67,7 @@ class Evidence:
 
     Attributes:
         sums: Sums of the answers, one for each kernel, of variance about 1 where there is no rut.
-        strength: Squared length of `sums`; about the number of kernels, 8, where there is no rut.
+        strength: Squared length of `sums`; about the number of kernels, 10, where there is no rut.
         around: Strength that curves beside it reach.
         floor: How much the ground differs from that beside it as the floor of a rut does, on the weaker side.
             Without a rut below 4, but for chance and old traces; shadows do not make it.
@@ -110,8 +110,8 @@ class Presence:
     """Decides, frame by frame, whether the trace is there.
 
     A trace that was there is believed on less than one that appears. Until the rover has moved far enough to
-    leave a trace that counts, only an unmistakable one is believed: a shadow's edge along the way looks like
-    a trace.
+    leave a trace that counts, only one is believed that is unmistakable or was there from the first frame on:
+    a shadow's edge along the way looks like a trace.
 
     Args:
         start_m: Distance after which a trace that counts can be in view.

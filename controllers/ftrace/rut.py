@@ -196,7 +196,8 @@ class RutFinder:
         bend = np.maximum(2 * peak - before - after, 1e-3)
         place = span[self._block, best] - self._centre + np.clip((after - before) / (2 * bend), -0.5, 0.5)
         strong = peak > max(ALIKE * float(np.percentile(peak, 75)), LEAST_PEAK)
-        strong &= self.valid[self._block, np.clip(columns, 0, self._columns - 1)]
+        for edge in (curve_m, *edges_m):
+            strong &= self.valid[self._block, np.clip(self._column(edge), 0, self._columns - 1)]
         sd = 0.004 * np.clip(2.5 / np.maximum(peak, 0.6), 0.7, 3.0)
         return RutPoints(self.s_m[strong], place[strong] * RESOLUTION_M, sd[strong])
 
@@ -214,7 +215,7 @@ class RutFinder:
             places = self._block * self._columns + columns
             valid &= self._flat_valid[places]
             sides.append(answers[places])
-        return np.concatenate(sides, axis=-1), valid
+        return np.concatenate(sides, axis=-1) * valid[..., None], valid
 
     def _to_blocks(self, patch: Patch) -> Patch:
         return np.asarray(

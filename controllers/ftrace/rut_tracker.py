@@ -181,6 +181,9 @@ class RutTracker:
         if len(points.s_m) < LEAST_BLOCKS:
             return False
         if self._method == "fused":
+            beside_m = float(np.mean(points.y_m - self._memory.curve(points.s_m)))
+            if abs(beside_m) > MOST_BESIDE * self._ground.rig.wheel_width_m:
+                return False
             sd = self._without_outliers(points.s_m, points.y_m, points.sd_m * POINT_SD_FACTOR)
             self._memory.observe_trace(points.s_m, points.y_m, sd, OFFSET_SD_M, SLOPE_SD)
         else:
@@ -192,7 +195,7 @@ class RutTracker:
         residual_m = float(np.sqrt(np.average((off - self._offset_m) ** 2, weights=1 / sd**2)))
         bend = float(np.ptp(np.diff(fitted[: len(BEND_M)])) / (BEND_M[1] - BEND_M[0]))
         self._signs = Signs(spread_m=spread_m, residual_m=residual_m, bend_rad=bend)
-        return abs(self._offset_m) < MOST_BESIDE * self._ground.rig.wheel_width_m
+        return True
 
     def _observe_curve(self, curve_m: Floats) -> None:
         """Take in the curve of a single image where the ground can be seen."""
@@ -218,11 +221,11 @@ class RutTracker:
         a trace alone, or together with that of the wheel ahead.
         """
         curves, penalty = self._candidates()
-        alone, both = (curves, curves), self._lead.edges(curves)
+        kinds = [(curves, curves), self._lead.edges(curves)][: 1 + self._lead.exists]
         reaches = (self._finder.blocks, NEAR_BLOCKS)
         found = [
             (edges, reach, *along)
-            for edges in (alone, both)
+            for edges in kinds
             for reach, along in zip(reaches, self._finder.along(sections, edges, *reaches), strict=True)
         ]
         scores = np.stack([self._scores(sums, count) for *_, sums, count in found])
@@ -253,9 +256,9 @@ class RutTracker:
         beside = curve + self._beside[:, None]
         ((others, count),) = self._finder.along(sections, (beside, beside), reach)
         other = np.median(self._lead.beside(curve[None]))
-        counts = (count >= LEAST_BLOCKS) & (
-            np.abs(self._beside - other) > OTHER_WIDTHS * self._ground.rig.wheel_width_m
-        )
+        counts = count >= LEAST_BLOCKS
+        apart = counts & (np.abs(self._beside - other) > OTHER_WIDTHS * self._ground.rig.wheel_width_m)
+        counts = apart if apart.any() else counts
         around = (others**2).sum(axis=1)[counts]
         answers = self._finder.answers_on(sections, edges)
         return Evidence(

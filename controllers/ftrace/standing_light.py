@@ -29,7 +29,7 @@ LEAST_PIXELS = 250
 MEDIAN_STRIDE = 3
 ROW_STRIDE = 2
 """Medians and the like of every few pixels are as good here, and take less time."""
-STEEPEST = 1.0
+STEEPEST, LEAST_ALONG = 1.0, 1e-3
 
 Matrix = NDArray[np.float64]
 
@@ -96,7 +96,8 @@ class StandingLight:
     def _level(self, field: Patch, pose: Matrix) -> Patch:
         """Return the level of each line along the way, which no difference tells: that of its lit part."""
         aside, along = self._contact_moved(pose)
-        slope = float(np.clip(aside / min(along, -1e-3), -STEEPEST, STEEPEST))
+        moved = abs(along) > LEAST_ALONG
+        slope = float(np.clip(aside / along, -STEEPEST, STEEPEST)) if moved else 0.0
         few = np.ascontiguousarray(field[::ROW_STRIDE])
         upright = _sheared(few, (1.0, slope * ROW_STRIDE), (0.0, 1.0), len(few))
         lit = np.partition(upright, self._lit_row, axis=0)[self._lit_row : self._lit_row + 1]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, JsonValue, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, field_validator
 
 from controllers.ftrace.geometry import RigGeometry
 from drivers.errors import ConfigError
@@ -14,10 +14,12 @@ from rover_hil.config import describe_validation_error
 
 SCHEMA = "rear-camera-rig/1"
 LARGEST_FILE_BYTES = 1_000_000
+LARGEST_ROVER_M = 10.0
 OTHER_MODELS = ("fish", "kannala", "equidistant", "rational", "omni", "scaramuzza")
 
 Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
+Place = Annotated[float, Field(ge=-LARGEST_ROVER_M, le=LARGEST_ROVER_M)]
 Positive = Annotated[float, Field(gt=0)]
 Pixels = Annotated[int, Field(ge=64, le=8192)]
 
@@ -56,6 +58,14 @@ class Wheel(Settings):
     grouser_height_m: Annotated[float, Field(ge=0)]
     lug_count: Annotated[int, Field(ge=0)]
     steer_deg: Annotated[float, Field(ge=-90, le=90)]
+
+
+class OtherWheel(BaseModel):
+    """What counts of another wheel: where it touches the ground, in the vehicle frame, in metres."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False)
+
+    contact_point: Annotated[list[Place], Field(min_length=3, max_length=3)]
 
 
 class GroundView(Settings):
@@ -119,10 +129,11 @@ class RigFile(Settings):
         )
 
     def _lead_m(self) -> tuple[float, float] | None:
+        """Return the next wheel ahead in about the same track."""
         x, y, _ = self.wheel.contact_point
         others = [(ahead - x, left - y) for ahead, left in _contact_points(self.other_wheels)]
         leads = [lead for lead in others if lead[0] > self.wheel.radius_m and abs(lead[1]) < lead[0] / 2]
-        return min(leads, key=lambda lead: abs(lead[1]), default=None)
+        return min(leads, key=lambda lead: (round(abs(lead[1]), 1), lead[0]), default=None)
 
 
 def read_rig(path: Path) -> RigFile:
@@ -151,13 +162,13 @@ def _as_table(table: object) -> dict[str, object]:
 def _contact_points(wheels: JsonValue) -> list[tuple[float, float]]:
     """Return x, y of the wheels that tell where they touch the ground, whatever else the rig file holds."""
     entries = list(wheels.values()) if isinstance(wheels, dict) else wheels
-    points = (
-        [entry.get("contact_point") for entry in entries if isinstance(entry, dict)]
-        if isinstance(entries, list)
-        else []
-    )
-    return [
-        (float(x), float(y))
-        for x, y, _ in (point for point in points if isinstance(point, list) and len(point) == 3)
-        if isinstance(x, int | float) and isinstance(y, int | float)
-    ]
+    if not isinstance(entries, list):
+        return []
+    found = []
+    for entry in entries:
+        try:
+            x, y, _ = OtherWheel.model_validate(entry).contact_point
+        except ValidationError:
+            continue
+        found.append((x, y))
+    return found

@@ -56,6 +56,21 @@ def test_a_steered_wheel_sees_it_from_its_own_axes() -> None:
     assert beside == pytest.approx(np.zeros(15), abs=1e-3)
 
 
+def test_steer_turns_the_place_of_the_other_wheel() -> None:
+    beside = lead(left_m=0.2, steer_deg=10.0).beside(np.zeros((1, 15)))[0]
+
+    expected = 0.2 * np.cos(np.radians(10.0)) - AHEAD_M * np.sin(np.radians(10.0))
+    assert beside == pytest.approx(np.full(15, expected), abs=1e-9)
+
+
+@pytest.mark.parametrize(("steer_deg", "left_m"), [(70.0, -0.28), (90.0, 0.0)])
+def test_a_wheel_steered_away_has_none_ahead(steer_deg: float, left_m: float) -> None:
+    away = lead(left_m=left_m, steer_deg=steer_deg)
+
+    assert not away.exists
+    assert np.isinf(away.beside(np.zeros((2, 15)))).all()
+
+
 def test_only_traces_that_touch_make_one_rut() -> None:
     near, far = (-np.tan(np.radians(theta_deg)) * S_M for theta_deg in (5.0, 20.0))
 

@@ -11,14 +11,17 @@ ROWS, COLUMNS, FRAMES, STEP = 140, 161, 90, 4
 SHADOW = -0.5
 
 
-def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0) -> Patch:
-    """Return the light learned from ground that moves back and `aside` under a shadow fixed to the image."""
+def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0, ahead: int = 1) -> Patch:
+    """Return the light learned from ground that moves back and `aside` under a shadow fixed to the image.
+
+    With `ahead` -1 the rover reverses.
+    """
     rng = np.random.default_rng(7)
     ground = rng.normal(0, 0.15, (ROWS + STEP * FRAMES, COLUMNS + abs(aside) * FRAMES)).astype(np.float32)
     first = max(-aside, 0) * FRAMES
     light = StandingLight(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75)
     motion = Motion(
-        forward_m=STEP * RESOLUTION_M,
+        forward_m=ahead * STEP * RESOLUTION_M,
         left_m=aside * RESOLUTION_M,
         turn_rad=0.0,
         turn_sd_rad=0.001,
@@ -26,7 +29,8 @@ def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0) -> Patch:
         share=1.0,
     )
     for frame in range(FRAMES):
-        top, left = STEP * (FRAMES - frame), first + aside * frame
+        top = STEP * (FRAMES - frame if ahead > 0 else frame)
+        left = first + aside * frame
         seen = ground[top : top + ROWS, left : left + COLUMNS].copy()
         seen[:, 70:95] += band
         light.update(seen + shadow, motion if frame else None)
@@ -45,6 +49,14 @@ def test_a_shadow_is_taken_out_and_the_lit_ground_beyond_it_is_left(aside: int) 
 
     assert field[10:40, 75:90].mean() == pytest.approx(SHADOW, abs=0.12)
     assert np.abs(field[75:120, 75:90]).mean() < 0.06
+    assert np.abs(field[:, :50]).mean() < 0.03
+
+
+@pytest.mark.parametrize("aside", [0, 1])
+def test_going_back_light_is_learned_as_well(aside: int) -> None:
+    field = learned(wheel_shadow(), aside=aside, ahead=-1)
+
+    assert field[10:40, 75:90].mean() == pytest.approx(SHADOW, abs=0.12)
     assert np.abs(field[:, :50]).mean() < 0.03
 
 
