@@ -10,6 +10,7 @@ import numpy as np
 from controllers.ftrace.geometry import Floats, RigGeometry
 
 MOST_AHEAD_M = 5.0
+"""A wheel further ahead is a wrong entry in the rig."""
 MOST_WIDTHS = 1.1
 """Traces further apart than this many widths of a wheel do not touch."""
 

@@ -20,7 +20,7 @@ START_MOVED_M, LIGHT_KNOWN_M = 0.01, 0.06
 START_TWO_SIDED, START_ROUGHNESS = 90.0, 5.5
 """Strength on both sides that such a trace must have, and floor while shadows may be taken for tone."""
 BEFORE_SHARE = 0.5
-"""Share of the clearness there was before that what comes must exceed: most of a shadow is taken out."""
+"""Share of the clearness before that is held against what looks alike: most of a shadow is taken out."""
 FULL_SHARE = 0.5
 """What the farthest third of the view must answer, against the rest, where a trace fills the view."""
 LOCK_MARGIN = 14.0
@@ -70,7 +70,7 @@ class Evidence:
         strength: Squared length of `sums`; about the number of kernels, 10, where there is no rut.
         around: Strength that curves beside it reach.
         floor: How much the ground differs from that beside it as the floor of a rut does, on the weaker side.
-            Without a rut below 4, but for chance and old traces; shadows do not make it.
+            Without a rut below 4, but for chance, old traces, and shadows not known yet.
         answers: Answers block by block: kernel, block.
     """
 
@@ -84,7 +84,7 @@ class Evidence:
 class Before:
     """What is seen before the rover can have left a trace in view.
 
-    That is none, as shadows of the rover; a trace that comes must be clearer, or look otherwise.
+    That is none, as shadows of the rover. A part of its clearness is held against a trace that comes.
     """
 
     def __init__(self) -> None:

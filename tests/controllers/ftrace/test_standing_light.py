@@ -52,6 +52,17 @@ def test_a_shadow_is_taken_out_and_the_lit_ground_beyond_it_is_left(aside: int) 
     assert np.abs(field[:, :50]).mean() < 0.03
 
 
+@pytest.mark.parametrize("aside", [2, -2])
+def test_lit_ground_is_looked_for_along_the_way_not_along_the_columns(aside: int) -> None:
+    """Nearly all of each column is dark, but not of the lines that the ground moves along."""
+    shadow = np.zeros((ROWS, COLUMNS), np.float32)
+    shadow[:120, 65:95] = SHADOW
+
+    field = learned(shadow, aside=aside)
+
+    assert np.sqrt(np.mean((field - shadow) ** 2)) < 0.08
+
+
 @pytest.mark.parametrize("aside", [0, 1])
 def test_going_back_light_is_learned_as_well(aside: int) -> None:
     field = learned(wheel_shadow(), aside=aside, ahead=-1)

@@ -1,0 +1,52 @@
+"""Answers along the edges of curves."""
+
+import numpy as np
+
+from controllers.ftrace.geometry import GroundPatch
+from controllers.ftrace.rut import CrossSections, Roughness, RutFinder
+from tests.controllers.ftrace.rigs import geometry
+
+
+def made_up() -> tuple[RutFinder, CrossSections]:
+    ground = GroundPatch(geometry())
+    finder = RutFinder(ground)
+    detail = np.random.default_rng(3).normal(0, 0.1, finder.inner.shape).astype(np.float32)
+    return finder, finder.cross_sections(detail, finder.roughness(detail))
+
+
+def test_a_block_of_which_one_edge_is_out_of_view_counts_for_nothing() -> None:
+    finder, sections = made_up()
+    here, outside = np.zeros((1, finder.blocks)), np.full((1, finder.blocks), 5.0)
+
+    ((whole, count),) = finder.along(sections, (here, here), finder.blocks)
+    ((half, none),) = finder.along(sections, (here, outside), finder.blocks)
+
+    assert count[0] >= 6
+    assert np.abs(whole).max() > 0.0
+    assert none[0] == 0
+    assert not half.any()
+    assert finder.answers_on(sections, (here[0], outside[0])).shape[1] == 0
+
+
+def test_each_edge_is_answered_by_its_own_side() -> None:
+    finder, sections = made_up()
+    here, aside = np.zeros((1, finder.blocks)), np.full((1, finder.blocks), 0.04)
+
+    both, other, mixed = (
+        finder.along(sections, edges, finder.blocks)[0][0][0]
+        for edges in ((here, here), (aside, aside), (here, aside))
+    )
+
+    assert np.allclose(mixed[:5], both[:5])
+    assert np.allclose(mixed[5:], other[5:])
+    assert not np.allclose(both, other)
+
+
+def test_what_both_kinds_of_roughness_share_is_taken_out() -> None:
+    bars, grain = np.full((4, 4), 1.0, np.float32), np.full((4, 4), 3.0, np.float32)
+    rough = Roughness(bars, grain)
+
+    left = rough.without(rough.mean)
+
+    assert (left.bars == -1.0).all()
+    assert (left.grain == 1.0).all()
