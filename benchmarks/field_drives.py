@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import nanoseconds
-from sim_backends.camera import GroundKind
-from sim_backends.el_dorado.dynamics import GRAVITY_M_S2
-from sim_backends.el_dorado.plant import ElDoradoPlant
-from sim_backends.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
-from sim_backends.el_dorado.wheel_table import WheelTable, build_table
-from sim_backends.plant import Truth
+from sim_backends.devices.camera import GroundKind
+from sim_backends.plants.el_dorado.dynamics import GRAVITY_M_S2
+from sim_backends.plants.el_dorado.plant import ElDoradoPlant
+from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
+from sim_backends.plants.el_dorado.wheel_table import WheelTable, build_table
 from sim_backends.rear_scene.draws import draw_errors, draw_rig, wander
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun, Terrain
 from sim_backends.rear_scene.motion import RATE_HZ, Motion, rotations
 from sim_backends.rear_scene.rig import Rig
 from sim_backends.rear_scene.scene import Lens, rocking
 from sim_backends.rear_scene.sequence import FrameSequence, Look
-from sim_backends.sensor_errors import DirectionLag
-from sim_backends.soil.library import load_soil, load_wheel
+from sim_backends.terramechanics.soil.library import load_soil, load_wheel
+from sim_backends.world.plant import Truth
+from sim_backends.world.sensor_errors import DirectionLag
 
 Floats: TypeAlias = NDArray[np.float64]
 

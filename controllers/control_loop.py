@@ -5,19 +5,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.doubts import FollowMonitor, RefusalCounter
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.pose_filter import PoseEstimate
 from controllers.estimator import Estimator
-from controllers.guarded_filter import Innovation
-from controllers.kinematics import Kinematics, make_kinematics
-from controllers.limits import Limit, WheelLimiter
-from controllers.path_control import Guidance, PathFollower
-from controllers.planar import Pose
-from controllers.pose_filter import PoseEstimate
+from controllers.motion.kinematics import Kinematics, make_kinematics
+from controllers.motion.limits import Limit, WheelLimiter
+from controllers.motion.path_following import Guidance, PathFollower
+from controllers.motion.planar import Pose
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.settings import ControlSettings, OmniRoverSettings
-from controllers.slip_compensator import SlipCompensator, SlipReport
-from controllers.torque_correction import TorqueCorrection
-from controllers.trace_slip import DriftReport, TraceFinder, TraceSlipCompensator
+from controllers.slip.effort.compensator import SlipCompensator, SlipReport
+from controllers.slip.effort.torque_correction import TorqueCorrection
+from controllers.slip.scomp.compensator import DriftReport, TraceFinder, TraceSlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.samples import Sample, WheelCommand

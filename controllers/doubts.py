@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from controllers.guarded_filter import Innovation
+from controllers.estimation.guarded_filter import Innovation
 from drivers.clock import nanoseconds
 
 REFUSALS_IN_A_ROW = 20

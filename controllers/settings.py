@@ -6,8 +6,8 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from controllers.slip_settings import SlipSettings
-from controllers.trace_slip_settings import TraceSlipSettings
+from controllers.slip.effort.settings import SlipSettings
+from controllers.slip.scomp.settings import TraceSlipSettings
 from drivers.settings import Settings
 
 WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]

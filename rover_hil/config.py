@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
-from controllers.slip_settings import SURFACES, YAW_PROBE
+from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.device_settings import DriveSettings, FrameDeviceSettings
 from drivers.errors import ConfigError
@@ -197,7 +197,7 @@ def _inline_trace_slip(table: dict[str, object]) -> None:
         shipped = resources.files("rover_hil") / "scomp_parameters" / f"{parameters}.toml"
         trace_slip["parameters"] = _load_toml(shipped, parameters, "parameters")
     if isinstance(rig, str):
-        from rover_hil.trace.rig_file import read_rig  # it needs this module
+        from rover_hil.ftrace.rig_file import read_rig  # it needs this module
 
         shipped = resources.files("rover_hil") / "rigs" / f"{rig}.json"
         with resources.as_file(shipped) as path:

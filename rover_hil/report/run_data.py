@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from controllers.limits import Limit
+from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from drivers.driver import Health
 from rover_hil.config import Config
-from rover_hil.loop.executive import RunResult
 from rover_hil.report.tracks import Array, Series, Track
+from rover_hil.run.executive import RunResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.limits import Limit
-from controllers.planar import wrap_angle
+from controllers.motion.limits import Limit
+from controllers.motion.planar import wrap_angle
 from controllers.safety import Mode
 from drivers.driver import Health
 from rover_hil.report.drift_summary import DriftSummary, summarise_drift

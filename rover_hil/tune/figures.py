@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from controllers.mission import Point
+from controllers.motion.mission import Point
 from rover_hil.report import style
 from rover_hil.report.figures import Picture
 from rover_hil.tune.comparison import Comparison, Verdict

@@ -9,7 +9,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from pydantic_core import to_json
 
-from controllers.mission import corner_points
+from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.report.write import write_all

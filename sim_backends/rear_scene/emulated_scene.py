@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from sim_backends.camera import CameraEmulatorSettings
-from sim_backends.plant import Truth
+from sim_backends.devices.camera import CameraEmulatorSettings
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
 from sim_backends.rear_scene.motion import rotations
 from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
 from sim_backends.rear_scene.scene import Lens, Pose, RearScene
-from sim_backends.slow_noise import SlowNoise
+from sim_backends.world.coloured_noise import SlowNoise
+from sim_backends.world.plant import Truth
 
 Floats: TypeAlias = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.camera import GroundKind
+from sim_backends.devices.camera import GroundKind
 from sim_backends.rear_scene.kernels import MEAN_REFLECTANCE
 
 Texels: TypeAlias = NDArray[np.float32]

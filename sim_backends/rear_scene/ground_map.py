@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.camera import GroundKind
+from sim_backends.devices.camera import GroundKind
 from sim_backends.rear_scene import kernels
 from sim_backends.rear_scene.ground_kinds import make_ground, periodic_noise
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from drivers.errors import NotConnectedError
 from drivers.link import CameraImage
-from sim_backends.live_folder import LiveFolderWriter
 from sim_backends.serving.port import Port
+from sim_backends.world.live_folder import LiveFolderWriter
 
 
 class FramePort(Port[CameraImage]):

@@ -3,7 +3,7 @@
 import math
 
 from controllers.doubts import FOLLOW_S, REFUSALS_IN_A_ROW, FollowMonitor, RefusalCounter
-from controllers.guarded_filter import Innovation
+from controllers.estimation.guarded_filter import Innovation
 from drivers.clock import nanoseconds
 
 

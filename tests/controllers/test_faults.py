@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.limits import Limit
+from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from controllers.settings import (
     SafetySettings,

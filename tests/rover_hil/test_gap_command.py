@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.command_line.gap import find_gap
+from rover_hil.app.gap import find_gap
 from rover_hil.gap.load import check_model, load_model, read_runs
 from rover_hil.gap.model_file import ExtendedModel, read_model_file
 from tests.nature.axis import Drive, measure_axis, some_axis, table
@@ -232,8 +232,8 @@ def test_a_card_whose_null_is_not_the_base_model_is_told() -> None:
 
 
 def test_exit_codes_of_the_program(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "rover_hil.command_line.app"]
-    program = "from rover_hil.command_line.app import main; main()"
+    command = [sys.executable, "-m", "rover_hil.app.app"]
+    program = "from rover_hil.app.app import main; main()"
     command = [sys.executable, "-c", program, "gap", CART]
     absent = subprocess.run(
         [*command, str(tmp_path / "no.csv"), "--out", str(tmp_path / "o")],

@@ -12,15 +12,15 @@ from drivers.clock import VirtualClock
 from drivers.errors import ConfigError
 from drivers.link import NoTap
 from drivers.samples import FrameSample
-from rover_hil.command_line.run import run_virtual
-from rover_hil.composition import build_replay_rig
+from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
-from rover_hil.live_trace import LiveTraceFinder
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
+from rover_hil.run.composition import build_replay_rig
+from rover_hil.run.live_trace import LiveTraceFinder
 from tests.rover_hil.test_virtual_run import with_changes
 
 DRIVE_S = 12.0

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from controllers.control_loop import StepOutput
-from controllers.guarded_filter import Innovation
-from controllers.limits import Limit
-from controllers.planar import Pose
-from controllers.pose_filter import PoseEstimate, YawSource
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.pose_filter import PoseEstimate, YawSource
+from controllers.motion.limits import Limit
+from controllers.motion.planar import Pose
 from controllers.safety import Mode
 from drivers.clock import nanoseconds
 from drivers.driver import DeviceState, Health
@@ -20,12 +20,12 @@ from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.loop.executive import End, RunResult
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
 from rover_hil.report.verdict import Grade, grade, tag, verdict
 from rover_hil.report.write import write_report
+from rover_hil.run.executive import End, RunResult
 
 START_NS = 5_000_000_000
 PERIOD_S = 0.02

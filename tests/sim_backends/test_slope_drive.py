@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ModelError
-from sim_backends.slope.drive import drive
-from sim_backends.slope.height_field import HeightField, Plane, plane_under
-from sim_backends.slope.rover import Conditions, paper_rover
-from sim_backends.slope.steady_state import solve_steady_state
-from sim_backends.soil.compiled import compiled_kernel
-from sim_backends.soil.library import load_soil
+from sim_backends.terramechanics.slope.drive import drive
+from sim_backends.terramechanics.slope.height_field import HeightField, Plane, plane_under
+from sim_backends.terramechanics.slope.rover import Conditions, paper_rover
+from sim_backends.terramechanics.slope.steady_state import solve_steady_state
+from sim_backends.terramechanics.soil.compiled import compiled_kernel
+from sim_backends.terramechanics.soil.library import load_soil
 
 SAND = load_soil("toyoura")
 

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from benchmarks.adaptive_wheel import AdaptiveWheel
 from drivers.errors import ModelError
-from sim_backends.slope.load_transfer import demand, paper_loads
-from sim_backends.slope.rover import Conditions, Effects, SlopeRover, paper_rover
-from sim_backends.slope.steady_state import SteadyState, solve_steady_state
-from sim_backends.soil.compiled import compiled_kernel
-from sim_backends.soil.library import load_soil, load_wheel
-from sim_backends.soil.numpy_kernel import numpy_kernel
+from sim_backends.terramechanics.slope.load_transfer import demand, paper_loads
+from sim_backends.terramechanics.slope.rover import Conditions, Effects, SlopeRover, paper_rover
+from sim_backends.terramechanics.slope.steady_state import SteadyState, solve_steady_state
+from sim_backends.terramechanics.soil.compiled import compiled_kernel
+from sim_backends.terramechanics.soil.library import load_soil, load_wheel
+from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 
 SAND = load_soil("toyoura")
 EXPECTED = [

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ModelError
-from sim_backends.soil.slip import shearing_radius, slip_angle, slip_ratio, speed_ratio
+from sim_backends.terramechanics.soil.slip import shearing_radius, slip_angle, slip_ratio, speed_ratio
 
 
 def test_worked_values() -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from controllers.scomp.smoother import FilterStep, smooth
+from rover_hil.scomp.smoother import FilterStep, smooth
 
 
 def walk_filter(readings: np.ndarray, process2: float, noise2: float) -> list[FilterStep]:

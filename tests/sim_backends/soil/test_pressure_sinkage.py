@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ModelError
-from sim_backends.soil.pressure_sinkage import (
+from sim_backends.terramechanics.soil.pressure_sinkage import (
     PlateTest,
     bekker_pressure_pa,
     fit_plates,

@@ -1,0 +1,1 @@
+"""Run a rover: composition, cyclic executive, watchdog and replay."""
