@@ -8,16 +8,15 @@ import numpy as np
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.motion.planar import wrap_angle
-from controllers.slip.scomp.filter import PoseEstimator, StartHeading
+from controllers.slip.scomp.filter import START_CERTAIN_RAD, FilterStep, PoseEstimator, StartHeading
 from controllers.slip.scomp.motion_model import ANGLES, FIRST, SECOND, YAW, Motion, X, Y, expected_drift
 from controllers.slip.scomp.parameters import ScompParameters
 from controllers.slip.scomp.slip_laws import HingeLaw, PitchLaw, SlipLaw
 from drivers.errors import ModelError
 from rover_hil.scomp.drive import Array, Drive, Track
-from rover_hil.scomp.smoother import FilterStep, smooth
+from rover_hil.scomp.smoother import smooth
 from rover_hil.scomp.windows import smoothed
 
-START_CERTAIN_RAD = math.radians(0.05)
 START_AGREES_RAD = math.radians(4.0)
 START_AGREES_UNCALIBRATED_RAD = math.radians(10.0)
 

@@ -1,27 +1,13 @@
 """What the rest of a drive tells about each moment of it: the backward pass of Rauch, Tung and Striebel."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.slip.scomp.filter import FilterStep
+
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FilterStep:
-    """One step of a filter; n states.
-
-    Attributes:
-        transition: From the estimate of the step before to the prediction, (n, n).
-        predicted: State before the corrections of this step, and its covariance.
-        estimate: State after them, and its covariance.
-    """
-
-    transition: Array
-    predicted: tuple[Array, Array]
-    estimate: tuple[Array, Array]
 
 
 def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Array, Array]]:

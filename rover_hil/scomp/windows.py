@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controllers.slip.scomp.filter import TILT_MEMORY_S
 from drivers.errors import ModelError
 from rover_hil.scomp.drive import Array, Drive, TruePath
 
 WINDOW_S = 2.0
 SLOWEST_RIM_M_S = 0.01
 FEWEST_WINDOWS = 8
-TILT_MEMORY_S = 0.5
 GRID_S = 0.1
 POINTS = 31
 

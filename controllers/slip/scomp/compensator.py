@@ -9,14 +9,12 @@ from controllers.estimation.gyro import GREATEST_RATE_RAD_S
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.roles import DeviceRoles
-from controllers.slip.scomp.filter import PoseEstimator, StartHeading
+from controllers.slip.scomp.filter import START_CERTAIN_RAD, TILT_MEMORY_S, PoseEstimator, StartHeading
 from controllers.slip.scomp.motion_model import Motion, expected_drift
 from controllers.slip.scomp.settings import TraceSlipSettings
 from controllers.slip.scomp.slip_laws import PitchLaw
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
-from rover_hil.scomp.odometry import START_CERTAIN_RAD
-from rover_hil.scomp.windows import TILT_MEMORY_S
 
 STEP_S = 0.05
 """The estimator moves on in steps of at least this: its states change slowly, and a step has its price."""

@@ -31,7 +31,6 @@ from controllers.slip.scomp.motion_model import (
 )
 from controllers.slip.scomp.parameters import ScompParameters
 from controllers.slip.scomp.slip_laws import SlipLaw
-from rover_hil.scomp.smoother import FilterStep
 
 Array = NDArray[np.float64]
 
@@ -45,6 +44,23 @@ MOST_TRACE_REFUSALS = 2
 MOST_COMPASS_REFUSALS = 20
 WIDENED_BIAS_RAD_S = math.radians(0.1)
 GATE = 0.9995
+TILT_MEMORY_S = 0.5
+START_CERTAIN_RAD = math.radians(0.05)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FilterStep:
+    """One step of a filter; n states.
+
+    Attributes:
+        transition: From the estimate of the step before to the prediction, (n, n).
+        predicted: State before the corrections of this step, and its covariance.
+        estimate: State after them, and its covariance.
+    """
+
+    transition: Array
+    predicted: tuple[Array, Array]
+    estimate: tuple[Array, Array]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
