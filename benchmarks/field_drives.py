@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import nanoseconds
-from sim_backends.devices.camera import GroundKind
 from sim_backends.plants.el_dorado.dynamics import GRAVITY_M_S2
 from sim_backends.plants.el_dorado.plant import ElDoradoPlant
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
@@ -19,6 +18,7 @@ from sim_backends.rear_scene.motion import RATE_HZ, Motion, rotations
 from sim_backends.rear_scene.rig import Rig
 from sim_backends.rear_scene.scene import Lens, rocking
 from sim_backends.rear_scene.sequence import FrameSequence, Look
+from sim_backends.rear_scene.settings import GroundKind
 from sim_backends.terramechanics.soil.library import load_soil, load_wheel
 from sim_backends.world.plant import Truth
 from sim_backends.world.sensor_errors import DirectionLag

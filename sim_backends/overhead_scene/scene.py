@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.samples import Image
-from sim_backends.devices.overhead_camera import OverheadCameraEmulatorSettings
+from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.world.plant import Truth
 
 Array: TypeAlias = NDArray[np.float64]

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from sim_backends.devices.camera import CameraEmulatorSettings
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
 from sim_backends.rear_scene.motion import rotations
 from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
 from sim_backends.rear_scene.scene import Lens, Pose, RearScene
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.coloured_noise import SlowNoise
 from sim_backends.world.plant import Truth
 

@@ -8,9 +8,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.devices.camera import GroundKind
 from sim_backends.rear_scene import kernels
 from sim_backends.rear_scene.ground_kinds import make_ground, periodic_noise
+from sim_backends.rear_scene.settings import GroundKind
 
 Floats: TypeAlias = NDArray[np.float64]
 Box: TypeAlias = tuple[int, int, int, int]
