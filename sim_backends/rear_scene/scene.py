@@ -256,6 +256,18 @@ def rocking(roll: float, pitch: float) -> Floats:
     return np.asarray(about_y @ about_x)
 
 
+def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
+    """Return vehicle to world, Rz(yaw) Ry(pitch) Rx(roll); pitch is positive nose down, roll left side up."""
+    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    cr, sr = np.cos(roll), np.sin(roll)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
 def _corners(box: tuple[float, float, float, float, float, float]) -> Floats:
     x0, x1, y0, y1, z0, z1 = box
     return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (z0, z1)])

@@ -31,25 +31,6 @@ class Demand(NamedTuple):
     balanced: bool
 
 
-def paper_loads(
-    weight_n: float, slope_rad: float, cog_height_m: float, uphill_m: float, downhill_m: float
-) -> tuple[float, float]:
-    """Return W_u and W_d, load of one uphill and one downhill wheel of four in a traverse, N.
-
-    Paper 001, eqs 3 and 4.
-
-    Args:
-        weight_n: W.
-        slope_rad: alpha, less than 90 deg.
-        cog_height_m: L_h.
-        uphill_m: L_u, from the centre of gravity to the uphill wheels.
-        downhill_m: L_d, from the centre of gravity to the downhill wheels.
-    """
-    span = 2.0 * (uphill_m + downhill_m)
-    lever = cog_height_m * math.tan(slope_rad)
-    return weight_n * (downhill_m - lever) / span, weight_n * (uphill_m + lever) / span
-
-
 def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
     """Return what the soil must do to hold the rover.
 

@@ -1,4 +1,4 @@
-"""Slip and skid ratio, slip angle, shearing radius."""
+"""Slip and skid ratio, shearing radius."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,18 +63,3 @@ def speed_ratio(slip: ArrayLike) -> Floats:
     check_range("slip", slip, "1", -0.999, 1.0)
     ratio = np.asarray(slip, float)
     return np.where(ratio >= 0.0, 1.0 - ratio, 1.0 / (1.0 + np.minimum(ratio, 0.0)))
-
-
-def slip_angle(forward_m_s: ArrayLike, sideways_m_s: ArrayLike) -> Floats:
-    """Return the slip angle atan(v_y / v_x), rad; positive to the left (paper 001, eq 2).
-
-    Args:
-        forward_m_s: v_x, more than 0; any shape.
-        sideways_m_s: v_y, broadcast with it.
-
-    Raises:
-        ModelError: v_x is not positive, or a speed is not a number.
-    """
-    check_range("forward_m_s", forward_m_s, "m/s", np.finfo(float).tiny, LARGEST)
-    check_range("sideways_m_s", sideways_m_s, "m/s", -LARGEST, LARGEST)
-    return np.asarray(np.arctan2(sideways_m_s, forward_m_s), dtype=np.float64)
