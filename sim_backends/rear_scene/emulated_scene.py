@@ -2,10 +2,8 @@
 
 import math
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
 from drivers.samples import Image
@@ -15,8 +13,6 @@ from sim_backends.rear_scene.scene import Lens, Pose, RearScene, rotations
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.coloured_noise import SlowNoise
 from sim_backends.world.plant import Truth
-
-Floats: TypeAlias = NDArray[np.float64]
 
 FARTHEST_M = 1.3
 """The scene keeps the ground about as far as this from the rover."""

@@ -3,13 +3,12 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Floats: TypeAlias = NDArray[np.float64]
+from sim_backends.arrays import Array
+
 CLOSEST_DEPTH_M = 0.02
 
 
@@ -49,10 +48,10 @@ class Rig:
     width: int
     height: int
     fps: float
-    camera_matrix: Floats
-    distortion: Floats
-    vehicle_from_camera: Floats
-    camera_m: Floats
+    camera_matrix: Array
+    distortion: Array
+    vehicle_from_camera: Array
+    camera_m: Array
     wheel: Wheel
     other_wheels: tuple[Wheel, ...]
 
@@ -61,7 +60,7 @@ class Rig:
         """Every wheel, the watched one last: where it follows another it presses the later trace."""
         return (*self.other_wheels, self.wheel)
 
-    def project(self, points_m: Floats) -> Floats:
+    def project(self, points_m: Array) -> Array:
         """Return (column, row) of points of the vehicle frame, shape (n, 3); NaN out of view."""
         in_camera = (points_m - self.camera_m) @ self.vehicle_from_camera
         image = self._pixels(in_camera)
@@ -69,19 +68,19 @@ class Rig:
         image[outside | (in_camera[:, 2] < CLOSEST_DEPTH_M)] = np.nan
         return image
 
-    def rays(self) -> Floats:
+    def rays(self) -> Array:
         """Return the direction through every pixel in the camera frame as (x / z, y / z), shape (h, w, 2)."""
         columns, rows = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
         pixels = np.stack([columns.ravel(), rows.ravel()], axis=1)
         return self._unproject(pixels).reshape(self.height, self.width, 2)
 
-    def _unproject(self, pixels: Floats) -> Floats:
+    def _unproject(self, pixels: Array) -> Array:
         # The default stops after five steps, tenths of a pixel off in the corners.
         enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-6)
         rays = cv2.undistortPoints(pixels[:, None, :], self.camera_matrix, self.distortion, criteria=enough)
         return np.asarray(rays, np.float64)[:, 0, :]
 
-    def wheel_outline(self, body_to_vehicle: Floats) -> Floats | None:
+    def wheel_outline(self, body_to_vehicle: Array) -> Array | None:
         """Return the watched wheel's outline in the picture, (column, row); None when it is not in view.
 
         `body_to_vehicle` turns points of the body, to which the camera is fixed, into the vehicle frame.
@@ -113,13 +112,13 @@ class Rig:
             ).max()
         )
 
-    def _pixels(self, in_camera: Floats) -> Floats:
+    def _pixels(self, in_camera: Array) -> Array:
         zero = np.zeros(3)
         pixels, _ = cv2.projectPoints(in_camera[:, None, :], zero, zero, self.camera_matrix, self.distortion)
         return np.asarray(pixels, np.float64)[:, 0, :]
 
 
-def looking_back(tilt_deg: float, pan_deg: float = 0.0, bank_deg: float = 0.0) -> Floats:
+def looking_back(tilt_deg: float, pan_deg: float = 0.0, bank_deg: float = 0.0) -> Array:
     """Return vehicle_from_camera of a camera that looks backwards and down.
 
     Args:

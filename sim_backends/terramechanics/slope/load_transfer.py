@@ -5,11 +5,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.slope.rover import Conditions, SlopeRover
 
-Floats = NDArray[np.float64]
 BALANCE_M = 1e-9
 
 
@@ -27,7 +26,7 @@ class Demand(NamedTuple):
     weight_n: float
     forward_n: float
     left_n: float
-    vertical_n: Floats
+    vertical_n: Array
     balanced: bool
 
 
@@ -63,7 +62,7 @@ def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
 @lru_cache(maxsize=256)
 def _levers(
     positions: tuple[tuple[float, float], ...], forward_m: float, lateral_m: float
-) -> tuple[Floats, Floats]:
+) -> tuple[Array, Array]:
     """Return the matrix from loads to their sum and moments, and its pseudo-inverse."""
     position = np.array(positions)
     levers = np.stack([np.ones(len(position)), position[:, 0] - forward_m, position[:, 1] - lateral_m])

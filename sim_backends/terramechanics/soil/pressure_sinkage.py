@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
 from drivers.errors import ModelError
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.quantity import check_range
 
-Array = NDArray[np.float64]
 LEAST_POINTS = 10
 """Points of one plate test that its fit needs."""
 
