@@ -4,7 +4,7 @@ What it leaves out, besides what the scene leaves out (docs/rear_scene.md): fram
 none is lost; there is no rolling shutter, automatic exposure or JPEG artefact.
 """
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -28,44 +28,48 @@ class Scene(Protocol):
         ...
 
 
+class Exposure(NamedTuple):
+    """How long the shutter is open before and after the instant at which the scene is rendered, in ns."""
+
+    before_ns: int
+    after_ns: int
+
+
 class CameraEmulator:
-    """Exposes a frame per period, at a phase of its own, and sends it to the host.
+    """Takes a frame per period, at a phase of its own, and sends it to the host.
+
+    The capture stamp is the beginning of the exposure; the frame goes out at its end.
 
     Args:
-        device: Settings of the camera as the host knows it.
-        emulator: Settings of the simulated camera.
-        scene: What it sees.
+        scene: What the camera sees.
         plant: The simulated rover.
-        to_host: Where frames go; it takes the transfer time.
-        first_frame_ns: When the first frame is exposed.
+        to_host: Line to the host; it takes the transfer time.
+        period_ns: Time between frames.
+        exposure: Exposure about the instant of rendering.
+        first_ns: When the first frame is rendered.
     """
 
     def __init__(
         self,
-        device: CameraSettings,
-        emulator: CameraEmulatorSettings,
         scene: Scene,
         plant: Plant,
         to_host: Line[CameraImage],
-        first_frame_ns: int,
+        period_ns: int,
+        exposure: Exposure,
+        first_ns: int,
     ) -> None:
-        self._period_ns = nanoseconds(1 / device.frame_rate_hz)
-        self._exposure_ns = nanoseconds(emulator.exposure_s)
         self._scene = scene
         self._plant = plant
         self._to_host: Line[CameraImage] = to_host
-        self._next_ns = first_frame_ns
-
-    @property
-    def next_event_ns(self) -> int:
-        """When the next frame is exposed."""
-        return self._next_ns
+        self._period_ns = period_ns
+        self._exposure = exposure
+        self.next_event_ns = first_ns
 
     def act(self, t_ns: int) -> None:
-        """Expose a frame; it goes out at the end of the exposure."""
-        image = self._scene.render(self._plant.truth())
-        self._to_host.put(t_ns + self._exposure_ns, CameraImage(image, t_ns))
-        self._next_ns += self._period_ns
+        """Render a frame and send it at the end of the exposure."""
+        image = CameraImage(self._scene.render(self._plant.truth()), t_ns - self._exposure.before_ns)
+        self._to_host.put(t_ns + self._exposure.after_ns, image)
+        self.next_event_ns += self._period_ns
 
     def hear(self, t_ns: int, payload: bytes) -> None:
         """Ignore it: the camera takes no commands."""
@@ -88,6 +92,8 @@ def make_camera(
 
     scene = EmulatedScene(emulator, device.width, device.height, device.frame_rate_hz, rng, start_ns)
     to_host: Line[CameraImage] = Line(lambda image: 1.0, 1 / emulator.transfer_s)  # one frame is one bit
-    first_frame_ns = start_ns + int(rng.integers(nanoseconds(1 / device.frame_rate_hz)))
-    camera = CameraEmulator(device, emulator, scene, plant, to_host, first_frame_ns)
+    period_ns = nanoseconds(1 / device.frame_rate_hz)
+    first_ns = start_ns + int(rng.integers(period_ns))
+    exposure = Exposure(0, nanoseconds(emulator.exposure_s))
+    camera = CameraEmulator(scene, plant, to_host, period_ns, exposure, first_ns)
     return EmulatedDevice(name, camera, to_host, Line(serial_bits, USB_BITS_PER_S))

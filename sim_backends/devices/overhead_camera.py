@@ -10,56 +10,11 @@ from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.overhead_camera.settings import OverheadCameraSettings
-from sim_backends.devices.camera import USB_BITS_PER_S, Scene
+from sim_backends.devices.camera import USB_BITS_PER_S, CameraEmulator, Exposure
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.world.line import Line, serial_bits
 from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice
-
-
-class OverheadCameraEmulator:
-    """Takes a picture per period, at a phase of its own, and sends it to the host.
-
-    It acts in the middle of each exposure.
-
-    Args:
-        device: The camera as the host knows it.
-        emulator: How it sees.
-        scene: What it sees.
-        plant: The simulated rover.
-        to_host: Where pictures go; it takes the transfer time.
-        first_ns: Middle of the first exposure.
-    """
-
-    def __init__(
-        self,
-        device: OverheadCameraSettings,
-        emulator: OverheadCameraEmulatorSettings,
-        scene: Scene,
-        plant: Plant,
-        to_host: Line[CameraImage],
-        first_ns: int,
-    ) -> None:
-        self._period_ns = nanoseconds(1 / device.frame_rate_hz)
-        self._half_exposure_ns = nanoseconds(emulator.exposure_s / 2)
-        self._scene = scene
-        self._plant = plant
-        self._to_host: Line[CameraImage] = to_host
-        self._next_ns = first_ns
-
-    @property
-    def next_event_ns(self) -> int:
-        """When the next picture is taken."""
-        return self._next_ns
-
-    def act(self, t_ns: int) -> None:
-        """Take a picture; it goes out at the end of the exposure."""
-        image = CameraImage(self._scene.render(self._plant.truth()), t_ns - self._half_exposure_ns)
-        self._to_host.put(t_ns + self._half_exposure_ns, image)
-        self._next_ns += self._period_ns
-
-    def hear(self, t_ns: int, payload: bytes) -> None:
-        """Ignore it: the camera takes no commands."""
 
 
 def make_overhead_camera(
@@ -88,6 +43,8 @@ def make_overhead_camera(
     scene = OverheadScene(device, emulator, scene_rng)
     # As many bits as seconds, one per second: each picture takes a time of its own.
     to_host: Line[CameraImage] = Line(lambda image: float(time_rng.uniform(shortest_s, longest_s)), 1.0)
-    first_ns = start_ns + int(time_rng.integers(nanoseconds(1 / device.frame_rate_hz)))
-    camera = OverheadCameraEmulator(device, emulator, scene, plant, to_host, first_ns)
+    period_ns = nanoseconds(1 / device.frame_rate_hz)
+    first_ns = start_ns + int(time_rng.integers(period_ns))
+    half_ns = nanoseconds(emulator.exposure_s / 2)
+    camera = CameraEmulator(scene, plant, to_host, period_ns, Exposure(half_ns, half_ns), first_ns)
     return EmulatedDevice(name, camera, to_host, Line(serial_bits, USB_BITS_PER_S))
