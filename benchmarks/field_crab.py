@@ -48,11 +48,10 @@ from drivers.clock import nanoseconds
 from drivers.samples import Image
 from rover_hil.ftrace.rig_file import RigFile
 from sim_backends.plants.el_dorado.plant import ElDoradoPlant
-from sim_backends.rear_scene.draws import wander
-from sim_backends.rear_scene.motion import rotations
-from sim_backends.rear_scene.scene import Pose, RearScene
+from sim_backends.rear_scene.scene import Pose, RearScene, rotations
 from sim_backends.world.plant import Truth
 from sim_backends.world.sensor_errors import DirectionLag
+from tests.rear_scene.draws import wander
 
 PRESSES_PER_FRAME = 4
 PRESS_S = 1.0 / FRAME_RATE_HZ / PRESSES_PER_FRAME

@@ -16,14 +16,16 @@ from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
 from drivers.witmotion.settings import WitMotionSettings
-from sim_backends.devices.camera import CameraEmulatorSettings, make_camera
+from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
-from sim_backends.devices.overhead_camera import OverheadCameraEmulatorSettings, make_overhead_camera
+from sim_backends.devices.overhead_camera import make_overhead_camera
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
 from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
+from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import SimulationSettings
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
 from sim_backends.world.plant import Plant

@@ -26,14 +26,13 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import ConfigError, ModelError
 from drivers.settings import Settings
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import WheelSettings, parse_settings
 from sim_backends.terramechanics.soil.quantity import check_range, quantity
 
-Array = NDArray[np.float64]
 GRAVITY_M_S2 = 9.80665
 DEEPEST = 1.85
 """Greatest sinkage that is considered, in radii."""

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
-from sim_backends.rear_scene.truth import SensorErrors
+from sim_backends.rear_scene.rig import Wheel, looking_back
+from tests.rear_scene.rig_file import CalibratedRig
+from tests.rear_scene.truth import SensorErrors
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ def wander(steps: int, correlation_steps: float, rng: np.random.Generator) -> Fl
     return np.asarray(smooth[margin : margin + steps] * math.sqrt(2 * math.sqrt(math.pi) * correlation_steps))
 
 
-def draw_rig(held_out: bool, fps: float, rng: np.random.Generator) -> Rig:
+def draw_rig(held_out: bool, fps: float, rng: np.random.Generator) -> CalibratedRig:
     """Return a camera above the rear left wheel; held-out rigs differ in wheels, track and lens too."""
     half_track, b_m, width, lugs = 0.22, 0.30, 0.11, 18
     focal, k1 = rng.uniform(480, 560), rng.uniform(-0.16, -0.04)
@@ -41,7 +42,7 @@ def draw_rig(held_out: bool, fps: float, rng: np.random.Generator) -> Rig:
     def wheel(name: str, x_m: float, y_m: float) -> Wheel:
         return Wheel(name=name, x_m=x_m, y_m=y_m, width_m=width, lug_count=lugs)
 
-    return Rig(
+    return CalibratedRig(
         width=640,
         height=480,
         fps=fps,

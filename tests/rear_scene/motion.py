@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim_backends.rear_scene.ground_map import Terrain
 from sim_backends.rear_scene.rig import Rig
-from sim_backends.rear_scene.scene import Pose, rocking
+from sim_backends.rear_scene.scene import Pose, rocking, rotations
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -191,18 +191,6 @@ def _softness(way_m: Floats, hard_m: tuple[tuple[float, float], ...]) -> Floats:
         edge = np.minimum(way_m - first, last - way_m)
         softness *= np.clip(0.5 - edge / 0.03, 0.0, 1.0)
     return softness
-
-
-def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
-    """Return vehicle to world, Rz(yaw) Ry(pitch) Rx(roll); pitch is positive nose down, roll left side up."""
-    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
-    cr, sr = np.cos(roll), np.sin(roll)
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _in_vehicle(turn: Floats, points: Floats) -> Floats:

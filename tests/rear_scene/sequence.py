@@ -13,10 +13,10 @@ import numpy as np
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from sim_backends.rear_scene.ground_map import GroundSettings, Roll, Rut, Sun
-from sim_backends.rear_scene.motion import RATE_HZ, Motion
-from sim_backends.rear_scene.rig import Rig
 from sim_backends.rear_scene.scene import BODY, Boxes, Lens, RearScene
-from sim_backends.rear_scene.truth import FrameTruth, SensorErrors, Telemetry, frame_truth, telemetry
+from tests.rear_scene.motion import RATE_HZ, Motion
+from tests.rear_scene.rig_file import CalibratedRig
+from tests.rear_scene.truth import FrameTruth, SensorErrors, Telemetry, frame_truth, telemetry
 
 PRESSED_STEP_M = 0.004
 Row: TypeAlias = FrameTruth | Telemetry
@@ -56,7 +56,7 @@ class FrameSequence:
     """
 
     def __init__(
-        self, name: str, seed: int, rig: Rig, motion: Motion, look: Look, errors: SensorErrors
+        self, name: str, seed: int, rig: CalibratedRig, motion: Motion, look: Look, errors: SensorErrors
     ) -> None:
         self.name = name
         self.seed = seed

@@ -5,7 +5,6 @@ grey disc around its marker, and the floor has no patches.
 """
 
 import math
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -13,10 +12,9 @@ from numpy.typing import NDArray
 
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.samples import Image
-from sim_backends.devices.overhead_camera import OverheadCameraEmulatorSettings
+from sim_backends.arrays import Array
+from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.world.plant import Truth
-
-Array: TypeAlias = NDArray[np.float64]
 
 CELL_TEXELS = 16
 OVERSAMPLING = 4

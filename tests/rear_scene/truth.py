@@ -7,9 +7,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.rear_scene.motion import RATE_HZ, STEP_S, Motion
-from sim_backends.rear_scene.rig import Rig
 from sim_backends.rear_scene.scene import rocking
+from tests.rear_scene.motion import RATE_HZ, STEP_S, Motion
+from tests.rear_scene.rig_file import CalibratedRig
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ class SensorErrors:
     wheel_speed_noise_mps: float = 0.001
 
 
-def centre_line(rig: Rig, motion: Motion, step: int) -> tuple[Floats, Floats]:
+def centre_line(rig: CalibratedRig, motion: Motion, step: int) -> tuple[Floats, Floats]:
     """Return the trace's centre line as it is at a step: points of the vehicle frame (n, 3), their pixels.
 
     It starts at the contact and goes back in time; points that left no rut are NaN.
@@ -123,7 +123,7 @@ def centre_line(rig: Rig, motion: Motion, step: int) -> tuple[Floats, Floats]:
     return points, rig.project(points @ rock)
 
 
-def frame_truth(rig: Rig, motion: Motion, step: int, frame: int, usable: bool) -> FrameTruth:
+def frame_truth(rig: CalibratedRig, motion: Motion, step: int, frame: int, usable: bool) -> FrameTruth:
     """Return the truth at a step of the motion."""
     points, pixels = centre_line(rig, motion, step)
     seen = rig.sees(pixels) & ~_behind_wheel(rig, motion, step, pixels)
@@ -189,7 +189,7 @@ def telemetry(
     return rows
 
 
-def _behind_wheel(rig: Rig, motion: Motion, step: int, pixels: Floats) -> NDArray[np.bool_]:
+def _behind_wheel(rig: CalibratedRig, motion: Motion, step: int, pixels: Floats) -> NDArray[np.bool_]:
     outline = rig.wheel_outline(rocking(*motion.rock_rad[step]))
     if outline is None:
         return np.zeros(len(pixels), np.bool_)

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
-from sim_backends.devices.camera import GroundKind
-from sim_backends.rear_scene.draws import SPEED_M_S, draw_errors, draw_rig, wander
 from sim_backends.rear_scene.ground_map import GroundSettings, Roll, Rut, Sun, Terrain
-from sim_backends.rear_scene.motion import RATE_HZ, Plan, drive
-from sim_backends.rear_scene.rig import Rig
 from sim_backends.rear_scene.scene import Lens
-from sim_backends.rear_scene.sequence import FrameSequence, Look
+from sim_backends.rear_scene.settings import GroundKind
+from tests.rear_scene.draws import SPEED_M_S, draw_errors, draw_rig, wander
+from tests.rear_scene.motion import RATE_HZ, Plan, drive
+from tests.rear_scene.rig_file import CalibratedRig
+from tests.rear_scene.sequence import FrameSequence, Look
 
 Floats: TypeAlias = NDArray[np.float64]
 SetName: TypeAlias = Literal[
@@ -55,7 +55,7 @@ class Draft:
     """A drive being put together; `gain` is the exposure of each frame."""
 
     held_out: bool
-    rig: Rig
+    rig: CalibratedRig
     plan: Plan
     ground: GroundSettings
     sun: Sun
