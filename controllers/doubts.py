@@ -1,66 +1,87 @@
-"""Doubts that no single sample raises: a sensor that is always refused, a wheel that does not follow."""
+"""Stop reasons that no single sample shows: a measurement always rejected, a wheel that does not turn."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from controllers.guarded_filter import Innovation
-from drivers.clock import nanoseconds
-
-REFUSALS_IN_A_ROW = 20
-COMMANDED_SHARE = 0.1
-FOLLOWED_SHARE = 0.1
-FOLLOW_S = 1.0
+from controllers.settings import SafetySettings
+from drivers.clock import nanoseconds, seconds
 
 
-class RefusalCounter:
-    """Counts how often in a row the filter has refused each measurement.
+class StopReason(NamedTuple):
+    """Why the rover must not move, or why it may soon have to stop.
 
-    A filter that is sure of itself and wrong refuses every good reading: it would go on driving, blind.
+    Attributes:
+        cause: What keeps its name when the same stop happens again.
+        text: The reason in words, with its numbers.
+        must_stop: False while this is a mere suspicion.
     """
 
-    def __init__(self) -> None:
-        self._refusals: dict[str, int] = {}
+    cause: str
+    text: str
+    must_stop: bool = True
 
-    def note(self, innovations: Sequence[Innovation]) -> None:
-        """Take the innovations of a cycle."""
+
+class InnovationMonitor:
+    """Measures for how long the filter has rejected every value of each measurement.
+
+    A filter that is sure of itself and wrong rejects every good reading: it would go on driving, blind. A gap
+    between two rejections counts for at most half of `contradiction_s`: the evidence is three rejections or
+    more, however sparse the sensor. A measurement that could not be compared is no evidence either way.
+    """
+
+    def __init__(self, settings: SafetySettings) -> None:
+        self._limit_ns = nanoseconds(settings.contradiction_s)
+        self._rejected: dict[str, tuple[int, int]] = {}
+
+    def check(self, now_ns: int, innovations: Sequence[Innovation]) -> Iterator[StopReason]:
+        """Take the innovations of a cycle; return a reason for every measurement that was rejected last."""
         for innovation in innovations:
-            count = 0 if innovation.accepted else self._refusals.get(innovation.name, 0) + 1
-            self._refusals[innovation.name] = count
+            if innovation.accepted:
+                self._rejected.pop(innovation.name, None)
+            elif innovation.residual is not None:
+                last_ns, rejected_ns = self._rejected.get(innovation.name, (now_ns, 0))
+                gap_ns = min(now_ns - last_ns, (self._limit_ns + 1) // 2)
+                self._rejected[innovation.name] = (now_ns, rejected_ns + gap_ns)
+        for name, (_, rejected_ns) in self._rejected.items():
+            text = f"{name}: contradicts the estimate, rejected for {seconds(self._limit_ns):g} s"
+            yield StopReason(name, text, rejected_ns >= self._limit_ns)
 
-    @property
-    def doubt(self) -> str:
-        """What is in doubt, naming the measurement; empty while nothing is."""
-        for name, count in self._refusals.items():
-            if count >= REFUSALS_IN_A_ROW:
-                return f"{name}: contradicts the estimate, refused {count} times in a row"
-        return ""
 
+class StallMonitor:
+    """Watches whether wheels turn when they are commanded to.
 
-class FollowMonitor:
-    """Watches whether wheels turn when they are told to.
-
-    A wheel is in doubt when its set-point has been above a tenth of the limit for a second and it has turned
-    with less than a tenth of that: it is jammed, not powered, or its encoder stands.
-
-    Args:
-        wheel_count: Number of wheels.
-        wheel_speed_limit_rad_s: Greatest set-point.
+    A wheel is stalled when it was commanded for `stall_s` with at least `stall_set_point_rad_s` and has not
+    turned meanwhile with `stall_ratio` of that: it is jammed, not powered, or its encoder has failed. Smaller
+    set-points neither count nor clear it; motion clears it, and so does a rover commanded to rest.
     """
 
-    def __init__(self, wheel_count: int, wheel_speed_limit_rad_s: float) -> None:
-        self._least_rad_s = COMMANDED_SHARE * wheel_speed_limit_rad_s
-        self._since_ns: list[int | None] = [None] * wheel_count
+    def __init__(self, settings: SafetySettings, wheel_count: int) -> None:
+        self._limit_ns = nanoseconds(settings.stall_s)
+        self._set_point_rad_s = settings.stall_set_point_rad_s
+        self._ratio = settings.stall_ratio
+        self._stalled_ns = [0] * wheel_count
+        self._checked_ns: int | None = None
 
-    def find_doubt(
+    def check(
         self, now_ns: int, commanded_rad_s: Sequence[float], measured_rad_s: Sequence[float]
-    ) -> str:
-        """Return which wheel does not follow the set-points of the last cycle; empty while all do."""
+    ) -> Iterator[StopReason]:
+        """Return a reason for every wheel that does not follow the set-points of the last cycle."""
+        elapsed_ns = 0 if self._checked_ns is None else now_ns - self._checked_ns
+        # After a pause of the loop the set-points have expired: it must not pass for a stall.
+        elapsed_ns = min(elapsed_ns, (self._limit_ns + 1) // 2)
+        self._checked_ns = now_ns
+        if not any(commanded_rad_s):
+            self._stalled_ns = [0] * len(self._stalled_ns)
         for wheel, (commanded, measured) in enumerate(zip(commanded_rad_s, measured_rad_s, strict=True)):
-            if abs(commanded) < self._least_rad_s or abs(measured) > FOLLOWED_SHARE * abs(commanded):
-                self._since_ns[wheel] = None
-                continue
-            since_ns = self._since_ns[wheel]
-            if since_ns is None:
-                self._since_ns[wheel] = now_ns
-            elif now_ns - since_ns > nanoseconds(FOLLOW_S):
-                return f"wheel {wheel}: told to turn with {commanded:.2f} rad/s and stands"
-        return ""
+            if abs(measured) > self._ratio * max(abs(commanded), self._set_point_rad_s):
+                self._stalled_ns[wheel] = 0
+            elif abs(commanded) >= self._set_point_rad_s:
+                self._stalled_ns[wheel] += elapsed_ns
+            stalled_ns = self._stalled_ns[wheel]
+            if stalled_ns:
+                text = (
+                    f"wheel {wheel}: has not followed its set-point for {seconds(self._limit_ns):g} s: "
+                    f"commanded {commanded:.2f} rad/s, measured {measured:.2f} rad/s"
+                )
+                yield StopReason("stall", text, stalled_ns >= self._limit_ns)

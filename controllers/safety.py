@@ -1,8 +1,12 @@
 """When the rover may move."""
 
 import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 
+from controllers.doubts import StopReason
+from controllers.fixes import HISTORY_NS
 from controllers.roles import DeviceRoles
 from controllers.settings import SafetySettings
 from drivers.clock import nanoseconds
@@ -11,6 +15,7 @@ from drivers.samples import (
     FaultSample,
     HeadingSample,
     LinkSample,
+    PoseFixSample,
     RateSample,
     Sample,
     WheelSample,
@@ -24,11 +29,11 @@ class Mode(StrEnum):
     """What the controller does; only RUNNING moves the wheels, everywhere else they get zero set-points.
 
     OBSERVING: no mission; estimates only.
-    SETTLING: waiting until every required device has been heard for a while.
+    SETTLING: waiting until every required device has been fresh for a while.
     RUNNING: driving the mission.
     FINISHED: mission done.
-    SAFE_STOP: a required device is silent, broken or faulty; resumes by itself.
-    EMERGENCY_STOP: a bumper was pressed; stays until restart.
+    SAFE_STOP: something speaks against moving; resumes by itself when it is gone.
+    EMERGENCY_STOP: a bumper was pressed, or the same stop happened too often; stays until restart.
     """
 
     OBSERVING = "observing"
@@ -58,10 +63,11 @@ class SafetySupervisor:
         self._required = frozenset(roles.required)
         self._limits = _freshness_limits(roles, wheel_count)
         self._heard_ns: dict[Part, int] = {}
-        self._down: dict[str, str] = {}
-        self._faults: dict[tuple[str, int | None], str] = {}
-        self._incident = ""
+        self._down: dict[str, StopReason] = {}
+        self._faults: dict[tuple[str, int | None], StopReason] = {}
+        self._incident: StopReason | None = None
         self._emergency = ""
+        self._stops: dict[str, _Stops] = {}
         self._healthy_since_ns: int | None = None
         self.mode = Mode.SETTLING
         self.reason = ""
@@ -79,29 +85,55 @@ class SafetySupervisor:
                 if part in self._limits:
                     self._heard_ns[part] = max(t_ns, self._heard_ns.get(part, t_ns))
 
-    def update(self, now_ns: int, estimate_is_finite: bool, motion_ns: int | None, doubt: str = "") -> None:
+    def update(
+        self,
+        now_ns: int,
+        estimate_is_finite: bool,
+        motion_ns: int | None,
+        suspicions: Sequence[StopReason] = (),
+        distance_m: float = 0.0,
+    ) -> None:
         """Decide the mode at `now_ns`.
 
         Args:
             now_ns: Time of the cycle.
             estimate_is_finite: Whether the estimate is made of numbers.
             motion_ns: When the motion of the wheels was last known.
-            doubt: What else speaks against moving; empty when nothing does.
+            suspicions: What else speaks against moving, or may soon.
+            distance_m: Driven since the last update.
         """
-        problem = self._incident or self._problem(now_ns, estimate_is_finite, motion_ns) or doubt
-        self._incident = ""
+        reasons = [*self._find_reasons(now_ns, estimate_is_finite, motion_ns), *suspicions]
+        self._incident = None
+        stop = next((reason for reason in reasons if reason.must_stop), None)
+        if self.mode is Mode.RUNNING:
+            self._count(stop, {reason.cause for reason in reasons}, distance_m)
         if self._emergency:
             self.mode, self.reason = Mode.EMERGENCY_STOP, self._emergency
-        elif problem:
+        elif stop is not None:
             self._healthy_since_ns = None
-            self.reason = problem
+            self.reason = stop.text
             if self.mode is Mode.RUNNING:
                 self.mode = Mode.SAFE_STOP
         else:
             self._resume(now_ns)
 
+    def _count(self, stop: StopReason | None, signs: Collection[str], distance_m: float) -> None:
+        """Count the stop, and forget what has not shown itself for long enough."""
+        for cause, stops in list(self._stops.items()):
+            stops.healthy_m += 0.0 if cause in signs else distance_m
+            if stops.healthy_m >= self._settings.forget_stops_m:
+                del self._stops[cause]
+        if stop is not None:
+            stops = self._stops.setdefault(stop.cause, _Stops())
+            stops.count += 1
+            stops.healthy_m = 0.0
+            if stops.count >= self._settings.identical_stops:
+                self._emergency = (
+                    f"{stop.text}; stopped {stops.count} times for this, stays stopped until restart"
+                )
+
     def finish(self) -> None:
-        """Tell that the mission is done."""
+        """End the mission."""
         self.mode = Mode.FINISHED
 
     def _resume(self, now_ns: int) -> None:
@@ -114,18 +146,24 @@ class SafetySupervisor:
         if self.mode is not Mode.SAFE_STOP:
             self.reason = ""
 
-    def _problem(self, now_ns: int, estimate_is_finite: bool, motion_ns: int | None) -> str:
-        if self._down or self._faults:
-            return next(iter((*self._down.values(), *self._faults.values())))
+    def _find_reasons(
+        self, now_ns: int, estimate_is_finite: bool, motion_ns: int | None
+    ) -> Iterator[StopReason]:
+        if self._incident is not None:
+            yield self._incident
+        yield from self._down.values()
+        yield from self._faults.values()
         for part, (limit_ns, reason) in self._limits.items():
             heard_ns = self._heard_ns.get(part)
             if heard_ns is None or now_ns - heard_ns > limit_ns:
-                return reason
+                yield StopReason(reason, reason)
         motion_age_s = self._roles.motion_age_s
         if motion_ns is None or now_ns - motion_ns > nanoseconds(motion_age_s):
             # Fresh positions that jump so much that none is a motion: the pose would stay where it is.
-            return f"{self._roles.wheels}: no motion to be made out within {motion_age_s:g} s"
-        return "" if estimate_is_finite else "pose filter: the estimate is not finite"
+            text = f"{self._roles.wheels}: no wheel motion measured for {motion_age_s:g} s"
+            yield StopReason(text, text)
+        if not estimate_is_finite:
+            yield StopReason("not finite", "pose filter: the estimate is not finite")
 
     def _observe_link(self, sample: LinkSample) -> None:
         if sample.device not in self._required:
@@ -135,19 +173,28 @@ class SafetySupervisor:
         else:
             # Kept for one update even if the link is back within the same cycle: the device may have
             # restarted.
-            self._incident = self._down[sample.device] = f"{sample.device}: link down ({sample.reason})"
+            text = f"{sample.device}: link down ({sample.reason})"
+            self._incident = self._down[sample.device] = StopReason(f"{sample.device}: link down", text)
 
     def _observe_fault(self, sample: FaultSample) -> None:
         if sample.device not in self._required:
             return
         if sample.code:
             where = sample.device if sample.wheel is None else f"{sample.device} wheel {sample.wheel}"
-            self._incident = f"{where}: fault {sample.code} ({sample.text})"
-            self._faults[sample.device, sample.wheel] = self._incident
+            text = f"{where}: fault {sample.code} ({sample.text})"
+            self._incident = self._faults[sample.device, sample.wheel] = StopReason(f"{where}: fault", text)
         elif sample.wheel is not None:
             self._faults.pop((sample.device, sample.wheel), None)
         else:
-            self._faults = {key: text for key, text in self._faults.items() if key[0] != sample.device}
+            self._faults = {key: reason for key, reason in self._faults.items() if key[0] != sample.device}
+
+
+@dataclass(slots=True)
+class _Stops:
+    """Stops for one cause, and the distance driven since the last of them without a sign of it."""
+
+    count: int = 0
+    healthy_m: float = 0.0
 
 
 def _freshness_limits(roles: DeviceRoles, wheel_count: int) -> dict[Part, tuple[int, str]]:
@@ -161,6 +208,8 @@ def _freshness_limits(roles: DeviceRoles, wheel_count: int) -> dict[Part, tuple[
             parts.append(((device, RateSample, 0), "yaw rate"))
         if device in roles.headings:
             parts.append(((device, HeadingSample, 0), "heading"))
+        if device in roles.fixes:
+            parts.append(((device, PoseFixSample, 0), "pose fix in time"))
         for part, what in parts or [((device, Sample, 0), "sample")]:
             limits[part] = (nanoseconds(max_age_s), f"{device}: no {what} within {max_age_s:g} s")
     return limits
@@ -177,6 +226,8 @@ def _parts(sample: Sample) -> tuple[Part, ...]:
         usable = sample.rate_z_rad_s
     elif isinstance(sample, HeadingSample):
         usable = sample.heading_rad
+    elif isinstance(sample, PoseFixSample) and sample.t_ns - sample.t_capture_ns <= HISTORY_NS:
+        usable = sample.x_m + sample.y_m + sample.yaw_rad
     if usable is None or not math.isfinite(usable):
         return ((device, Sample, 0),)
     return ((device, Sample, 0), (device, type(sample), wheel))
