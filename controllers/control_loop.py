@@ -5,7 +5,6 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from controllers.doubts import InnovationMonitor, StallMonitor
 from controllers.estimator import Estimator
 from controllers.guarded_filter import Innovation
 from controllers.kinematics import Kinematics, make_kinematics
@@ -15,6 +14,7 @@ from controllers.planar import Pose
 from controllers.pose_filter import PoseEstimate
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
+from controllers.safety.innovation_monitor import InnovationMonitor, StallMonitor
 from controllers.settings import ControlSettings, OmniRoverSettings
 from controllers.slip_compensator import SlipCompensator, SlipReport
 from controllers.torque_correction import TorqueCorrection

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.roles import DeviceRoles
+from controllers.safety.settings import SafetySettings
 from controllers.settings import (
     ControlSettings,
     FilterSettings,
@@ -17,7 +18,6 @@ from controllers.settings import (
     MissionSettings,
     OmniRoverSettings,
     RectangleMission,
-    SafetySettings,
     SkidSteerRoverSettings,
     WaypointsMission,
 )

@@ -11,9 +11,7 @@ import pytest
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.limits import Limit
 from controllers.safety import Mode
-from controllers.settings import (
-    SafetySettings,
-)
+from controllers.safety.settings import SafetySettings
 from drivers.samples import (
     BumperSample,
     FaultSample,

@@ -11,7 +11,8 @@ import pytest
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
-from controllers.settings import SafetySettings, WaypointsMission
+from controllers.safety.settings import SafetySettings
+from controllers.settings import WaypointsMission
 from drivers.samples import HeadingSample, LinkSample, PoseFixSample, Sample
 from tests.controllers.simulated import (
     LONG_WAY,

@@ -2,9 +2,9 @@
 
 import pytest
 
-from controllers.doubts import InnovationMonitor, StallMonitor, StopReason
 from controllers.guarded_filter import Innovation
-from controllers.settings import SafetySettings
+from controllers.safety.innovation_monitor import InnovationMonitor, StallMonitor, StopReason
+from controllers.safety.settings import SafetySettings
 from drivers.clock import nanoseconds
 
 SETTINGS = SafetySettings()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
-from controllers.settings import SafetySettings
+from controllers.safety.settings import SafetySettings
 from drivers.clock import nanoseconds
 from drivers.samples import (
     AttitudeSample,

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from controllers.guarded_filter import Innovation
-from controllers.settings import SafetySettings
+from controllers.safety.settings import SafetySettings
 from drivers.clock import nanoseconds, seconds
 
 

@@ -5,10 +5,10 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from controllers.doubts import StopReason
 from controllers.fixes import HISTORY_NS
 from controllers.roles import DeviceRoles
-from controllers.settings import SafetySettings
+from controllers.safety.innovation_monitor import StopReason
+from controllers.safety.settings import SafetySettings
 from drivers.clock import nanoseconds
 from drivers.samples import (
     BumperSample,
