@@ -14,7 +14,7 @@ from controllers.planar import Pose
 from controllers.pose_filter import PoseEstimate
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
-from controllers.safety.innovation_monitor import InnovationMonitor, StallMonitor
+from controllers.safety.reasons import Cycle
 from controllers.settings import ControlSettings, OmniRoverSettings
 from controllers.slip_compensator import SlipCompensator, SlipReport
 from controllers.torque_correction import TorqueCorrection
@@ -99,8 +99,6 @@ class ControlLoop:
         )
         self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
-        self._innovation_monitor = InnovationMonitor(settings.safety)
-        self._stall_monitor = StallMonitor(settings.safety, kinematics.wheel_count)
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._follower = None if mission is None else PathFollower(mission, kinematics.moves_sideways)
@@ -140,18 +138,24 @@ class ControlLoop:
         return motion_ns is not None and now_ns - motion_ns <= self._motion_age_ns
 
     def _guide(
-        self, now_ns: int, estimate: PoseEstimate, innovations: Sequence[Innovation]
+        self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]
     ) -> Guidance | None:
         if self._follower is None:
             return None
         supervisor, odometry = self._supervisor, self._estimator.odometry
         driven_from, self._driven_to = self._driven_to, odometry.pose
         distance_m = math.hypot(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
-        suspicions = [
-            *self._innovation_monitor.check(now_ns, innovations),
-            *self._stall_monitor.check(now_ns, self._commanded_rad_s, odometry.wheel_speed_rad_s),
-        ]
-        supervisor.update(now_ns, estimate.is_finite, self._estimator.motion_ns, suspicions, distance_m)
+        supervisor.update(
+            Cycle(
+                now_ns=now_ns,
+                estimate_is_finite=estimate.is_finite,
+                motion_ns=self._estimator.motion_ns,
+                innovations=innovations,
+                commanded_rad_s=self._commanded_rad_s,
+                measured_rad_s=odometry.wheel_speed_rad_s,
+                distance_m=distance_m,
+            )
+        )
         if supervisor.mode is not Mode.RUNNING:
             return None
         drift_rad = 0.0

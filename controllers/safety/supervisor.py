@@ -1,28 +1,14 @@
 """When the rover may move."""
 
-import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
-from controllers.fixes import HISTORY_NS
 from controllers.roles import DeviceRoles
-from controllers.safety.innovation_monitor import StopReason
-from controllers.safety.settings import SafetySettings
+from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.settings import SafetySettings, make_rules
 from drivers.clock import nanoseconds
-from drivers.samples import (
-    BumperSample,
-    FaultSample,
-    HeadingSample,
-    LinkSample,
-    PoseFixSample,
-    RateSample,
-    Sample,
-    WheelSample,
-)
-
-Part = tuple[str, type[Sample], int]
-"""What must stay fresh: of which device, which kind of sample, of which wheel (0 for other kinds)."""
+from drivers.samples import Sample
 
 
 class Mode(StrEnum):
@@ -32,7 +18,7 @@ class Mode(StrEnum):
     SETTLING: waiting until every required device has been fresh for a while.
     RUNNING: driving the mission.
     FINISHED: mission done.
-    SAFE_STOP: something speaks against moving; resumes by itself when it is gone.
+    SAFE_STOP: there is a reason to stop; resumes by itself when it is gone.
     EMERGENCY_STOP: a bumper was pressed, or the same stop happened too often; stays until restart.
     """
 
@@ -44,29 +30,30 @@ class Mode(StrEnum):
     EMERGENCY_STOP = "emergency_stop"
 
 
+@dataclass(slots=True)
+class _Stops:
+    """Stops for one cause, and the distance driven since the last of them without a sign of it."""
+
+    count: int = 0
+    healthy_m: float = 0.0
+
+
 class SafetySupervisor:
-    """Watches the required devices and decides the mode of a mission.
+    """Asks the stop rules and decides the mode of a mission.
 
     Args:
-        settings: Waiting times.
+        settings: Thresholds and waiting times.
         roles: Which devices are required, and as what.
-        wheel_count: Each of these wheels must give fresh positions.
+        wheel_count: Number of wheels.
 
     Attributes:
         mode: The mode after the last `update`.
-        reason: Why the rover stands, naming the device; empty while nothing is wrong.
+        reason: Why the rover is stopped; empty while nothing is wrong.
     """
 
     def __init__(self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> None:
         self._settings = settings
-        self._roles = roles
-        self._required = frozenset(roles.required)
-        self._limits = _freshness_limits(roles, wheel_count)
-        self._heard_ns: dict[Part, int] = {}
-        self._down: dict[str, StopReason] = {}
-        self._faults: dict[tuple[str, int | None], StopReason] = {}
-        self._incident: StopReason | None = None
-        self._emergency = ""
+        self._rules = make_rules(settings, roles, wheel_count)
         self._stops: dict[str, _Stops] = {}
         self._healthy_since_ns: int | None = None
         self.mode = Mode.SETTLING
@@ -74,67 +61,34 @@ class SafetySupervisor:
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
-        if isinstance(sample, LinkSample):
-            self._observe_link(sample)
-        elif isinstance(sample, FaultSample):
-            self._observe_fault(sample)
-        else:
-            if isinstance(sample, BumperSample) and sample.pressed and self._settings.bumper_stops:
-                self._emergency = f"{sample.device}: bumper pressed"
-            for part in _parts(sample):
-                if part in self._limits:
-                    self._heard_ns[part] = max(t_ns, self._heard_ns.get(part, t_ns))
+        for rule in self._rules:
+            rule.observe(sample, t_ns)
 
-    def update(
-        self,
-        now_ns: int,
-        estimate_is_finite: bool,
-        motion_ns: int | None,
-        suspicions: Sequence[StopReason] = (),
-        distance_m: float = 0.0,
-    ) -> None:
-        """Decide the mode at `now_ns`.
-
-        Args:
-            now_ns: Time of the cycle.
-            estimate_is_finite: Whether the estimate is made of numbers.
-            motion_ns: When the motion of the wheels was last known.
-            suspicions: What else speaks against moving, or may soon.
-            distance_m: Driven since the last update.
-        """
-        reasons = [*self._find_reasons(now_ns, estimate_is_finite, motion_ns), *suspicions]
-        self._incident = None
-        stop = next((reason for reason in reasons if reason.must_stop), None)
+    def update(self, cycle: Cycle) -> None:
+        """Decide the mode of this cycle."""
+        reasons = [reason for rule in self._rules for reason in rule.check(cycle)]
+        if self.mode is Mode.EMERGENCY_STOP:
+            return
+        stop = next((reason for reason in reasons if reason.severity is not Severity.SIGN), None)
         if self.mode is Mode.RUNNING:
-            self._count(stop, {reason.cause for reason in reasons}, distance_m)
-        if self._emergency:
-            self.mode, self.reason = Mode.EMERGENCY_STOP, self._emergency
-        elif stop is not None:
-            self._healthy_since_ns = None
-            self.reason = stop.text
-            if self.mode is Mode.RUNNING:
-                self.mode = Mode.SAFE_STOP
+            self._forget_stops(cycle.distance_m, {reason.cause for reason in reasons})
+            stop = self._count(stop)
+        if stop is None:
+            self._resume(cycle.now_ns)
         else:
-            self._resume(now_ns)
-
-    def _count(self, stop: StopReason | None, signs: Collection[str], distance_m: float) -> None:
-        """Count the stop, and forget what has not shown itself for long enough."""
-        for cause, stops in list(self._stops.items()):
-            stops.healthy_m += 0.0 if cause in signs else distance_m
-            if stops.healthy_m >= self._settings.forget_stops_m:
-                del self._stops[cause]
-        if stop is not None:
-            stops = self._stops.setdefault(stop.cause, _Stops())
-            stops.count += 1
-            stops.healthy_m = 0.0
-            if stops.count >= self._settings.identical_stops:
-                self._emergency = (
-                    f"{stop.text}; stopped {stops.count} times for this, stays stopped until restart"
-                )
+            self._stop(stop)
 
     def finish(self) -> None:
         """End the mission."""
         self.mode = Mode.FINISHED
+
+    def _stop(self, stop: StopReason) -> None:
+        self._healthy_since_ns = None
+        self.reason = stop.text
+        if stop.severity is Severity.FINAL:
+            self.mode = Mode.EMERGENCY_STOP
+        elif self.mode is Mode.RUNNING:
+            self.mode = Mode.SAFE_STOP
 
     def _resume(self, now_ns: int) -> None:
         if self._healthy_since_ns is None:
@@ -146,88 +100,22 @@ class SafetySupervisor:
         if self.mode is not Mode.SAFE_STOP:
             self.reason = ""
 
-    def _find_reasons(
-        self, now_ns: int, estimate_is_finite: bool, motion_ns: int | None
-    ) -> Iterator[StopReason]:
-        if self._incident is not None:
-            yield self._incident
-        yield from self._down.values()
-        yield from self._faults.values()
-        for part, (limit_ns, reason) in self._limits.items():
-            heard_ns = self._heard_ns.get(part)
-            if heard_ns is None or now_ns - heard_ns > limit_ns:
-                yield StopReason(reason, reason)
-        motion_age_s = self._roles.motion_age_s
-        if motion_ns is None or now_ns - motion_ns > nanoseconds(motion_age_s):
-            # Fresh positions that jump so much that none is a motion: the pose would stay where it is.
-            text = f"{self._roles.wheels}: no wheel motion measured for {motion_age_s:g} s"
-            yield StopReason(text, text)
-        if not estimate_is_finite:
-            yield StopReason("not finite", "pose filter: the estimate is not finite")
+    def _forget_stops(self, distance_m: float, signs: Collection[str]) -> None:
+        """Forget the stops of every cause that has shown no sign for long enough."""
+        for cause, stops in list(self._stops.items()):
+            if cause not in signs:
+                stops.healthy_m += distance_m
+            if stops.healthy_m >= self._settings.forget_stops_m:
+                del self._stops[cause]
 
-    def _observe_link(self, sample: LinkSample) -> None:
-        if sample.device not in self._required:
-            return
-        if sample.up:
-            self._down.pop(sample.device, None)
-        else:
-            # Kept for one update even if the link is back within the same cycle: the device may have
-            # restarted.
-            text = f"{sample.device}: link down ({sample.reason})"
-            self._incident = self._down[sample.device] = StopReason(f"{sample.device}: link down", text)
-
-    def _observe_fault(self, sample: FaultSample) -> None:
-        if sample.device not in self._required:
-            return
-        if sample.code:
-            where = sample.device if sample.wheel is None else f"{sample.device} wheel {sample.wheel}"
-            text = f"{where}: fault {sample.code} ({sample.text})"
-            self._incident = self._faults[sample.device, sample.wheel] = StopReason(f"{where}: fault", text)
-        elif sample.wheel is not None:
-            self._faults.pop((sample.device, sample.wheel), None)
-        else:
-            self._faults = {key: reason for key, reason in self._faults.items() if key[0] != sample.device}
-
-
-@dataclass(slots=True)
-class _Stops:
-    """Stops for one cause, and the distance driven since the last of them without a sign of it."""
-
-    count: int = 0
-    healthy_m: float = 0.0
-
-
-def _freshness_limits(roles: DeviceRoles, wheel_count: int) -> dict[Part, tuple[int, str]]:
-    """Return for every part that must stay fresh its age limit and what to say when it is older."""
-    limits: dict[Part, tuple[int, str]] = {}
-    for device, max_age_s in roles.required.items():
-        parts: list[tuple[Part, str]] = []
-        if device == roles.wheels:
-            parts += [((device, WheelSample, i), f"position of wheel {i}") for i in range(wheel_count)]
-        if device == roles.gyro:
-            parts.append(((device, RateSample, 0), "yaw rate"))
-        if device in roles.headings:
-            parts.append(((device, HeadingSample, 0), "heading"))
-        if device in roles.fixes:
-            parts.append(((device, PoseFixSample, 0), "pose fix in time"))
-        for part, what in parts or [((device, Sample, 0), "sample")]:
-            limits[part] = (nanoseconds(max_age_s), f"{device}: no {what} within {max_age_s:g} s")
-    return limits
-
-
-def _parts(sample: Sample) -> tuple[Part, ...]:
-    """Return what `sample` keeps fresh: its device as such, and the kind if it holds a usable number."""
-    device = sample.device
-    usable: float | None = None
-    wheel = 0
-    if isinstance(sample, WheelSample):
-        usable, wheel = sample.position_rad, sample.wheel
-    elif isinstance(sample, RateSample):
-        usable = sample.rate_z_rad_s
-    elif isinstance(sample, HeadingSample):
-        usable = sample.heading_rad
-    elif isinstance(sample, PoseFixSample) and sample.t_ns - sample.t_capture_ns <= HISTORY_NS:
-        usable = sample.x_m + sample.y_m + sample.yaw_rad
-    if usable is None or not math.isfinite(usable):
-        return ((device, Sample, 0),)
-    return ((device, Sample, 0), (device, type(sample), wheel))
+    def _count(self, stop: StopReason | None) -> StopReason | None:
+        """Count a stop; return it, final where it is one too many for its cause."""
+        if stop is None:
+            return None
+        stops = self._stops.setdefault(stop.cause, _Stops())
+        stops.count += 1
+        stops.healthy_m = 0.0
+        if stops.count < self._settings.identical_stops or stop.severity is Severity.FINAL:
+            return stop
+        text = f"{stop.text}; stopped {stops.count} times for this, stays stopped until restart"
+        return stop._replace(text=text, severity=Severity.FINAL)

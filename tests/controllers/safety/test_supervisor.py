@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
+from controllers.safety.reasons import Cycle
 from controllers.safety.settings import SafetySettings
 from drivers.clock import nanoseconds
 from drivers.samples import (
@@ -76,11 +77,17 @@ class Watch:
         self.supervisor = SafetySupervisor(settings, ROLES, wheel_count=2)
         self.now_ns = 0
 
-    def cycle(self, *samples: Sample, finite: bool = True) -> Mode:
+    def cycle(self, *samples: Sample, finite: bool = True, motion_ns: int | None = None) -> Mode:
         self.now_ns += 10 * MS
         for sample in samples:
             self.supervisor.observe(sample, sample.t_ns)
-        self.supervisor.update(self.now_ns, finite, self.now_ns)
+        self.supervisor.update(
+            Cycle(
+                now_ns=self.now_ns,
+                estimate_is_finite=finite,
+                motion_ns=self.now_ns if motion_ns is None else motion_ns,
+            )
+        )
         return self.supervisor.mode
 
     def healthy_until_running(self) -> int:
