@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
-from controllers.settings import SafetySettings
+from controllers.safety.reasons import Cycle
+from controllers.safety.settings import SafetySettings
+from drivers.clock import nanoseconds
 from drivers.samples import (
     AttitudeSample,
     BumperSample,
@@ -16,6 +18,7 @@ from drivers.samples import (
     HeadingReference,
     HeadingSample,
     LinkSample,
+    PoseFixSample,
     PowerSample,
     RateSample,
     Sample,
@@ -23,11 +26,13 @@ from drivers.samples import (
 )
 
 MS = 1_000_000
+SECOND_NS = 1000 * MS
 ROLES = DeviceRoles(
     wheels="wheels",
     gyro="imu",
     headings=("imu",),
-    required={"wheels": 0.1, "imu": 0.2, "drive": 0.3},
+    fixes=("overhead",),
+    required={"wheels": 0.1, "imu": 0.2, "drive": 0.3, "overhead": 0.4},
 )
 SETTINGS = SafetySettings(settle_s=0.5, recover_s=0.4)
 
@@ -48,8 +53,21 @@ def power(t_ns: int) -> PowerSample:
     return PowerSample(device="drive", t_ns=t_ns, voltage_v=24.0)
 
 
+def fix(t_ns: int, x_m: float = 0.0, age_s: float = 0.0) -> PoseFixSample:
+    return PoseFixSample(
+        device="overhead",
+        t_ns=t_ns,
+        x_m=x_m,
+        y_m=0.0,
+        yaw_rad=0.0,
+        position_std_m=0.01,
+        yaw_std_rad=0.01,
+        t_capture_ns=t_ns - nanoseconds(age_s),
+    )
+
+
 def everything(t_ns: int) -> list[Sample]:
-    return [wheel(0, t_ns), wheel(1, t_ns), rate(t_ns), heading(t_ns), power(t_ns)]
+    return [wheel(0, t_ns), wheel(1, t_ns), rate(t_ns), heading(t_ns), power(t_ns), fix(t_ns)]
 
 
 class Watch:
@@ -59,11 +77,17 @@ class Watch:
         self.supervisor = SafetySupervisor(settings, ROLES, wheel_count=2)
         self.now_ns = 0
 
-    def cycle(self, *samples: Sample, finite: bool = True) -> Mode:
+    def cycle(self, *samples: Sample, finite: bool = True, motion_ns: int | None = None) -> Mode:
         self.now_ns += 10 * MS
         for sample in samples:
             self.supervisor.observe(sample, sample.t_ns)
-        self.supervisor.update(self.now_ns, finite, self.now_ns)
+        self.supervisor.update(
+            Cycle(
+                now_ns=self.now_ns,
+                estimate_is_finite=finite,
+                motion_ns=self.now_ns if motion_ns is None else motion_ns,
+            )
+        )
         return self.supervisor.mode
 
     def healthy_until_running(self) -> int:
@@ -104,6 +128,7 @@ SILENCES = [
     pytest.param(2, 200, "imu: no yaw rate within 0.2 s", id="rate of the imu"),
     pytest.param(3, 200, "imu: no heading within 0.2 s", id="heading of the imu"),
     pytest.param(4, 300, "drive: no sample within 0.3 s", id="drive"),
+    pytest.param(5, 400, "overhead: no pose fix in time within 0.4 s", id="camera"),
 ]
 
 
@@ -131,11 +156,13 @@ def test_silence_stops_as_soon_as_the_age_limit_is_exceeded(
         pytest.param(2, rate(0, math.inf), id="infinite rate"),
         pytest.param(2, AttitudeSample(device="imu", t_ns=0, roll_rad=0.0), id="attitude for rate"),
         pytest.param(3, heading(0, math.nan), id="nan heading"),
+        pytest.param(5, fix(SECOND_NS, x_m=math.nan), id="nan fix"),
+        pytest.param(5, fix(SECOND_NS, age_s=2.1), id="late fix"),
     ],
 )
 def test_useless_samples_do_not_keep_a_device_alive(left_out: int, useless: Sample) -> None:
     watch = running()
-    for _ in range(21):
+    for _ in range(41):
         samples = everything(watch.now_ns + 10 * MS)
         del samples[left_out]
         watch.supervisor.observe(useless, watch.now_ns)
@@ -281,11 +308,11 @@ def test_a_finished_mission_stays_finished() -> None:
         assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.FINISHED
 
 
-@given(heard=st.lists(st.lists(st.booleans(), min_size=5, max_size=5), min_size=1, max_size=150))
+@given(heard=st.lists(st.lists(st.booleans(), min_size=6, max_size=6), min_size=1, max_size=150))
 def test_running_means_that_every_part_is_fresh(heard: list[list[bool]]) -> None:
     watch = running()
-    limits_ms = (100, 100, 200, 200, 300)
-    newest_ns = [watch.now_ns] * 5
+    limits_ms = (100, 100, 200, 200, 300, 400)
+    newest_ns = [watch.now_ns] * 6
     for row in heard:
         now_ns = watch.now_ns + 10 * MS
         newest_ns = [now_ns if here else old for here, old in zip(row, newest_ns, strict=True)]
