@@ -43,7 +43,7 @@ def steady_terms(seen: Observations, units: Mapping[str, str]) -> list[Term]:
     terms = [Term(text=ONE, unit=ONE, values=np.ones(seen.values.size))]
     terms += [Term(text=one.text, unit=one.unit, values=one.values) for one in sources]
     for one in sources:
-        terms.append(Term(text=f"{one.text}^2", unit=_power(one.unit, 2), values=one.values**2))
+        terms.append(Term(text=f"{one.text}^2", unit=power(one.unit, 2), values=one.values**2))
     for one, other in itertools.combinations(sources, 2):
         if one.unit == other.unit:
             gap = one.values - other.values
@@ -51,7 +51,7 @@ def steady_terms(seen: Observations, units: Mapping[str, str]) -> list[Term]:
         terms.append(
             Term(
                 text=f"{one.text} {other.text}",
-                unit=_product(one.unit, other.unit),
+                unit=product(one.unit, other.unit),
                 values=one.values * other.values,
             )
         )
@@ -72,8 +72,8 @@ def series_terms(
         level = float(np.sqrt(np.mean(x**2)))
         terms += [
             Term(text=one.text, unit=one.unit, values=x),
-            Term(text=f"{one.text}^2", unit=_power(one.unit, 2), values=x**2),
-            Term(text=f"{one.text} |{one.text}|", unit=_power(one.unit, 2), values=x * np.abs(x)),
+            Term(text=f"{one.text}^2", unit=power(one.unit, 2), values=x**2),
+            Term(text=f"{one.text} |{one.text}|", unit=power(one.unit, 2), values=x * np.abs(x)),
             Term(text=f"sign({one.text})", unit=ONE, values=np.tanh(x / max(0.05 * level, 1e-300))),
             Term(text=f"|{one.text}|", unit=one.unit, values=np.abs(x)),
             Term(text=f"change of {one.text} per sample", unit=one.unit, values=_by_cell(seen, x, _rate)),
@@ -122,7 +122,26 @@ def ratio(above: str, below: str) -> str:
         return above
     if above == below:
         return ONE
-    return f"{above}/({below})" if " " in below or "/" in below else f"{above}/{below}"
+    return f"{above} per {below}" if _is_compound(above) or _is_compound(below) else f"{above}/{below}"
+
+
+def power(unit: str, exponent: int) -> str:
+    """Return the unit of a power."""
+    if unit == ONE:
+        return ONE
+    return f"({unit})^{exponent}" if _is_compound(unit) or "^" in unit else f"{unit}^{exponent}"
+
+
+def product(first: str, second: str) -> str:
+    """Return the unit of a product."""
+    if first == second:
+        return power(first, 2)
+    parts = [f"({unit})" if _is_compound(unit) else unit for unit in (first, second) if unit != ONE]
+    return " ".join(parts) if len(parts) > 1 else (second if first == ONE else first)
+
+
+def _is_compound(unit: str) -> bool:
+    return "/" in unit or " " in unit
 
 
 def _condition_sources(seen: Observations, units: Mapping[str, str]) -> list[_Source]:
@@ -168,13 +187,3 @@ def _sum(values: Array) -> Array:
 
 def _rate(values: Array) -> Array:
     return np.gradient(values) if values.size > 1 else np.zeros_like(values)
-
-
-def _power(unit: str, exponent: int) -> str:
-    return ONE if unit == ONE else f"{unit}^{exponent}"
-
-
-def _product(one: str, other: str) -> str:
-    if one == other:
-        return _power(one, 2)
-    return " ".join(unit for unit in (one, other) if unit != ONE) or ONE
