@@ -9,6 +9,7 @@ from rover_hil.gap.candidates import Candidate, is_visible
 from rover_hil.gap.findings import Findings
 from rover_hil.gap.name import Naming, rest
 from rover_hil.gap.next_run import propose, watch
+from rover_hil.gap.problem import Key
 from rover_hil.gap.score import asked
 from rover_hil.gap.search import Explanation
 from rover_hil.gap.support import support
@@ -135,21 +136,33 @@ def is_named(answer: Answer) -> bool:
     return answer in (Answer.NAMED, Answer.NAMED_SET, Answer.PARTLY_NAMED)
 
 
+def intervals(findings: Findings, best: Explanation) -> dict[Key, tuple[float, float]]:
+    """Return the 95 % interval of every fitted parameter of an explanation; of series, wider where runs differ."""
+    prepared, factor = findings.prepared, interval_factor(findings)
+    fitted = best.fit
+    keys = [item.key for item in fitted.free]
+    widenings = [1.0 for _ in keys]
+    if not prepared.problem.seen.is_steady:
+        widenings = [found.widening for found in support(fitted, prepared.noise, keys)]
+    found = {}
+    for item, widening in zip(fitted.free, widenings, strict=True):
+        value, error = fitted.value(item.key), widening * fitted.standard_error(item.key)
+        found[item.key] = (max(value - factor * error, item.lower), min(value + factor * error, item.upper))
+    return found
+
+
 def found_effects(findings: Findings, best: Explanation) -> list[FoundEffect]:
     """Return the effects of an explanation with intervals."""
-    prepared, factor = findings.prepared, interval_factor(findings)
-    cards = {card.name: card for card in prepared.problem.model.effects}
+    cards = {card.name: card for card in findings.prepared.problem.model.effects}
+    ci95 = intervals(findings, best)
     effects = []
     for name in best.names:
-        parameters = {}
-        keys = [(name, item.name) for item in cards[name].parameters]
-        wider = [1.0 for _ in keys]
-        if not prepared.problem.seen.is_steady:
-            wider = [found.widening for found in support(best.fit, prepared.noise, keys)]
-        for item, key, widening in zip(cards[name].parameters, keys, wider, strict=True):
-            value, error = best.fit.value(key), widening * best.fit.standard_error(key)
-            low, high = max(value - factor * error, item.lower), min(value + factor * error, item.upper)
-            parameters[item.name] = FoundParameter(value=value, unit=item.unit, ci95=(low, high))
+        parameters = {
+            item.name: FoundParameter(
+                value=best.fit.value((name, item.name)), unit=item.unit, ci95=ci95[name, item.name]
+            )
+            for item in cards[name].parameters
+        }
         effects.append(FoundEffect(name=name, parameters=parameters))
     return effects
 

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from drivers.errors import ConfigError
 from drivers.settings import Settings
 from rover_hil.gap.fit import Fit
+from rover_hil.gap.problem import Key
 from sim_backends.models.interface import (
     Array,
     Channel,
@@ -172,7 +173,7 @@ def describe_model(
     base: str,
     provenance: Provenance,
     fitted: Fit | None,
-    factor: float,
+    intervals: Mapping[Key, tuple[float, float]],
 ) -> ModelFile:
     """Return what is known of a model after a fit; unchanged without one.
 
@@ -181,12 +182,12 @@ def describe_model(
         base: How it was named on the command line.
         provenance: Where the numbers come from.
         fitted: Parameters and effects; None leaves everything as it was.
-        factor: Half width of a 95 % interval in standard errors.
+        intervals: 95 % interval of each fitted parameter, as in the verdict.
     """
     parameters: dict[str, Number] = {}
     effects: dict[str, dict[str, Number]] = {}
     for item in model.parameters:
-        number = _number(item, ("", item.name), fitted, factor)
+        number = _number(item, ("", item.name), fitted, intervals)
         card, _, name = item.name.rpartition(SEPARATOR)
         if card:
             effects.setdefault(card, {})[name] = number
@@ -196,18 +197,17 @@ def describe_model(
     for one in model.effects:
         if one.name in found:
             effects[one.name] = {
-                item.name: _number(item, (one.name, item.name), fitted, factor) for item in one.parameters
+                item.name: _number(item, (one.name, item.name), fitted, intervals) for item in one.parameters
             }
     return ModelFile(base=base, provenance=provenance, parameters=parameters, effects=effects)
 
 
-def _number(item: Parameter, key: tuple[str, str], fitted: Fit | None, factor: float) -> Number:
-    fitted_keys = [free.key for free in fitted.free] if fitted is not None else []
-    if fitted is None or key not in fitted_keys:
+def _number(
+    item: Parameter, key: Key, fitted: Fit | None, intervals: Mapping[Key, tuple[float, float]]
+) -> Number:
+    if fitted is None or key not in intervals:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
-    value, error = fitted.value(key), fitted.standard_error(key)
-    low, high = max(value - factor * error, item.lower), min(value + factor * error, item.upper)
-    return Number(value=value, unit=item.unit, sd=error, ci95=(low, high))
+    return Number(value=fitted.value(key), unit=item.unit, sd=fitted.standard_error(key), ci95=intervals[key])
 
 
 def model_file_text(file: ModelFile) -> str:

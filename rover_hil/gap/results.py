@@ -1,13 +1,12 @@
 """What an analysis leaves behind: verdict, plan, model and report, in one folder."""
 
 import json
-import math
 from pathlib import Path
 
 from pydantic_core import to_json
 
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.judge import interval_factor, is_named
+from rover_hil.gap.judge import intervals, is_named
 from rover_hil.gap.model_file import Provenance, describe_model, model_file_text
 from rover_hil.gap.plan import Plan
 from rover_hil.gap.report import render
@@ -55,8 +54,6 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> str
 def _model_text(analysis: Analysis, base: str, date: str) -> str:
     plan, findings, verdict = analysis.plan, analysis.findings, analysis.verdict
     named = is_named(verdict.verdict)
-    fitted = findings.best.fit if named and findings is not None and findings.best is not None else None
-    factor = interval_factor(findings) if findings is not None else math.nan
     provenance = Provenance(
         date=date,
         verdict=str(verdict.verdict),
@@ -65,4 +62,7 @@ def _model_text(analysis: Analysis, base: str, date: str) -> str:
         seed=plan.seed if plan is not None else 0,
         alternatives=tuple(tuple(names) for names in verdict.confidence_set[1:]) if named else (),
     )
-    return model_file_text(describe_model(analysis.model, base, provenance, fitted, factor))
+    fitted, ci95 = None, {}
+    if named and findings is not None and findings.best is not None:
+        fitted, ci95 = findings.best.fit, intervals(findings, findings.best)
+    return model_file_text(describe_model(analysis.model, base, provenance, fitted, ci95))
