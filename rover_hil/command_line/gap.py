@@ -64,9 +64,8 @@ def find_gap(
 
 def _print(analysis: Analysis, out: Path) -> None:
     console = Console(highlight=False)
-    console.print(f"{analysis.verdict.verdict}: {analysis.verdict.sentence}", soft_wrap=True, markup=False)
-    if analysis.verdict.next_run:
-        console.print(f"Next run: {analysis.verdict.next_run}", soft_wrap=True, markup=False)
+    for line in analysis.verdict.lines():
+        console.print(line, soft_wrap=True, markup=False)
     console.print(str(out / REPORT_NAME), soft_wrap=True, markup=False)
 
 

@@ -137,7 +137,7 @@ def is_named(answer: Answer) -> bool:
 
 
 def intervals(findings: Findings, best: Explanation) -> dict[Key, tuple[float, float]]:
-    """Return the 95 % interval of every fitted parameter of an explanation; of series, wider where runs differ."""
+    """Return the 95 % interval of every fitted parameter; of series, wider where runs scatter."""
     prepared, factor = findings.prepared, interval_factor(findings)
     fitted = best.fit
     keys = [item.key for item in fitted.free]

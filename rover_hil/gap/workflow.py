@@ -9,7 +9,7 @@ from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
 from rover_hil.gap import judge
 from rover_hil.gap.candidates import candidate_directions
-from rover_hil.gap.checks import object_to
+from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.locate import locate
@@ -53,8 +53,12 @@ def analyse(
     clock = SystemClock()
     start_ns = clock.now_ns()
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
+    missing: list[dict[str, str | int]] = [
+        {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
+        for one in missing_values(model, runs)
+    ]
     duration_s = round(seconds(clock.now_ns() - start_ns), 3)
-    return replace(analysis, verdict=replace(analysis.verdict, seconds=duration_s))
+    return replace(analysis, verdict=replace(analysis.verdict, missing=missing, seconds=duration_s))
 
 
 def _analyse(

@@ -32,6 +32,7 @@ KEYS = {
     "detectable",
     "gap",
     "controls",
+    "missing",
     "seconds",
 }
 Run = Callable[..., tuple[int, dict[str, object]]]

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.gap.judge import intervals
 from rover_hil.gap.model_file import ExtendedModel, Provenance, describe_model
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
