@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from benchmarks.gap_cases import Case
 from benchmarks.gap_peers import ask_peers
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.judge import explained_share
+from rover_hil.gap.verdict_rules import explained_share
 from tests.nature.side_slope import Nature
 
 FROZEN = (

@@ -8,8 +8,8 @@ import argparse
 from pathlib import Path
 
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.judge import intervals, is_named
-from rover_hil.gap.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.verdict_rules import intervals, is_named
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope import SideSlope, make_model
 

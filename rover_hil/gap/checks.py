@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.problem import Group, group_runs, is_steady
-from rover_hil.gap.replicates import LEAST_FREEDOM, pooled_freedom
+from rover_hil.gap.data.problem import Group, group_runs, is_steady
+from rover_hil.gap.statistics.replicates import LEAST_FREEDOM, pooled_freedom
 from sim_backends.models.interface import Array, DrivenModel, Model, Run
 
 MISSING_SHARE = 0.05

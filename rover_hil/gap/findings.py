@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rover_hil.gap.locate import Place
-from rover_hil.gap.name import Naming
+from rover_hil.gap.explain.gap_test import GapTest
+from rover_hil.gap.explain.holdout_validation import Proof
+from rover_hil.gap.explain.localise_residuals import Place
+from rover_hil.gap.explain.naming import Naming
+from rover_hil.gap.explain.prepare import Prepared
+from rover_hil.gap.explain.residual_equations import Equation
+from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.plan import Plan
-from rover_hil.gap.prepare import Prepared
-from rover_hil.gap.prove import Proof
-from rover_hil.gap.search import Explanation
-from rover_hil.gap.test import GapTest
-from rover_hil.gap.unnamed import Equation
 from rover_hil.gap.verdict import Verdict
 from sim_backends.models.interface import Model, Run
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.problem import condition_key, is_steady
+from rover_hil.gap.data.problem import condition_key, is_steady
 from sim_backends.models.interface import Model, Run
 
 LOCKED_SHARE = 0.25

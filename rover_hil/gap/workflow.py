@@ -7,21 +7,21 @@ import numpy as np
 
 from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
-from rover_hil.gap import judge
-from rover_hil.gap.candidates import candidate_directions
+from rover_hil.gap import verdict_rules
 from rover_hil.gap.checks import missing_values, object_to
+from rover_hil.gap.explain.alternative_models import find_rivals
+from rover_hil.gap.explain.candidates import candidate_directions
+from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest, find_gap
+from rover_hil.gap.explain.holdout_validation import prove
+from rover_hil.gap.explain.localise_residuals import locate
+from rover_hil.gap.explain.naming import MORE_ALPHA, NAME_ALPHA, Naming, name_effects
+from rover_hil.gap.explain.prepare import Prepared, input_units, prepare, renew
+from rover_hil.gap.explain.residual_equations import Equation, find_equations
+from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Analysis, Findings
-from rover_hil.gap.fit import Fit, fit, whitened_jacobian
-from rover_hil.gap.locate import locate
-from rover_hil.gap.name import MORE_ALPHA, NAME_ALPHA, Naming, name_effects
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
-from rover_hil.gap.prepare import Prepared, input_units, prepare, renew
-from rover_hil.gap.prove import prove
-from rover_hil.gap.rivals import find_rivals
-from rover_hil.gap.score import score_all
-from rover_hil.gap.search import Explanation
-from rover_hil.gap.test import GAP_ALPHA, GapTest, find_gap
-from rover_hil.gap.unnamed import Equation, find_equations
+from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.statistics.score import score_all
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Model, Run
 
@@ -70,7 +70,7 @@ def _analyse(
     advance: Callable[[str], None],
 ) -> Analysis:
     def refused(answer: Answer, reason: str, plan: Plan | None = None) -> Analysis:
-        verdict = judge.refuse(answer, reason)
+        verdict = verdict_rules.refuse(answer, reason)
         return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=None)
 
     try:
@@ -98,7 +98,7 @@ def _analyse(
     if findings.best is not None:
         advance("opening the locked runs")
         findings = _proved(findings, [run for run in runs if run.name in locked], seed + 1)
-    verdict = judge.decide(findings)
+    verdict = verdict_rules.decide(findings)
     return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=findings)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.gap.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope import make_model

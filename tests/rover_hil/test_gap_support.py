@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.problem import Free, Indices
-from rover_hil.gap.support import LEAST_RUNS, clusters, is_clearly_worse, support
+from rover_hil.gap.data.problem import Free, Indices
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.jackknife import LEAST_RUNS, clusters, is_clearly_worse, support
 from sim_backends.models.interface import Array
 
 KEY = ("drag", "size")

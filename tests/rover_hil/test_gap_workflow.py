@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from rover_hil.gap.name import are_apart
+from rover_hil.gap.explain.naming import are_apart
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from tests.nature.cart import Experiment

@@ -10,9 +10,9 @@ from typing import cast
 import numpy as np
 
 from drivers.errors import ConfigError, RoverHilError
-from rover_hil.gap.logs import find_logs, read_logs
+from rover_hil.gap.data.logs import find_logs, read_logs
+from rover_hil.gap.data.table import read_table
 from rover_hil.gap.plan import LEAST_RUNS
-from rover_hil.gap.table import read_table
 from sim_backends.models.interface import Model, Run, RunReader, StretchReader
 
 SHIPPED = ("side-slope", "single-wheel", "robotino-motor", "robotino-drive", "four-wheel-drive")

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Observations, cells
-from rover_hil.gap.score import Direction
+from rover_hil.gap.data.problem import Observations, cells
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.score import Direction
 from sim_backends.models.interface import Array
 
 ONE = "1"

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from rover_hil.gap.candidates import Candidate
-from rover_hil.gap.prepare import Prepared
-from rover_hil.gap.problem import predict_rows
-from rover_hil.gap.search import Explanation
+from rover_hil.gap.data.problem import predict_rows
+from rover_hil.gap.explain.candidates import Candidate
+from rover_hil.gap.explain.prepare import Prepared
+from rover_hil.gap.explain.search import Explanation
 from sim_backends.models.interface import Array, Run
 
 MOST_LEVELS = 5

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.problem import Indices
+from rover_hil.gap.data.problem import Indices
 from sim_backends.models.interface import Array
 
 RATIOS = np.geomspace(1e-3, 1e8, 111)

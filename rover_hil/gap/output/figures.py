@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_hil.gap import residual_figures
-from rover_hil.gap.candidates import Candidate, confusability
+from rover_hil.gap.explain.candidates import Candidate, confusability
 from rover_hil.gap.findings import Analysis, Findings
-from rover_hil.gap.score import asked
+from rover_hil.gap.output import residual_figures
+from rover_hil.gap.statistics.score import asked
 from rover_hil.report import style
 
 MOST_BARS = 16

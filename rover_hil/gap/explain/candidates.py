@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Point, Problem, effect_free
-from rover_hil.gap.score import Direction, Score, asked, cosine
+from rover_hil.gap.data.problem import Point, Problem, effect_free
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.score import Direction, Score, asked, cosine
 from sim_backends.models.interface import Array, EffectCard, Parameter
 
 VISIBLE = 1e-3

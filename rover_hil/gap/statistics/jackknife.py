@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Indices, Key
+from rover_hil.gap.data.problem import Indices, Key
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.noise import Noise
 from sim_backends.models.interface import Array
 
 LEAST_RUNS = 6

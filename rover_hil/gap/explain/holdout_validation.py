@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.fit import fit
-from rover_hil.gap.name import Naming
-from rover_hil.gap.noise import for_other_runs
-from rover_hil.gap.prepare import Prepared, terms_of
-from rover_hil.gap.problem import (
+from rover_hil.gap.data.problem import (
     Observations,
     Point,
     base_free,
     observe,
     predict_rows,
 )
-from rover_hil.gap.score import Direction, score_all
-from rover_hil.gap.search import Explanation
+from rover_hil.gap.explain.naming import Naming
+from rover_hil.gap.explain.prepare import Prepared, terms_of
+from rover_hil.gap.explain.search import Explanation
+from rover_hil.gap.statistics.fit import fit
+from rover_hil.gap.statistics.noise import for_other_runs
+from rover_hil.gap.statistics.score import Direction, score_all
 from sim_backends.models.interface import Array, Model, Run
 
 WIDENING = 3.0

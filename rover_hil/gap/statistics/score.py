@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Indices
-from rover_hil.gap.support import LEAST_RUNS, as_normal, clusters, scatter_of_runs
+from rover_hil.gap.data.problem import Indices
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.jackknife import LEAST_RUNS, as_normal, clusters, scatter_of_runs
+from rover_hil.gap.statistics.noise import Noise
 from sim_backends.models.interface import Array
 
 DRAWS = 4000

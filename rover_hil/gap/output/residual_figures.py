@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rover_hil.gap.data.problem import Point, predict_rows
 from rover_hil.gap.findings import Analysis, Findings
-from rover_hil.gap.problem import Point, predict_rows
 from rover_hil.report import style
 from sim_backends.models.interface import Array, Channel, Run
 

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.name import ALIKE, Naming, set_reach
-from rover_hil.gap.prepare import Prepared
-from rover_hil.gap.score import Projection, asked, score_all
-from rover_hil.gap.search import Explanation
-from rover_hil.gap.terms import directions
+from rover_hil.gap.explain.naming import ALIKE, Naming, set_reach
+from rover_hil.gap.explain.prepare import Prepared
+from rover_hil.gap.explain.search import Explanation
+from rover_hil.gap.explain.terms import directions
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.score import Projection, asked, score_all
 from sim_backends.models.interface import Array
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from rover_hil.gap.problem import Group, Indices
+from rover_hil.gap.data.problem import Group, Indices
 from sim_backends.models.interface import Array, Channel, Run
 
 CLIP_SD = 4.0

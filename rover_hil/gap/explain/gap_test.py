@@ -6,12 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Observations
-from rover_hil.gap.replicates import Scatter
-from rover_hil.gap.score import DRAWS, Score, asked, family_draws, family_p, of_terms, quantile, score_all
-from rover_hil.gap.terms import Term, directions
+from rover_hil.gap.data.problem import Observations
+from rover_hil.gap.explain.terms import Term, directions
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.replicates import Scatter
+from rover_hil.gap.statistics.score import (
+    DRAWS,
+    Score,
+    asked,
+    family_draws,
+    family_p,
+    of_terms,
+    quantile,
+    score_all,
+)
 from sim_backends.models.interface import Array
 
 GAP_ALPHA = 0.01

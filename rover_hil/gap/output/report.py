@@ -5,9 +5,9 @@ from importlib import resources
 
 from jinja2 import Environment, StrictUndefined
 
-from rover_hil.gap.figures import draw_pictures
+from rover_hil.gap.explain.localise_residuals import by_place
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.locate import by_place
+from rover_hil.gap.output.figures import draw_pictures
 from rover_hil.gap.verdict import Answer
 
 TEMPLATE_NAME = "report.html"
@@ -37,7 +37,7 @@ def render(analysis: Analysis) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["number"] = _number
-    template = (resources.files("rover_hil.gap") / TEMPLATE_NAME).read_text("utf-8")
+    template = (resources.files("rover_hil.gap.output") / TEMPLATE_NAME).read_text("utf-8")
     findings = analysis.findings
     cards = {card.name: card for card in analysis.model.effects}
     return environment.from_string(template).render(

@@ -6,10 +6,10 @@ from pathlib import Path
 from pydantic_core import to_json
 
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.judge import intervals, is_named
-from rover_hil.gap.model_file import Provenance, describe_model, model_file_text
+from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text
+from rover_hil.gap.output.report import render
 from rover_hil.gap.plan import Plan
-from rover_hil.gap.report import render
+from rover_hil.gap.verdict_rules import intervals, is_named
 from rover_hil.report.write import write_all
 
 VERDICT_NAME = "verdict.json"

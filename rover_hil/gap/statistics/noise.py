@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from rover_hil.gap.problem import Indices, Observations, cells
-from rover_hil.gap.replicates import Scatter
-from rover_hil.gap.run_scatter import RunScatter, likeliest, run_scatter, series_starts
+from rover_hil.gap.data.problem import Indices, Observations, cells
+from rover_hil.gap.statistics.replicates import Scatter
+from rover_hil.gap.statistics.run_scatter import RunScatter, likeliest, run_scatter, series_starts
 from sim_backends.models.interface import Array, Channel
 
 MOST_LAGS = 8

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Free, Key, Point, Problem
+from rover_hil.gap.data.problem import Free, Key, Point, Problem
+from rover_hil.gap.statistics.noise import Noise
 from sim_backends.models.interface import Array
 
 MOST_ROUNDS = 8

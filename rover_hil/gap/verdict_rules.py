@@ -5,15 +5,15 @@ from collections.abc import Sequence
 
 from scipy import stats
 
-from rover_hil.gap.candidates import Candidate, is_visible
+from rover_hil.gap.data.problem import Key
+from rover_hil.gap.explain.candidates import Candidate, is_visible
+from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest
+from rover_hil.gap.explain.naming import Naming, rest
+from rover_hil.gap.explain.next_run import propose, watch
+from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Findings
-from rover_hil.gap.name import Naming, rest
-from rover_hil.gap.next_run import propose, watch
-from rover_hil.gap.problem import Key
-from rover_hil.gap.score import asked
-from rover_hil.gap.search import Explanation
-from rover_hil.gap.support import support
-from rover_hil.gap.test import GAP_ALPHA, GapTest
+from rover_hil.gap.statistics.jackknife import support
+from rover_hil.gap.statistics.score import asked
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 
 WHOLE_SHARE = 0.9

@@ -6,11 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import ModelError
-from rover_hil.gap.candidates import card_changes
-from rover_hil.gap.fit import Fit, fit, whitened_jacobian
-from rover_hil.gap.name import MOST_EFFECTS
-from rover_hil.gap.noise import Noise, series_noise, steady_noise
-from rover_hil.gap.problem import (
+from rover_hil.gap.data.problem import (
     WEAK,
     Key,
     Observations,
@@ -22,9 +18,13 @@ from rover_hil.gap.problem import (
     observe,
     predict_rows,
 )
-from rover_hil.gap.replicates import Scatter, draw_in, estimate_scatter
-from rover_hil.gap.score import Direction, asked, score_all
-from rover_hil.gap.terms import Term, series_terms, steady_terms, term_changes
+from rover_hil.gap.explain.candidates import card_changes
+from rover_hil.gap.explain.naming import MOST_EFFECTS
+from rover_hil.gap.explain.terms import Term, series_terms, steady_terms, term_changes
+from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.statistics.noise import Noise, series_noise, steady_noise
+from rover_hil.gap.statistics.replicates import Scatter, draw_in, estimate_scatter
+from rover_hil.gap.statistics.score import Direction, asked, score_all
 from sim_backends.models.interface import Array, DrivenModel, Model, Run
 
 CONDITION_STEP = 0.01

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from rover_hil.gap.candidates import Candidate
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Observations, Point, Problem
-from rover_hil.gap.score import asked
+from rover_hil.gap.data.problem import Observations, Point, Problem
+from rover_hil.gap.explain.candidates import Candidate
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.score import asked
 from sim_backends.models.interface import Array
 
 Mask = NDArray[np.bool_]

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigError
 from drivers.settings import Settings
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.problem import Key
+from rover_hil.gap.data.problem import Key
+from rover_hil.gap.statistics.fit import Fit
 from sim_backends.models.interface import (
     Array,
     Channel,

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Observations
-from rover_hil.gap.score import Projection, Score, asked, of_terms, score_all
-from rover_hil.gap.search import linear_gain
-from rover_hil.gap.terms import Term, directions
+from rover_hil.gap.data.problem import Observations
+from rover_hil.gap.explain.search import linear_gain
+from rover_hil.gap.explain.terms import Term, directions
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.score import Projection, Score, asked, of_terms, score_all
 
 TOP_TERMS = 12
 MOST_TERMS = 3

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.candidates import (
+from rover_hil.gap.data.problem import Problem
+from rover_hil.gap.explain.candidates import (
     Candidate,
     absorber,
     best_of_each,
@@ -16,12 +17,11 @@ from rover_hil.gap.candidates import (
     card_directions,
     is_visible,
 )
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Problem
-from rover_hil.gap.score import asked, cosine, family_draws, family_p, quantile, score_all
-from rover_hil.gap.search import Explanation, Search, linear_gain
-from rover_hil.gap.support import is_clearly_worse
+from rover_hil.gap.explain.search import Explanation, Search, linear_gain
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.jackknife import is_clearly_worse
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.score import asked, cosine, family_draws, family_p, quantile, score_all
 from sim_backends.models.interface import Array, EffectCard
 
 NAME_ALPHA = 0.005

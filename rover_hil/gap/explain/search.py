@@ -9,12 +9,12 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rover_hil.gap.candidates import Candidate, absorber
-from rover_hil.gap.fit import Fit, fit, whitened_jacobian
-from rover_hil.gap.noise import Noise
-from rover_hil.gap.problem import Free, Key, Point, Problem, base_free, effect_free
-from rover_hil.gap.score import Score, asked
-from rover_hil.gap.support import support
+from rover_hil.gap.data.problem import Free, Key, Point, Problem, base_free, effect_free
+from rover_hil.gap.explain.candidates import Candidate, absorber
+from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.statistics.jackknife import support
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.score import Score, asked
 from sim_backends.models.interface import Array, Parameter
 
 STARTS = 2
