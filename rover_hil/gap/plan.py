@@ -176,9 +176,9 @@ def _levels_kept(
     index: int,
     needed: Sequence[set[float]],
 ) -> bool:
-    rest = kept.copy()
-    rest[index] = False
-    return all(level <= set(column) for level, column in zip(needed, conditions[rest].T, strict=True))
+    others = kept.copy()
+    others[index] = False
+    return all(level <= set(column) for level, column in zip(needed, conditions[others].T, strict=True))
 
 
 def _is_corner(conditions: np.ndarray[tuple[int, ...], np.dtype[np.float64]], index: int) -> bool:

@@ -8,12 +8,12 @@ from scipy import stats
 from rover_hil.gap.data.problem import Key
 from rover_hil.gap.explain.candidates import Candidate, is_visible
 from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest
-from rover_hil.gap.explain.naming import Naming, rest
+from rover_hil.gap.explain.naming import Naming, unexplained_cost
 from rover_hil.gap.explain.next_run import propose, watch
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Findings
-from rover_hil.gap.statistics.jackknife import support
-from rover_hil.gap.statistics.score import asked
+from rover_hil.gap.statistics.jackknife import jackknife
+from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 
 WHOLE_SHARE = 0.9
@@ -39,7 +39,7 @@ def decide(findings: Findings) -> Verdict:
     answer = _answer(findings)
     named = is_named(answer)
     best = findings.best if named else None
-    proof = findings.proof
+    validation = findings.validation
     return Verdict(
         verdict=answer,
         sentence=_sentence(findings, answer),
@@ -57,7 +57,7 @@ def decide(findings: Findings) -> Verdict:
         next_run=_next_run(findings),
         detectable=_detectable(findings.naming),
         gap={}
-        if proof is None
+        if validation is None
         else {
             name: {
                 "before": one.before,
@@ -66,19 +66,21 @@ def decide(findings: Findings) -> Verdict:
                 "closure": one.closure,
                 "ci95": one.ci95,
             }
-            for name, one in proof.channels.items()
+            for name, one in validation.channels.items()
         },
-        controls={"retuned": None, "placebo": None, "rival": None} if proof is None else proof.controls,
+        controls={"retuned": None, "placebo": None, "rival": None}
+        if validation is None
+        else validation.controls,
     )
 
 
 def _no_gap(findings: Findings) -> Verdict:
-    seen = findings.prepared.problem.seen
+    observations = findings.prepared.problem.observations
     detectable = _detectable(findings.naming)
     return Verdict(
         verdict=Answer.NO_GAP,
-        sentence=f"No gap: {findings.prepared.problem.model.name} agrees with {seen.run_count} runs within "
-        f"their scatter and what its parameters are known to (p = {findings.gap.p:.2g}).",
+        sentence=f"No gap: {findings.prepared.problem.model.name} agrees with {observations.run_count} runs "
+        f"within their scatter and what its parameters are known to (p = {findings.gap.p:.2g}).",
         p_gap=findings.gap.p,
         rejected=_rejected(findings, Answer.NO_GAP),
         next_run=watch(findings.naming.scores),
@@ -87,40 +89,48 @@ def _no_gap(findings: Findings) -> Verdict:
 
 
 def _answer(findings: Findings) -> Answer:
-    naming, best, proof = findings.naming, findings.best, findings.proof
-    if best is None or proof is None:
+    naming, best, validation = findings.naming, findings.best, findings.validation
+    if best is None or validation is None:
         hidden = not any(is_visible(item) for item in naming.scores)
         return Answer.NOT_IDENTIFIABLE if naming.scores and hidden else Answer.UNNAMED
-    share = 1.0 if findings.left is None or findings.left.p > GAP_ALPHA else explained_share(findings)
-    if not proof.is_confirmed or share < HALF_SHARE:
+    share = (
+        1.0
+        if findings.remaining_gap is None or findings.remaining_gap.p > GAP_ALPHA
+        else explained_share(findings)
+    )
+    if not validation.is_confirmed or share < HALF_SHARE:
         return Answer.UNNAMED
     if len(naming.members) > MOST_MEMBERS:
         return Answer.NOT_IDENTIFIABLE
     is_single = len(naming.members) == 1
-    whole = WHOLE_SHARE if findings.prepared.problem.seen.is_steady else WHOLE_SHARE_OF_SERIES
-    if share < whole or (is_single and findings.rivals):
+    whole = WHOLE_SHARE if findings.prepared.problem.observations.is_steady else WHOLE_SHARE_OF_SERIES
+    if share < whole or (is_single and findings.alternatives):
         return Answer.PARTLY_NAMED
     return Answer.NAMED if is_single else Answer.NAMED_SET
 
 
 def explained_share(findings: Findings) -> float:
     """Return how much of what can be explained the chosen effects explain, 0..1."""
-    best, left = findings.best, findings.left
-    if best is None or left is None:
+    best, remaining_gap = findings.best, findings.remaining_gap
+    if best is None or remaining_gap is None:
         return 0.0
     gain = max(findings.prepared.start.cost - best.fit.cost, 0.0)
     problem = findings.prepared.problem
-    remaining = max(rest(problem, best), 0.0) if problem.seen.is_steady else _asked_by_terms(left)
+    remaining = (
+        max(unexplained_cost(problem, best), 0.0)
+        if problem.observations.is_steady
+        else _asked_by_terms(remaining_gap)
+    )
     return gain / (gain + remaining) if gain > 0.0 else 0.0
 
 
-def _asked_by_terms(left: GapTest) -> float:
+def _asked_by_terms(remaining_gap: GapTest) -> float:
     """Return what the best free-form term of each channel would still explain."""
     by_channel: dict[str, float] = {}
-    for score in left.free:
-        if asked(score) >= left.line:
+    for score in remaining_gap.free:
+        if one_sided_z(score) >= remaining_gap.threshold:
             channel = score.direction.name.split(": ", 1)[0]
-            by_channel[channel] = max(by_channel.get(channel, 0.0), asked(score) ** 2)
+            by_channel[channel] = max(by_channel.get(channel, 0.0), one_sided_z(score) ** 2)
     return sum(by_channel.values())
 
 
@@ -142,8 +152,8 @@ def intervals(findings: Findings, best: Explanation) -> dict[Key, tuple[float, f
     fitted = best.fit
     keys = [item.key for item in fitted.free]
     widenings = [1.0 for _ in keys]
-    if not prepared.problem.seen.is_steady:
-        widenings = [found.widening for found in support(fitted, prepared.noise, keys)]
+    if not prepared.problem.observations.is_steady:
+        widenings = [found.widening for found in jackknife(fitted, prepared.noise, keys)]
     found = {}
     for item, widening in zip(fitted.free, widenings, strict=True):
         value, error = fitted.value(item.key), widening * fitted.standard_error(item.key)
@@ -168,11 +178,11 @@ def found_effects(findings: Findings, best: Explanation) -> list[FoundEffect]:
 
 
 def _sentence(findings: Findings, answer: Answer) -> str:
-    best, proof = findings.best, findings.proof
-    where = f" Clearest in {findings.places[0].sentence()}." if findings.places else ""
-    if answer is Answer.UNNAMED or best is None or proof is None:
+    best, validation = findings.best, findings.validation
+    where = f" Clearest in {findings.locations[0].sentence()}." if findings.locations else ""
+    if answer is Answer.UNNAMED or best is None or validation is None:
         why = "no effect of the catalogue explains it"
-        if best is not None and proof is not None and not proof.is_confirmed:
+        if best is not None and validation is not None and not validation.is_confirmed:
             why = f"{_join(best.names)} explains it only on the runs it was found on, not on the locked ones"
         elif best is not None:
             why = f"the best, {_join(best.names)}, explains only {explained_share(findings):.0%} of it"
@@ -182,7 +192,11 @@ def _sentence(findings: Findings, answer: Answer) -> str:
     if answer is Answer.NOT_IDENTIFIABLE:
         names = ", ".join(_join(one.names) for one in findings.naming.members)
         return f"There is a gap, and these runs cannot tell which of {names} it is.{where}"
-    closed = "" if proof.closure is None else f"; it closes {proof.closure:.0%} of the gap on locked runs"
+    closed = (
+        ""
+        if validation.closure is None
+        else f"; it closes {validation.closure:.0%} of the gap on locked runs"
+    )
     values = _join([_values(effect) for effect in found_effects(findings, best)])
     if len(findings.naming.members) > 1:
         names = " or ".join(_join(one.names) for one in findings.naming.members)
@@ -190,17 +204,17 @@ def _sentence(findings: Findings, answer: Answer) -> str:
     text = f"Missing: {values}{closed}"
     if answer is Answer.PARTLY_NAMED:
         text = f"Missing, or what looks most like it: {values}{closed}{_unsure(findings)}"
-    harm = f" Worse than before: {', '.join(proof.harmed)}." if proof.harmed else ""
+    harm = f" Worse than before: {', '.join(validation.harmed)}." if validation.harmed else ""
     return f"{text}.{where}{harm}"
 
 
 def _unsure(findings: Findings) -> str:
     """Return why names are not the whole truth."""
     text = ""
-    if findings.left is not None and findings.left.p <= GAP_ALPHA:
+    if findings.remaining_gap is not None and findings.remaining_gap.p <= GAP_ALPHA:
         text = f"; {1 - explained_share(findings):.0%} has no name"
-    for name, rival in findings.rivals.items():
-        channel, term = rival.split(": ", 1)
+    for name, alternative in findings.alternatives.items():
+        channel, term = alternative.split(": ", 1)
         text += f"; a term {term} in {channel} explains as much as {name}"
     return text
 
@@ -220,7 +234,7 @@ def _join(names: Sequence[str]) -> str:
 def _where(findings: Findings) -> list[dict[str, str | float | int]]:
     return [
         {"channel": one.channel, "condition": one.condition, "size": one.size, "unit": one.unit, "n": one.n}
-        for one in findings.places
+        for one in findings.locations
     ]
 
 
@@ -238,12 +252,12 @@ def _rejected(findings: Findings, answer: Answer) -> list[dict[str, str]]:
 
 def _why(item: Candidate, naming: Naming) -> str:
     name, score = item.card.name, item.score
-    if name in naming.absorbed and asked(score) < naming.line:
+    if name in naming.absorbed and one_sided_z(score) < naming.threshold:
         return f"not visible in these runs: {naming.absorbed[name]} imitates it"
-    if asked(score) == 0.0:
+    if one_sided_z(score) == 0.0:
         return f"asked for with the sign it cannot have ({score.z:+.1f} standard deviations)"
-    if asked(score) < naming.line:
-        return f"not asked for: {asked(score):.1f} standard deviations, {naming.line:.1f} needed"
+    if one_sided_z(score) < naming.threshold:
+        return f"not asked for: {one_sided_z(score):.1f} standard deviations, {naming.threshold:.1f} needed"
     single = naming.tried.get((name,))
     if naming.best is not None and single is not None and name not in naming.best.names:
         worse = single.cost - naming.best.cost
@@ -255,7 +269,7 @@ def _detectable(naming: Naming) -> list[dict[str, str | float]]:
     return [
         {
             "name": item.card.name,
-            "size": (naming.line + POWER_Z) * item.score.standard_error,
+            "size": (naming.threshold + POWER_Z) * item.score.standard_error,
             "unit": item.score.direction.unit,
         }
         for item in naming.scores
@@ -268,7 +282,9 @@ def _next_run(findings: Findings) -> str:
         return watch(naming.scores)
     if len(naming.members) > 1:
         return propose(findings.prepared, naming.members[0], naming.members[1])
-    rivals = [one for key, one in naming.tried.items() if key != best.names and len(key) == len(best.names)]
-    if not rivals:
+    alternatives = [
+        one for key, one in naming.tried.items() if key != best.names and len(key) == len(best.names)
+    ]
+    if not alternatives:
         return watch(naming.scores)
-    return propose(findings.prepared, best, min(rivals, key=lambda one: one.cost))
+    return propose(findings.prepared, best, min(alternatives, key=lambda one: one.cost))

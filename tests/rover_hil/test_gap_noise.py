@@ -36,8 +36,8 @@ def observations(errors: Array) -> Observations:
 
 
 def learned(errors: Array) -> SeriesNoise:
-    seen = observations(errors)
-    return series_noise(seen, seen.values)
+    measured = observations(errors)
+    return series_noise(measured, measured.values)
 
 
 def score_of_a_constant(errors: Array) -> float:

@@ -107,8 +107,8 @@ def _take(message: LogMessage, config: Config, rows: Rows) -> None:
                 rows["y_m"].append((truth.t_ns, truth.y_m))
                 rows["psi_rad"].append((truth.t_ns, truth.yaw_rad))
         case "/command" | "/set_point":
-            told = _SetPoint.model_validate_json(message.data)
-            for wheel, speed in enumerate(told.speed_rad_s if told.delivered else (), start=1):
+            set_point = _SetPoint.model_validate_json(message.data)
+            for wheel, speed in enumerate(set_point.speed_rad_s if set_point.delivered else (), start=1):
                 rows[f"{HELD}{wheel}_rad_s"].append((message.t_ns, speed))
 
 
@@ -118,13 +118,13 @@ def _take_samples(samples: _Samples, config: Config, rows: Rows) -> None:
         if wheel.device != roles.wheels:
             continue
         number = wheel.wheel + 1
-        said = {
+        readings = {
             f"enc{number}_rad": wheel.position_rad,
             f"speed{number}_rad_s": wheel.speed_rad_s,
             f"current{number}_a": wheel.current_a,
             f"voltage{number}_v": wheel.voltage_v,
         }
-        for name, value in said.items():
+        for name, value in readings.items():
             if value is not None:
                 rows[name].append((wheel.t_ns, value))
     _take_attitude(samples, config, rows)
@@ -177,7 +177,7 @@ def _assemble(rows: Rows, t_ns: Array, start_ns: int) -> dict[str, Array]:
             place = np.searchsorted(times, t_ns, side="right") - 1
             column = np.where(place >= 0, values[np.maximum(place, 0)], 0.0)
         else:
-            seen = np.unwrap(values) if name == "psi_rad" else values
-            column = np.interp(t_ns, times, seen, left=np.nan, right=np.nan)
+            observations = np.unwrap(values) if name == "psi_rad" else values
+            column = np.interp(t_ns, times, observations, left=np.nan, right=np.nan)
         columns[name] = column
     return columns

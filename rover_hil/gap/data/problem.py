@@ -123,10 +123,10 @@ def observe(model: Model, runs: Sequence[Run]) -> Observations:
     )
 
 
-def cells(seen: Observations) -> list[Indices]:
+def cells(observations: Observations) -> list[Indices]:
     """Return the rows of each series: of one channel in one run."""
-    change = np.flatnonzero((np.diff(seen.site) != 0) | (np.diff(seen.channel) != 0)) + 1
-    return [rows.astype(np.intp) for rows in np.split(np.arange(seen.values.size), change)]
+    change = np.flatnonzero((np.diff(observations.site) != 0) | (np.diff(observations.channel) != 0)) + 1
+    return [rows.astype(np.intp) for rows in np.split(np.arange(observations.values.size), change)]
 
 
 class Problem:
@@ -139,7 +139,7 @@ class Problem:
 
     def __init__(self, model: Model, observations: Observations) -> None:
         self.model = model
-        self.seen = observations
+        self.observations = observations
         self.evaluations = 0
         self._sites = [group.site for group in observations.groups]
         self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}

@@ -45,8 +45,8 @@ def _read_file(model: Model, path: Path) -> list[Run]:
     columns = _columns(model, path, rows[0])
     names = [row[columns["run"]].strip() if "run" in columns else path.stem for row in rows[1:]]
     table = {
-        name: _numbers(path, name, [row[place] if place < len(row) else "" for row in rows[1:]])
-        for name, place in columns.items()
+        name: _numbers(path, name, [row[position] if position < len(row) else "" for row in rows[1:]])
+        for name, position in columns.items()
         if name != "run"
     }
     members: dict[str, list[int]] = {}
@@ -90,22 +90,22 @@ def _columns(model: Model, path: Path, header: Sequence[str]) -> dict[str, int]:
     units = {channel.name: channel.unit for channel in model.channels} | dict(model.condition_units)
     if isinstance(model, DrivenModel):
         units |= dict(model.input_units)
-    places: dict[str, int] = {}
-    for place, cell in enumerate(header):
+    positions: dict[str, int] = {}
+    for position, cell in enumerate(header):
         match = HEADER.match(cell.strip())
         if match is None:
             continue
         name = match["name"].strip()
         if name == "run":
-            places[name] = place
+            positions[name] = position
         elif name in units:
             _check_unit(path, name, match["unit"], units[name])
-            places[name] = place
+            positions[name] = position
     needed = [*model.condition_units, *_input_names(model)]
-    missing = [name for name in needed if name not in places]
+    missing = [name for name in needed if name not in positions]
     if missing:
         raise ConfigError(f"{path} has no column '{missing[0]}' [{units[missing[0]]}]")
-    return places
+    return positions
 
 
 def _check_unit(path: Path, name: str, given: str | None, unit: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from rover_hil.gap.data.problem import Point, Problem, effect_free
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.noise import Noise
-from rover_hil.gap.statistics.score import Direction, Score, asked, cosine
+from rover_hil.gap.statistics.score import Direction, Score, cosine, one_sided_z
 from sim_backends.models.interface import Array, EffectCard, Parameter
 
 VISIBLE = 1e-3
@@ -63,10 +63,10 @@ def _change(problem: Problem, point: Point, card: EffectCard, shapes: Mapping[st
 
 def shape_points(card: EffectCard) -> list[dict[str, float]]:
     """Return the shapes to search: the grid, and the nominal value of what is not in it."""
-    rest = {item.name: item.nominal for item in card.parameters[1:]}
+    nominal = {item.name: item.nominal for item in card.parameters[1:]}
     names = list(card.shape_grid)
     return [
-        {**rest, **dict(zip(names, values, strict=True))}
+        {**nominal, **dict(zip(names, values, strict=True))}
         for values in itertools.product(*(card.shape_grid[name] for name in names))
     ]
 
@@ -84,10 +84,13 @@ def best_of_each(scores: Sequence[Score], cards: Sequence[EffectCard]) -> list[C
     best: dict[str, Score] = {}
     for score in scores:
         name = score.direction.name
-        if name not in best or (asked(score), abs(score.z)) > (asked(best[name]), abs(best[name].z)):
+        if name not in best or (one_sided_z(score), abs(score.z)) > (
+            one_sided_z(best[name]),
+            abs(best[name].z),
+        ):
             best[name] = score
     candidates = [Candidate(card=by_name[name], score=score) for name, score in best.items()]
-    return sorted(candidates, key=lambda item: -asked(item.score))
+    return sorted(candidates, key=lambda item: -one_sided_z(item.score))
 
 
 def is_visible(item: Candidate, *, is_steady: bool = True) -> bool:
@@ -96,13 +99,13 @@ def is_visible(item: Candidate, *, is_steady: bool = True) -> bool:
     In long series base parameters may imitate an effect almost wholly, at the price of their priors, and yet
     leave enough of one of natural size.
     """
-    if item.card.releases is not None or item.score.left >= VISIBLE:
+    if item.card.releases is not None or item.score.remaining_share >= VISIBLE:
         return True
     shown = item.score.direction.size / item.score.standard_error
-    return not is_steady and item.score.left >= EXACT and shown >= SHOWN
+    return not is_steady and item.score.remaining_share >= EXACT and shown >= SHOWN
 
 
-def absorber(start: Fit, score: Score) -> str:
+def imitating_parameter(start: Fit, score: Score) -> str:
     """Return the base parameter that imitates a direction best."""
     best, most = "", -1.0
     change = score.direction.change

@@ -14,10 +14,10 @@ from rover_hil.gap.statistics.replicates import Scatter
 from rover_hil.gap.statistics.score import (
     DRAWS,
     Score,
-    asked,
     family_draws,
     family_p,
     of_terms,
+    one_sided_z,
     quantile,
     score_all,
 )
@@ -36,17 +36,17 @@ class GapTest:
         p: Probability of as large a disagreement without gap, over all tests.
         parts: The same by kind of test.
         free: Scores of the free-form terms, the most asked first.
-        line: The free-form score that counts.
+        threshold: The free-form score that counts.
     """
 
     p: float
     parts: dict[str, float]
     free: tuple[Score, ...]
-    line: float
+    threshold: float
 
 
 def find_gap(
-    seen: Observations,
+    observations: Observations,
     noise: Noise,
     scatter: Scatter | None,
     fitted: Fit,
@@ -58,7 +58,7 @@ def find_gap(
     """Test what is left after a fit.
 
     Args:
-        seen: The observations.
+        observations: The observations.
         noise: Of the observations.
         scatter: Of the replicates; None for series.
         fitted: The model's fit.
@@ -67,35 +67,39 @@ def find_gap(
         p_effects: Probability of the scores of the effects that are not; None where they were not taken.
         rng: For the calibration.
     """
-    scores = score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady)
+    scores = score_all(
+        fitted, noise, directions(observations, noise, terms), is_steady=observations.is_steady
+    )
     free = of_terms(scores)
     draws = family_draws(free, noise.freedom, rng)
-    greatest = max((asked(score) for score in free), default=0.0)
+    greatest = max((one_sided_z(score) for score in free), default=0.0)
     parts = {"free": family_p(free, greatest, draws, noise.freedom)}
     if p_effects is not None:
         parts["effects"] = p_effects
     if scatter is not None:
-        parts["lack of fit"] = _lack_of_fit(seen, scatter, fitted, effects_fitted, rng)
+        parts["lack of fit"] = _lack_of_fit(observations, scatter, fitted, effects_fitted, rng)
     total = sum(WEIGHTS[name] for name in parts)
     return GapTest(
         p=min(1.0, *(p * total / WEIGHTS[name] for name, p in parts.items())),
         parts=parts,
-        free=tuple(sorted(free, key=lambda score: -asked(score))),
-        line=quantile(draws, GAP_ALPHA),
+        free=tuple(sorted(free, key=lambda score: -one_sided_z(score))),
+        threshold=quantile(draws, GAP_ALPHA),
     )
 
 
 def _lack_of_fit(
-    seen: Observations, scatter: Scatter, fitted: Fit, effects_fitted: int, rng: np.random.Generator
+    observations: Observations, scatter: Scatter, fitted: Fit, effects_fitted: int, rng: np.random.Generator
 ) -> float:
     """Return the probability of as large a sum of squares, and as large a one in any channel.
 
     Under its priors the model leaves a sum of squares of residuals and pulls with as many degrees of freedom
     as there are rows; each channel's part is as uncertain as its replicates are few.
     """
-    channels = [int(index) for index in np.unique(seen.channel)]
-    squares = np.array([float(np.sum(fitted.residual[seen.channel == index] ** 2)) for index in channels])
-    count = np.array([float(np.sum(seen.channel == index)) for index in channels])
+    channels = [int(index) for index in np.unique(observations.channel)]
+    squares = np.array(
+        [float(np.sum(fitted.residual[observations.channel == index] ** 2)) for index in channels]
+    )
+    count = np.array([float(np.sum(observations.channel == index)) for index in channels])
     drawn = np.stack(
         [_draw(count[place], float(scatter.freedom[index]), rng) for place, index in enumerate(channels)],
         axis=1,

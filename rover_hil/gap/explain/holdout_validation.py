@@ -32,7 +32,7 @@ CLEAR = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelProof:
+class ChannelValidation:
     """One channel on the locked runs.
 
     Attributes:
@@ -53,7 +53,7 @@ class ChannelProof:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
+class Validation:
     """What the locked runs say.
 
     Attributes:
@@ -66,7 +66,7 @@ class Proof:
         steps: Error over all channels in units of noise: base, base fitted, each effect added, noise.
     """
 
-    channels: dict[str, ChannelProof]
+    channels: dict[str, ChannelValidation]
     closure: float | None
     controls: dict[str, float | None]
     harmed: tuple[str, ...]
@@ -74,7 +74,7 @@ class Proof:
     steps: tuple[tuple[str, float], ...]
 
 
-class Locked:
+class LockedRuns:
     """Locked runs, and errors of predictions on them.
 
     Args:
@@ -84,9 +84,9 @@ class Locked:
 
     def __init__(self, prepared: Prepared, runs: Sequence[Run]) -> None:
         self.model: Model = prepared.problem.model
-        self.seen: Observations = observe(self.model, runs)
-        self.groups = len(self.seen.groups)
-        shape = (self.groups, len(self.seen.channels))
+        self.observations: Observations = observe(self.model, runs)
+        self.groups = len(self.observations.groups)
+        shape = (self.groups, len(self.observations.channels))
         self.counts = np.zeros(shape)
         self.within = np.zeros(shape)
         self.freedom = np.zeros(shape)
@@ -95,14 +95,16 @@ class Locked:
 
     def predict(self, point: Point) -> Array:
         """Return predicted rows."""
-        return predict_rows(self.model, [group.site for group in self.seen.groups], point)
+        return predict_rows(self.model, [group.site for group in self.observations.groups], point)
 
     def squares(self, predicted: Array) -> Array:
         """Return sums of squared errors of single runs: groups x channels."""
-        error = self.seen.values - predicted
+        error = self.observations.values - predicted
         error = np.where(np.isfinite(error), error, 0.0)
         total = self.within.copy()
-        np.add.at(total, (self.seen.site, self.seen.channel), self.seen.counts * error**2)
+        np.add.at(
+            total, (self.observations.site, self.observations.channel), self.observations.counts * error**2
+        )
         return total
 
     def errors(self, point: Point) -> Array:
@@ -122,11 +124,11 @@ class Locked:
         return (self.relative(before) - self.relative(after)) / gap
 
     def _count(self) -> None:
-        np.add.at(self.counts, (self.seen.site, self.seen.channel), self.seen.counts)
-        if not self.seen.is_steady:
+        np.add.at(self.counts, (self.observations.site, self.observations.channel), self.observations.counts)
+        if not self.observations.is_steady:
             return
-        for index, group in enumerate(self.seen.groups):
-            for place, channel in enumerate(self.seen.channels):
+        for index, group in enumerate(self.observations.groups):
+            for place, channel in enumerate(self.observations.channels):
                 values = [run.measured[channel.name][0] for run in group.runs if channel.name in run.measured]
                 if values:
                     self.within[index, place] = float(np.var(values)) * len(values)
@@ -134,7 +136,7 @@ class Locked:
 
     def _floor(self, prepared: Prepared) -> Array:
         """Return the deviation of one value from a perfect model, per channel."""
-        learned = prepared.problem.seen
+        learned = prepared.problem.observations
         if prepared.scatter is None:
             return np.array(
                 [
@@ -150,9 +152,9 @@ class Locked:
         return floor
 
 
-def prove(
+def validate(
     prepared: Prepared, runs: Sequence[Run], best: Explanation, naming: Naming, rng: np.random.Generator
-) -> Proof:
+) -> Validation:
     """Open the locked runs.
 
     Args:
@@ -162,20 +164,20 @@ def prove(
         naming: All explanations, for the rival.
         rng: For intervals and placebos.
     """
-    locked = Locked(prepared, runs)
+    locked = LockedRuns(prepared, runs)
     before = locked.errors({})
     fitted = locked.errors(prepared.start.point)
     after = locked.errors(best.fit.point)
     channels = {
         channel.name: _channel(locked, before, after, index, rng)
-        for index, channel in enumerate(locked.seen.channels)
+        for index, channel in enumerate(locked.observations.channels)
     }
     harmed = [name for name, one in channels.items() if one.is_worse]
     steps = [("base", before), ("base fitted", fitted)]
     steps += [(" + ".join(one.names), locked.errors(one.fit.point)) for one in _parts(best, naming)]
     steps.append((" + ".join(best.names), after))
     sizes = [(name, math.sqrt(locked.relative(squares))) for name, squares in steps]
-    return Proof(
+    return Validation(
         channels=channels,
         closure=locked.closure(before, after),
         controls={
@@ -199,15 +201,15 @@ def _parts(best: Explanation, naming: Naming) -> list[Explanation]:
     return parts
 
 
-def _is_confirmed(prepared: Prepared, locked: Locked, best: Explanation) -> bool:
+def _is_confirmed(prepared: Prepared, locked: LockedRuns, best: Explanation) -> bool:
     """Tell whether the locked runs do not speak against the effects, beside base parameters fitted alike.
 
     They do where they are nearer to the fitted base model, and lean towards it more than by chance: were the
     effects all there is, the part of their errors in its direction would be normal, as wide as runs scatter.
     """
-    noise = for_other_runs(prepared.noise, prepared.scatter, locked.seen)
+    noise = for_other_runs(prepared.noise, prepared.scatter, locked.observations)
     base, with_effects = (locked.predict(one) for one in (prepared.start.point, best.fit.point))
-    error = locked.seen.values - with_effects
+    error = locked.observations.values - with_effects
     good = np.isfinite(error) & np.isfinite(base)
     error = noise.whiten(np.where(good, error, 0.0))
     apart = noise.whiten(np.where(good, base - with_effects, 0.0))
@@ -228,8 +230,8 @@ def retuned(prepared: Prepared) -> Point:
 
 
 def _channel(
-    locked: Locked, before: Array, after: Array, index: int, rng: np.random.Generator
-) -> ChannelProof:
+    locked: LockedRuns, before: Array, after: Array, index: int, rng: np.random.Generator
+) -> ChannelValidation:
     count = max(float(locked.counts[:, index].sum()), 1.0)
     floor = float(locked.floor[index])
     mean_before, mean_after = before[:, index].sum() / count, after[:, index].sum() / count
@@ -246,7 +248,7 @@ def _channel(
             low, high = np.quantile(resampled, (0.025, 0.975))
             interval = (float(low), float(high))
     is_more = mean_after > HARM**2 * max(mean_before, floor**2)
-    return ChannelProof(
+    return ChannelValidation(
         before=math.sqrt(mean_before),
         after=math.sqrt(mean_after),
         noise_floor=floor,
@@ -256,37 +258,48 @@ def _channel(
     )
 
 
-def _rival(locked: Locked, before: Array, best: Explanation, naming: Naming) -> float | None:
+def _rival(locked: LockedRuns, before: Array, best: Explanation, naming: Naming) -> float | None:
     kept = {one.names for one in naming.members}
-    rivals = [one for key, one in naming.tried.items() if len(key) == len(best.names) and key not in kept]
-    if not rivals:
+    alternatives = [
+        one for key, one in naming.tried.items() if len(key) == len(best.names) and key not in kept
+    ]
+    if not alternatives:
         return None
-    rival = min(rivals, key=lambda one: one.cost)
+    rival = min(alternatives, key=lambda one: one.cost)
     return locked.closure(before, locked.errors(rival.fit.point))
 
 
-def _placebo(prepared: Prepared, locked: Locked, before: Array, rng: np.random.Generator) -> float | None:
+def _placebo(prepared: Prepared, locked: LockedRuns, before: Array, rng: np.random.Generator) -> float | None:
     """Return the median closure by smooth terms drawn at random, fitted like an effect."""
-    theirs = {term.text: term.values for term in terms_of(locked.model, locked.seen, prepared.start.point)}
-    terms = [term for term in prepared.terms if term.text in theirs]
-    seen, start = prepared.problem.seen, prepared.start
+    locked_terms = {
+        term.text: term.values for term in terms_of(locked.model, locked.observations, prepared.start.point)
+    }
+    terms = [term for term in prepared.terms if term.text in locked_terms]
+    observations, start = prepared.problem.observations, prepared.start
     predicted = locked.predict(start.point)
     closures = []
     for _ in range(PLACEBOS):
-        learned, told = np.zeros(seen.values.size), np.zeros(locked.seen.values.size)
-        for index in range(len(seen.channels)):
-            mine, other = seen.channel == index, locked.seen.channel == index
+        learned, locked_change = np.zeros(observations.values.size), np.zeros(locked.observations.values.size)
+        for index in range(len(observations.channels)):
+            in_channel, in_locked_channel = (
+                observations.channel == index,
+                locked.observations.channel == index,
+            )
             for term in terms:
-                level = max(float(np.sqrt(np.mean(term.values[mine] ** 2))), 1e-300) if mine.any() else 1.0
+                level = (
+                    max(float(np.sqrt(np.mean(term.values[in_channel] ** 2))), 1e-300)
+                    if in_channel.any()
+                    else 1.0
+                )
                 weight = float(rng.standard_normal()) * float(locked.floor[index]) / level
-                learned[mine] += weight * term.values[mine]
-                told[other] += weight * theirs[term.text][other]
+                learned[in_channel] += weight * term.values[in_channel]
+                locked_change[in_locked_channel] += weight * locked_terms[term.text][in_locked_channel]
         direction = Direction(
             name="placebo", change=prepared.noise.whiten(learned), sign=0, shapes={}, size=1.0, unit="1"
         )
-        scores = score_all(start, prepared.noise, [direction], is_steady=seen.is_steady)
+        scores = score_all(start, prepared.noise, [direction], is_steady=observations.is_steady)
         strength = scores[0].strength if scores else 0.0
-        closure = locked.closure(before, locked.squares(predicted + strength * told))
+        closure = locked.closure(before, locked.squares(predicted + strength * locked_change))
         if closure is None:
             return None
         closures.append(closure)

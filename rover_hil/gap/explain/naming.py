@@ -11,17 +11,17 @@ from scipy import stats
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.explain.candidates import (
     Candidate,
-    absorber,
     best_of_each,
     candidate_directions,
     card_directions,
+    imitating_parameter,
     is_visible,
 )
 from rover_hil.gap.explain.search import Explanation, Search, linear_gain
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.jackknife import is_clearly_worse
 from rover_hil.gap.statistics.noise import Noise
-from rover_hil.gap.statistics.score import asked, cosine, family_draws, family_p, quantile, score_all
+from rover_hil.gap.statistics.score import cosine, family_draws, family_p, one_sided_z, quantile, score_all
 from sim_backends.models.interface import Array, EffectCard
 
 NAME_ALPHA = 0.005
@@ -56,7 +56,7 @@ class Naming:
         members: Explanations that the data does not tell from the best, the best first.
         tried: All fitted explanations.
         absorbed: Effects that base parameters hide, and the parameter that does it.
-        line: The score that counts.
+        threshold: The score that counts.
         inflation: By how much what is left exceeds what errors explain, at least 1.
     """
 
@@ -66,7 +66,7 @@ class Naming:
     members: tuple[Explanation, ...]
     tried: Mapping[tuple[str, ...], Explanation]
     absorbed: Mapping[str, str]
-    line: float
+    threshold: float
     inflation: float
 
 
@@ -90,21 +90,21 @@ def name_effects(
     """
     advance("scoring effects")
     changes = card_directions(problem, noise, start, cards)
-    scores = score_all(start, noise, changes, is_steady=problem.seen.is_steady)
+    scores = score_all(start, noise, changes, is_steady=problem.observations.is_steady)
     candidates = best_of_each(scores, cards)
-    visible = [item for item in candidates if is_visible(item, is_steady=problem.seen.is_steady)]
+    visible = [item for item in candidates if is_visible(item, is_steady=problem.observations.is_steady)]
     names = {item.card.name for item in visible}
     counted = [score for score in scores if score.direction.name in names]
     draws = family_draws(counted, noise.freedom, rng)
     search = Search(problem, noise, start, visible, scores)
     # Of series, the scatter between runs is known only when effects are out of it: fitted first, judged then.
-    greatest = max((asked(score, by_samples=True) for score in counted), default=0.0)
+    greatest = max((one_sided_z(score, by_samples=True) for score in counted), default=0.0)
     p_name = family_p(counted, greatest, draws, noise.freedom) if counted else 1.0
     chosen = None
     if p_name <= NAME_ALPHA:
         chosen = _choose(problem, noise, start, search, visible[:TOP], draws, advance)
-    if counted and not problem.seen.is_steady:
-        by_runs = [one.support for one in search.tried.values()] or list(map(asked, counted))
+    if counted and not problem.observations.is_steady:
+        by_runs = [one.jackknife_z for one in search.tried.values()] or list(map(one_sided_z, counted))
         p_name = family_p(counted, max(by_runs), draws, noise.freedom)
     best, members = chosen or (None, [])
     return Naming(
@@ -114,16 +114,16 @@ def name_effects(
         members=tuple(members),
         tried=search.tried,
         absorbed=_absorbed(start, candidates),
-        line=quantile(draws, NAME_ALPHA),
+        threshold=quantile(draws, NAME_ALPHA),
         inflation=1.0 if best is None else inflation_of(problem, best),
     )
 
 
 def _absorbed(start: Fit, candidates: Sequence[Candidate]) -> dict[str, str]:
     return {
-        item.card.name: absorber(start, item.score)
+        item.card.name: imitating_parameter(start, item.score)
         for item in candidates
-        if item.score.left < IMITATED and item.card.releases is None
+        if item.score.remaining_share < IMITATED and item.card.releases is None
     }
 
 
@@ -136,7 +136,7 @@ def _choose(
     draws: Array,
     advance: Callable[[str], None],
 ) -> tuple[Explanation, list[Explanation]] | None:
-    line = quantile(draws, MORE_ALPHA) ** 2
+    threshold = quantile(draws, MORE_ALPHA) ** 2
     by_size: dict[int, list[Explanation]] = {}
     for size in range(1, min(MOST_EFFECTS, len(top)) + 1):
         subsets = _promising(problem, noise, search, top, size, by_size)
@@ -145,7 +145,7 @@ def _choose(
             search.explain(names)
         fitted = [one for key, one in search.tried.items() if len(key) == size]
         by_size[size] = sorted(fitted, key=lambda one: one.cost)
-        if size > 1 and by_size[size - 1][0].cost - by_size[size][0].cost < WORTH * line:
+        if size > 1 and by_size[size - 1][0].cost - by_size[size][0].cost < WORTH * threshold:
             break
     best = _largest_needed(problem, start, by_size, draws)
     if best is None:
@@ -160,7 +160,7 @@ def _largest_needed(
     best: Explanation | None = None
     for size, ranked in sorted(by_size.items()):
         sure = quantile(draws, NAME_ALPHA if size == 1 else MORE_ALPHA)
-        more = next((one for one in ranked if one.support >= sure), None)
+        more = next((one for one in ranked if one.jackknife_z >= sure), None)
         if more is None:
             continue
         gain = (start.cost if best is None else best.cost) - more.cost
@@ -168,8 +168,8 @@ def _largest_needed(
         needed = quantile(draws, MORE_ALPHA) ** 2 * added * inflation_of(problem, more)
         if size == 1:
             needed = quantile(draws, 0.05) ** 2
-        left = 0.0 if best is None else max(rest(problem, best), 0.0)
-        if gain >= needed and gain >= SHARE_OF_REST * left:
+        unexplained = 0.0 if best is None else max(unexplained_cost(problem, best), 0.0)
+        if gain >= needed and gain >= SHARE_OF_REST * unexplained:
             best = more
     return best
 
@@ -183,17 +183,19 @@ def _members(
     draws: Array,
 ) -> list[Explanation]:
     """Return what the data does not tell from the best; of series, each run is one witness."""
-    rivals, parts = by_size[len(best.names)], by_size.get(len(best.names) - 1, ())
+    alternatives, parts = by_size[len(best.names)], by_size.get(len(best.names) - 1, ())
     reach = inflation_of(problem, best) * set_reach(noise.freedom)
-    members = [one for one in rivals if one.cost <= best.cost + reach and one.support > 0.0]
-    if problem.seen.is_steady:
+    members = [one for one in alternatives if one.cost <= best.cost + reach and one.jackknife_z > 0.0]
+    if problem.observations.is_steady:
         return members
-    line, least = quantile(draws, NAME_ALPHA), SHARE_OF_BEST * (start.cost - best.cost)
-    others = [one for one in rivals if one.support >= line and start.cost - one.cost >= least]
+    threshold, least = quantile(draws, NAME_ALPHA), SHARE_OF_BEST * (start.cost - best.cost)
+    others = [one for one in alternatives if one.jackknife_z >= threshold and start.cost - one.cost >= least]
     for part in parts:
         # An effect that adds nothing to the others does not make them a rival.
         others = [
-            one for one in others if not set(part.names) < set(one.names) or part.cost - one.cost >= line**2
+            one
+            for one in others
+            if not set(part.names) < set(one.names) or part.cost - one.cost >= threshold**2
         ]
     members += [one for one in others if not is_clearly_worse(one.fit, best.fit, noise, SET_LEVEL)]
     unique = {one.names: one for one in members}.values()
@@ -207,19 +209,19 @@ def set_reach(freedom: float) -> float:
     return float(stats.chi2.ppf(SET_LEVEL, 1))
 
 
-def rest(problem: Problem, explanation: Explanation) -> float:
+def unexplained_cost(problem: Problem, explanation: Explanation) -> float:
     """Return the cost beyond what errors alone would leave; 0 for series, whose errors are learned."""
-    if not problem.seen.is_steady:
+    if not problem.observations.is_steady:
         return 0.0
-    count = problem.seen.values.size - len(explanation.names)
+    count = problem.observations.values.size - len(explanation.names)
     return explanation.fit.cost - count
 
 
 def inflation_of(problem: Problem, explanation: Explanation) -> float:
     """Return by how much what is left exceeds what errors explain, at least 1."""
-    if not problem.seen.is_steady:
+    if not problem.observations.is_steady:
         return 1.0
-    count = max(problem.seen.values.size - len(explanation.names), 1)
+    count = max(problem.observations.values.size - len(explanation.names), 1)
     return max(1.0, explanation.fit.cost / count)
 
 
@@ -233,9 +235,9 @@ def _promising(
 ) -> list[tuple[str, ...]]:
     """Return the subsets worth a fit: best to first order at the base model, and next to the best so far."""
     by_name = {item.card.name: item for item in top}
-    subsets = [one for one in itertools.combinations(sorted(by_name), size) if are_apart(by_name, one)]
+    subsets = [one for one in itertools.combinations(sorted(by_name), size) if are_distinct(by_name, one)]
     if size == 1:
-        return [names for names in subsets if asked(by_name[names[0]].score) > 1.0] or subsets[:1]
+        return [names for names in subsets if one_sided_z(by_name[names[0]].score) > 1.0] or subsets[:1]
     ranked = sorted(subsets, key=lambda names: -linear_gain([by_name[name].score for name in names]))
     promising = ranked[: TRIED_PER_SIZE // 2]
     for part in by_size[size - 1][:2]:
@@ -244,10 +246,10 @@ def _promising(
         for name in part.names:
             search.explain((name,))
     unique = dict.fromkeys(tuple(sorted(names)) for names in promising)
-    return [names for names in unique if are_apart(by_name, names)]
+    return [names for names in unique if are_distinct(by_name, names)]
 
 
-def are_apart(by_name: Mapping[str, Candidate], names: Sequence[str]) -> bool:
+def are_distinct(by_name: Mapping[str, Candidate], names: Sequence[str]) -> bool:
     """Tell whether no two look the same: two that do imitate a third by pulling against each other."""
     pairs = itertools.combinations(names, 2)
     return all(abs(cosine(by_name[one].score, by_name[other].score)) < ALIKE for one, other in pairs)
@@ -258,6 +260,6 @@ def _extensions(
 ) -> list[tuple[str, ...]]:
     others = [item for item in top if item.card.name not in part.names]
     changes = candidate_directions(problem, noise, part.fit, others)
-    scores = score_all(part.fit, noise, changes, is_steady=problem.seen.is_steady)
+    scores = score_all(part.fit, noise, changes, is_steady=problem.observations.is_steady)
     ranked = best_of_each(scores, [item.card for item in others])
-    return [(*part.names, item.card.name) for item in ranked if asked(item.score) > 1.0]
+    return [(*part.names, item.card.name) for item in ranked if one_sided_z(item.score) > 1.0]

@@ -52,9 +52,9 @@ def watch(candidates: Sequence[Candidate]) -> str:
 
 
 def _possible_runs(prepared: Prepared) -> list[Run]:
-    seen = prepared.problem.seen
-    sites = [group.site for group in seen.groups]
-    if not seen.is_steady:
+    observations = prepared.problem.observations
+    sites = [group.site for group in observations.groups]
+    if not observations.is_steady:
         return sites
     full = max(sites, key=lambda site: len(site.measured))
     levels = []
@@ -79,14 +79,17 @@ def _typical_sd(prepared: Prepared) -> Array:
     if prepared.scatter is not None:
         sd: Array = np.sqrt(prepared.scatter.covariance.diagonal(axis1=1, axis2=2).mean(axis=0))
         return sd
-    seen = prepared.problem.seen
+    observations = prepared.problem.observations
     return np.array(
-        [float(prepared.noise.row_sd[seen.channel == index].mean()) for index in range(len(seen.channels))]
+        [
+            float(prepared.noise.row_sd[observations.channel == index].mean())
+            for index in range(len(observations.channels))
+        ]
     )
 
 
 def _labels(prepared: Prepared, run: Run) -> list[int]:
-    steady = prepared.problem.seen.is_steady
+    steady = prepared.problem.observations.is_steady
     return [
         index
         for index, channel in enumerate(prepared.problem.model.channels)
@@ -97,7 +100,7 @@ def _labels(prepared: Prepared, run: Run) -> list[int]:
 
 def _words(prepared: Prepared, run: Run) -> str:
     units = prepared.problem.model.condition_units
-    if not prepared.problem.seen.is_steady:
+    if not prepared.problem.observations.is_steady:
         return f"repeat {run.name}"
     return ", ".join(f"{name} {run.conditions[name]:.4g}" for name in units)
 

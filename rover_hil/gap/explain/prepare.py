@@ -23,8 +23,8 @@ from rover_hil.gap.explain.naming import MOST_EFFECTS
 from rover_hil.gap.explain.terms import Term, series_terms, steady_terms, term_changes
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.noise import Noise, series_noise, steady_noise
-from rover_hil.gap.statistics.replicates import Scatter, draw_in, estimate_scatter
-from rover_hil.gap.statistics.score import Direction, asked, score_all
+from rover_hil.gap.statistics.replicates import Scatter, estimate_scatter, winsorise
+from rover_hil.gap.statistics.score import Direction, one_sided_z, score_all
 from sim_backends.models.interface import Array, DrivenModel, Model, Run
 
 CONDITION_STEP = 0.01
@@ -64,12 +64,12 @@ def prepare(model: Model, runs: Sequence[Run]) -> Prepared:
     return _steady(model, solved, left_out) if is_steady(solved) else _series(model, solved, left_out)
 
 
-def renew(prepared: Prepared, best: Fit) -> Prepared:
+def relearn_noise(prepared: Prepared, best: Fit) -> Prepared:
     """Return the same with the errors of series learned from what `best` leaves."""
     if prepared.scatter is not None:
         return prepared
     problem = prepared.problem
-    noise = series_noise(problem.seen, problem.seen.values - problem.predict(best.point))
+    noise = series_noise(problem.observations, problem.observations.values - problem.predict(best.point))
     return replace(prepared, noise=noise, start=fit_base(problem, noise, prepared.start))
 
 
@@ -124,37 +124,37 @@ def _steady(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Pre
     groups = group_runs(model, runs)
     gradient = condition_gradient(model, [group.site for group in groups])
     scatter = estimate_scatter(groups, model.channels, gradient)
-    cleaned = draw_in(groups, model.channels, scatter)
+    cleaned = winsorise(groups, model.channels, scatter)
     if any(new is not old for new, old in zip(cleaned, runs, strict=True)):
         groups = group_runs(model, cleaned)
         scatter = estimate_scatter(groups, model.channels, gradient)
-    seen = observe(model, cleaned)
-    noise = steady_noise(seen, scatter)
-    problem = Problem(model, seen)
+    observations = observe(model, cleaned)
+    noise = steady_noise(observations, scatter)
+    problem = Problem(model, observations)
     return Prepared(
         problem=problem,
         noise=noise,
         scatter=scatter,
         start=fit_base(problem, noise),
-        terms=terms_of(model, seen, {}),
+        terms=terms_of(model, observations, {}),
         left_out=left_out,
     )
 
 
 def _series(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Prepared:
-    seen = observe(model, runs)
-    problem = Problem(model, seen)
-    noise = series_noise(seen, _overfitted(problem), is_final=False)
+    observations = observe(model, runs)
+    problem = Problem(model, observations)
+    noise = series_noise(observations, _overfitted(problem), is_final=False)
     start = fit_base(problem, noise)
     for is_final in (False, True):
-        noise = series_noise(seen, _without_effects(problem, noise, start), is_final=is_final)
+        noise = series_noise(observations, _without_effects(problem, noise, start), is_final=is_final)
         start = fit_base(problem, noise, start)
     return Prepared(
         problem=problem,
         noise=noise,
         scatter=None,
         start=start,
-        terms=terms_of(model, seen, start.point),
+        terms=terms_of(model, observations, start.point),
         left_out=left_out,
     )
 
@@ -165,49 +165,49 @@ def _overfitted(problem: Problem) -> Array:
     A large effect looks like slow errors, in which it would then drown; these are too small, which does no
     harm where they only choose what to take out before errors are learned for good.
     """
-    seen, point = problem.seen, dict[Key, float]()
+    observations, point = problem.observations, dict[Key, float]()
     columns = [problem.derivative(point, item) for item in base_free(problem.model)]
     columns += [one.change for one in _changes(problem, point)]
-    residual = seen.values - problem.predict(point)
+    residual = observations.values - problem.predict(point)
     here = np.isfinite(residual)
     matrix = np.stack(columns, axis=1)
     matrix /= np.maximum(np.sqrt((matrix**2).mean(axis=0)), 1e-300)
     shift, *_ = np.linalg.lstsq(matrix[here], residual[here], rcond=1e-6)
-    left: Array = residual - matrix @ shift
-    return left
+    remaining: Array = residual - matrix @ shift
+    return remaining
 
 
 def _changes(problem: Problem, point: Point) -> list[Direction]:
     """Return the changes by effects and by free-form terms, before whitening."""
-    terms = terms_of(problem.model, problem.seen, point)
-    return [*card_changes(problem, point, problem.model.effects), *term_changes(problem.seen, terms)]
+    terms = terms_of(problem.model, problem.observations, point)
+    return [*card_changes(problem, point, problem.model.effects), *term_changes(problem.observations, terms)]
 
 
 def _without_effects(problem: Problem, noise: Noise, start: Fit) -> Array:
     """Return measured minus predicted, without the effects and free-form terms that stand out."""
-    seen = problem.seen
+    observations = problem.observations
     columns = [problem.derivative(start.point, item) * item.sd for item in start.free]
     changes = _changes(problem, start.point)
     directions = [replace(one, change=noise.whiten(one.change)) for one in changes]
     raw = {id(one): change.change for one, change in zip(directions, changes, strict=True)}
     fitted = start
     # Each channel may have its own: one that stays in makes errors look slow, and hides behind them.
-    for _ in range(MOST_EFFECTS * len(seen.channels)):
+    for _ in range(MOST_EFFECTS * len(observations.channels)):
         scores = score_all(fitted, noise, directions, is_steady=False)
         # By samples: runs that disagree on a term are no reason to take what it explains for errors.
-        best = max(scores, key=lambda score: asked(score, by_samples=True), default=None)
-        if best is None or asked(best, by_samples=True) < STANDS_OUT:
+        best = max(scores, key=lambda score: one_sided_z(score, by_samples=True), default=None)
+        if best is None or one_sided_z(best, by_samples=True) < STANDS_OUT:
             break
         columns.append(raw[id(best.direction)] * WEAK * best.direction.size)
         jacobian = noise.whiten(np.stack(columns, axis=1))
         fitted = replace(fitted, jacobian=jacobian, pull=np.append(fitted.pull, 0.0))
-    residual = seen.values - problem.predict(start.point)
+    residual = observations.values - problem.predict(start.point)
     if len(columns) == len(start.free):
         return residual
     matrix = np.vstack((fitted.jacobian, np.eye(len(columns))))
     shift, *_ = np.linalg.lstsq(matrix, np.concatenate((start.residual, -fitted.pull)), rcond=None)
-    left: Array = residual - np.stack(columns, axis=1) @ shift
-    return left
+    remaining: Array = residual - np.stack(columns, axis=1) @ shift
+    return remaining
 
 
 def input_units(model: Model) -> Mapping[str, str]:
@@ -215,9 +215,9 @@ def input_units(model: Model) -> Mapping[str, str]:
     return model.input_units if isinstance(model, DrivenModel) else {}
 
 
-def terms_of(model: Model, seen: Observations, point: Point) -> tuple[Term, ...]:
+def terms_of(model: Model, observations: Observations, point: Point) -> tuple[Term, ...]:
     """Return the free-form terms of observations."""
-    if seen.is_steady:
-        return tuple(steady_terms(seen, model.condition_units))
-    predicted = predict_rows(model, [group.site for group in seen.groups], point)
-    return tuple(series_terms(seen, predicted, input_units(model), model.condition_units))
+    if observations.is_steady:
+        return tuple(steady_terms(observations, model.condition_units))
+    predicted = predict_rows(model, [group.site for group in observations.groups], point)
+    return tuple(series_terms(observations, predicted, input_units(model), model.condition_units))

@@ -11,7 +11,7 @@ from rover_hil.gap.explain.search import linear_gain
 from rover_hil.gap.explain.terms import Term, directions
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.noise import Noise
-from rover_hil.gap.statistics.score import Projection, Score, asked, of_terms, score_all
+from rover_hil.gap.statistics.score import Projection, Score, of_terms, one_sided_z, score_all
 
 TOP_TERMS = 12
 MOST_TERMS = 3
@@ -47,37 +47,41 @@ class Equation:
 
 
 def find_equations(
-    seen: Observations,
+    observations: Observations,
     noise: Noise,
     fitted: Fit,
     terms: Sequence[Term],
     effects: Sequence[Score],
-    line: float,
+    threshold: float,
 ) -> list[Equation]:
     """Return an equation for each channel that asks for one, the most asked first.
 
     Args:
-        seen: The observations.
+        observations: The observations.
         noise: Of the observations.
         fitted: The model with what could be named.
         terms: To choose from.
         effects: Scores of the effects at the same fit, for the closest one.
-        line: Score that counts, over all terms and channels.
+        threshold: Score that counts, over all terms and channels.
     """
-    scores = of_terms(score_all(fitted, noise, directions(seen, noise, terms), is_steady=seen.is_steady))
+    scores = of_terms(
+        score_all(fitted, noise, directions(observations, noise, terms), is_steady=observations.is_steady)
+    )
     equations = []
-    for channel in seen.channels:
-        mine = [score for score in scores if score.direction.name.startswith(f"{channel.name}: ")]
-        mine = sorted(mine, key=lambda score: -asked(score))[:TOP_TERMS]
-        if not mine or asked(mine[0]) < line:
+    for channel in observations.channels:
+        channel_scores = [score for score in scores if score.direction.name.startswith(f"{channel.name}: ")]
+        channel_scores = sorted(channel_scores, key=lambda score: -one_sided_z(score))[:TOP_TERMS]
+        if not channel_scores or one_sided_z(channel_scores[0]) < threshold:
             continue
-        chosen = _choose(mine, line)
-        gain = linear_gain([mine[index] for index in chosen])
-        equations.append((gain, _equation(channel.name, channel.unit, mine, chosen, fitted, effects)))
+        chosen = _choose(channel_scores, threshold)
+        gain = linear_gain([channel_scores[index] for index in chosen])
+        equations.append(
+            (gain, _equation(channel.name, channel.unit, channel_scores, chosen, fitted, effects))
+        )
     return [equation for _, equation in sorted(equations, key=lambda item: -item[0])[:MOST_EQUATIONS]]
 
 
-def _choose(scores: Sequence[Score], line: float) -> tuple[int, ...]:
+def _choose(scores: Sequence[Score], threshold: float) -> tuple[int, ...]:
     """Return the best subset; a further term must be asked for as clearly as the first."""
     best: tuple[int, ...] = (0,)
     for size in range(1, min(MOST_TERMS, len(scores)) + 1):
@@ -85,7 +89,7 @@ def _choose(scores: Sequence[Score], line: float) -> tuple[int, ...]:
         ranked = max(subsets, key=lambda one: linear_gain([scores[index] for index in one]))
         gain = linear_gain([scores[index] for index in ranked])
         before = linear_gain([scores[index] for index in best])
-        if size == 1 or gain - before >= line**2 * (size - len(best)):
+        if size == 1 or gain - before >= threshold**2 * (size - len(best)):
             best = ranked
     return best
 

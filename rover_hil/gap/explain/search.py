@@ -10,11 +10,11 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.problem import Free, Key, Point, Problem, base_free, effect_free
-from rover_hil.gap.explain.candidates import Candidate, absorber
+from rover_hil.gap.explain.candidates import Candidate, imitating_parameter
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
-from rover_hil.gap.statistics.jackknife import support
+from rover_hil.gap.statistics.jackknife import jackknife
 from rover_hil.gap.statistics.noise import Noise
-from rover_hil.gap.statistics.score import Score, asked
+from rover_hil.gap.statistics.score import Score, one_sided_z
 from sim_backends.models.interface import Array, Parameter
 
 STARTS = 2
@@ -23,7 +23,7 @@ FAR = (0.5, 1.0, 2.0, 4.0)
 """Strengths to begin from, in natural sizes."""
 FAR_STARTS = 3
 """Strong effects to begin from: of a delay, the nearest in cost may lead to another swing of the error."""
-MOST_PULLED = 4.0
+MOST_CANCELLATION = 4.0
 """How much larger effects may be one by one than together."""
 HOPELESS = 60.0
 """Cost above the best at which a fit is left as it is."""
@@ -43,7 +43,7 @@ class Explanation:
         names: Effects, sorted.
         fit: Base parameters and effects together.
         cost: Minus two log-posterior; free shapes are charged for (Laplace's approximation).
-        support: What independent runs say of its weakest effect, as a standard normal; endless for steady
+        jackknife_z: What independent runs say of its weakest effect, as a standard normal; endless for steady
             experiments, whose scatter between runs is in the errors.
         widening: Factor on standard errors that covers the scatter between runs.
     """
@@ -51,7 +51,7 @@ class Explanation:
     names: tuple[str, ...]
     fit: Fit
     cost: float
-    support: float
+    jackknife_z: float
     widening: float
 
 
@@ -99,12 +99,12 @@ class Search:
             if best is None:
                 raise AssertionError("every subset has shapes to begin with")
             cost = best.cost + self._charge(key, best)
-            sure, widening = self._support(key, best, cost)
-            self.tried[key] = Explanation(names=key, fit=best, cost=cost, support=sure, widening=widening)
+            sure, widening = self._jackknife(key, best, cost)
+            self.tried[key] = Explanation(names=key, fit=best, cost=cost, jackknife_z=sure, widening=widening)
         return self.tried[key]
 
-    def _support(self, names: tuple[str, ...], fitted: Fit, cost: float) -> tuple[float, float]:
-        if self._problem.seen.is_steady:
+    def _jackknife(self, names: tuple[str, ...], fitted: Fit, cost: float) -> tuple[float, float]:
+        if self._problem.observations.is_steady:
             return math.inf, 1.0
         cards = [self._by_name[name].card for name in names]
         if any(
@@ -113,13 +113,13 @@ class Search:
         ):
             return 0.0, 1.0
         strengths = [(card.name, card.parameters[0].name) for card in cards]
-        if pulled_apart(fitted, strengths) > MOST_PULLED:
+        if cancellation(fitted, strengths) > MOST_CANCELLATION:
             return 0.0, 1.0
         shapes = [(card.name, item.name) for card in cards for item in card.parameters[1:]]
-        found = support(fitted, self._noise, strengths, given=shapes)
+        found = jackknife(fitted, self._noise, strengths, given=shapes)
         by_runs = min(abs(one.z) for one in found)
         if len(names) == 1:
-            by_runs = max(by_runs, *(asked(score) for score in self._scores[names[0]]))
+            by_runs = max(by_runs, *(one_sided_z(score) for score in self._scores[names[0]]))
         # A base parameter that is set free needs more than its place: it must lie beyond its prior.
         gain = math.sqrt(max(self._start.cost - cost, 0.0))
         return min(gain, by_runs), max(one.widening for one in found)
@@ -147,7 +147,7 @@ class Search:
                 starts.append((shapes, begin))
                 continue
             near, far = [begin, self._as_base(names[0], begin)], self._far(names[0], shapes)
-            if self._problem.seen.is_steady:
+            if self._problem.observations.is_steady:
                 chosen = self._cheapest(free, near + far, 1)
             else:
                 chosen = self._cheapest(free, near, 1) + self._cheapest(free, far, FAR_STARTS)
@@ -234,7 +234,7 @@ class Search:
         shape = {(name, key): value for key, value in shapes[name].items()}
         sizes = [sign * share * strength.prior_sd for share in FAR for sign in (1.0, -1.0)]
         values = [strength.nominal + size for size in (*sizes, self._strength(name, shapes[name]))]
-        imitator = ("", absorber(self._start, candidate.score))
+        imitator = ("", imitating_parameter(self._start, candidate.score))
         straight = {key: value for key, value in self._start.point.items() if key != imitator}
         return [
             {**base, **shape, (name, strength.name): float(np.clip(value, strength.lower, strength.upper))}
@@ -245,16 +245,16 @@ class Search:
     def _cost(self, free: Sequence[Free], point: Point) -> float:
         values = {item.key: point.get(item.key, item.start) for item in free}
         pull = np.array([(values[item.key] - item.mean) / item.sd for item in free])
-        seen = self._problem.seen.values
+        observations = self._problem.observations.values
         fixed = self._fixed(sorted({item.key[0] for item in free if item.key[0]}))
-        error = seen - self._problem.predict({**fixed, **values})
-        residual = self._noise.whiten(np.where(np.isnan(seen), 0.0, error))
+        error = observations - self._problem.predict({**fixed, **values})
+        residual = self._noise.whiten(np.where(np.isnan(observations), 0.0, error))
         cost = float(residual @ residual + pull @ pull)
         return cost if math.isfinite(cost) else math.inf
 
     def _strength(self, name: str, shapes: Mapping[str, float]) -> float:
         score = next(one for one in self._scores[name] if one.direction.shapes == shapes)
-        return score.strength if asked(score) > 0.0 else 0.3 * score.direction.size
+        return score.strength if one_sided_z(score) > 0.0 else 0.3 * score.direction.size
 
     def _nearest(self, names: tuple[str, ...]) -> Explanation | None:
         parts = [one for key, one in self.tried.items() if set(key) < set(names)]
@@ -288,13 +288,13 @@ def _is_at_limit(strength: Parameter, value: float) -> bool:
     )
 
 
-def pulled_apart(fitted: Fit, strengths: Sequence[Key]) -> float:
+def cancellation(fitted: Fit, strengths: Sequence[Key]) -> float:
     """Return by how much more effects change the prediction one by one than together, at least 1.
 
     Large effects that cancel imitate the small difference between them, which is something else.
     """
-    places = [index for index, item in enumerate(fitted.free) if item.key in strengths]
-    changes = fitted.jacobian[:, places] * fitted.pull[places]
+    positions = [index for index, item in enumerate(fitted.free) if item.key in strengths]
+    changes = fitted.jacobian[:, positions] * fitted.pull[positions]
     together = float(np.linalg.norm(changes.sum(axis=1)))
     return float(np.linalg.norm(changes, axis=0).sum()) / max(together, 1e-300)
 
@@ -310,5 +310,7 @@ def linear_gain(scores: Sequence[Score], pulled: float = 0.0) -> float:
     high = [0.0 if score.direction.sign < 0 else np.inf for score in scores]
     if all(bound == -np.inf for bound in low) and all(bound == np.inf for bound in high):
         return float(aim @ aim)
-    left = lsq_linear(root, aim, bounds=(low, np.maximum(high, np.array(low) + 1e-9)), method="bvls").cost
-    return float(aim @ aim - 2.0 * left) - pulled
+    unexplained = lsq_linear(
+        root, aim, bounds=(low, np.maximum(high, np.array(low) + 1e-9)), method="bvls"
+    ).cost
+    return float(aim @ aim - 2.0 * unexplained) - pulled

@@ -37,10 +37,10 @@ class _Source:
     values: Array
 
 
-def steady_terms(seen: Observations, units: Mapping[str, str]) -> list[Term]:
+def steady_terms(observations: Observations, units: Mapping[str, str]) -> list[Term]:
     """Return polynomials up to second order, and differences of conditions of one unit."""
-    sources = _condition_sources(seen, units)
-    terms = [Term(text=ONE, unit=ONE, values=np.ones(seen.values.size))]
+    sources = _condition_sources(observations, units)
+    terms = [Term(text=ONE, unit=ONE, values=np.ones(observations.values.size))]
     terms += [Term(text=one.text, unit=one.unit, values=one.values) for one in sources]
     for one in sources:
         terms.append(Term(text=f"{one.text}^2", unit=power(one.unit, 2), values=one.values**2))
@@ -59,13 +59,14 @@ def steady_terms(seen: Observations, units: Mapping[str, str]) -> list[Term]:
 
 
 def series_terms(
-    seen: Observations, predicted: Array, input_units: Mapping[str, str], units: Mapping[str, str]
+    observations: Observations, predicted: Array, input_units: Mapping[str, str], units: Mapping[str, str]
 ) -> list[Term]:
     """Return shapes of inputs and predicted channels (odd, even, dry, rate, sum), and of time."""
-    sources = _series_sources(seen, predicted, input_units)
-    terms = [Term(text=ONE, unit=ONE, values=np.ones(seen.values.size))]
+    sources = _series_sources(observations, predicted, input_units)
+    terms = [Term(text=ONE, unit=ONE, values=np.ones(observations.values.size))]
     terms += [
-        Term(text=one.text, unit=one.unit, values=one.values) for one in _condition_sources(seen, units)
+        Term(text=one.text, unit=one.unit, values=one.values)
+        for one in _condition_sources(observations, units)
     ]
     for one in sources:
         x = one.values
@@ -76,10 +77,16 @@ def series_terms(
             Term(text=f"{one.text} |{one.text}|", unit=power(one.unit, 2), values=x * np.abs(x)),
             Term(text=f"sign({one.text})", unit=ONE, values=np.tanh(x / max(0.05 * level, 1e-300))),
             Term(text=f"|{one.text}|", unit=one.unit, values=np.abs(x)),
-            Term(text=f"change of {one.text} per sample", unit=one.unit, values=_by_cell(seen, x, _rate)),
-            Term(text=f"sum of {one.text}", unit=one.unit, values=_by_cell(seen, x, _sum)),
+            Term(
+                text=f"change of {one.text} per sample",
+                unit=one.unit,
+                values=_by_cell(observations, x, _rate),
+            ),
+            Term(text=f"sum of {one.text}", unit=one.unit, values=_by_cell(observations, x, _sum)),
         ]
-    terms.append(Term(text="sample", unit=ONE, values=_by_cell(seen, np.ones(seen.values.size), _sum)))
+    terms.append(
+        Term(text="sample", unit=ONE, values=_by_cell(observations, np.ones(observations.values.size), _sum))
+    )
     return [
         term
         for term in terms
@@ -87,26 +94,26 @@ def series_terms(
     ]
 
 
-def directions(seen: Observations, noise: Noise, terms: Sequence[Term]) -> list[Direction]:
+def directions(observations: Observations, noise: Noise, terms: Sequence[Term]) -> list[Direction]:
     """Return one direction per term and channel, in units of the channel per unit of the term."""
-    return [replace(one, change=noise.whiten(one.change)) for one in term_changes(seen, terms)]
+    return [replace(one, change=noise.whiten(one.change)) for one in term_changes(observations, terms)]
 
 
-def term_changes(seen: Observations, terms: Sequence[Term]) -> list[Direction]:
+def term_changes(observations: Observations, terms: Sequence[Term]) -> list[Direction]:
     """Return the same before whitening."""
     found = []
-    for index, channel in enumerate(seen.channels):
-        mine = seen.channel == index
-        if not mine.any():
+    for index, channel in enumerate(observations.channels):
+        in_channel = observations.channel == index
+        if not in_channel.any():
             continue
         for term in terms:
-            level = float(np.sqrt(np.mean(term.values[mine] ** 2)))
+            level = float(np.sqrt(np.mean(term.values[in_channel] ** 2)))
             if level <= 0.0:
                 continue
             found.append(
                 Direction(
                     name=f"{channel.name}: {term.text}",
-                    change=np.where(mine, term.values, 0.0),
+                    change=np.where(in_channel, term.values, 0.0),
                     sign=0,
                     shapes={},
                     size=1.0 / level,
@@ -144,38 +151,43 @@ def _is_compound(unit: str) -> bool:
     return "/" in unit or " " in unit
 
 
-def _condition_sources(seen: Observations, units: Mapping[str, str]) -> list[_Source]:
+def _condition_sources(observations: Observations, units: Mapping[str, str]) -> list[_Source]:
     sources = []
     for name, unit in units.items():
-        by_site = np.array([group.site.conditions[name] for group in seen.groups])
+        by_site = np.array([group.site.conditions[name] for group in observations.groups])
         if np.ptp(by_site) > 0.0:
-            sources.append(_Source(name, unit, by_site[seen.site]))
+            sources.append(_Source(name, unit, by_site[observations.site]))
     return sources
 
 
-def _series_sources(seen: Observations, predicted: Array, input_units: Mapping[str, str]) -> list[_Source]:
+def _series_sources(
+    observations: Observations, predicted: Array, input_units: Mapping[str, str]
+) -> list[_Source]:
     sources = []
     for name, unit in input_units.items():
         if name == "t_s":
             continue
-        parts = [seen.groups[int(seen.site[cell[0]])].site.inputs[name] for cell in cells(seen)]
+        parts = [
+            observations.groups[int(observations.site[cell[0]])].site.inputs[name]
+            for cell in cells(observations)
+        ]
         values = np.concatenate(parts)
-        if values.size == seen.values.size:
+        if values.size == observations.values.size:
             sources.append(_Source(name, unit, values))
-    for index, channel in enumerate(seen.channels):
-        values = np.zeros(seen.values.size)
-        for site in range(len(seen.groups)):
-            here = seen.site == site
-            mine = predicted[here & (seen.channel == index)]
-            if mine.size and here.sum() % mine.size == 0:
-                values[here] = np.tile(np.nan_to_num(mine), here.sum() // mine.size)
+    for index, channel in enumerate(observations.channels):
+        values = np.zeros(observations.values.size)
+        for site in range(len(observations.groups)):
+            here = observations.site == site
+            in_channel = predicted[here & (observations.channel == index)]
+            if in_channel.size and here.sum() % in_channel.size == 0:
+                values[here] = np.tile(np.nan_to_num(in_channel), here.sum() // in_channel.size)
         sources.append(_Source(channel.name, channel.unit, values))
     return sources[:MOST_SOURCES]
 
 
-def _by_cell(seen: Observations, values: Array, act: Callable[[Array], Array]) -> Array:
+def _by_cell(observations: Observations, values: Array, act: Callable[[Array], Array]) -> Array:
     changed = np.empty_like(values)
-    for cell in cells(seen):
+    for cell in cells(observations):
         changed[cell] = act(values[cell])
     return changed
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from rover_hil.gap.explain.candidates import Candidate, confusability
 from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.output import residual_figures
-from rover_hil.gap.statistics.score import asked
+from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.report import style
 
 MOST_BARS = 16
@@ -92,13 +92,15 @@ def _draw_scores(analysis: Analysis, findings: Findings) -> Figure | None:
         return None
     figure, axes = _bars(len(candidates), "standard deviations")
     named = findings.best.names if findings.best is not None else ()
-    for place, item in enumerate(candidates):
+    for position, item in enumerate(candidates):
         colour = style.ESTIMATE if item.card.name in named else style.COMMANDED
-        axes.barh(place, asked(item.score), color=colour)
-        wrong = asked(item.score) == 0.0 and abs(item.score.z) > 1.0
+        axes.barh(position, one_sided_z(item.score), color=colour)
+        wrong = one_sided_z(item.score) == 0.0 and abs(item.score.z) > 1.0
         if wrong:
-            axes.text(0.05, place, f"{item.score.z:+.1f}, a sign it cannot have", va="center", fontsize=8)
-    axes.axvline(findings.naming.line, color=style.ALARM, linestyle=(0, (4, 2)), label="line that counts")
+            axes.text(0.05, position, f"{item.score.z:+.1f}, a sign it cannot have", va="center", fontsize=8)
+    axes.axvline(
+        findings.naming.threshold, color=style.ALARM, linestyle=(0, (4, 2)), label="line that counts"
+    )
     axes.legend(loc="lower right")
     _label_rows(axes, [item.card.name for item in candidates])
     return figure
@@ -141,14 +143,14 @@ def _by_likeness(matrix: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") ->
 
 def _draw_waterfall(analysis: Analysis, findings: Findings) -> Figure | None:
     del analysis
-    if findings.proof is None:
+    if findings.validation is None:
         return None
-    steps = findings.proof.steps
+    steps = findings.validation.steps
     figure, axes = _bars(len(steps), "root mean square error, in units of the scatter")
-    for place, (name, size) in enumerate(steps):
+    for position, (name, size) in enumerate(steps):
         colour = {"base": style.ENCODERS, "base fitted": style.pale(style.ENCODERS), "noise": style.COMMANDED}
-        axes.barh(place, size, color=colour.get(name, style.ESTIMATE))
-        axes.text(size, place, f" {size:.2f}", va="center", fontsize=9)
+        axes.barh(position, size, color=colour.get(name, style.ESTIMATE))
+        axes.text(size, position, f" {size:.2f}", va="center", fontsize=9)
     axes.axvline(1.0, color=style.TRUTH, linewidth=1.0)
     labels = {"base": "as it was", "base fitted": "parameters fitted", "noise": "scatter"}
     _label_rows(axes, [labels.get(name, f"with {name}") for name, _ in steps])
@@ -170,9 +172,9 @@ def _draw_pulls(analysis: Analysis, findings: Findings) -> Figure | None:
         pulls = {
             item.key[1]: pull for item, pull in zip(fitted.free, fitted.pull, strict=True) if not item.key[0]
         }
-        places = [place + shift for place, name in enumerate(names) if name in pulls]
+        positions = [position + shift for position, name in enumerate(names) if name in pulls]
         values = [float(pulls[name]) for name in names if name in pulls]
-        axes.barh(places, values, height=0.34, color=colour, label=label)
+        axes.barh(positions, values, height=0.34, color=colour, label=label)
     for edge in (-2.0, 2.0):
         axes.axvline(edge, color=style.ALARM, linestyle=(0, (4, 2)), linewidth=1.0)
     reach = max(2.5, *(math.ceil(abs(value)) for value in start.pull))

@@ -48,10 +48,10 @@ def render(analysis: Analysis) -> str:
         plan=analysis.plan.content() if analysis.plan is not None else None,
         findings=findings,
         cards=cards,
-        places=findings.places if findings is not None else (),
+        locations=findings.locations if findings is not None else (),
         in_model=by_place(findings.naming.scores) if findings is not None else (),
         pictures=draw_pictures(analysis),
-        harmed=findings.proof.harmed if findings is not None and findings.proof is not None else (),
+        harmed=findings.validation.harmed if findings is not None and findings.validation is not None else (),
         left_out=findings.prepared.left_out if findings is not None else (),
     )
 

@@ -22,7 +22,7 @@ LEAST_SCALE = 3.0
 def draw_overlay(analysis: Analysis, findings: Findings) -> Figure | None:
     """Draw measured and simulated values over the condition with most levels, or over time."""
     channels = _worst_channels(findings)
-    if findings.prepared.problem.seen.is_steady:
+    if findings.prepared.problem.observations.is_steady:
         return _overlay_conditions(analysis, findings, channels)
     return _overlay_series(analysis, findings, channels)
 
@@ -32,7 +32,7 @@ def draw_maps(analysis: Analysis, findings: Findings) -> Figure | None:
     channels = _worst_channels(findings)
     sides = _sides(findings)
     names = [name for name, _, _ in sides]
-    steady = findings.prepared.problem.seen.is_steady
+    steady = findings.prepared.problem.observations.is_steady
     tables = [
         [
             _map(analysis, findings, channel, point) if steady else _time_map(findings, channel, point)
@@ -66,7 +66,7 @@ def draw_maps(analysis: Analysis, findings: Findings) -> Figure | None:
 def _shown(analysis: Analysis) -> list[Run]:
     """Return the runs to draw: those that stayed locked are not looked at."""
     locked = set(analysis.plan.confirm) if analysis.plan is not None else set()
-    opened = analysis.findings is not None and analysis.findings.proof is not None
+    opened = analysis.findings is not None and analysis.findings.validation is not None
     return [run for run in analysis.runs if opened or run.name not in locked]
 
 
@@ -81,15 +81,15 @@ def _sides(findings: Findings) -> list[tuple[str, str, Point]]:
 
 def _worst_channels(findings: Findings) -> list[Channel]:
     problem = findings.prepared.problem
-    error = (problem.seen.values - problem.predict({})) / findings.prepared.noise.row_sd
+    error = (problem.observations.values - problem.predict({})) / findings.prepared.noise.row_sd
     size = [
-        float(np.sqrt(np.nanmean(error[problem.seen.channel == index] ** 2)))
-        if np.any(problem.seen.channel == index)
+        float(np.sqrt(np.nanmean(error[problem.observations.channel == index] ** 2)))
+        if np.any(problem.observations.channel == index)
         else 0.0
-        for index in range(len(problem.seen.channels))
+        for index in range(len(problem.observations.channels))
     ]
     order = np.argsort(size)[::-1][:MOST_CHANNELS]
-    return [problem.seen.channels[int(index)] for index in order]
+    return [problem.observations.channels[int(index)] for index in order]
 
 
 def _abscissa(analysis: Analysis) -> tuple[str, list[str]]:
@@ -168,10 +168,10 @@ def _channel_value(rows: Array, run: Run, findings: Findings, channel: Channel) 
 
 def _single_sd(findings: Findings, channel: Channel) -> float:
     prepared = findings.prepared
-    index = [item.name for item in prepared.problem.seen.channels].index(channel.name)
+    index = [item.name for item in prepared.problem.observations.channels].index(channel.name)
     if prepared.scatter is not None:
         return float(np.sqrt(prepared.scatter.covariance[:, index, index].mean()))
-    return float(prepared.noise.row_sd[prepared.problem.seen.channel == index].mean())
+    return float(prepared.noise.row_sd[prepared.problem.observations.channel == index].mean())
 
 
 def _overlay_series(analysis: Analysis, findings: Findings, channels: Sequence[Channel]) -> Figure | None:
@@ -234,15 +234,20 @@ def _map(analysis: Analysis, findings: Findings, channel: Channel, point: Point)
 
 def _time_map(findings: Findings, channel: Channel, point: Point) -> Table:
     problem = findings.prepared.problem
-    seen = problem.seen
-    index = [item.name for item in seen.channels].index(channel.name)
-    residual = seen.values - problem.predict(point)
+    observations = problem.observations
+    index = [item.name for item in observations.channels].index(channel.name)
+    residual = observations.values - problem.predict(point)
     sd = _single_sd(findings, channel)
-    table = np.full((len(seen.groups), TIME_BINS), np.nan)
-    for site in range(len(seen.groups)):
-        series = residual[(seen.site == site) & (seen.channel == index)]
-        for place, part in enumerate(np.array_split(series, TIME_BINS)):
+    table = np.full((len(observations.groups), TIME_BINS), np.nan)
+    for site in range(len(observations.groups)):
+        series = residual[(observations.site == site) & (observations.channel == index)]
+        for part_number, part in enumerate(np.array_split(series, TIME_BINS)):
             if np.isfinite(part).any():
-                table[site, place] = float(np.nanmean(part)) / sd
-    labels = [group.site.name for group in seen.groups]
-    return table, labels, [f"{place / TIME_BINS:.0%}" for place in range(TIME_BINS)], "part of the run"
+                table[site, part_number] = float(np.nanmean(part)) / sd
+    labels = [group.site.name for group in observations.groups]
+    return (
+        table,
+        labels,
+        [f"{part_number / TIME_BINS:.0%}" for part_number in range(TIME_BINS)],
+        "part of the run",
+    )

@@ -51,8 +51,8 @@ class Fit:
     def shape_information(self, shapes: Sequence[Key]) -> float:
         """Return what shape parameters win in minus two log-likelihood by being free (Laplace)."""
         normal = self.jacobian.T @ self.jacobian + np.eye(len(self.free))
-        rest = [index for index, item in enumerate(self.free) if item.key not in shapes]
-        return float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(normal[np.ix_(rest, rest)])[1])
+        others = [index for index, item in enumerate(self.free) if item.key not in shapes]
+        return float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(normal[np.ix_(others, others)])[1])
 
     def value(self, key: Key) -> float:
         """Return a fitted value."""
@@ -143,9 +143,9 @@ class _Search:
         return {**self._fixed, **values}
 
     def residual(self, pull: Array) -> Array:
-        seen = self._problem.seen.values
-        difference = seen - self._problem.predict(self.point(pull))
-        return self._noise.whiten(np.where(np.isnan(seen), 0.0, difference))
+        observations = self._problem.observations.values
+        difference = observations - self._problem.predict(self.point(pull))
+        return self._noise.whiten(np.where(np.isnan(observations), 0.0, difference))
 
     def derivatives(self, pull: Array, share: float = 1.0) -> Array:
         free = [replace(item, step=share * item.step) for item in self._free]

@@ -29,7 +29,7 @@ ALMOST_ALL = 0.999
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Support:
+class JackknifeEstimate:
     """What a fitted number rests on.
 
     Attributes:
@@ -49,7 +49,9 @@ def clusters(noise: Noise) -> Indices:
     return numbered
 
 
-def support(fit: Fit, noise: Noise, keys: Sequence[Key], given: Sequence[Key] = ()) -> list[Support]:
+def jackknife(
+    fit: Fit, noise: Noise, keys: Sequence[Key], given: Sequence[Key] = ()
+) -> list[JackknifeEstimate]:
     """Return what each of `keys` rests on.
 
     Args:
@@ -59,7 +61,7 @@ def support(fit: Fit, noise: Noise, keys: Sequence[Key], given: Sequence[Key] = 
         given: Numbers that are taken as known: shapes, which mean nothing without their strength.
     """
     used = [index for index, item in enumerate(fit.free) if item.key not in given]
-    places = [[fit.free[index].key for index in used].index(key) for key in keys]
+    positions = [[fit.free[index].key for index in used].index(key) for key in keys]
     jacobian, pull = fit.jacobian[:, used], fit.pull[used]
     normal = jacobian.T @ jacobian + np.eye(len(used))
     covariance = np.linalg.inv(normal)
@@ -72,10 +74,12 @@ def support(fit: Fit, noise: Noise, keys: Sequence[Key], given: Sequence[Key] = 
         without = normal - ALMOST_ALL * squares[index]
         moved[index] = np.linalg.solve(without, jacobian[rows].T @ fit.residual[rows])
         informed[index] = np.sum((jacobian[rows] @ covariance) ** 2, axis=0)
-    return [_support(moved[:, k], informed[:, k], float(pull[k]), float(covariance[k, k])) for k in places]
+    return [
+        _jackknife(moved[:, k], informed[:, k], float(pull[k]), float(covariance[k, k])) for k in positions
+    ]
 
 
-def _support(moved: Array, informed: Array, pull: float, variance: float) -> Support:
+def _jackknife(moved: Array, informed: Array, pull: float, variance: float) -> JackknifeEstimate:
     by_samples = math.sqrt(max(variance, 1e-300))
     count = moved.size
     by_runs = (
@@ -83,7 +87,7 @@ def _support(moved: Array, informed: Array, pull: float, variance: float) -> Sup
     )
     spread, freedom = scatter_of_runs(by_runs / by_samples, informed)
     wider = spread * float(stats.t.ppf(0.975, freedom)) / 1.96
-    return Support(
+    return JackknifeEstimate(
         z=math.copysign(as_normal(pull / by_samples, spread, freedom), pull), widening=max(wider, 1.0)
     )
 
@@ -121,9 +125,9 @@ def is_clearly_worse(rival: Fit, best: Fit, noise: Noise, level: float) -> bool:
     number = clusters(noise)
     worse = np.bincount(number, weights=rival.residual**2 - best.residual**2)
     apart = np.sqrt(np.bincount(number, weights=(rival.residual - best.residual) ** 2))
-    told = worse[apart > 0.0] / apart[apart > 0.0]
-    if told.size < 2:
+    differences = worse[apart > 0.0] / apart[apart > 0.0]
+    if differences.size < 2:
         return False
-    spread = max(float(np.std(told, ddof=1)), 1e-12)
-    t = float(told.mean()) * math.sqrt(told.size) / spread
-    return t > float(stats.t.ppf(level, told.size - 1))
+    spread = max(float(np.std(differences, ddof=1)), 1e-12)
+    t = float(differences.mean()) * math.sqrt(differences.size) / spread
+    return t > float(stats.t.ppf(level, differences.size - 1))

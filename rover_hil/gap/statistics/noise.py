@@ -75,18 +75,20 @@ class SteadyNoise:
         return whitened
 
 
-def steady_noise(seen: Observations, scatter: Scatter) -> SteadyNoise:
-    """Return the errors of the means of `seen`."""
-    size = seen.values.size
+def steady_noise(observations: Observations, scatter: Scatter) -> SteadyNoise:
+    """Return the errors of the means of `observations`."""
+    size = observations.values.size
     matrix = np.zeros((size, size))
     row_sd = np.zeros(size)
-    for index in range(len(seen.groups)):
-        rows = np.flatnonzero(seen.site == index)
-        channels = seen.channel[rows]
+    for index in range(len(observations.groups)):
+        rows = np.flatnonzero(observations.site == index)
+        channels = observations.channel[rows]
         single = scatter.covariance[index][np.ix_(channels, channels)]
-        counts = seen.counts[rows]
+        counts = observations.counts[rows]
         covariance = single / np.sqrt(counts[:, None] * counts[None, :])
-        shared = [_shared_variance(seen.channels[c], float(single[i, i])) for i, c in enumerate(channels)]
+        shared = [
+            _shared_variance(observations.channels[c], float(single[i, i])) for i, c in enumerate(channels)
+        ]
         covariance = covariance + np.diag(shared)
         values, vectors = np.linalg.eigh(covariance)
         root = vectors @ np.diag(1.0 / np.sqrt(np.maximum(values, 1e-300))) @ vectors.T
@@ -97,9 +99,9 @@ def steady_noise(seen: Observations, scatter: Scatter) -> SteadyNoise:
         matrix=matrix,
         freedom=freedom,
         row_sd=row_sd,
-        site=seen.site,
-        channel=seen.channel,
-        block=seen.site,
+        site=observations.site,
+        channel=observations.channel,
+        block=observations.site,
     )
 
 
@@ -147,37 +149,37 @@ class SeriesNoise:
         return self.constants.whiten(filtered * (self.scale if rows.ndim == 1 else self.scale[:, None]))
 
 
-def series_noise(seen: Observations, residual: Array, *, is_final: bool = True) -> SeriesNoise:
+def series_noise(observations: Observations, residual: Array, *, is_final: bool = True) -> SeriesNoise:
     """Learn the errors from what is left between measurement and model.
 
     Args:
-        seen: The observations.
+        observations: The observations.
         residual: Measured minus predicted; NaN where either is missing.
         is_final: Weight down what lies far out. Not before effects are out of the residual: an effect that
             acts now and then, like a delay, looks like heavy tails.
     """
-    constant_sd = np.zeros(len(seen.channels))
+    constant_sd = np.zeros(len(observations.channels))
     centred = residual.copy()
     lags = []
-    for index in range(len(seen.channels)):
-        learned, constant_sd[index] = _learn(seen, residual, index)
+    for index in range(len(observations.channels)):
+        learned, constant_sd[index] = _learn(observations, residual, index)
         lags.append(learned)
         if constant_sd[index] > 0.0:
-            _centre(seen, centred, index)
+            _centre(observations, centred, index)
     filled = np.where(np.isfinite(residual), residual, 0.0)
-    taps = _taps(seen, lags)
+    taps = _taps(observations, lags)
     innovations = _filter(taps, np.where(np.isfinite(centred), centred, 0.0))
-    keep = _with_past(seen, np.isfinite(residual), lags)
+    keep = _with_past(observations, np.isfinite(residual), lags)
     weight = np.ones(innovations.size)
-    sigma = np.zeros(len(seen.channels))
+    sigma = np.zeros(len(observations.channels))
     row_sd = np.zeros(innovations.size)
-    for index, channel in enumerate(seen.channels):
-        mine = keep[seen.channel[keep] == index]
-        here = (seen.channel == index) & np.isfinite(residual)
-        least = max(ROUNDING * _rms(seen.values[here]), 1e-12)
-        weight[mine], sigma[index] = _weigh(innovations[mine], channel, least, is_final=is_final)
-        row_sd[seen.channel == index] = max(_rms(filled[here]), least)
-    scale = np.sqrt(weight[keep]) / sigma[seen.channel[keep]]
+    for index, channel in enumerate(observations.channels):
+        in_channel = keep[observations.channel[keep] == index]
+        here = (observations.channel == index) & np.isfinite(residual)
+        least = max(ROUNDING * _rms(observations.values[here]), 1e-12)
+        weight[in_channel], sigma[index] = _weigh(innovations[in_channel], channel, least, is_final=is_final)
+        row_sd[observations.channel == index] = max(_rms(filled[here]), least)
+    scale = np.sqrt(weight[keep]) / sigma[observations.channel[keep]]
     return SeriesNoise(
         lags=tuple(lags),
         taps=taps,
@@ -185,16 +187,16 @@ def series_noise(seen: Observations, residual: Array, *, is_final: bool = True) 
         constant_sd=constant_sd,
         keep=keep,
         scale=scale,
-        constants=_constants(seen, taps, keep, scale, constant_sd),
+        constants=_constants(observations, taps, keep, scale, constant_sd),
         row_sd=row_sd,
         freedom=math.inf,
-        site=seen.site[keep],
-        channel=seen.channel[keep],
-        block=_blocks(seen, keep),
+        site=observations.site[keep],
+        channel=observations.channel[keep],
+        block=_blocks(observations, keep),
     )
 
 
-def _learn(seen: Observations, residual: Array, channel: int) -> tuple[Array, float]:
+def _learn(observations: Observations, residual: Array, channel: int) -> tuple[Array, float]:
     """Return the autoregression of one channel's errors, and the deviation of the constants of its runs.
 
     A constant that differs from run to run looks like errors that never fade, behind which all that is slow
@@ -203,41 +205,41 @@ def _learn(seen: Observations, residual: Array, channel: int) -> tuple[Array, fl
     cost = {}
     found = {}
     centred = residual.copy()
-    _centre(seen, centred, channel)
+    _centre(observations, centred, channel)
     for name, errors in (("slow", residual), ("constant", centred)):
-        lags = _fit_lags(seen, errors, channel)
-        every = [lags if index == channel else np.zeros(0) for index in range(len(seen.channels))]
-        keep = _with_past(seen, np.isfinite(residual), every)
-        keep = keep[seen.channel[keep] == channel]
+        lags = _fit_lags(observations, errors, channel)
+        every = [lags if index == channel else np.zeros(0) for index in range(len(observations.channels))]
+        keep = _with_past(observations, np.isfinite(residual), every)
+        keep = keep[observations.channel[keep] == channel]
         if keep.size < LEAST_BLOCKS:
             return lags, 0.0
-        taps = _taps(seen, every)
+        taps = _taps(observations, every)
         new = _filter(taps, np.where(np.isfinite(residual), residual, 0.0))[keep]
         square = max(float(np.mean(new**2)), 1e-300)
         variance, total = 0.0, keep.size * (math.log(square) + 1.0)
         if name == "constant":
             level = _filter(taps, np.ones(residual.size))[keep]
-            starts = series_starts(seen.site[keep], seen.channel[keep])
+            starts = series_starts(observations.site[keep], observations.channel[keep])
             variance, total = likeliest(starts, level, new)
         cost[name], found[name] = total / keep.size, (lags, math.sqrt(variance))
-    gain = (cost["slow"] - cost["constant"]) * float(np.sum(seen.channel == channel))
+    gain = (cost["slow"] - cost["constant"]) * float(np.sum(observations.channel == channel))
     return found["constant"] if gain > CLEARLY else found["slow"]
 
 
-def _centre(seen: Observations, values: Array, channel: int) -> None:
+def _centre(observations: Observations, values: Array, channel: int) -> None:
     """Take the mean out of each series of a channel."""
-    for cell in cells(seen):
+    for cell in cells(observations):
         good = cell[np.isfinite(values[cell])]
-        if seen.channel[cell[0]] == channel and good.size:
+        if observations.channel[cell[0]] == channel and good.size:
             values[good] -= float(np.mean(values[good]))
 
 
 def _constants(
-    seen: Observations, taps: Array, keep: Indices, scale: Array, constant_sd: Array
+    observations: Observations, taps: Array, keep: Indices, scale: Array, constant_sd: Array
 ) -> RunScatter:
-    level = _filter(taps, np.ones(seen.values.size))[keep] * scale
-    starts = series_starts(seen.site[keep], seen.channel[keep])
-    return run_scatter(starts, level, constant_sd[seen.channel[keep][starts]] ** 2)
+    level = _filter(taps, np.ones(observations.values.size))[keep] * scale
+    starts = series_starts(observations.site[keep], observations.channel[keep])
+    return run_scatter(starts, level, constant_sd[observations.channel[keep][starts]] ** 2)
 
 
 def _weigh(innovations: Array, channel: Channel, least: float, *, is_final: bool) -> tuple[Array, float]:
@@ -253,38 +255,40 @@ def _weigh(innovations: Array, channel: Channel, least: float, *, is_final: bool
     return weight, max(math.sqrt(variance), floor)
 
 
-def for_other_runs(noise: Noise, scatter: Scatter | None, seen: Observations) -> Noise:
+def for_other_runs(noise: Noise, scatter: Scatter | None, observations: Observations) -> Noise:
     """Return the same kind and size of errors for observations that were not learned from."""
     if isinstance(noise, SeriesNoise):
-        present = np.isfinite(seen.values)
-        keep = _with_past(seen, present, noise.lags)
-        scale = 1.0 / noise.innovation_sd[seen.channel[keep]]
-        taps = _taps(seen, noise.lags)
+        present = np.isfinite(observations.values)
+        keep = _with_past(observations, present, noise.lags)
+        scale = 1.0 / noise.innovation_sd[observations.channel[keep]]
+        taps = _taps(observations, noise.lags)
         return replace(
             noise,
             taps=taps,
             keep=keep,
             scale=scale,
-            constants=_constants(seen, taps, keep, scale, noise.constant_sd),
-            site=seen.site[keep],
-            channel=seen.channel[keep],
-            block=_blocks(seen, keep),
+            constants=_constants(observations, taps, keep, scale, noise.constant_sd),
+            site=observations.site[keep],
+            channel=observations.channel[keep],
+            block=_blocks(observations, keep),
         )
     if scatter is None:
         raise AssertionError("steady errors come with the scatter of replicates")
     mean = scatter.covariance.mean(axis=0, keepdims=True)
-    return steady_noise(seen, replace(scatter, covariance=np.repeat(mean, len(seen.groups), axis=0)))
+    return steady_noise(
+        observations, replace(scatter, covariance=np.repeat(mean, len(observations.groups), axis=0))
+    )
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
-def _taps(seen: Observations, lags: Sequence[Array]) -> Array:
+def _taps(observations: Observations, lags: Sequence[Array]) -> Array:
     """Return the coefficients of each row's past errors: lags x rows; none from before its series."""
-    taps = np.zeros((max((one.size for one in lags), default=0), seen.values.size))
-    for cell in cells(seen):
-        for lag, coefficient in enumerate(lags[int(seen.channel[cell[0]])]):
+    taps = np.zeros((max((one.size for one in lags), default=0), observations.values.size))
+    for cell in cells(observations):
+        for lag, coefficient in enumerate(lags[int(observations.channel[cell[0]])]):
             taps[lag, cell[lag + 1 :]] = coefficient
     return taps
 
@@ -297,10 +301,10 @@ def _filter(taps: Array, rows: Array) -> Array:
     return filtered
 
 
-def _with_past(seen: Observations, present: NDArray[np.bool_], lags: Sequence[Array]) -> Indices:
+def _with_past(observations: Observations, present: NDArray[np.bool_], lags: Sequence[Array]) -> Indices:
     kept = []
-    for cell in cells(seen):
-        order = lags[int(seen.channel[cell[0]])].size
+    for cell in cells(observations):
+        order = lags[int(observations.channel[cell[0]])].size
         here = present[cell].astype(np.float64)
         complete = lfilter(np.ones(order + 1), [1.0], here)
         full = np.flatnonzero(np.round(complete) == order + 1)
@@ -308,10 +312,12 @@ def _with_past(seen: Observations, present: NDArray[np.bool_], lags: Sequence[Ar
     return np.concatenate(kept).astype(np.intp)
 
 
-def _fit_lags(seen: Observations, residual: Array, channel: int) -> Array:
+def _fit_lags(observations: Observations, residual: Array, channel: int) -> Array:
     """Return the autoregression of one channel's errors, its order by BIC."""
     table, target = [], []
-    for values in (residual[cell] for cell in cells(seen) if seen.channel[cell[0]] == channel):
+    for values in (
+        residual[cell] for cell in cells(observations) if observations.channel[cell[0]] == channel
+    ):
         most = min(MOST_LAGS, values.size // 4)
         if most < MOST_LAGS:
             continue
@@ -331,8 +337,8 @@ def _fit_lags(seen: Observations, residual: Array, channel: int) -> Array:
         coefficients, *_ = np.linalg.lstsq(past[:, :order], now, rcond=None)
         if _rings(coefficients):
             continue
-        left = max(float(np.mean((now - past[:, :order] @ coefficients) ** 2)), 1e-300)
-        score = now.size * math.log(left) + order * math.log(now.size)
+        variance = max(float(np.mean((now - past[:, :order] @ coefficients) ** 2)), 1e-300)
+        score = now.size * math.log(variance) + order * math.log(now.size)
         if score < best_score:
             best, best_score = coefficients.astype(np.float64), score
     return best
@@ -344,12 +350,12 @@ def _rings(lags: NDArray[np.floating]) -> bool:
     return bool(np.any((np.abs(poles) > RINGING) & (np.abs(poles.imag) > 1e-9) & (poles.real > 0.0)))
 
 
-def _blocks(seen: Observations, keep: Indices) -> Indices:
+def _blocks(observations: Observations, keep: Indices) -> Indices:
     """Return the stretch of each kept row: whole runs, or parts of them where runs are few."""
-    sites = len(seen.groups)
+    sites = len(observations.groups)
     parts = max(1, math.ceil(LEAST_BLOCKS / sites))
-    share = np.zeros(seen.values.size)
-    for cell in cells(seen):
+    share = np.zeros(observations.values.size)
+    for cell in cells(observations):
         share[cell] = np.arange(cell.size) / cell.size
-    blocks: Indices = (seen.site[keep] * parts + np.floor(share[keep] * parts)).astype(np.intp)
+    blocks: Indices = (observations.site[keep] * parts + np.floor(share[keep] * parts)).astype(np.intp)
     return blocks

@@ -96,7 +96,7 @@ def estimate_scatter(groups: Sequence[Group], channels: Sequence[Channel], gradi
     )
 
 
-def draw_in(groups: Sequence[Group], channels: Sequence[Channel], scatter: Scatter) -> list[Run]:
+def winsorise(groups: Sequence[Group], channels: Sequence[Channel], scatter: Scatter) -> list[Run]:
     """Return all runs, values far from the median of their replicates drawn in to `CLIP_SD`."""
     runs = []
     for index, group in enumerate(groups):

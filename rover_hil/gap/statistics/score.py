@@ -55,7 +55,7 @@ class Score:
         z_by_samples: The former alone.
         strength: Estimate to first order, in the direction's unit.
         standard_error: Of the strength.
-        left: Share of the direction that base parameters leave.
+        remaining_share: Share of the direction that base parameters leave.
         projected: The direction after projection, of unit length.
     """
 
@@ -64,7 +64,7 @@ class Score:
     z_by_samples: float
     strength: float
     standard_error: float
-    left: float
+    remaining_share: float
     projected: Array
 
 
@@ -81,8 +81,8 @@ class Projection:
         """Return what is left of a whitened vector."""
         tail = np.zeros(self._priors) if priors is None else priors
         vector = np.concatenate((rows, tail))
-        left: Array = vector - self._basis @ (self._basis.T @ vector)
-        return left
+        residual: Array = vector - self._basis @ (self._basis.T @ vector)
+        return residual
 
 
 def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_steady: bool) -> list[Score]:
@@ -94,11 +94,11 @@ def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_ste
         full = float(direction.change @ direction.change)
         if full <= 0.0 or not math.isfinite(full):
             continue
-        left = projection.apply(direction.change)
-        length = math.sqrt(float(left @ left))
+        residual = projection.apply(direction.change)
+        length = math.sqrt(float(residual @ residual))
         if length <= 1e-9 * math.sqrt(full):
             continue
-        unit = left / length
+        unit = residual / length
         by_samples = z = float(unit @ projection.residual)
         if blocks is not None:
             z = math.copysign(min(abs(z), _clustered(unit, projection.residual, z, blocks)), z)
@@ -109,14 +109,14 @@ def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_ste
                 z_by_samples=by_samples,
                 strength=by_samples / length,
                 standard_error=1.0 / length,
-                left=length**2 / full,
+                remaining_share=length**2 / full,
                 projected=unit,
             )
         )
     return scores
 
 
-def asked(score: Score, *, by_samples: bool = False) -> float:
+def one_sided_z(score: Score, *, by_samples: bool = False) -> float:
     """Return how strongly the data asks for a direction: 0 where it asks for the forbidden sign."""
     z = score.z_by_samples if by_samples else score.z
     return max(0.0, score.direction.sign * z) if score.direction.sign else abs(z)
@@ -148,7 +148,7 @@ def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float
 
 
 def family_draws(scores: Sequence[Score], freedom: float, rng: np.random.Generator) -> Array:
-    """Return draws of the greatest `asked` of a family when there is no gap, sorted.
+    """Return draws of the greatest `one_sided_z` of a family when there is no gap, sorted.
 
     The directions' correlations are kept; the size of the errors is as uncertain as its degrees of freedom
     say.
