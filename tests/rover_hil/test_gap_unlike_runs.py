@@ -50,15 +50,15 @@ class Pendulum:
 
         angle = np.array([run.conditions["start"] for run in runs])
         rate = np.zeros(len(runs))
-        seen, step = np.zeros((SAMPLES, len(runs))), SAMPLE_S / 4
+        angles, step = np.zeros((SAMPLES, len(runs))), SAMPLE_S / 4
         for index in range(SAMPLES):
-            seen[index] = angle
+            angles[index] = angle
             for _ in range(4):
                 first = push(angle, rate)
                 middle, middle_rate = angle + 0.5 * step * rate, rate + 0.5 * step * first
                 angle, rate = angle + step * middle_rate, rate + step * push(middle, middle_rate)
-        seen = (1.0 + of("scale", "error")) * seen
-        return [{"angle": seen[:, index]} for index in range(len(runs))]
+        angles = (1.0 + of("scale", "error")) * angles
+        return [{"angle": angles[:, index]} for index in range(len(runs))]
 
 
 def verdict_of(seed: int, true: TruePendulum) -> Verdict:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.settings import Settings
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.terramechanics.soil.library import WheelSettings, load_wheel
 from sim_backends.terramechanics.soil.quantity import check_range, quantity
-from sim_backends.terramechanics.soil.wheel_contact import STANDARD_GRAVITY_M_S2, STEEPEST_RAD
+from sim_backends.terramechanics.soil.wheel_contact import STEEPEST_RAD
 
 Floats = NDArray[np.float64]
 Length = Annotated[float, quantity("m", -100.0, 100.0)]

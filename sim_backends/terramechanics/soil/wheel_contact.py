@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ModelError
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
 from sim_backends.terramechanics.soil.normal_stress import ModulusTerms, modulus_terms
 from sim_backends.terramechanics.soil.quadrature import Rule
@@ -15,7 +16,6 @@ from sim_backends.terramechanics.soil.sidewall import NO_WALLS, wall_polynomials
 from sim_backends.terramechanics.soil.slip import shearing_radius
 
 Floats = NDArray[np.float64]
-STANDARD_GRAVITY_M_S2 = 9.80665
 STEEPEST_RAD = math.radians(45.0)
 
 

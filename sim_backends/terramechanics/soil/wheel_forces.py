@@ -5,18 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.terramechanics.soil.contact import deepest_sinkage
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
 from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.quadrature import Rule, rule_for
 from sim_backends.terramechanics.soil.quantity import check_range
 from sim_backends.terramechanics.soil.slip import speed_ratio
-from sim_backends.terramechanics.soil.wheel_contact import (
-    STANDARD_GRAVITY_M_S2,
-    Kernel,
-    WheelContact,
-    wheel_contact,
-)
+from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact, wheel_contact
 from sim_backends.terramechanics.soil.wheel_set import LEAST_SLIP
 
 Floats = NDArray[np.float64]
