@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import nanoseconds
-from sim_backends.plants.el_dorado.dynamics import GRAVITY_M_S2
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.plants.el_dorado.plant import ElDoradoPlant
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
 from sim_backends.plants.el_dorado.wheel_table import WheelTable, build_table
@@ -128,7 +128,7 @@ def draw_rover(seed: int) -> Rover:
     deviation = rng.normal(0, 0.8, 4) * [1, 1, 0.5, 0.5]
     return Rover(
         plant=plant,
-        table=build_table(wheel, soil, 0.25 * plant.mass_kg * GRAVITY_M_S2),
+        table=build_table(wheel, soil, 0.25 * plant.mass_kg * STANDARD_GRAVITY_M_S2),
         rig=rig,
         compass_bias_deg=float(rng.normal(0, 1.0)),
         compass_deviation_deg=deviation,

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.arrays import Array
 from sim_backends.jit import compiled
 from sim_backends.plants.el_dorado.wheel_table import WheelTable
 
-GRAVITY_M_S2 = 9.81
 REST_M_S = 1e-5
 """When every rim is slower, the soil holds the rover where it stands."""
 LEAST_LOAD = 0.02
@@ -117,7 +117,7 @@ def stand(state: State, rover: Rover, ground: Ground) -> Footing:
         wheel_rise[wheel, 1] = -sine * rise_x + cosine * rise_y
     state.tilt[0] = -math.atan(rise_ahead)
     state.tilt[1] = math.atan(rise_left / math.hypot(1.0, rise_ahead))
-    weight_n = rover.inertia[0] * GRAVITY_M_S2
+    weight_n = rover.inertia[0] * STANDARD_GRAVITY_M_S2
     back = -math.sin(state.tilt[0])
     right = math.cos(state.tilt[0]) * math.sin(state.tilt[1])
     upright = math.cos(state.tilt[0]) * math.cos(state.tilt[1])

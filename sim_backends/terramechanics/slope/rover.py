@@ -7,10 +7,11 @@ from typing import Annotated, Protocol
 from pydantic import Field
 
 from drivers.settings import Settings
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import WheelSettings, load_wheel
 from sim_backends.terramechanics.soil.quantity import check_range, quantity
-from sim_backends.terramechanics.soil.wheel_contact import STANDARD_GRAVITY_M_S2, STEEPEST_RAD
+from sim_backends.terramechanics.soil.wheel_contact import STEEPEST_RAD
 
 Length = Annotated[float, quantity("m", -100.0, 100.0)]
 FOUR_WHEELS = ((0.3, 0.275), (0.3, -0.275), (-0.3, 0.275), (-0.3, -0.275))

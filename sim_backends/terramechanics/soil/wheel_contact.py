@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple, Protocol
 
 from drivers.errors import ModelError
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
 from sim_backends.terramechanics.soil.normal_stress import ModulusTerms, modulus_terms
@@ -12,7 +13,6 @@ from sim_backends.terramechanics.soil.quantity import check_range
 from sim_backends.terramechanics.soil.sidewall import NO_WALLS, wall_polynomials
 from sim_backends.terramechanics.soil.slip import shearing_radius
 
-STANDARD_GRAVITY_M_S2 = 9.80665
 STEEPEST_RAD = math.radians(45.0)
 
 

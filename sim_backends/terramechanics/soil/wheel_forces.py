@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.contact import deepest_sinkage
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
@@ -12,12 +13,7 @@ from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.quadrature import Rule, rule_for
 from sim_backends.terramechanics.soil.quantity import check_range
 from sim_backends.terramechanics.soil.slip import speed_ratio
-from sim_backends.terramechanics.soil.wheel_contact import (
-    STANDARD_GRAVITY_M_S2,
-    Kernel,
-    WheelContact,
-    wheel_contact,
-)
+from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact, wheel_contact
 from sim_backends.terramechanics.soil.wheel_set import LEAST_SLIP
 
 WIDEST_SLIP_ANGLE_RAD = 1.55
