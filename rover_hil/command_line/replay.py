@@ -12,8 +12,8 @@ from drivers.errors import LogError
 from rover_hil.config import load_config
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.log_reader import LogReader
-from rover_hil.recording.replay import ReplayResult, replay
 from rover_hil.report.write import write_report
+from rover_hil.run.replay import ReplayResult, replay
 
 ROWS_SHOWN = 25
 TEXT_SHOWN = 40

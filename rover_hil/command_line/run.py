@@ -16,14 +16,14 @@ from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError, RoverHilError
-from rover_hil.composition import build_real_rig, build_virtual_rig
 from rover_hil.config import Config, load_config
-from rover_hil.loop.executive import End, Executive, RunResult
-from rover_hil.loop.realtime import enter_realtime
-from rover_hil.loop.watchdog import Watchdog
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.log_writer import LogWriter
 from rover_hil.report.write import write_report
+from rover_hil.run.composition import build_real_rig, build_virtual_rig
+from rover_hil.run.executive import End, Executive, RunResult
+from rover_hil.run.realtime import enter_realtime
+from rover_hil.run.watchdog import Watchdog
 
 CONNECT_TIMEOUT_S = 2.0
 REALTIME_SPIN_S = 0.0006

@@ -19,7 +19,6 @@ from drivers.errors import LogError
 from drivers.link import LinkChange
 from drivers.samples import HeadingSample, RateSample, WheelSample
 from rover_hil.config import Config
-from rover_hil.loop.executive import RunResult
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.log_reader import LogMessage, LogReader
 from rover_hil.report.run_data import (
@@ -40,6 +39,7 @@ from rover_hil.report.tracks import (
     local_headings,
     speed_from_positions,
 )
+from rover_hil.run.executive import RunResult
 
 SLOWEST_RIM_M_S, SLOWEST_M_S = 0.03, 0.01
 """Below the first the true slip, below the second the true slip angle says nothing."""

@@ -8,8 +8,8 @@ from controllers.limits import Limit
 from controllers.safety import Mode
 from drivers.driver import Health
 from rover_hil.config import Config
-from rover_hil.loop.executive import RunResult
 from rover_hil.report.tracks import Array, Series, Track
+from rover_hil.run.executive import RunResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,10 +7,10 @@ from statistics import fmean
 
 from controllers.safety import Mode
 from controllers.settings import LineMission, RectangleMission
-from rover_hil.loop.executive import End
 from rover_hil.report.drift_summary import DriftSummary
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import SlipSummary, Summary, TrackError
+from rover_hil.run.executive import End
 
 
 class Grade(StrEnum):

@@ -8,7 +8,7 @@ from controllers.control_loop import ControlLoop
 from controllers.mission import Point, corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config, describe_validation_error
-from rover_hil.tune.settings import TunableSettings, TuneSettings
+from rover_hil.config.tune_settings import TunableSettings, TuneSettings
 
 FORBIDDEN = ("devices", "loop", "roles", "rover", "safety", "schema", "simulation", "tune")
 SIGNIFICANT_DIGITS = 4

@@ -12,7 +12,7 @@ from drivers.clock import SystemClock, nanoseconds
 from rover_hil.command_line.app import _spread, main
 from rover_hil.recording.log_reader import LogReader
 
-SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
+SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 RUN_LIMIT_S = 60.0
 
 

@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, shipped_configs
 
-SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
+SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 
 
 @pytest.fixture

@@ -13,14 +13,14 @@ from drivers.errors import ConfigError
 from drivers.link import NoTap
 from drivers.samples import FrameSample
 from rover_hil.command_line.run import run_virtual
-from rover_hil.composition import build_replay_rig
 from rover_hil.config import Config, load_config
-from rover_hil.live_trace import LiveTraceFinder
 from rover_hil.recording.log_reader import LogReader
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
+from rover_hil.run.composition import build_replay_rig
+from rover_hil.run.live_trace import LiveTraceFinder
 from tests.rover_hil.test_virtual_run import with_changes
 
 DRIVE_S = 12.0
@@ -133,7 +133,7 @@ def test_a_rig_in_a_log_is_checked_again() -> None:
 
 def changed_config(tmp_path: Path, old: str, new: str) -> str:
 
-    text = (resources.files("rover_hil") / "configs" / "el-dorado.toml").read_text("utf-8")
+    text = (resources.files("rover_hil.config") / "shipped" / "configs" / "el-dorado.toml").read_text("utf-8")
     assert old in text
     path = tmp_path / "rover.toml"
     path.write_text(text.replace(old, new, 1), "utf-8")

@@ -20,12 +20,12 @@ from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.loop.executive import End, RunResult
 from rover_hil.recording.log_writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
 from rover_hil.report.verdict import Grade, grade, tag, verdict
 from rover_hil.report.write import write_report
+from rover_hil.run.executive import End, RunResult
 
 START_NS = 5_000_000_000
 PERIOD_S = 0.02

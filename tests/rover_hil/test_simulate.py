@@ -90,7 +90,7 @@ def test_it_ends_after_the_duration(
 
 def test_a_configuration_without_a_simulation_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "rover.toml"
-    shipped = Path(__file__).parents[2] / "rover_hil" / "configs" / "robotino.toml"
+    shipped = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs" / "robotino.toml"
     path.write_text(shipped.read_text().split("[simulation]")[0])
     with pytest.raises(ConfigError, match="simulation: this key is missing"):
         simulate(str(path), 0.1)

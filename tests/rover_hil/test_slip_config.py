@@ -7,7 +7,7 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, load_slip_map, shipped_configs
 
-CONFIGS = Path(__file__).parents[2] / "rover_hil" / "configs"
+CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 SLIP = '[slip]\nmaps = "robotino"\nuse = "yaw_probe"\n'
 
 

@@ -13,7 +13,7 @@ from drivers.errors import ConfigError
 from drivers.link import CameraImage, RawTap
 from drivers.samples import Sample, SentCommand
 from rover_hil.config import Config
-from rover_hil.recording.replay_link import ReplayLink
+from rover_hil.run.replay_link import ReplayLink
 from sim_backends.build import build_world
 from sim_backends.loopback import LoopbackLink
 from sim_backends.world import World
@@ -129,7 +129,7 @@ def _make_finder(config: Config) -> TraceFinder | None:
     if config.trace_slip is None or config.trace_slip.rig is None or not isinstance(camera, CameraSettings):
         return None
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
-    from rover_hil.live_trace import LiveTraceFinder
+    from rover_hil.run.live_trace import LiveTraceFinder
 
     return LiveTraceFinder(config.trace_slip.rig, camera)
 

@@ -21,7 +21,7 @@ from drivers.errors import ConfigError
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import Settings
-from rover_hil.tune.settings import TuneSettings
+from rover_hil.config.tune_settings import TuneSettings
 from sim_backends.settings import SimulationSettings
 
 
@@ -134,7 +134,7 @@ class Config(ControlSettings):
 
 def shipped_configs() -> tuple[str, ...]:
     """Return the names of the shipped configurations."""
-    folder = resources.files("rover_hil") / "configs"
+    folder = resources.files("rover_hil.config") / "shipped" / "configs"
     return tuple(sorted(Path(item.name).stem for item in folder.iterdir() if item.name.endswith(".toml")))
 
 
@@ -164,7 +164,7 @@ def load_slip_map(name_or_path: str) -> dict[str, object]:
     Raises:
         ConfigError: No such file, or no TOML.
     """
-    shipped = resources.files("rover_hil") / "slip_maps" / f"{name_or_path}.toml"
+    shipped = resources.files("rover_hil.config") / "shipped" / "slip_maps" / f"{name_or_path}.toml"
     return _load_toml(shipped, name_or_path, "slip map")
 
 
@@ -194,12 +194,12 @@ def _inline_trace_slip(table: dict[str, object]) -> None:
         return
     parameters, rig = trace_slip.get("parameters"), trace_slip.get("rig")
     if isinstance(parameters, str):
-        shipped = resources.files("rover_hil") / "scomp_parameters" / f"{parameters}.toml"
+        shipped = resources.files("rover_hil.config") / "shipped" / "scomp_parameters" / f"{parameters}.toml"
         trace_slip["parameters"] = _load_toml(shipped, parameters, "parameters")
     if isinstance(rig, str):
         from rover_hil.trace.rig_file import read_rig  # it needs this module
 
-        shipped = resources.files("rover_hil") / "rigs" / f"{rig}.json"
+        shipped = resources.files("rover_hil.config") / "shipped" / "rigs" / f"{rig}.json"
         with resources.as_file(shipped) as path:
             found = read_rig(path if path.is_file() else Path(rig))
         trace_slip["rig"] = found.model_dump(mode="json", by_alias=True)
@@ -212,7 +212,9 @@ def read_config_text(name_or_path: str) -> str:
         ConfigError: No such file, or one that cannot be read.
     """
     if name_or_path in shipped_configs():
-        return (resources.files("rover_hil") / "configs" / f"{name_or_path}.toml").read_text("utf-8")
+        return (
+            resources.files("rover_hil.config") / "shipped" / "configs" / f"{name_or_path}.toml"
+        ).read_text("utf-8")
     return _read_text(Path(name_or_path))
 
 
