@@ -43,10 +43,10 @@ from benchmarks.field_drives import (
 from benchmarks.field_tests import FIRST_SEED, SITES, parameters_of, see
 from controllers.crab_steering import CrabGains, CrabSteering
 from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.rig import RigFile
 from controllers.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image
-from rover_hil.trace.rig_file import RigFile
 from sim_backends.el_dorado.plant import ElDoradoPlant
 from sim_backends.plant import Truth
 from sim_backends.rear_scene.draws import wander

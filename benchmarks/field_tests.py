@@ -35,6 +35,7 @@ from benchmarks.field_drives import (
 )
 from benchmarks.field_pictures import draw_test
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from controllers.ftrace.rig import RigFile
 from controllers.scomp.drive import Drive, Track, TruePath, final_error_m
 from controllers.scomp.identify import identify
 from controllers.scomp.odometry import compass_track, estimate_track, paper_track, plain_track
@@ -42,7 +43,6 @@ from controllers.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image
 from rover_hil.scomp.columns import drive_of
-from rover_hil.trace.rig_file import RigFile
 
 SITES = {"test_1": SIDEWAYS, "test_2": MOUNDS}
 BARS_M = {"test_1": 0.12, "test_2": 0.25}

@@ -7,7 +7,8 @@ trace is the path of the watched wheel, shifted by the vector from one contact t
 
 import numpy as np
 
-from controllers.ftrace.geometry import Floats, RigGeometry
+from controllers.ftrace.geometry import Floats
+from controllers.ftrace.rig import RigGeometry
 
 MOST_AHEAD_M = 5.0
 """A wheel further ahead is a wrong entry in the rig."""

@@ -6,9 +6,9 @@ import numpy as np
 from rich.console import Console
 
 from controllers.ftrace.geometry import GroundPatch
+from controllers.ftrace.rig import RigFile
 from drivers.errors import ConfigError
 from rover_hil.trace.calibration import Board, GroundTarget, calibrate, rig_text
-from rover_hil.trace.rig_file import RigFile
 
 EXIT_OK = 0
 EXIT_NO = 1

@@ -17,7 +17,7 @@ from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.bench import Bench
 from rover_hil.tune.comparison import Comparison, Verdict, compare
 from rover_hil.tune.objective import Drive
-from rover_hil.tune.parameters import check_parameters, start_values
+from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values
 from rover_hil.tune.rehearsal import Rehearsal
 from rover_hil.tune.results import CONFIG_NAME, REPORT_NAME, sentence, summarise, write_results
 from rover_hil.tune.study import Attempt, Study
@@ -42,7 +42,7 @@ def tune(
     Raises:
         ConfigError: Bad configuration, or a study of another one.
     """
-    config, text = load_config(config_name), read_config_text(config_name)
+    config, text = load_config(config_name, TUNE_CHECKS), read_config_text(config_name)
     settings = check_parameters(config)
     tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
     folder = _prepare_folder(study, out)

@@ -1,22 +1,16 @@
-"""The configuration: a TOML file, validated to the last key, or the name of a shipped one."""
+"""The sections of a configuration, and what they must fulfil together."""
 
 import re
-import tomllib
-from collections.abc import Mapping
-from difflib import get_close_matches
-from importlib import resources
-from importlib.abc import Traversable
-from pathlib import Path
-from typing import Annotated, Literal, Self
+from collections.abc import Callable, Iterator
+from typing import Annotated, Literal, NamedTuple, Self
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import AfterValidator, Field, model_validator
 
 from controllers.roles import DeviceRoles
-from controllers.settings import ControlSettings
+from controllers.settings import ControlSettings, find_slip_conflicts
 from controllers.slip_settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
-from drivers.device_settings import DriveSettings, FrameDeviceSettings
+from drivers.device_settings import ByteDeviceSettings, DeviceSettings, DriveSettings
 from drivers.errors import ConfigError
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
@@ -36,12 +30,15 @@ def _check_device_name(name: str) -> str:
 DeviceName = Annotated[str, AfterValidator(_check_device_name)]
 
 
+MISSING_SIMULATION = "simulation: this key is missing; add the simulated rover as [simulation]"
+
+
 class LoopSettings(Settings):
-    """The cyclic executive.
+    """The control loop.
 
     Attributes:
         rate_hz: Cycles per second.
-        time_limit_s: A run that has not ended by then is ended.
+        time_limit_s: A run ends after this time, finished or not.
     """
 
     rate_hz: Annotated[float, Field(ge=1, le=1000)]
@@ -49,15 +46,16 @@ class LoopSettings(Settings):
 
 
 class RoleSettings(Settings):
-    """Which device the estimator takes what from; the rover stops when one of them falls silent.
+    """Which device the estimator uses for what; the rover stops when one of them sends nothing.
 
     Attributes:
         wheels: The device that reports wheel positions and takes set-points.
-        gyro: The device whose yaw rate is used, or None to take the yaw from the wheels.
+        gyro: The device whose yaw rate is used; without one the yaw comes from the wheels.
         headings: The devices whose headings are used.
         fixes: The overhead cameras whose poses are used. What happens before the first one cannot be
-            corrected: let `safety.settle_s` outlast their period.
-        require_fixes: The rover stops also when one of them falls silent, e.g. because it left the view.
+            corrected: make `safety.settle_s` longer than their period.
+        require_fixes: The rover also stops when one of them sends nothing, e.g. because it does not see the
+            rover any more.
         camera: The camera that looks back at the trace of the rear left wheel, for [trace_slip].
     """
 
@@ -73,9 +71,35 @@ class RoleSettings(Settings):
         candidates = (self.wheels, self.gyro, *self.headings, *(self.fixes if self.require_fixes else ()))
         return tuple(dict.fromkeys(name for name in candidates if name is not None))
 
+    def assignments(self) -> Iterator[tuple[str, str]]:
+        """Yield role and name of every device that has one."""
+        for role in ROLE_KINDS:
+            value: str | tuple[str, ...] | None = getattr(self, role)
+            for name in (value,) if isinstance(value, str) else value or ():
+                yield role, name
+
+
+ROLE_KINDS: dict[str, tuple[type[DeviceSettings], str]] = {
+    "wheels": (DriveSettings, "turns no wheels"),
+    "gyro": (ByteDeviceSettings, "is a camera and measures no yaw rate"),
+    "headings": (ByteDeviceSettings, "is a camera and measures no heading"),
+    "fixes": (OverheadCameraSettings, "is not an overhead_camera"),
+    "camera": (CameraSettings, "is not a camera that looks back"),
+}
+"""Per role the kind of device it needs, and what any other device lacks."""
+
 
 class Config(ControlSettings):
-    """A rover: its devices, how it is estimated and controlled, and how it is simulated."""
+    """A rover: its devices, how it is estimated and controlled, and how it is simulated.
+
+    Attributes:
+        schema_name: Version of the file format.
+        loop: The control loop.
+        roles: Which device is used for what.
+        devices: The devices by name.
+        simulation: The simulated rover; needed by `simulate`, `tune` and `run --virtual`.
+        tune: What `tune` may change, and to what end.
+    """
 
     schema_name: Annotated[Literal["rover-hil-config/1"], Field(alias="schema")]
     loop: LoopSettings
@@ -95,193 +119,108 @@ class Config(ControlSettings):
             camera=self.roles.camera,
         )
 
+    def require_simulation(self) -> SimulationSettings:
+        """Return the simulated rover.
+
+        Raises:
+            ConfigError: There is none.
+        """
+        if self.simulation is None:
+            raise ConfigError(MISSING_SIMULATION)
+        return self.simulation
+
     @model_validator(mode="after")
-    def _check_roles(self) -> Self:
-        camera = () if self.roles.camera is None else (self.roles.camera,)
-        for name in (*self.roles.names(), *self.roles.fixes, *camera):
-            if name not in self.devices:
-                msg = f"roles name a device '{name}' that [devices] does not have"
-                raise ValueError(msg)
-        if not isinstance(self.devices[self.roles.wheels], DriveSettings):
-            msg = f"roles.wheels is '{self.roles.wheels}', but a device of that type turns no wheels"
-            raise ValueError(msg)
-        for role in (self.roles.wheels, self.roles.gyro, *self.roles.headings):
-            if role is not None and isinstance(self.devices[role], FrameDeviceSettings):
-                msg = f"device '{role}' is a camera and can only be named in roles.fixes, if it is overhead"
-                raise ValueError(msg)
-        self._check_camera()
-        if self.slip is not None and self.slip.use == YAW_PROBE and self.roles.gyro is None:
-            msg = (
-                f"slip.use is '{YAW_PROBE}', which needs a gyro: name one in roles.gyro, or use '{SURFACES}'"
-            )
-            raise ValueError(msg)
-        for name in self.roles.fixes:
-            if not isinstance(self.devices[name], OverheadCameraSettings):
-                msg = f"roles.fixes names '{name}', but only a device of type 'overhead_camera' gives fixes"
-                raise ValueError(msg)
+    def _check_sections_together(self) -> Self:
+        conflicts = find_conflicts(Draft.complete(self), SCHEMA_RULES)
+        if conflicts:
+            raise ValueError("\n".join(conflicts))
         return self
 
-    def _check_camera(self) -> None:
-        camera = self.roles.camera
-        if camera is not None and not isinstance(self.devices[camera], CameraSettings):
-            msg = f"roles.camera is '{camera}', but only a device of type 'camera' looks back"
-            raise ValueError(msg)
-        has_rig = self.trace_slip is not None and self.trace_slip.rig is not None
-        if has_rig != (camera is not None):
-            msg = "name the camera in roles.camera if, and only if, trace_slip.rig holds its calibration"
-            raise ValueError(msg)
 
+class Draft(NamedTuple):
+    """A configuration of which perhaps only some sections are valid.
 
-def shipped_configs() -> tuple[str, ...]:
-    """Return the names of the shipped configurations."""
-    folder = resources.files("rover_hil.config") / "shipped" / "configs"
-    return tuple(sorted(Path(item.name).stem for item in folder.iterdir() if item.name.endswith(".toml")))
-
-
-def load_config(name_or_path: str) -> Config:
-    """Read a configuration by the name of a shipped one or the path of a TOML file.
-
-    Raises:
-        ConfigError: No such file, no TOML, an unknown key, a value out of range; one sentence naming
-            file, key and fix.
+    Attributes:
+        config: The valid sections, devices without mistakes among them; it lacks all others.
+        sections: Names of the valid sections, among them those left out that have a default.
+        broken_devices: Names of the devices with mistakes.
     """
-    try:
-        table = tomllib.loads(read_config_text(name_or_path))
-    except tomllib.TOMLDecodeError as error:
-        msg = f"{name_or_path} is no valid TOML: {error}"
-        raise ConfigError(msg) from error
-    _inline_slip_maps(table)
-    _inline_trace_slip(table)
-    try:
-        return Config.model_validate(table)
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(name_or_path, error, table)) from error
+
+    config: Config
+    sections: frozenset[str]
+    broken_devices: frozenset[str]
+
+    @classmethod
+    def complete(cls, config: Config) -> Self:
+        """Return the draft of a configuration without mistakes."""
+        return cls(config, frozenset(Config.model_fields), frozenset())
 
 
-def load_slip_map(name_or_path: str) -> dict[str, object]:
-    """Return the content of a file of slip maps by the name of a shipped one or its path, not yet checked.
+class Rule(NamedTuple):
+    """Something that sections must fulfil together.
 
-    Raises:
-        ConfigError: No such file, or no TOML.
+    Attributes:
+        sections: What the rule needs; it is not applied when one of them is not valid.
+        find: Yields each conflict as key, what is wrong and how to fix it.
     """
-    shipped = resources.files("rover_hil.config") / "shipped" / "slip_maps" / f"{name_or_path}.toml"
-    return _load_toml(shipped, name_or_path, "slip map")
+
+    sections: tuple[str, ...]
+    find: Callable[[Draft], Iterator[str]]
 
 
-def _load_toml(shipped: Traversable, name_or_path: str, what: str) -> dict[str, object]:
-    path = shipped if shipped.is_file() else Path(name_or_path)
-    try:
-        return tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        msg = f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a TOML file"
-        raise ConfigError(msg) from error
-    except ValueError as error:
-        msg = f"{what} {name_or_path} is no valid TOML: {error}"
-        raise ConfigError(msg) from error
+def find_conflicts(draft: Draft, rules: tuple[Rule, ...]) -> list[str]:
+    """Return every conflict in the valid sections of a draft."""
+    return [
+        conflict
+        for rule in rules
+        if draft.sections.issuperset(rule.sections)
+        for conflict in rule.find(draft)
+    ]
 
 
-def _inline_slip_maps(table: dict[str, object]) -> None:
-    """Put the content of the file that slip.maps names in its place, so that a log holds all it needs."""
-    slip = table.get("slip")
-    if isinstance(slip, dict) and isinstance(slip.get("maps"), str):
-        slip["maps"] = load_slip_map(slip["maps"])
+def _find_unfit_devices(draft: Draft) -> Iterator[str]:
+    devices = draft.config.devices
+    for role, name in draft.config.roles.assignments():
+        kind, lack = ROLE_KINDS[role]
+        if name in draft.broken_devices or isinstance(devices.get(name), kind):
+            continue
+        fitting = [other for other, device in devices.items() if isinstance(device, kind)]
+        fix = f"name one of {', '.join(fitting)}" if fitting else "add a device that does, or remove the role"
+        if name in devices:
+            yield f"roles.{role}: device '{name}' {lack}: {fix}"
+        else:
+            yield f"roles.{role}: [devices] has no '{name}': {fix}"
 
 
-def _inline_trace_slip(table: dict[str, object]) -> None:
-    """Put the content of the files that trace_slip names in its place, likewise."""
-    trace_slip = table.get("trace_slip")
-    if not isinstance(trace_slip, dict):
-        return
-    parameters, rig = trace_slip.get("parameters"), trace_slip.get("rig")
-    if isinstance(parameters, str):
-        shipped = resources.files("rover_hil.config") / "shipped" / "scomp_parameters" / f"{parameters}.toml"
-        trace_slip["parameters"] = _load_toml(shipped, parameters, "parameters")
-    if isinstance(rig, str):
-        from rover_hil.trace.rig_file import read_rig  # it needs this module
-
-        shipped = resources.files("rover_hil.config") / "shipped" / "rigs" / f"{rig}.json"
-        with resources.as_file(shipped) as path:
-            found = read_rig(path if path.is_file() else Path(rig))
-        trace_slip["rig"] = found.model_dump(mode="json", by_alias=True)
+def _find_missing_gyro(draft: Draft) -> Iterator[str]:
+    slip = draft.config.slip
+    if slip is not None and slip.use == YAW_PROBE and draft.config.roles.gyro is None:
+        yield f"slip.use is '{YAW_PROBE}', which needs a gyro: name one in roles.gyro, or use '{SURFACES}'"
 
 
-def read_config_text(name_or_path: str) -> str:
-    """Return the text of a configuration, given as for `load_config`.
-
-    Raises:
-        ConfigError: No such file, or one that cannot be read.
-    """
-    if name_or_path in shipped_configs():
-        return (
-            resources.files("rover_hil.config") / "shipped" / "configs" / f"{name_or_path}.toml"
-        ).read_text("utf-8")
-    return _read_text(Path(name_or_path))
+def _find_slip_conflicts(draft: Draft) -> Iterator[str]:
+    config = draft.config
+    return find_slip_conflicts(config.rover, config.slip, config.trace_slip)
 
 
-def _read_text(path: Path) -> str:
-    if path.is_dir():
-        msg = f"{path} is a folder; give the TOML file in it"
-        raise ConfigError(msg)
-    try:
-        return path.read_text("utf-8")
-    except FileNotFoundError:
-        msg = f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
-        raise ConfigError(msg) from None
-    except (OSError, UnicodeDecodeError) as error:
-        msg = f"cannot read configuration {path}: {error}"
-        raise ConfigError(msg) from error
+def _find_rig_conflicts(draft: Draft) -> Iterator[str]:
+    config, name = draft.config, draft.config.roles.camera
+    rig = None if config.trace_slip is None else config.trace_slip.rig
+    if rig is None and name is not None:
+        yield "roles.camera: its calibration is missing: add trace_slip.rig, or remove the role"
+    if rig is not None and name is None:
+        yield "trace_slip.rig: it calibrates no camera: add roles.camera, or remove the rig"
+    camera = None if name is None else config.devices.get(name)
+    if rig is not None and isinstance(camera, CameraSettings):
+        conflict = rig.size_conflict(camera.width, camera.height)
+        if conflict:
+            yield conflict
 
 
-def describe_validation_error(source: str, error: ValidationError, table: Mapping[str, object]) -> str:
-    """Return one sentence about the first thing wrong: file, key, what, fix."""
-    details = error.errors()
-    # A mistyped key is reported twice, as missing and as unknown; the latter tells more.
-    first = next((detail for detail in details if detail["type"] == "extra_forbidden"), details[0])
-    key = ".".join(str(part) for part in _toml_path(first, table)) or "the file"
-    sentence = f"{source}: {key}: {_explain(first)}"
-    if len(details) > 1:
-        sentence += f" (and {len(details) - 1} more)"
-    return sentence
-
-
-def _toml_path(detail: ErrorDetails, table: Mapping[str, object]) -> list[str | int]:
-    """Drop the parts of pydantic's location that name a union's branch rather than a key."""
-    path: list[str | int] = []
-    place: object = table
-    for index, part in enumerate(detail["loc"]):
-        is_last = index == len(detail["loc"]) - 1
-        if isinstance(place, Mapping):
-            if part in place or (is_last and detail["type"] == "missing"):
-                path.append(part)
-                place = place.get(str(part))
-        elif isinstance(place, list) and isinstance(part, int) and part < len(place):
-            path.append(part)
-            place = place[part]
-    return path
-
-
-def _explain(detail: ErrorDetails) -> str:
-    kind = detail["type"]
-    if kind == "missing":
-        return "this key is missing; add it"
-    if kind == "extra_forbidden":
-        return f"unknown key; {_suggest_key(str(detail['loc'][-1]))}"
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        tag = detail.get("ctx", {}).get("discriminator", "'type'")
-        expected = detail.get("ctx", {}).get("expected_tags", "")
-        return f"{tag} must be one of {expected}" if expected else f"the key {tag} is missing; add it"
-    message = detail["msg"].removeprefix("Value error, ")
-    if kind == "value_error":
-        return message
-    return f"{message[0].lower()}{message[1:]}, got {detail['input']!r}"
-
-
-def _suggest_key(key: str) -> str:
-    known: set[str] = set()
-    kinds: list[type[Settings]] = [Settings]
-    while kinds:
-        kind = kinds.pop()
-        known.update(kind.model_fields)
-        kinds.extend(kind.__subclasses__())
-    close = get_close_matches(key, known - {key}, n=1, cutoff=0.6)
-    return f"did you mean {close[0]}?" if close and key not in known else "it does not belong here, remove it"
+SCHEMA_RULES = (
+    Rule(("roles", "devices"), _find_unfit_devices),
+    Rule(("roles", "slip"), _find_missing_gyro),
+    Rule(("rover", "slip", "trace_slip"), _find_slip_conflicts),
+    Rule(("roles", "devices", "trace_slip"), _find_rig_conflicts),
+)
+"""What every configuration fulfils, also one read from a log."""
