@@ -25,10 +25,10 @@ import numpy as np
 from benchmarks.ftrace_peers import BandFilter, CannyHough, Peer, PlanarFlow
 from benchmarks.ftrace_scores import Found, Judged, figures, judge, together
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, TraceSettings
+from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
 from drivers.samples import Image
 from rover_hil.ftrace.overlay import draw
-from rover_hil.ftrace.rig_file import RigFile
 from tests.rear_scene.motion import RATE_HZ
 from tests.rear_scene.rig_file import CalibratedRig
 from tests.rear_scene.sequence import FrameSequence

@@ -1,6 +1,7 @@
 """Everything tunable about estimation and control, with ranges narrow enough to catch a wrong unit."""
 
 import math
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Annotated, Literal, Self, TypeAlias
 
@@ -170,14 +171,22 @@ class ControlSettings(Settings):
 
     @model_validator(mode="after")
     def _check_slip(self) -> Self:
-        if self.slip is not None and not isinstance(self.rover, OmniRoverSettings):
-            raise ValueError(
-                f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
-                f"'{self.rover.kinematics}': leave [slip] out"
-            )
-        if self.trace_slip is not None and not isinstance(self.rover, SkidSteerRoverSettings):
-            raise ValueError(
-                f"trace_slip: it is of a rover with four wheels, but rover.kinematics is "
-                f"'{self.rover.kinematics}': leave [trace_slip] out"
-            )
+        for conflict in find_slip_conflicts(self.rover, self.slip, self.trace_slip):
+            raise ValueError(conflict)
         return self
+
+
+def find_slip_conflicts(
+    rover: RoverSettings, slip: SlipSettings | None, trace_slip: TraceSlipSettings | None
+) -> Iterator[str]:
+    """Yield which slip compensation is not for this kind of rover, with the fix."""
+    if slip is not None and not isinstance(rover, OmniRoverSettings):
+        yield (
+            f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
+            f"'{rover.kinematics}': leave [slip] out"
+        )
+    if trace_slip is not None and not isinstance(rover, SkidSteerRoverSettings):
+        yield (
+            f"trace_slip: it is of a rover with four wheels, but rover.kinematics is "
+            f"'{rover.kinematics}': leave [trace_slip] out"
+        )

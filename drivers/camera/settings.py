@@ -11,6 +11,10 @@ from drivers.link import CameraImage, Link
 class FrameSourceSettings(FrameSourceParameters):
     """Where frames come from, and the link that brings them."""
 
+    def exclusive_port(self) -> tuple[str, str] | None:
+        """Return the device, or the folder that one camera fills; recorded frames may be read by many."""
+        return ("path", self.path) if self.source in ("v4l2", "live_folder") else None
+
     def make_link(self, clock: Clock) -> Link[CameraImage]:
         """Build the link to the camera, folder or video file; nothing is opened yet."""
         import cv2

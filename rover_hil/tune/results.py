@@ -12,13 +12,13 @@ from pydantic_core import to_json
 from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.report.write import write_all
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_pictures
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
 from rover_hil.tune.rehearsal import Rehearsal
-from rover_hil.tune.settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.tune.sites import held_out_seeds, train_seeds
 from rover_hil.tune.study import Attempt
 from rover_hil.tune.tuned_config import tuned_text

@@ -15,8 +15,8 @@ from drivers.errors import ConfigError
 from drivers.samples import Image
 from rover_hil.app.app import app
 from rover_hil.app.calibrate import calibrate_camera
+from rover_hil.config import read_rig
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, find_corners, rig_text
-from rover_hil.ftrace.rig_file import read_rig
 from tests.rear_scene.rig_file import CalibratedRig
 from tests.rover_hil.ftrace_files import rig_table
 from tests.sim_backends.rear_drives import rig
