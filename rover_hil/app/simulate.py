@@ -10,6 +10,7 @@ from rich.text import Text
 
 from drivers.clock import Clock, SystemClock, seconds
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.config import load_config
 from sim_backends.build import build_world
 from sim_backends.serving.server import Server, put_on_ports
@@ -56,7 +57,7 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-    return 0
+    return EXIT_OK
 
 
 def _announce(console: Console, server: Server, config_name: str, simulation: SimulationSettings) -> None:
