@@ -1,6 +1,7 @@
 """`rover-hil ftrace`: slip angle of every frame from the trace of a wheel."""
 
 import json
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +11,13 @@ from rich.progress import Progress
 
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
 from drivers.camera.images import NO_PIXELS
-from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
 from rover_hil.ftrace.overlay import OverlayWriter
-from rover_hil.ftrace.run import FrameAngle, csv_row, estimate, longest_gap, write_csv
+from rover_hil.ftrace.run import HEADER, FrameAngle, csv_row, estimate, longest_gap
 from rover_hil.ftrace.telemetry import read_telemetry
-
-EXIT_OK = 0
-EXIT_INTERRUPTED = 130
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
 
 
 def trace_angles(
@@ -30,6 +29,7 @@ def trace_angles(
     overlay: Path | None,
     method: Method,
     as_json: bool,
+    force: bool = False,
 ) -> int:
     """Write the angle of every frame; returns the exit code: 130 when interrupted, the frames so far written.
 
@@ -41,35 +41,37 @@ def trace_angles(
         overlay: Video or folder for pictures, or None.
         method: How the trace is looked for.
         as_json: Print a summary as JSON.
+        force: Replace earlier files.
 
     Raises:
-        ConfigError: A file is wrong, or the frames do not fit the rig.
+        ConfigError: A file is wrong, or the frames do not fit the rig, or `out` or `overlay` exists.
     """
+    check_file(out, force=force)
+    if overlay is not None:
+        refuse_overwrite(overlay, force=force, option="--overlay")
     rig = read_rig(rig_path)
     geometry = rig.geometry()
     source = FrameSource(frames)
     telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
     estimator = TraceEstimator(geometry, TraceSettings(method=method))
-    writer = None if overlay is None else OverlayWriter(overlay, geometry, rig.image.fps)
     found: list[FrameAngle] = []
     code = EXIT_OK
-    try:
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            task = progress.add_task("frames", total=source.count)
-            for item in estimate(source, rig, telemetry, estimator):
-                if writer is not None:
-                    writer.add(item.number, item.grey, item.angle, rig.wheel.width_m)
-                found.append(replace(item, grey=NO_PIXELS))
-                progress.advance(task)
-    except KeyboardInterrupt:
-        code = EXIT_INTERRUPTED
-    except ConfigError:
-        if writer is not None:
-            writer.discard()
-        raise
-    write_csv(out, [csv_row(item) for item in found])
-    if writer is not None:
-        writer.close()
+    with ExitStack() as resources:
+        writer = None
+        if overlay is not None:
+            part = resources.enter_context(unfinished(overlay, option="--overlay"))
+            writer = resources.enter_context(closing(OverlayWriter(part, geometry, rig.image.fps)))
+        try:
+            with Progress(console=Console(stderr=True), transient=True) as progress:
+                task = progress.add_task("frames", total=source.count)
+                for item in estimate(source, rig, telemetry, estimator):
+                    if writer is not None:
+                        writer.add(item.number, item.grey, item.angle, rig.wheel.width_m)
+                    found.append(replace(item, grey=NO_PIXELS))
+                    progress.advance(task)
+        except KeyboardInterrupt:
+            code = EXIT_INTERRUPTED
+        write_file(out, "\n".join([HEADER, *map(csv_row, found)]) + "\n")
     _tell(found, out, method, as_json=as_json)
     return code
 

@@ -10,14 +10,23 @@ from rich.progress import track
 
 from controllers.slip.effort.yaw_excitation import YawProbeMap
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.identify.log_runs import read_log_run
 from rover_hil.identify.probe_fit import fit_probe
 from rover_hil.identify.runs import find_runs
 from rover_hil.identify.slip_map_file import read_slip_map, write_slip_map
+from rover_hil.pages.atomic_write import check_file
 
 
 def identify_probe(
-    logs: Sequence[Path], *, maps: str, amplitude_rad_s: float, frequency_hz: float, out: Path, as_json: bool
+    logs: Sequence[Path],
+    *,
+    maps: str,
+    amplitude_rad_s: float,
+    frequency_hz: float,
+    out: Path,
+    as_json: bool,
+    force: bool = False,
 ) -> int:
     """Fit the probe to `logs` and write `maps` with it to `out`; returns the exit code.
 
@@ -26,9 +35,7 @@ def identify_probe(
             installed.
         LogError: A log cannot be used, or there is too little shaking in all of them.
     """
-    if out.exists():
-        msg = f"{out} exists and a map is never overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
     shake = _shake(logs, amplitude_rad_s, frequency_hz)
     content = read_slip_map(maps)
     files = find_runs(logs).files
@@ -46,7 +53,7 @@ def identify_probe(
             f"{len(runs)} logs: slip follows the lost share of the shake with a scatter of "
             f"{probe.slip_sd:.3f}; written to {out}"
         )
-    return 0
+    return EXIT_OK
 
 
 def _shake(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawProbeMap:

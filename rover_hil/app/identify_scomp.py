@@ -10,19 +10,19 @@ from rich.table import Table
 
 from controllers.slip.scomp.parameters import Provenance, ScompParameters
 from drivers.clock import wall_time_text
-from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.identify.scomp.fit import Identification, identify
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
 from rover_hil.scomp.drive import final_error_m
-from rover_hil.scomp.files import parameters_text, read_drive, write_text
+from rover_hil.scomp.files import parameters_text, read_drive
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.pictures import fit_pictures
 from rover_hil.scomp.read_csv import read_truth
 
-EXIT_OK = 0
 
-
-def identify_scomp(log: Path, *, truth: Path, out: Path | None, pictures: Path | None, as_json: bool) -> int:
+def identify_scomp(
+    log: Path, *, truth: Path, out: Path | None, pictures: Path | None, as_json: bool, force: bool = False
+) -> int:
     """Fit the parameters to the drive in `log`, print them and how well they fit; returns the exit code.
 
     Args:
@@ -31,15 +31,16 @@ def identify_scomp(log: Path, *, truth: Path, out: Path | None, pictures: Path |
         out: Parameter file; without it the file goes to standard output.
         pictures: Folder for pictures of the fit.
         as_json: Print JSON.
+        force: Replace earlier files.
 
     Raises:
-        ConfigError: `out` exists, or something cannot be written.
+        ConfigError: `out` or a picture exists, or something cannot be written.
         LogError: Log or truth cannot be read.
         ModelError: They share too little.
     """
-    if out is not None and out.exists():
-        msg = f"{out} exists and is not overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
+    if pictures is not None:
+        refuse_overwrite(*pictures.glob("*.svg"), force=force, option="--pictures")
     source, path = read_drive(log), read_truth(truth)
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("fitting", total=2)
@@ -51,9 +52,9 @@ def identify_scomp(log: Path, *, truth: Path, out: Path | None, pictures: Path |
     error_m = final_error_m(result.track, path)
     notes = [*source.notes, *found.notes, *result.notes]
     if out is not None:
-        write_text(parameters_text(parameters), out)
+        write_file(out, parameters_text(parameters))
     if pictures is not None:
-        write_all(pictures, fit_pictures(found, result.track, path))
+        write_files(pictures, fit_pictures(found, result.track, path))
     if as_json:
         record = parameters.model_dump(mode="json", by_alias=True)
         fit = {"slip_rms": found.slip_rms, "final_error_m": error_m}

@@ -47,6 +47,7 @@ UNITS = {
 """The columns that are read, by short name, and the unit each must have."""
 
 MAX_TICKS = 2**31 - 1
+LARGEST_MM_PER_PX = 1000.0
 
 _HEADER_LINES = 3
 _FIX = "take the line out or fetch the file again"
@@ -95,11 +96,14 @@ def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
             smooth table say 2.05 to 2.08.
 
     Raises:
-        ConfigError: The scale is not a positive number.
+        ConfigError: The scale is not a positive number, or too large for a camera.
         LogError: The file cannot be read, or holds something wrong; the message names line and column.
     """
-    if not 0 < millimetres_per_pixel < math.inf:
-        msg = f"millimetres per pixel must be a positive number, not {millimetres_per_pixel}"
+    if not 0 < millimetres_per_pixel <= LARGEST_MM_PER_PX:
+        msg = (
+            f"millimetres per pixel must be a positive number up to {LARGEST_MM_PER_PX:g}, "
+            f"not {millimetres_per_pixel}"
+        )
         raise ConfigError(msg)
     lines = list(_lines(path))
     if not lines:

@@ -70,23 +70,6 @@ def parameters_text(parameters: ScompParameters) -> str:
     return _tables(parameters.model_dump(by_alias=True, exclude_none=True))
 
 
-def write_text(text: str, path: Path) -> None:
-    """Write a file in one piece; nothing half-written stays behind.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
-
-
 def track_text(track: Track) -> str:
     """Return a path as the text of a CSV file."""
     columns = (

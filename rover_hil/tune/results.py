@@ -1,5 +1,6 @@
 """What tuning came to: as JSON, as a page, and as a new configuration."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -13,7 +14,7 @@ from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import write_files
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_pictures
 from rover_hil.tune.objective import describe
@@ -26,6 +27,7 @@ from rover_hil.tune.tuned_config import tuned_text
 CONFIG_NAME = "tuned.toml"
 RESULT_NAME = "tuning.json"
 REPORT_NAME = "report.html"
+RESULT_NAMES = (CONFIG_NAME, RESULT_NAME, REPORT_NAME)
 GRADES = {Verdict.IMPROVED: "good", Verdict.CONFIRMED: "neutral", Verdict.NONE_ACCEPTABLE: "bad"}
 
 
@@ -148,12 +150,20 @@ def write_results(
     result_json = to_json(result, indent=2).decode()
     texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}
     provenance = _provenance(result)
+    if provenance is not None:
+        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
+    write_files(folder, texts)
     if provenance is None:
         (folder / CONFIG_NAME).unlink(missing_ok=True)
-    else:
-        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
-    write_all(folder, texts)
     return result_json
+
+
+def study_of(folder: Path) -> str:
+    """Return the name of the study whose results a folder holds; empty where it holds none."""
+    try:
+        return str(json.loads((folder / RESULT_NAME).read_text("utf-8"))["study"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
 
 
 def sentence(result: TuningResult) -> str:

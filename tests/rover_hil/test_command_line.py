@@ -9,42 +9,12 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.app.app import _spread, main
+from rover_hil.app.app import _spread
 from rover_hil.recording.reader import LogReader
+from tests.rover_hil.command import Command, assert_one_sentence
 
 SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 RUN_LIMIT_S = 60.0
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> "Command":
-    monkeypatch.chdir(tmp_path)
-    return Command(monkeypatch, capsys)
-
-
-class Command:
-    """Runs the command line in this process."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self._monkeypatch = monkeypatch
-        self._capsys = capsys
-        self.out = ""
-        self.error = ""
-
-    def __call__(self, *arguments: str) -> int:
-        self._monkeypatch.setattr(sys, "argv", ["rover-hil", *arguments])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        self.out, self.error = self._capsys.readouterr()
-        return caught.value.code if isinstance(caught.value.code, int) else 0
-
-
-def assert_one_sentence(error: str, *words: str) -> None:
-    assert error.startswith("rover-hil: ")
-    assert error.count("\n") == 1
-    assert "Traceback" not in error
-    for word in words:
-        assert word in error
 
 
 @pytest.mark.parametrize("name", ["run", "simulate", "replay", "doctor", "import"])

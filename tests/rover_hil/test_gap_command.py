@@ -46,6 +46,9 @@ def run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
         folder = tmp_path / out
         code = find_gap(model, data, out=folder, extended=extended, confirm=confirm, seed=0, as_json=True)
         printed = json.loads(capsys.readouterr().out)
+        if code == 1:
+            assert not folder.exists()
+            return code, printed
         assert printed == json.loads((folder / "verdict.json").read_text())
         assert sorted(path.name for path in folder.iterdir()) == [
             "model.toml",

@@ -63,7 +63,7 @@ def write_shaken_drive(
 
 def identify(logs: list[Path], out: Path, **changes: float) -> int:
     shake = {"amplitude_rad_s": 0.5, "frequency_hz": 5.0, **changes}
-    return identify_probe(logs, maps="robotino", out=out, as_json=True, **shake)
+    return identify_probe(logs, maps="robotino", out=out, as_json=True, force=False, **shake)
 
 
 def test_the_law_of_the_drives_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,9 +14,10 @@ from drivers.errors import ConfigError, LogError, ModelError
 from rover_hil.app.app import app
 from rover_hil.app.identify_scomp import identify_scomp
 from rover_hil.app.scomp import run_scomp
+from rover_hil.pages.atomic_write import write_file
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive
-from rover_hil.scomp.files import HEADER, parameters_text, read_drive, read_parameters, write_text
+from rover_hil.scomp.files import HEADER, parameters_text, read_drive, read_parameters
 from rover_hil.scomp.pictures import model_pictures
 from rover_hil.scomp.read_csv import read_truth
 from tests.controllers.scomp.drives import mounds, sideways
@@ -79,10 +80,10 @@ def test_parameters_have_a_provenance_and_survive_the_file(folder: Path, tmp_pat
     assert parameters.provenance.truth == "first_truth.csv"
     assert len(parameters.provenance.fitted_on) == 8
     again = tmp_path / "again.toml"
-    write_text(parameters_text(parameters), again)
+    write_file(again, parameters_text(parameters))
     assert read_parameters(again) == parameters
     defaults = tmp_path / "defaults.toml"
-    write_text(parameters_text(ScompParameters()), defaults)
+    write_file(defaults, parameters_text(ScompParameters()))
     assert read_parameters(defaults).pitch.model == ScompParameters().pitch.model
 
 
@@ -110,7 +111,7 @@ def test_parameters_go_to_standard_output(folder: Path, capsys: pytest.CaptureFi
 
 
 def test_an_existing_parameter_file_is_kept(folder: Path) -> None:
-    with pytest.raises(ConfigError, match="not overwritten"):
+    with pytest.raises(ConfigError, match="never overwritten"):
         identify_scomp(
             folder / "first.csv",
             truth=folder / "first_truth.csv",

@@ -3,7 +3,9 @@
 import importlib
 import importlib.util
 import sys
-from collections.abc import Sequence
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import cast
 
@@ -41,7 +43,8 @@ def load_model(name: str) -> Model:
     factory = getattr(module, factory_name, None)
     if not callable(factory):
         raise ConfigError(f"{name}: there is no function '{factory_name}' that makes the model")
-    model = factory()
+    with name_model_errors(Path(name.rpartition(":")[0])):
+        model = factory()
     missing = [part for part in PARTS if not hasattr(model, part)]
     if missing:
         raise ConfigError(f"{name}: what {factory_name}() returns has no '{missing[0]}'")
@@ -55,11 +58,35 @@ def _load_file(path: Path) -> object:
     module = importlib.util.module_from_spec(spec)
     # Dataclasses look their module up by name.
     sys.modules[spec.name] = module
-    try:
+    with name_model_errors(path):
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise ConfigError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
     return module
+
+
+@contextmanager
+def name_model_errors(path: Path) -> Iterator[None]:
+    """Give an exception that comes from a model of a user's own the file and line where it was raised.
+
+    Args:
+        path: The file of the model.
+
+    Raises:
+        ConfigError: In place of such an exception.
+    """
+    file = path.resolve()
+    try:
+        yield
+    except RoverHilError:
+        raise
+    except (Exception, SystemExit) as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == file]
+        if isinstance(error, SyntaxError):
+            lines.append(error.lineno)
+        if not lines:
+            raise
+        where = f"{path}, line {lines[-1]}"
+        raise ConfigError(f"{where}: {type(error).__name__}: {error}; correct the model file") from error
 
 
 def read_runs(model: Model, path: Path) -> list[Run]:

@@ -10,12 +10,13 @@ from rover_hil.gap.output.model_file import Provenance, describe_model, model_fi
 from rover_hil.gap.output.report import render
 from rover_hil.gap.plan import Plan
 from rover_hil.gap.verdict_rules import intervals, is_named
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import write_files
 
 VERDICT_NAME = "verdict.json"
 MODEL_NAME = "model.toml"
 REPORT_NAME = "report.html"
 PLAN_NAME = "plan.json"
+RESULT_NAMES = (VERDICT_NAME, PLAN_NAME, MODEL_NAME, REPORT_NAME)
 
 
 def plan_text(plan: Plan) -> str:
@@ -23,8 +24,15 @@ def plan_text(plan: Plan) -> str:
     return json.dumps(plan.content(), indent=2) + "\n"
 
 
-def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> str:
-    """Write `verdict.json`, `plan.json`, `model.toml` and `report.html`.
+def verdict_text(analysis: Analysis) -> str:
+    """Return the verdict as JSON."""
+    return to_json(analysis.verdict, indent=2, inf_nan_mode="null").decode()
+
+
+def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> None:
+    """Write `verdict.json`, `model.toml` and `report.html`, and why there is no plan where there is none.
+
+    The plan itself is written before the analysis.
 
     Args:
         folder: Where to.
@@ -32,23 +40,17 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> str
         base: The model as it was named.
         date: For the model's provenance.
 
-    Returns:
-        The verdict as JSON text, as in the file.
-
     Raises:
         ConfigError: The folder cannot be written to. No half-written file is left behind.
     """
-    verdict_json = to_json(analysis.verdict, indent=2, inf_nan_mode="null").decode()
-    plan = analysis.plan
-    reason = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
     texts = {
-        VERDICT_NAME: verdict_json + "\n",
-        PLAN_NAME: reason if plan is None else plan_text(plan),
+        VERDICT_NAME: verdict_text(analysis) + "\n",
         MODEL_NAME: _model_text(analysis, base, date),
         REPORT_NAME: render(analysis),
     }
-    write_all(folder, texts)
-    return verdict_json
+    if analysis.plan is None:
+        texts[PLAN_NAME] = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
+    write_files(folder, texts)
 
 
 def _model_text(analysis: Analysis, base: str, date: str) -> str:

@@ -1,0 +1,1 @@
+"""Result files of the commands: written whole or not at all."""
