@@ -16,7 +16,7 @@ from controllers.motion.path_following import PathFollower
 from controllers.motion.planar import Pose
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings, LineMission, SkidSteerRoverSettings
-from controllers.slip.scomp.compensator import Rates, TraceReading, TraceSlipCompensator
+from controllers.slip.scomp.compensator import Rates, ScompCompensator, TraceReading
 from controllers.slip.scomp.settings import TraceSlipSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample, WheelSample
@@ -53,7 +53,7 @@ class Bench:
     def __init__(
         self, finder: SeenTrace | None, pitch_rad: float = UPHILL, settings: TraceSlipSettings | None = None
     ) -> None:
-        self.told = TraceSlipCompensator(
+        self.told = ScompCompensator(
             settings or TraceSlipSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
         )
         self.pitch_rad = pitch_rad
@@ -90,11 +90,11 @@ class Bench:
             raw = BodyIncrement(x_m=rim_m_s * 0.01, y_m=0.0, turn_rad=0.0, duration_s=0.01, turned_rad=turned)
             self.increments.append(self.told.compensate(raw, (), None))
             self.way += (self.increments[-1].x_m, self.increments[-1].y_m)
-            report = self.told.take_report()
+            report = self.told.report()
             assert report is not None
             if report.trace is not None:
                 self.readings.append(report.trace)
-                again = self.told.take_report()
+                again = self.told.report()
                 assert again is not None
                 assert again.trace is None
 
@@ -123,7 +123,7 @@ def test_the_trace_turns_the_way() -> None:
     bench = Bench(SeenTrace(math.radians(-9.0)))
     bench.run(1.0, rim_m_s=0.0)  # the gyro's bias is learnt
     bench.run(10.0)
-    report = bench.told.take_report()
+    report = bench.told.report()
     assert report is not None
     assert math.degrees(report.slip_angle_rad) == pytest.approx(-9.0, abs=1.0)
     assert report.reason == ""
@@ -154,13 +154,13 @@ def test_frames_that_come_too_fast_are_passed_over() -> None:
 def test_what_is_missing_is_said_and_makes_the_way_unsure() -> None:
     bench = Bench(SeenTrace(0.0))
     bench.run(1.0, has_tilt=False)
-    report = bench.told.take_report()
+    report = bench.told.report()
     assert report is not None
     assert report.reason == "no tilt"
     assert not bench.increments[-1].is_sure
     blind = Bench(SeenTrace(None))
     blind.run(4.0)
-    report = blind.told.take_report()
+    report = blind.told.report()
     assert report is not None
     assert report.reason == "no trace"
     no_camera = Bench(None)

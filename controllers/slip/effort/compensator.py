@@ -14,9 +14,10 @@ from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_map import wheel_slip
 from controllers.slip.effort.slip_sharing import share_slip
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Travel
+from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
 from controllers.slip.effort.yaw_excitation import YawProbe, range_problem, slip_of
-from drivers.samples import WheelSample
+from drivers.samples import Sample, WheelSample
 
 HOLD_S = 1.0
 """A slip that can no longer be found decays to that of the surface with this time constant."""
@@ -81,29 +82,34 @@ class _Judgement(NamedTuple):
     reason: str
 
 
-class SlipCompensator:
+class EffortCompensator:
     """Turns wheel increments into body increments of a slipping rover.
 
     Args:
         settings: Maps and which of them to use.
         rover: Geometry of the wheels.
         kinematics: Of the same rover.
+        wheels: Name of the wheel device.
 
     Attributes:
-        report: As of the newest increment; None before the first.
-        efforts: Of the wheels, alike; empty before the first.
+        efforts: Of the wheels, as of the newest increment; empty before the first.
         probe: Shakes the yaw; None where another map is in use.
     """
 
-    def __init__(self, settings: SlipSettings, rover: OmniRoverSettings, kinematics: Kinematics) -> None:
+    def __init__(
+        self, settings: SlipSettings, rover: OmniRoverSettings, kinematics: Kinematics, wheels: str
+    ) -> None:
         count = kinematics.wheel_count
         surfaces, probe_map = settings.maps.surfaces, settings.maps.yaw_probe
         if settings.known_surfaces:
             surfaces = surfaces.only(settings.known_surfaces)
-        self.report: SlipReport | None = None
+        self._report: SlipReport | None = None
+        self._device = wheels
         self.efforts: tuple[WheelEffort, ...] = ()
         self.probe = YawProbe(probe_map) if settings.use == YAW_PROBE and probe_map is not None else None
         self._probe_map = probe_map
+        correction = settings.torque_correction
+        self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
         self._wheel_map = settings.maps.wheel_maps.get(settings.use)
         self._no_load_a = settings.maps.motor.coulomb_torque_nm / settings.maps.motor.torque_constant_nm_a
@@ -121,8 +127,14 @@ class SlipCompensator:
         self._window_s = 0.0
         self._told_m = 0j
 
-    def feed(self, sample: WheelSample, t_ns: int) -> None:
+    def report(self) -> SlipReport | None:
+        """Return the slip as of the newest increment; None before the first."""
+        return self._report
+
+    def feed(self, sample: Sample, t_ns: int) -> None:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
+        if not isinstance(sample, WheelSample) or sample.device != self._device:
+            return
         if not 0 <= sample.wheel < len(self._currents) or t_ns <= self._current_ns[sample.wheel]:
             return
         if sample.current_a is not None and math.isfinite(sample.current_a):
@@ -163,7 +175,7 @@ class SlipCompensator:
         self._window_rad = [sum(pair) for pair in zip(self._window_rad, increment.turned_rad, strict=True)]
         self._window_s += increment.duration_s
         self._told_m += complex(x_m, y_m)
-        self.report = SlipReport(
+        self._report = SlipReport(
             map=self._settings.use,
             surface=self._surface.surface,
             drift_rad=self._judgement.drift_rad,
@@ -211,6 +223,20 @@ class SlipCompensator:
     def knows_force(self) -> bool:
         """Whether the torques of all wheels are known."""
         return bool(self.efforts) and all(effort.unknown_torque is None for effort in self.efforts)
+
+    def set_point_changes(self, commanded_twist: Sequence[float]) -> tuple[float, ...] | None:
+        """Return what the torque correction adds to each set-point, rad/s.
+
+        Args:
+            commanded_twist: Velocity x, y in m/s and yaw rate in rad/s.
+
+        Returns:
+            None without torque correction, and while the torque of any wheel is unknown.
+        """
+        if self._correction is None or not self.knows_force:
+            return None
+        torques_nm = [effort.wheel_torque_nm for effort in self.efforts]
+        return self._correction.set_point_changes(torques_nm, commanded_twist)
 
     def _judge(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> complex:
         """Judge surface and slip; return the way to add to what was told since the judgement before."""

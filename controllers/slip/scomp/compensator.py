@@ -72,7 +72,7 @@ class DriftReport:
     reason: str
 
 
-class TraceSlipCompensator:
+class ScompCompensator:
     """Turns the wheels' increments into those of a rover that slips and drifts.
 
     Args:
@@ -126,8 +126,8 @@ class TraceSlipCompensator:
             known = x is not None and y is not None and abs(x) + abs(y) <= GREATEST_RATE_RAD_S
             self._rates = (x or 0.0, y or 0.0, sample.rate_z_rad_s) if known else None
 
-    def take_report(self) -> DriftReport | None:
-        """Return how the rover slips; None before the first increment. A frame is told once."""
+    def report(self) -> DriftReport | None:
+        """Return how the rover slips; None before the first increment. A frame is reported once."""
         report = self._report
         if report is not None:
             self._report = replace(report, trace=None)
