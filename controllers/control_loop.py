@@ -16,7 +16,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.settings import ControlSettings, OmniRoverSettings
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
-from controllers.slip.scomp.compensator import DriftReport, ScompCompensator, TraceFinder
+from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.samples import Sample, WheelCommand
@@ -52,7 +52,7 @@ class StepOutput:
     limit: Limit
     cross_track_m: float | None
     slip: SlipReport | None = None
-    drift: DriftReport | None = None
+    drift: ScompReport | None = None
 
 
 class ControlLoop:
@@ -82,9 +82,9 @@ class ControlLoop:
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
         self._effort = _make_effort(settings, kinematics, roles.wheels)
-        trace_slip = settings.trace_slip
-        self._steers_against_drift = trace_slip is not None and trace_slip.steer_against_drift
-        self._scomp = None if trace_slip is None else ScompCompensator(trace_slip, roles, kinematics, finder)
+        scomp = settings.scomp
+        self._steers_against_drift = scomp is not None and scomp.steer_against_drift
+        self._scomp = None if scomp is None else ScompCompensator(scomp, roles, kinematics, finder)
         self._estimator = Estimator(
             kinematics,
             settings.filter,
@@ -147,7 +147,7 @@ class ControlLoop:
             return None
         drift_rad = 0.0
         if self._scomp is not None and self._steers_against_drift:
-            drift_rad = self._scomp.drift_rad
+            drift_rad = self._scomp.slip_angle_rad
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
         guidance = self._follower.guide(pose, drift_rad)
         if guidance.finished:
@@ -159,8 +159,8 @@ class ControlLoop:
             self._limiter.stop()
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
         yaw_rate_rad_s = guidance.yaw_rate_rad_s
-        if self._effort is not None and self._effort.probe is not None:
-            yaw_rate_rad_s += self._effort.probe.yaw_rate_rad_s(seconds(now_ns))
+        if self._effort is not None and self._effort.excitation is not None:
+            yaw_rate_rad_s += self._effort.excitation.yaw_rate_rad_s(seconds(now_ns))
         twist = (guidance.velocity_x_m_s, guidance.velocity_y_m_s, yaw_rate_rad_s)
         wanted_rad_s = self._kinematics.wheel_speeds(*twist)
         changes_rad_s = None if self._effort is None else self._effort.set_point_changes(twist)

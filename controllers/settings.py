@@ -4,10 +4,10 @@ import math
 from itertools import combinations
 from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from controllers.slip.effort.settings import SlipSettings
-from controllers.slip.scomp.settings import TraceSlipSettings
+from controllers.slip.scomp.settings import ScompSettings
 from drivers.settings import Settings
 
 WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
@@ -15,6 +15,8 @@ PathLength = Annotated[float, Field(ge=0.05, le=100.0)]
 Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
 
 CLOSEST_WHEELS_DEG = 15.0
+OLD_SCOMP_KEY = "trace_slip"
+"""Name of the section `scomp` in older configurations and logs."""
 
 
 class OmniRoverSettings(Settings):
@@ -172,7 +174,7 @@ class SafetySettings(Settings):
 class ControlSettings(Settings):
     """The whole controller. Without a mission it only observes and the wheels get zero set-points.
 
-    Without `slip` (three omnidirectional wheels) or `trace_slip` (four wheels) the wheels are taken to roll.
+    Without `slip` (three omnidirectional wheels) or `scomp` (four wheels) the wheels are assumed to roll.
     """
 
     rover: RoverSettings
@@ -181,7 +183,9 @@ class ControlSettings(Settings):
     safety: SafetySettings = SafetySettings()
     mission: MissionSettings | None = None
     slip: SlipSettings | None = None
-    trace_slip: TraceSlipSettings | None = None
+    scomp: Annotated[ScompSettings | None, Field(validation_alias=AliasChoices("scomp", OLD_SCOMP_KEY))] = (
+        None
+    )
 
     @model_validator(mode="after")
     def _check_slip(self) -> Self:
@@ -190,9 +194,9 @@ class ControlSettings(Settings):
                 f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
                 f"'{self.rover.kinematics}': leave [slip] out"
             )
-        if self.trace_slip is not None and not isinstance(self.rover, SkidSteerRoverSettings):
+        if self.scomp is not None and not isinstance(self.rover, SkidSteerRoverSettings):
             raise ValueError(
-                f"trace_slip: it is of a rover with four wheels, but rover.kinematics is "
-                f"'{self.rover.kinematics}': leave [trace_slip] out"
+                f"scomp: it is for a rover with four wheels, but rover.kinematics is "
+                f"'{self.rover.kinematics}': leave [scomp] out"
             )
         return self

@@ -1,6 +1,7 @@
 """The configuration: a TOML file, validated to the last key, or the name of a shipped one."""
 
 import re
+import sys
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -13,7 +14,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from controllers.roles import DeviceRoles
-from controllers.settings import ControlSettings
+from controllers.settings import OLD_SCOMP_KEY, ControlSettings
 from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.device_settings import DriveSettings, FrameDeviceSettings
@@ -58,7 +59,7 @@ class RoleSettings(Settings):
         fixes: The overhead cameras whose poses are used. What happens before the first one cannot be
             corrected: let `safety.settle_s` outlast their period.
         require_fixes: The rover stops also when one of them falls silent, e.g. because it left the view.
-        camera: The camera that looks back at the trace of the rear left wheel, for [trace_slip].
+        camera: The camera that looks back at the trace of the rear left wheel, for [scomp].
     """
 
     wheels: str
@@ -126,9 +127,9 @@ class Config(ControlSettings):
         if camera is not None and not isinstance(self.devices[camera], CameraSettings):
             msg = f"roles.camera is '{camera}', but only a device of type 'camera' looks back"
             raise ValueError(msg)
-        has_rig = self.trace_slip is not None and self.trace_slip.rig is not None
+        has_rig = self.scomp is not None and self.scomp.rig is not None
         if has_rig != (camera is not None):
-            msg = "name the camera in roles.camera if, and only if, trace_slip.rig holds its calibration"
+            msg = "name the camera in roles.camera if, and only if, scomp.rig holds its calibration"
             raise ValueError(msg)
 
 
@@ -151,7 +152,7 @@ def load_config(name_or_path: str) -> Config:
         msg = f"{name_or_path} is no valid TOML: {error}"
         raise ConfigError(msg) from error
     _inline_slip_maps(table)
-    _inline_trace_slip(table)
+    _inline_scomp(table)
     try:
         return Config.model_validate(table)
     except ValidationError as error:
@@ -187,22 +188,25 @@ def _inline_slip_maps(table: dict[str, object]) -> None:
         slip["maps"] = load_slip_map(slip["maps"])
 
 
-def _inline_trace_slip(table: dict[str, object]) -> None:
-    """Put the content of the files that trace_slip names in its place, likewise."""
-    trace_slip = table.get("trace_slip")
-    if not isinstance(trace_slip, dict):
+def _inline_scomp(table: dict[str, object]) -> None:
+    """Put the content of the files that scomp names in its place, likewise."""
+    if OLD_SCOMP_KEY in table:
+        note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
+        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
+    scomp = table.get("scomp", table.get(OLD_SCOMP_KEY))
+    if not isinstance(scomp, dict):
         return
-    parameters, rig = trace_slip.get("parameters"), trace_slip.get("rig")
+    parameters, rig = scomp.get("parameters"), scomp.get("rig")
     if isinstance(parameters, str):
         shipped = resources.files("rover_hil") / "scomp_parameters" / f"{parameters}.toml"
-        trace_slip["parameters"] = _load_toml(shipped, parameters, "parameters")
+        scomp["parameters"] = _load_toml(shipped, parameters, "parameters")
     if isinstance(rig, str):
         from rover_hil.ftrace.rig_file import read_rig  # it needs this module
 
         shipped = resources.files("rover_hil") / "rigs" / f"{rig}.json"
         with resources.as_file(shipped) as path:
             found = read_rig(path if path.is_file() else Path(rig))
-        trace_slip["rig"] = found.model_dump(mode="json", by_alias=True)
+        scomp["rig"] = found.model_dump(mode="json", by_alias=True)
 
 
 def read_config_text(name_or_path: str) -> str:

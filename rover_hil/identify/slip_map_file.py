@@ -53,7 +53,7 @@ def write_slip_map(content: SlipMapFile, path: Path) -> None:
         raise ConfigError(msg)
     part = path.with_name(f"{path.name}.part")
     try:
-        part.write_text(_to_toml(content.model_dump(exclude_none=True)), encoding="utf-8")
+        part.write_text(_to_toml(content.model_dump(by_alias=True, exclude_none=True)), encoding="utf-8")
         part.rename(path)
     except OSError as error:
         msg = f"cannot write {path}: {error.strerror}; choose another --out"

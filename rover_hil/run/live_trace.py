@@ -30,12 +30,10 @@ class LiveTraceFinder:
         try:
             checked = RigFile.model_validate(rig)
         except ValidationError as error:
-            raise ConfigError(describe_validation_error("trace_slip.rig", error, rig)) from error
+            raise ConfigError(describe_validation_error("scomp.rig", error, rig)) from error
         size, wanted = (checked.image.width, checked.image.height), (camera.width, camera.height)
         if size != wanted:
-            msg = (
-                f"trace_slip.rig is of pictures of {size} pixels, the camera gives {wanted}: make them equal"
-            )
+            msg = f"scomp.rig is of pictures of {size} pixels, the camera gives {wanted}: make them equal"
             raise ConfigError(msg)
         self._estimator = TraceEstimator(checked.geometry(), TraceSettings())
         self._shape = size[::-1]

@@ -17,7 +17,7 @@ from controllers.motion.planar import Pose
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings, LineMission, SkidSteerRoverSettings
 from controllers.slip.scomp.compensator import Rates, ScompCompensator, TraceReading
-from controllers.slip.scomp.settings import TraceSlipSettings
+from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample, WheelSample
 from tests.controllers.simulated import LIMITS, OMNI, ROLES, SKID
@@ -51,10 +51,10 @@ class Bench:
     """A rover that drives straight at a constant rim speed, 100 cycles a second."""
 
     def __init__(
-        self, finder: SeenTrace | None, pitch_rad: float = UPHILL, settings: TraceSlipSettings | None = None
+        self, finder: SeenTrace | None, pitch_rad: float = UPHILL, settings: ScompSettings | None = None
     ) -> None:
         self.told = ScompCompensator(
-            settings or TraceSlipSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
+            settings or ScompSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
         )
         self.pitch_rad = pitch_rad
         self.t_ns = 0
@@ -112,7 +112,7 @@ def test_uphill_the_wheels_slip_and_the_way_is_shorter() -> None:
     level, uphill = Bench(None, 0.0), Bench(None)
     for bench in (level, uphill):
         bench.run(5.0)
-    slip = TraceSlipSettings().parameters.pitch.model.slip_at(math.sin(UPHILL) + 0.05, 0.0)
+    slip = ScompSettings().parameters.pitch.model.slip_at(math.sin(UPHILL) + 0.05, 0.0)
     # The tilt's low-pass starts where the rover stands.
     assert uphill.way[0] == pytest.approx(5.0 * RIM_M_S * (1.0 - slip), rel=0.02)
     assert level.way[0] > uphill.way[0] + 0.05
@@ -145,7 +145,7 @@ def test_each_frame_is_told_once_with_the_rates() -> None:
 
 def test_frames_that_come_too_fast_are_passed_over() -> None:
     finder = SeenTrace(0.0)
-    Bench(finder, settings=TraceSlipSettings(frame_period_s=0.5)).run(4.0, 0.02)
+    Bench(finder, settings=ScompSettings(frame_period_s=0.5)).run(4.0, 0.02)
     steps_ns = np.diff(finder.looked_ns)
     assert steps_ns.min() >= 500 * MS
     assert len(finder.looked_ns) >= 7
@@ -170,7 +170,7 @@ def test_what_is_missing_is_said_and_makes_the_way_unsure() -> None:
 
 def test_a_trace_that_is_lost_is_missed_after_a_while() -> None:
     finder = SeenTrace(math.radians(5.0))
-    bench = Bench(finder, settings=TraceSlipSettings(trace_age_s=2.0))
+    bench = Bench(finder, settings=ScompSettings(trace_age_s=2.0))
     bench.run(5.0)
     assert bench.increments[-1].is_sure
     finder.theta_rad = None
@@ -209,7 +209,7 @@ def test_a_rover_that_drifts_is_turned_against_the_drift() -> None:
 
 def test_the_loop_tells_slip_and_slip_angle_and_steers_or_not() -> None:
     mission = LineMission(type="line", length_m=3.0, speed_m_s=0.1, heading="along_path")
-    control = ControlSettings(rover=SKID, limits=LIMITS, mission=mission, trace_slip=TraceSlipSettings())
+    control = ControlSettings(rover=SKID, limits=LIMITS, mission=mission, scomp=ScompSettings())
     output = ControlLoop(control, ROLES).step(1, [])
     assert output.drift is None  # nothing has moved yet
     assert output.slip is None
@@ -257,7 +257,7 @@ class AnyTrace:
 def test_no_stream_of_samples_makes_the_loop_raise(
     cycles: list[tuple[int, list[Sample]]], theta_rad: float | None
 ) -> None:
-    control = ControlSettings(rover=SKID, limits=LIMITS, trace_slip=TraceSlipSettings())
+    control = ControlSettings(rover=SKID, limits=LIMITS, scomp=ScompSettings())
     roles = DeviceRoles(wheels="wheels", required={}, gyro="gyro", camera="camera")
     loop = ControlLoop(control, roles, AnyTrace(theta_rad))
     now_ns = 10**9
@@ -274,4 +274,4 @@ def test_no_stream_of_samples_makes_the_loop_raise(
 
 def test_three_omnidirectional_wheels_leave_no_such_trace() -> None:
     with pytest.raises(ValidationError, match="four wheels"):
-        ControlSettings(rover=OMNI, limits=LIMITS, trace_slip=TraceSlipSettings())
+        ControlSettings(rover=OMNI, limits=LIMITS, scomp=ScompSettings())
