@@ -4,8 +4,8 @@
 
 The rover of each seed of `benchmarks.field_tests` drives the sites of both tests along their x axis, on the
 same ground by three drivers: nobody steers; all wheels are steered by the heading alone; all wheels are
-steered against the slip angle that the trace tells, too (`benchmarks/crab_steering.py`). The hinge that
-tells its slip is from test 1 of the same seed, driven without steering.
+steered against the slip angle of the trace, too (`benchmarks/crab_steering.py`). The two-segment slip law
+of this driver is from test 1 of the same seed, driven without steering.
 
 Prints as JSON for each test and driver, over the seeds: median and greatest distance from the line at the
 end, median rms of it on the way, in m. Exit code 1 when steering against the slip angle does not halve both
@@ -155,7 +155,7 @@ def crab_drive(rover: Rover, site: Site, seed: int, driver: Driver, parameters: 
         site: Before its own draws.
         seed: The same for all drivers: they meet the same ground.
         driver: Who steers.
-        parameters: Whose hinge tells the slip.
+        parameters: Their two-segment slip law gives the slip.
     """
     rng = np.random.default_rng([seed, 3, len(site.mounds)])
     site = site.drawn(rng)
@@ -176,7 +176,7 @@ def crab_drive(rover: Rover, site: Site, seed: int, driver: Driver, parameters: 
         travel = eyes.see(truth, press, rates) if driver == "crab" else None
         rim_m_s = wheel_speed_rad_s(press * PRESS_S) * 0.092
         drift = 0.0 if travel is None else travel
-        speed = rim_m_s * (1.0 - parameters.hinge.slip_at(abs(drift)))
+        speed = rim_m_s * (1.0 - parameters.two_segment_slip.slip_at(abs(drift)))
         if travel is not None and speed > 0.0:
             travel += parameters.rover.rear_axle_m * (rate - heading.bias_rad_s) / speed  # eq 2
         if driver != "no steering" and rim_m_s >= SPEED_M_S:

@@ -8,8 +8,7 @@ from controllers.estimation.pose_fixes import FixQueue, late
 from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.roles import DeviceRoles
 from controllers.settings import FilterSettings
-from controllers.slip.effort.compensator import SlipCompensator
-from controllers.slip.scomp.compensator import TraceSlipCompensator
+from controllers.slip.protocol import SlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
     HeadingReference,
@@ -30,8 +29,7 @@ class Estimator:
         settings: Noise of the pose filter.
         wheel_speed_limit_rad_s: Greatest wheel set-point.
         roles: Which device is what.
-        slip: Takes the wheels' slip off their motion by their effort; None where they are taken to roll.
-        trace_slip: The same by trace and tilt; one of the two at most.
+        slip: Removes slip from the wheels' motion; None where the wheels are assumed to roll.
 
     Attributes:
         odometry: The wheels' own account.
@@ -44,12 +42,9 @@ class Estimator:
         settings: FilterSettings,
         wheel_speed_limit_rad_s: float,
         roles: DeviceRoles,
-        slip: SlipCompensator | None = None,
-        trace_slip: TraceSlipCompensator | None = None,
+        slip: SlipCompensator[object] | None = None,
     ) -> None:
-        self._effort_slip = slip
-        self._trace_slip = trace_slip
-        self._slip = slip or trace_slip
+        self._slip = slip
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
@@ -66,11 +61,11 @@ class Estimator:
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
         device = sample.device
-        if self._trace_slip is not None:
-            self._trace_slip.feed(sample, t_ns)
+        if self._slip is not None:
+            self._slip.feed(sample, t_ns)
         if isinstance(sample, WheelSample):
-            if device == self._roles.wheels:
-                self._take_wheel(sample, t_ns)
+            if device == self._roles.wheels and sample.position_rad is not None:
+                self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
         elif isinstance(sample, RateSample):
             if device == self._roles.gyro:
                 self._gyro.feed(t_ns, sample.rate_z_rad_s)
@@ -158,12 +153,6 @@ class Estimator:
         if self._slip is None:
             return self.odometry.velocity
         return self._slip.body_motion(self.odometry.wheel_speed_rad_s)
-
-    def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
-        if sample.position_rad is not None:
-            self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
-        if self._effort_slip is not None:
-            self._effort_slip.feed(sample, t_ns)
 
     def _take_heading(self, sample: HeadingSample, t_ns: int) -> None:
         source = (sample.device, sample.reference)

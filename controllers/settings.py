@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from itertools import combinations
 from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from controllers.safety.settings import SafetySettings
 from controllers.slip.effort.settings import SlipSettings
-from controllers.slip.scomp.settings import TraceSlipSettings
+from controllers.slip.scomp.settings import ScompSettings
 from drivers.settings import Settings
 
 WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
@@ -17,6 +17,8 @@ PathLength = Annotated[float, Field(ge=0.05, le=100.0)]
 Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
 
 CLOSEST_WHEELS_DEG = 15.0
+OLD_SCOMP_KEY = "trace_slip"
+"""Name of the section `scomp` in older configurations and logs."""
 
 
 class OmniRoverSettings(Settings):
@@ -158,7 +160,7 @@ class LimitSettings(Settings):
 class ControlSettings(Settings):
     """The whole controller. Without a mission it only observes and the wheels get zero set-points.
 
-    Without `slip` (three omnidirectional wheels) or `trace_slip` (four wheels) the wheels are taken to roll.
+    Without `slip` (three omnidirectional wheels) or `scomp` (four wheels) the wheels are assumed to roll.
     """
 
     rover: RoverSettings
@@ -167,17 +169,19 @@ class ControlSettings(Settings):
     safety: SafetySettings = SafetySettings()
     mission: MissionSettings | None = None
     slip: SlipSettings | None = None
-    trace_slip: TraceSlipSettings | None = None
+    scomp: Annotated[ScompSettings | None, Field(validation_alias=AliasChoices("scomp", OLD_SCOMP_KEY))] = (
+        None
+    )
 
     @model_validator(mode="after")
     def _check_slip(self) -> Self:
-        for conflict in find_slip_conflicts(self.rover, self.slip, self.trace_slip):
+        for conflict in find_slip_conflicts(self.rover, self.slip, self.scomp):
             raise ValueError(conflict)
         return self
 
 
 def find_slip_conflicts(
-    rover: RoverSettings, slip: SlipSettings | None, trace_slip: TraceSlipSettings | None
+    rover: RoverSettings, slip: SlipSettings | None, scomp: ScompSettings | None
 ) -> Iterator[str]:
     """Yield which slip compensation is not for this kind of rover, with the fix."""
     if slip is not None and not isinstance(rover, OmniRoverSettings):
@@ -185,8 +189,8 @@ def find_slip_conflicts(
             f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
             f"'{rover.kinematics}': leave [slip] out"
         )
-    if trace_slip is not None and not isinstance(rover, SkidSteerRoverSettings):
+    if scomp is not None and not isinstance(rover, SkidSteerRoverSettings):
         yield (
-            f"trace_slip: it is of a rover with four wheels, but rover.kinematics is "
-            f"'{rover.kinematics}': leave [trace_slip] out"
+            f"scomp: it is of a rover with four wheels, but rover.kinematics is "
+            f"'{rover.kinematics}': leave [scomp] out"
         )

@@ -200,7 +200,7 @@ class RigFile(Settings):
         if size == camera_size:
             return ""
         return (
-            f"trace_slip.rig is of frames of {size} pixels, the camera gives {camera_size}: make them equal"
+            f"scomp.rig is of frames of {size} pixels, the camera gives {camera_size}: make them equal"
         )
 
     def _lead_m(self) -> tuple[float, float] | None:

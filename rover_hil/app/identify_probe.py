@@ -1,4 +1,4 @@
-"""`rover-hil identify probe`: what a shake of the yaw tells about slip, from drives with known truth."""
+"""`rover-hil identify probe`: slip over the transmission loss of a yaw excitation."""
 
 import json
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.progress import track
 
-from controllers.slip.effort.yaw_excitation import YawProbeMap
+from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.identify.log_runs import read_log_run
@@ -31,12 +31,12 @@ def identify_probe(
     """Fit the probe to `logs` and write `maps` with it to `out`; returns the exit code.
 
     Raises:
-        ConfigError: `out` exists, the shake is out of range, `maps` cannot be read, or scikit-learn is not
-            installed.
-        LogError: A log cannot be used, or there is too little shaking in all of them.
+        ConfigError: `out` exists, the excitation is out of range, `maps` cannot be read, or scikit-learn is
+            not installed.
+        LogError: A log cannot be used, or there is too little excitation in all of them.
     """
     check_file(out, force=force)
-    shake = _shake(logs, amplitude_rad_s, frequency_hz)
+    excitation = _excitation(logs, amplitude_rad_s, frequency_hz)
     content = read_slip_map(maps)
     files = find_runs(logs).files
     console = Console(stderr=True)
@@ -44,27 +44,27 @@ def identify_probe(
         read_log_run(path, path.parent.name)
         for path in track(files, "reading", console=console, transient=True)
     ]
-    probe = fit_probe(runs, shake)
+    probe = fit_probe(runs, excitation)
     write_slip_map(content.model_copy(update={"yaw_probe": probe}), out)
     if as_json:
-        print(json.dumps({"logs": len(runs), **probe.model_dump()}, indent=2))  # noqa: T201 - read by scripts
+        print(json.dumps({"logs": len(runs), **probe.model_dump(by_alias=True)}, indent=2))  # noqa: T201 - read by scripts
     else:
         Console(highlight=False).print(
-            f"{len(runs)} logs: slip follows the lost share of the shake with a scatter of "
+            f"{len(runs)} logs: slip follows the transmission loss with a scatter of "
             f"{probe.slip_sd:.3f}; written to {out}"
         )
     return EXIT_OK
 
 
-def _shake(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawProbeMap:
-    """Return the shake of the logs, its table not yet fitted."""
+def _excitation(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawExcitationMap:
+    """Return the excitation of the logs, its table not yet fitted."""
     source = f"drives in {', '.join(path.resolve().name for path in logs)}"
     try:
-        return YawProbeMap(
+        return YawExcitationMap(
             source=source,
             amplitude_rad_s=amplitude_rad_s,
             frequency_hz=frequency_hz,
-            lost=(0, 1),
+            transmission_losses=(0, 1),
             slips=(0, 1),
             slip_sd=1.0,
             directions_rad=(0.0,),

@@ -76,17 +76,17 @@ def _print(
     if not is_written:
         print(parameters_text(parameters), end="")  # noqa: T201 - the file itself
     console = Console(highlight=False, stderr=not is_written)
-    hinge, pitch, roll, trace = parameters.hinge, parameters.pitch, parameters.roll, parameters.trace
-    low, high = (math.degrees(angle) for angle in hinge.fit_range_rad)
+    law, pitch, roll, trace = parameters.two_segment_slip, parameters.pitch, parameters.roll, parameters.trace
+    low, high = (math.degrees(angle) for angle in law.fit_range_rad)
     table = Table(title=f"{len(found.windows.t_s)} windows of two seconds", title_justify="left")
     for name in ("what", "value", "known to"):
         table.add_column(name)
     table.add_row("c_rr", f"{pitch.rolling_resistance:.4f}", f"{pitch.rolling_resistance_sd:.4f}")
     table.add_row("C_x (N)", f"{pitch.model.c_x_n:.1f}", f"{100 * pitch.stiffness_sd:.0f} % for that c_rr")
     table.add_row(
-        "hinge s_x0, k (/rad), beta0 (deg)",
-        f"{hinge.slip_0:.3f}, {hinge.k_per_rad:.3f}, {math.degrees(hinge.beta_0_rad):.1f}",
-        f"rms {hinge.rms:.3f} over |beta| of {low:.0f} to {high:.0f} deg",
+        "two-segment slip s_x0, k (/rad), beta0 (deg)",
+        f"{law.slip_0:.3f}, {law.k_per_rad:.3f}, {math.degrees(law.beta_0_rad):.1f}",
+        f"rms {law.rms:.3f} over |beta| of {low:.0f} to {high:.0f} deg",
     )
     table.add_row("drift from roll, gain", f"{roll.gain:.2f}", f"{roll.gain_sd:.2f}")
     table.add_row("drift beside it, rms (deg)", f"{math.degrees(roll.rest):.2f}", "")

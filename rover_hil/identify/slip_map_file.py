@@ -49,7 +49,7 @@ def write_slip_map(content: SlipMapFile, path: Path) -> None:
     Raises:
         ConfigError: It cannot be written.
     """
-    write_file(path, _to_toml(content.model_dump(exclude_none=True)))
+    write_file(path, _to_toml(content.model_dump(by_alias=True, exclude_none=True)))
 
 
 def read_slip_map(name_or_path: str) -> SlipMapFile:

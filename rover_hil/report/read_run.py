@@ -12,7 +12,7 @@ from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from controllers.settings import SkidSteerRoverSettings
 from controllers.slip.effort.compensator import SlipReport
-from controllers.slip.scomp.compensator import DriftReport
+from controllers.slip.scomp.compensator import ScompReport
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
@@ -225,7 +225,7 @@ class _Collector:
             else:
                 self._uncompared[innovation.name] += 1
 
-    def _take_drift(self, t_s: float, drift: DriftReport) -> None:
+    def _take_drift(self, t_s: float, drift: ScompReport) -> None:
         self._rows["drift_slip", ""].append((t_s, drift.slip))
         self._rows["drift_angle", ""].append((t_s, drift.slip_angle_rad))
         self._drift_reasons.append(drift.reason)

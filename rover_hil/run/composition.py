@@ -135,12 +135,12 @@ def find_wheel_count_conflict(rover: RoverSettings, drive: str, drive_wheel_coun
 
 def _make_finder(config: Config) -> TraceFinder | None:
     camera = None if config.roles.camera is None else config.devices[config.roles.camera]
-    if config.trace_slip is None or config.trace_slip.rig is None or not isinstance(camera, CameraSettings):
+    if config.scomp is None or config.scomp.rig is None or not isinstance(camera, CameraSettings):
         return None
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
     from rover_hil.run.live_trace import LiveTraceFinder
 
-    return LiveTraceFinder(config.trace_slip.rig, camera)
+    return LiveTraceFinder(config.scomp.rig, camera)
 
 
 def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:

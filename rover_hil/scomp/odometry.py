@@ -8,10 +8,10 @@ import numpy as np
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.motion.planar import wrap_angle
-from controllers.slip.scomp.filter import START_CERTAIN_RAD, FilterStep, PoseEstimator, StartHeading
+from controllers.slip.scomp.filter import START_CERTAIN_RAD, FilterStep, ScompFilter, StartHeading
 from controllers.slip.scomp.motion_model import ANGLES, FIRST, SECOND, YAW, Motion, X, Y, expected_drift
 from controllers.slip.scomp.parameters import ScompParameters
-from controllers.slip.scomp.slip_laws import HingeLaw, PitchLaw, SlipLaw
+from controllers.slip.scomp.slip_laws import PitchLaw, SlipLaw, TwoSegmentLaw
 from drivers.errors import ModelError
 from rover_hil.scomp.drive import Array, Drive, Track
 from rover_hil.scomp.smoother import smooth
@@ -62,7 +62,9 @@ def paper_track(drive: Drive, parameters: ScompParameters) -> Track:
         msg = "sComp as in the paper needs trace angles, and the drive has none: use the pose estimator"
         raise ModelError(msg)
     beta = parameters.trace.sign * _held(drive.trace_rad)
-    return _integrate(drive, parameters, _compass_heading(drive, parameters), beta, parameters.hinge.slip_at)
+    return _integrate(
+        drive, parameters, _compass_heading(drive, parameters), beta, parameters.two_segment_slip.slip_at
+    )
 
 
 def estimate_track(
@@ -90,8 +92,8 @@ def estimate_track(
     drive = _with_smooth_tilt(drive)
     parameters, sign_note = _with_compass_sign(drive, parameters)
     start, start_note = start_heading(drive, parameters)
-    law: SlipLaw = PitchLaw(parameters) if drive.pitch_rad is not None else HingeLaw(parameters)
-    estimator = PoseEstimator(parameters, law, start, follows_roll=drive.roll_rad is not None)
+    law: SlipLaw = PitchLaw(parameters) if drive.pitch_rad is not None else TwoSegmentLaw(parameters)
+    estimator = ScompFilter(parameters, law, start, follows_roll=drive.roll_rad is not None)
     motions = [_motion(drive, parameters, max(index, 1)) for index in range(len(drive.t_s))]
     steps, innovations = _filter(drive, estimator, motions, progress)
     estimates = [step.estimate for step in steps] if online else smooth(steps, ANGLES)
@@ -106,7 +108,7 @@ def estimate_track(
 
 
 def _filter(
-    drive: Drive, estimator: PoseEstimator, motions: list[Motion], progress: Callable[[int], None]
+    drive: Drive, estimator: ScompFilter, motions: list[Motion], progress: Callable[[int], None]
 ) -> tuple[list[FilterStep], list[Innovation]]:
     innovations: list[Innovation] = []
     _correct(estimator, drive, 0, innovations)
@@ -122,7 +124,7 @@ def _filter(
 
 def _track(
     drive: Drive,
-    estimator: PoseEstimator,
+    estimator: ScompFilter,
     estimates: list[tuple[Array, Array]],
     motions: list[Motion],
 ) -> Track:
@@ -160,7 +162,7 @@ def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[StartHeadi
     return StartHeading(heading_rad=by_compass, standard_deviation_rad=None), (words,)
 
 
-def _correct(estimator: PoseEstimator, drive: Drive, index: int, innovations: list[Innovation]) -> None:
+def _correct(estimator: ScompFilter, drive: Drive, index: int, innovations: list[Innovation]) -> None:
     found: list[Innovation | None] = [estimator.correct_standstill()]
     if drive.compass_rad is not None and math.isfinite(drive.compass_rad[index]):
         found.append(estimator.correct_compass(float(drive.compass_rad[index])))
@@ -210,7 +212,7 @@ def _missing(drive: Drive) -> list[str]:
     elif drive.compass_rad is None:
         notes.append("no compass: the heading is the gyro's, and drifts with its bias")
     if drive.pitch_rad is None:
-        notes.append("no pitch: the slip is the hinge's, the same on every slope")
+        notes.append("no pitch: the two-segment slip law is used; it ignores the slope")
     if drive.roll_rad is None:
         notes.append("no roll: nothing is expected of the slip angle, it is the trace's")
     if drive.trace_rad is None and drive.roll_rad is None:

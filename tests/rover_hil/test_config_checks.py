@@ -130,8 +130,8 @@ def test_all_mistakes_come_at_once_one_line_each(tmp_path: Path, monkeypatch: py
         (('port = "ports/imu"', 'port = "ports/compass"'), "devices.imu.port: 'ports/compass' is already t"),
         (("max_age_s = 0.7", "max_age_s = 0.1"), "devices.camera: max_age_s = 0.1 is not longer than one p"),
         (("length_m = 3.0", "length_m = 300"), "mission.length_m: input should be less than or equal to 10"),
-        (('parameters = "el-dorado"', 'parameters = "none"'), "trace_slip.parameters: cannot read paramete"),
-        (('rig = "el-dorado"', 'rig = "none.json"'), "trace_slip.rig: cannot read rig file none.json"),
+        (('parameters = "el-dorado"', 'parameters = "none"'), "scomp.parameters: cannot read paramete"),
+        (('rig = "el-dorado"', 'rig = "none.json"'), "scomp.rig: cannot read rig file none.json"),
         (("wheel_radius_error", "mass"), "simulation.plant.mass: unknown key; did you mean mass_kg?"),
     )
     path = write(tmp_path, "el-dorado", *(change for change, _ in changes_and_lines))

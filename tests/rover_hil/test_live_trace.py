@@ -38,9 +38,9 @@ def summary_of(path: Path) -> Summary:
 def finder(**changes: object) -> LiveTraceFinder:
     config = load_config("el-dorado")
     camera = config.devices["camera"].model_copy(update=changes)
-    assert config.trace_slip is not None
-    assert config.trace_slip.rig is not None
-    return LiveTraceFinder(config.trace_slip.rig, camera)  # type: ignore[arg-type]
+    assert config.scomp is not None
+    assert config.scomp.rig is not None
+    return LiveTraceFinder(config.scomp.rig, camera)  # type: ignore[arg-type]
 
 
 def picture(t_ns: int, shape: tuple[int, ...] = (480, 640, 3)) -> FrameSample:
@@ -89,7 +89,7 @@ def test_every_angle_found_is_in_the_log_once_and_right(log: Path) -> None:
 
 def test_without_the_compensation_nothing_is_told(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    config = with_changes("el-dorado", trace_slip=None, roles__camera=None)
+    config = with_changes("el-dorado", scomp=None, roles__camera=None)
     run_virtual(config, path, 1.5, None)
     assert summary_of(path).drift is None
 
@@ -124,11 +124,11 @@ def test_a_rig_of_another_camera_is_refused() -> None:
 
 def test_a_rig_in_a_log_is_checked_again() -> None:
     table = load_config("el-dorado").model_dump(by_alias=True)
-    del table["trace_slip"]["rig"]["b_m"]
+    del table["scomp"]["rig"]["b_m"]
     with pytest.raises(ValidationError) as caught:
         Config.model_validate(table)
     message = describe_validation_error("run.mcap", caught.value, table)
-    assert message == "run.mcap: trace_slip.rig.b_m: this key is missing; add it"
+    assert message == "run.mcap: scomp.rig.b_m: this key is missing; add it"
 
 
 def changed_config(tmp_path: Path, old: str, new: str) -> str:
@@ -144,7 +144,7 @@ def changed_config(tmp_path: Path, old: str, new: str) -> str:
     ("old", "new", "message"),
     [
         ('rig = "el-dorado" ', 'rig = "nowhere" ', "cannot read rig file nowhere"),
-        ('rig = "el-dorado" ', "# ", "its calibration is missing: add trace_slip.rig"),
+        ('rig = "el-dorado" ', "# ", "its calibration is missing: add scomp.rig"),
         ('parameters = "el-dorado" ', 'parameters = "nowhere" ', "cannot read parameters nowhere"),
         (
             'camera = "camera"',

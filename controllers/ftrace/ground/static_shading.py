@@ -34,7 +34,7 @@ STEEPEST, LEAST_ALONG = 1.0, 1e-3
 Matrix = NDArray[np.float64]
 
 
-class StandingLight:
+class StaticShading:
     """The light of one rig, learned while it drives.
 
     Args:

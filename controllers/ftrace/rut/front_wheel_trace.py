@@ -16,7 +16,7 @@ MOST_WIDTHS = 1.1
 """Traces further apart than this many widths of a wheel do not touch."""
 
 
-class LeadTrace:
+class FrontWheelTrace:
     """Where the other trace lies beside curves that the watched one may have.
 
     The heading is taken to be the same over the length of the rover, the path behind the view as straight on.

@@ -24,7 +24,7 @@ PLACES = 3
 """Index of y_1."""
 
 
-class PathMemory:
+class PathFilter:
     """What is known about the path behind the wheel.
 
     Args:

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from controllers.ftrace.ground.flow import GroundFlow, Motion
 from controllers.ftrace.ground.frame import Frame, Reading
 from controllers.ftrace.ground.matching import GroundMatch
-from controllers.ftrace.ground.static_shading import StandingLight
+from controllers.ftrace.ground.static_shading import StaticShading
 from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch, Patch
 from controllers.ftrace.rut.confidence import RutMethod, Signs, confidence
-from controllers.ftrace.rut.front_wheel_trace import LeadTrace
-from controllers.ftrace.rut.path_filter import PathMemory
+from controllers.ftrace.rut.front_wheel_trace import FrontWheelTrace
+from controllers.ftrace.rut.path_filter import PathFilter
 from controllers.ftrace.rut.presence import LEAST_LENGTH_M, Evidence, Presence
 from controllers.ftrace.rut.rut import (
     BLOCK_M,
@@ -83,11 +83,11 @@ class RutTracker:
         self._finder = RutFinder(ground)
         self._flow = GroundFlow(ground)
         self._match = GroundMatch(ground)
-        self._light = StandingLight(ground.visible.astype(np.float32), ground.centre, LIT_SHARE)
-        self._texture = StandingLight(self._finder.inner, ground.centre, ROUGH_SHARE)
-        self._lead = LeadTrace(ground.rig, BLOCK_M)
-        self._memory = PathMemory(ground.rig.behind_m)
-        self._any_path = PathMemory(ground.rig.behind_m)
+        self._light = StaticShading(ground.visible.astype(np.float32), ground.centre, LIT_SHARE)
+        self._texture = StaticShading(self._finder.inner, ground.centre, ROUGH_SHARE)
+        self._lead = FrontWheelTrace(ground.rig, BLOCK_M)
+        self._memory = PathFilter(ground.rig.behind_m)
+        self._any_path = PathFilter(ground.rig.behind_m)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
         self._presence = Presence(hidden_m + LEAST_LENGTH_M, is_light_known=method == "fused")
         self._before: Image | None = None

@@ -1,4 +1,4 @@
-"""What the current of a gear motor tells: the paper's quantity M and a torque at the wheel. Plain floats."""
+"""Effort of a gear motor from its current: the paper's quantity M and the wheel torque. Plain floats."""
 
 import math
 from enum import StrEnum
@@ -12,7 +12,7 @@ SPEED_STEP_RAD_S = 27.0 * math.tau / 60.0 / 16.0
 """One step of a Robotino's speed field at the wheel: 27 rpm at the motor, gear 16."""
 
 SLOWEST_RAD_S = 3.0 * SPEED_STEP_RAD_S
-"""Wheel speed below which slip and M are not defined well enough to be used: 0.53 rad/s."""
+"""Wheel speed below which slip and M are too uncertain to be used: 0.53 rad/s."""
 
 FILTER_TIME_S = 0.1
 """Time constant of the low-pass on current and speed; about the delay of the inner speed loop."""
@@ -33,7 +33,7 @@ class MotorSettings(Settings):
         coulomb_torque_nm: Dry friction at the motor's shaft, from a no-load current of 0.2 A.
         viscous_torque_nm_s_rad: Friction per motor speed.
         inertia_kg_m2: Of the rotor.
-        current_full_scale_a: Greatest current that the sensor can tell; 6.5 A on an EA05 board.
+        current_full_scale_a: Greatest current that the sensor can measure; 6.5 A on an EA05 board.
 
     Source: BrOleg5/Slippage-compensation `scripts/model_parameters.m`; data sheet Dunkermotoren GR 42x25.
     """
@@ -75,7 +75,7 @@ def wheel_torque(
     wheel_speed_rad_s: float,
     wheel_acceleration_rad_s2: float = 0.0,
 ) -> float:
-    """Return the torque at the wheel in N m: what the current makes less what motor and gear keep.
+    """Return the torque at the wheel in N m: the electric torque less the losses of motor and gear.
 
     tau_w = k_red (eta^sgn k_t I - T_c sgn w - b w - J_m dw/dt); finite everywhere. Dry friction is faded in
     up to `SLOWEST_RAD_S`: at rest its direction is unknown.
@@ -92,12 +92,12 @@ def wheel_torque(
     electric_nm *= motor.gear_efficiency if electric_nm * speed >= 0.0 else 1.0 / motor.gear_efficiency
     fade = max(-1.0, min(1.0, wheel_speed_rad_s / SLOWEST_RAD_S))
     inertia_nm = motor.inertia_kg_m2 * motor.gear_ratio * wheel_acceleration_rad_s2
-    lost_nm = motor.coulomb_torque_nm * fade + motor.viscous_torque_nm_s_rad * speed + inertia_nm
-    return motor.gear_ratio * (electric_nm - lost_nm)
+    losses_nm = motor.coulomb_torque_nm * fade + motor.viscous_torque_nm_s_rad * speed + inertia_nm
+    return motor.gear_ratio * (electric_nm - losses_nm)
 
 
 class EffortFlag(StrEnum):
-    """Why a wheel's effort cannot be used."""
+    """Why the effort of a wheel cannot be used."""
 
     NO_CURRENT = "no current"
     SATURATED = "current saturated"
@@ -116,7 +116,7 @@ TORQUE_UNKNOWN = frozenset(
         EffortFlag.CLOCK,
     )
 )
-"""With one of these the torque of a wheel is not known. That of a slow one is."""
+"""With one of these the torque of a wheel is unknown. The torque of a slow wheel is known."""
 
 SIGN_UNKNOWN = frozenset((EffortFlag.BRAKING, EffortFlag.SIGN_CHANGE))
 
@@ -129,7 +129,7 @@ class WheelEffort(NamedTuple):
         speed_rad_s: Speed of the wheel.
         paper_torque_nm: M of the paper, see `paper_torque`.
         wheel_torque_nm: See `wheel_torque`.
-        flags: Empty where all of it may be used.
+        flags: Empty where all values may be used.
     """
 
     current_a: float
@@ -140,31 +140,31 @@ class WheelEffort(NamedTuple):
 
     @property
     def unknown_torque(self) -> EffortFlag | None:
-        """Why the torque is not known; None where it is."""
+        """Why the torque is unknown; None where it is known."""
         return next((flag for flag in self.flags if flag in TORQUE_UNKNOWN), None)
 
     @property
     def unknown_work(self) -> EffortFlag | None:
-        """Why torque times speed is not known; None where it is.
+        """Why torque times speed is unknown; None where it is known.
 
-        That of a slow wheel is next to nothing, whichever sign its current has: a wheel that is to stand
-        trembles to and fro, and its sign is hardly ever known.
+        That of a slow wheel is almost zero for either sign of its current. A wheel at rest trembles, so the
+        sign of its current is hardly ever known.
         """
         unknown = TORQUE_UNKNOWN - SIGN_UNKNOWN if EffortFlag.SLOW in self.flags else TORQUE_UNKNOWN
         return next((flag for flag in self.flags if flag in unknown), None)
 
 
 class EffortObserver:
-    """Gives an unsigned current its sign and forms M and torque, for one wheel.
+    """Finds the sign of an unsigned current, and computes M and torque, for one wheel.
 
     Current and speed pass the same first-order low-pass before M is formed: a ratio of two signals with
     different delays would show torque where there is none.
 
     Args:
         motor: The motor.
-        current_is_signed: False where the sensor tells a magnitude only. The sign is then that of the speed,
-            or of the set-point while the wheel stands; both fail while the wheel is faster than its
-            set-point.
+        current_is_signed: False where the sensor measures a magnitude only. The sign is then that of the
+            speed, or of the set-point while the wheel is at rest; both fail while the wheel is faster than
+            its set-point.
     """
 
     def __init__(self, motor: MotorSettings, *, current_is_signed: bool) -> None:

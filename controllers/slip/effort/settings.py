@@ -27,14 +27,14 @@ class TorqueCorrectionSettings(Settings):
 
 
 class SlipSettings(Settings):
-    """How slip is found and what is done about it.
+    """Slip compensation by motor effort or yaw excitation.
 
     Attributes:
         maps: Fitted maps; in a configuration file the name of a shipped file or the path of one.
-        use: `yaw_probe` to shake the yaw a little and see what is lost of it, `surfaces` for the map that
-            recognises the surface, or the name of one of the wheel maps.
-        known_surfaces: Where the ground is known: only these surfaces come into question.
-        torque_correction: Also correct the set-points; None leaves them alone.
+        use: `yaw_probe` for slip by a small yaw excitation, `surfaces` for the map that recognises the
+            surface, or the name of one of the wheel maps.
+        known_surfaces: Where the ground is known: the only surfaces to choose from.
+        torque_correction: Also correct the set-points; None leaves them unchanged.
     """
 
     maps: SlipMapFile

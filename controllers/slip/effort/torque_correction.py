@@ -10,9 +10,9 @@ from controllers.slip.effort.settings import TorqueCorrectionSettings
 
 
 class TorqueCorrection:
-    """Finds the part of the wheels' force that does not push along the commanded motion.
+    """Finds the part of the wheels' force that does not act along the commanded motion.
 
-    Force on the body is F = J^T tau / R. F', what is left of it across the commanded twist, comes from
+    Force on the body is F = J^T tau / R. F', its part across the commanded twist, comes from
     uneven ground; tau_c = R J^-T F' is the wheels' share in it, and each set-point is changed by
     gain * tau_c. Forces and twists are compared with the moment divided, the yaw rate multiplied, by the
     base radius.
@@ -43,7 +43,7 @@ class TorqueCorrection:
 
         Args:
             wheel_torque_nm: Torque at each wheel, positive where it pushes counter-clockwise.
-            commanded_twist: Velocity x, y in m/s and yaw rate in rad/s asked for; none at rest.
+            commanded_twist: Commanded velocity x, y in m/s and yaw rate in rad/s; at rest nothing is added.
         """
         force = self._to_force @ np.asarray(wheel_torque_nm) / self._scale
         twist = np.asarray(commanded_twist) * self._scale

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from controllers.slip.scomp.parameters import CompassModel, ScompParameters
-from controllers.slip.scomp.two_segment_slip_law import Hinge
+from controllers.slip.scomp.two_segment_slip_law import TwoSegmentSlip
 from drivers.errors import ModelError
 from rover_hil.scomp.drive import Drive, TruePath, final_error_m
 from rover_hil.scomp.odometry import (
@@ -17,8 +17,8 @@ from rover_hil.scomp.odometry import (
 )
 from tests.controllers.scomp.drives import estimated, fitted, mounds, read, rms, sideways
 
-HINGE = Hinge(slip_0=0.2, k_per_rad=0.5, beta_0_rad=0.1, fit_range_rad=(0.0, 0.5))
-PARAMETERS = ScompParameters(hinge=HINGE, compass=CompassModel(sign=1, offset_rad=0.0))
+TWO_SEGMENTS = TwoSegmentSlip(slip_0=0.2, k_per_rad=0.5, beta_0_rad=0.1, fit_range_rad=(0.0, 0.5))
+PARAMETERS = ScompParameters(two_segment_slip=TWO_SEGMENTS, compass=CompassModel(sign=1, offset_rad=0.0))
 WAY_M = 5.0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controllers.ftrace.rig_geometry import Floats
-from controllers.ftrace.rut.front_wheel_trace import LeadTrace
+from controllers.ftrace.rut.front_wheel_trace import FrontWheelTrace
 from tests.controllers.ftrace.rigs import geometry
 
 BLOCK_M = 0.04
@@ -14,8 +14,8 @@ S_M = (np.arange(15) + 0.5) * BLOCK_M
 AHEAD_M = 0.6
 
 
-def lead(ahead_m: float = AHEAD_M, left_m: float = 0.0, steer_deg: float = 0.0) -> LeadTrace:
-    return LeadTrace(replace(geometry(steer_deg), lead_m=(ahead_m, left_m)), BLOCK_M)
+def lead(ahead_m: float = AHEAD_M, left_m: float = 0.0, steer_deg: float = 0.0) -> FrontWheelTrace:
+    return FrontWheelTrace(replace(geometry(steer_deg), lead_m=(ahead_m, left_m)), BLOCK_M)
 
 
 @pytest.mark.parametrize("theta_deg", [-12.0, 0.0, 7.0])
@@ -83,7 +83,7 @@ def test_only_traces_that_touch_make_one_rut() -> None:
 
 
 def test_without_a_wheel_ahead_there_is_none() -> None:
-    alone = LeadTrace(replace(geometry(), lead_m=None), BLOCK_M)
+    alone = FrontWheelTrace(replace(geometry(), lead_m=None), BLOCK_M)
     curve = np.asarray(0.1 * S_M[None], np.float64)
 
     assert np.isinf(alone.beside(curve)).all()

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from controllers.ftrace.rut.path_filter import PathMemory
+from controllers.ftrace.rut.path_filter import PathFilter
 
 STEP_M = 0.016
 SEEN_M = np.arange(0.08, 0.6, 0.04)
@@ -16,7 +16,7 @@ def circle(curvature_1_m: float, slope: float) -> np.ndarray:
 
 @pytest.mark.parametrize(("slope", "curvature"), [(0.1, 0.0), (-0.15, 0.4), (0.05, -0.6)])
 def test_one_look_at_a_curve_gives_its_direction_at_the_wheel(slope: float, curvature: float) -> None:
-    memory = PathMemory(0.6)
+    memory = PathFilter(0.6)
 
     memory.observe_trace(SEEN_M, circle(curvature, slope), np.full(len(SEEN_M), 0.001), 0.001, 0.001)
 
@@ -25,7 +25,7 @@ def test_one_look_at_a_curve_gives_its_direction_at_the_wheel(slope: float, curv
 
 
 def test_straight_on_without_looking_keeps_the_direction() -> None:
-    memory = PathMemory(0.6)
+    memory = PathFilter(0.6)
     memory.observe_trace(SEEN_M, circle(0.0, 0.1), np.full(len(SEEN_M), 0.001), 0.0005, 0.001)
     before = memory.theta_rad, memory.theta_sd_rad
 
@@ -38,7 +38,7 @@ def test_straight_on_without_looking_keeps_the_direction() -> None:
 
 def test_a_turn_of_the_rover_shows_in_the_angle_at_once() -> None:
     """Turned left on the spot of its way, the wheel moves to the right of its axis."""
-    memory = PathMemory(0.6)
+    memory = PathFilter(0.6)
     memory.observe_trace(SEEN_M, circle(0.0, 0.0), np.full(len(SEEN_M), 0.001), 0.0005, 0.001)
     before = memory.theta_rad
 
@@ -48,7 +48,7 @@ def test_a_turn_of_the_rover_shows_in_the_angle_at_once() -> None:
 
 
 def test_motion_seen_directly_gives_the_angle() -> None:
-    memory = PathMemory(0.6)
+    memory = PathFilter(0.6)
     for _ in range(20):
         memory.advance(STEP_M, 0.0, 0.0005)
         memory.observe_motion(STEP_M, 0.1 * STEP_M, 0.0001)
@@ -57,7 +57,7 @@ def test_motion_seen_directly_gives_the_angle() -> None:
 
 
 def test_the_covariance_stays_symmetric_and_positive_over_a_long_drive() -> None:
-    memory = PathMemory(0.6)
+    memory = PathFilter(0.6)
     rng = np.random.default_rng(3)
     for _ in range(150):
         memory.advance(STEP_M, float(rng.normal(0, 0.003)), 0.001)
