@@ -71,7 +71,7 @@ class CameraEmulator:
         self._to_host.put(t_ns + self._exposure.after_ns, image)
         self.next_event_ns += self._period_ns
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         """Ignore it: the camera takes no commands."""
 
 

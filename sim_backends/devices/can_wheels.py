@@ -135,7 +135,7 @@ class CanNodes:
             values = {signal: raw_of(truth) for signal, raw_of in outbox.signals.items()}
             self._to_host.put(t_ns, outbox.writer.write(values))
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         """Take set-points and what switches the drives on and off."""
         frame = unpack_can_frame(payload)
         if frame is None or frame.is_remote or frame.is_error:

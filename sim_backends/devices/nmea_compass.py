@@ -87,7 +87,7 @@ class CompassEmulator:
         reading_deg = heading_deg + self._error_deg(heading_deg) + noise_deg
         self._to_host.put(t_ns, encode_sentence(self._body.format(round(reading_deg * 10.0) % 3600 / 10.0)))
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         """Ignore the host."""
 
     def _error_deg(self, heading_deg: float) -> float:

@@ -106,15 +106,15 @@ class RobotinoBoardEmulator:
             self._plant.set_wheel_speeds((0.0, 0.0, 0.0))
             self._stop_ns = NEVER_NS
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         """Obey each request that `payload` completes and prepare its reply."""
         for frame in self._scanner.feed(payload):
             if isinstance(frame, bytes):
-                self._obey(frame)
+                self._execute(frame)
                 self._prepare_reply(t_ns)
                 self._stop_ns = t_ns + self._silence_ns
 
-    def _obey(self, frame: bytes) -> None:
+    def _execute(self, frame: bytes) -> None:
         request = parse_request(frame)
         self._plant.set_wheel_speeds(
             [
@@ -127,10 +127,10 @@ class RobotinoBoardEmulator:
         measured = self._measure(t_ns)
         answer = self._measured_before if self._board == "EA05" else measured
         self._measured_before = measured
-        begin_ns = self._replies[-1].t_ns if self._replies else t_ns
+        start_ns = self._replies[-1].t_ns if self._replies else t_ns
         delay_s = FASTEST_REPLY_S + (SLOWEST_REPLY_S - FASTEST_REPLY_S) * next(self._uniforms)
         delay_ns = nanoseconds(delay_s)
-        self._replies.append(Received(begin_ns + delay_ns, answer))
+        self._replies.append(Received(start_ns + delay_ns, answer))
 
     def _measure(self, t_ns: int) -> bytes:
         truth = self._plant.truth()

@@ -112,7 +112,7 @@ class ImuEmulator:
         self._to_host.put(t_ns, burst)
         self._before = truth
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         """Ignore the host."""
 
     def _acceleration(self, truth: Truth) -> Vector:

@@ -93,7 +93,7 @@ class OverheadScene:
         """Return the picture, BGR, with the rover blurred by its motion during the exposure."""
         image = self._floor.copy()
         shares = (np.arange(EXPOSURE_PARTS) - 0.5 * (EXPOSURE_PARTS - 1)) / EXPOSURE_PARTS
-        poses = [_moved(truth, float(share) * self._emulator.exposure_s) for share in shares]
+        poses = [_pose_after(truth, float(share) * self._emulator.exposure_s) for share in shares]
         decks = [self._camera.project(self._deck(*pose)) for pose in poses]
         boards = [self._camera.project(self._board_corners(*pose)) for pose in poses]
         margin = 2 + math.ceil(4 * self._emulator.blur_px)
@@ -111,7 +111,7 @@ class OverheadScene:
             if self._emulator.blur_px > 0.0:
                 blurred = cv2.GaussianBlur(blurred, (0, 0), self._emulator.blur_px)
             window[:] = np.round(blurred)
-        return self._develop(image)
+        return self._add_noise(image)
 
     def _draw(self, floor: Image, deck_px: Array, board_px: Array) -> Image:
         """Return a part of the picture with the rover in it, each pixel the mean of what it covers."""
@@ -135,7 +135,7 @@ class OverheadScene:
         )
         return np.asarray(cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
-    def _develop(self, image: Image) -> Image:
+    def _add_noise(self, image: Image) -> Image:
         height, width = image.shape
         row, column = self._rng.integers(0, NOISE_SHIFT, 2)
         noisy = cv2.add(image, self._noise[row : row + height, column : column + width], dtype=cv2.CV_8U)
@@ -158,7 +158,7 @@ class OverheadScene:
         return np.column_stack((points.real, points.imag, np.full(len(points), self._height_m)))
 
 
-def _moved(truth: Truth, dt_s: float) -> tuple[float, float, float]:
+def _pose_after(truth: Truth, dt_s: float) -> tuple[float, float, float]:
     """Return x, y and yaw so much later."""
     cosine, sine = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
     return (

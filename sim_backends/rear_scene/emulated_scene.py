@@ -11,7 +11,7 @@ from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
 from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
 from sim_backends.rear_scene.scene import Lens, Pose, RearScene, rotations
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
-from sim_backends.world.coloured_noise import SlowNoise
+from sim_backends.world.coloured_noise import ColouredNoise
 from sim_backends.world.plant import Truth
 
 FARTHEST_M = 1.3
@@ -20,7 +20,7 @@ PRESSED_STEP_M = 0.01
 ROCKING_TIME_S = 0.5
 
 
-def rig_of(emulator: CameraEmulatorSettings, width: int, height: int, fps: float) -> Rig:
+def make_rig(emulator: CameraEmulatorSettings, width: int, height: int, fps: float) -> Rig:
     """Return the calibrated rig of a simulated camera.
 
     Raises:
@@ -78,10 +78,10 @@ class EmulatedScene:
         rng: np.random.Generator,
         start_ns: int,
     ) -> None:
-        self._rig = rig_of(emulator, width, height, fps)
+        self._rig = make_rig(emulator, width, height, fps)
         self._rut = Rut(depth_m=emulator.rut_depth_m)
         self._rock_rad = math.radians(emulator.rock_deg)
-        self._rocking = SlowNoise(2, ROCKING_TIME_S, rng, start_ns)
+        self._rocking = ColouredNoise(2, ROCKING_TIME_S, rng, start_ns)
         self._scene = RearScene(
             self._rig,
             GroundSettings(kind=emulator.ground, stones_per_m2=emulator.stones_per_m2),
@@ -97,39 +97,39 @@ class EmulatedScene:
         pose = self._pose(truth)
         before = self._before or pose
         self._before = pose
-        way_m = math.dist(before.position_m, pose.position_m) + abs(pose.yaw_rad - before.yaw_rad)
-        steps = max(1, math.ceil(way_m / PRESSED_STEP_M))
+        distance_m = math.dist(before.position_m, pose.position_m) + abs(pose.yaw_rad - before.yaw_rad)
+        steps = max(1, math.ceil(distance_m / PRESSED_STEP_M))
         for step in range(1, steps + 1):
-            self._scene.drive(_between(before, pose, step / steps))
+            self._scene.drive(_interpolate(before, pose, step / steps))
         return self._scene.render(pose)
 
     def _pose(self, truth: Truth) -> Pose:
         rock = self._rocking.at(truth.t_ns)
-        turned = truth.wheel_position_rad
-        return _stand(
+        wheel_angles_rad = truth.wheel_position_rad
+        return _with_rotation(
             Pose(
                 position_m=np.array([truth.x_m, truth.y_m, -self._rut.depth_m]),
                 vehicle_to_world=np.eye(3),
                 rock_rad=(self._rock_rad * rock[0], self._rock_rad * rock[1]),
                 yaw_rad=truth.yaw_rad,
-                wheel_angle_rad=sum(turned) / len(turned) if turned else 0.0,
+                wheel_angle_rad=sum(wheel_angles_rad) / len(wheel_angles_rad) if wheel_angles_rad else 0.0,
                 velocity_m_s=(truth.velocity_x_m_s, truth.velocity_y_m_s),
                 yaw_rate_rad_s=truth.yaw_rate_rad_s,
             )
         )
 
 
-def _stand(pose: Pose) -> Pose:
+def _with_rotation(pose: Pose) -> Pose:
     """Return the pose with its rotation as its heading says."""
     level = np.zeros(1)
     return replace(pose, vehicle_to_world=rotations(np.array([pose.yaw_rad]), level, level)[0])
 
 
-def _between(before: Pose, after: Pose, share: float) -> Pose:
+def _interpolate(before: Pose, after: Pose, share: float) -> Pose:
     def mix(old: float, new: float) -> float:
         return old + share * (new - old)
 
-    return _stand(
+    return _with_rotation(
         replace(
             after,
             position_m=before.position_m + share * (after.position_m - before.position_m),

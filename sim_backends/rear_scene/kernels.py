@@ -62,7 +62,7 @@ class Maps(NamedTuple):
     texel_m: float
 
 
-class Land(NamedTuple):
+class GroundModel(NamedTuple):
     """What the ground is made from.
 
     Attributes:
@@ -70,9 +70,9 @@ class Land(NamedTuple):
         mounds: Rows x, y, height, radius in m.
         reflectance: A tile of the ground, as is `relief` in m.
         patches: Slow changes of brightness, unit variance.
-        placing: Cosine, sine of the tile's turn, its texel in m, that of the patches, their strength.
-        rough: How crumbs lie, unit variance.
-        casts: Rows of offsets, in texels, of what a change of the ground lights or shades.
+        tile_placement: Cosine, sine of the tile's turn, its texel in m, that of the patches, their strength.
+        roughness: How crumbs lie, unit variance.
+        light_reach: Rows of offsets, in texels, of what a change of the ground lights or shades.
     """
 
     slope: Array
@@ -80,9 +80,9 @@ class Land(NamedTuple):
     reflectance: Map
     relief: Map
     patches: Map
-    placing: Array
-    rough: Map
-    casts: Box
+    tile_placement: Array
+    roughness: Map
+    light_reach: Box
 
 
 class View(NamedTuple):
@@ -133,22 +133,22 @@ def _sample(tile: Map, u: float, v: float) -> float:
 
 
 @_compiled
-def fill(maps: Maps, box: Box, land: Land) -> None:
+def fill(maps: Maps, box: Box, model: GroundModel) -> None:
     """Lay undisturbed ground into the box: first and end row, first and end column."""
-    cosine, sine, tile_m, patch_m, strength = land.placing
+    cosine, sine, tile_m, patch_m, strength = model.tile_placement
     for i in range(box[0], box[1]):
         for j in range(box[2], box[3]):
             x, y = (i + 0.5) * maps.texel_m, (j + 0.5) * maps.texel_m
             u, v = (cosine * x - sine * y) / tile_m, (sine * x + cosine * y) / tile_m
-            patch = max(0.3, 1 + strength * _sample(land.patches, x / patch_m, y / patch_m))
+            patch = max(0.3, 1 + strength * _sample(model.patches, x / patch_m, y / patch_m))
             row, column = i & MASK, j & MASK
-            maps.reflectance[row, column] = _sample(land.reflectance, u, v) * patch
-            relief = _sample(land.relief, u, v)
-            maps.height[row, column] = terrain_m(x, y, land.slope, land.mounds) + relief
+            maps.reflectance[row, column] = _sample(model.reflectance, u, v) * patch
+            relief = _sample(model.relief, u, v)
+            maps.height[row, column] = terrain_m(x, y, model.slope, model.mounds) + relief
 
 
 @_compiled
-def put_stone(maps: Maps, box: Box, stone: Array) -> None:
+def add_stone(maps: Maps, box: Box, stone: Array) -> None:
     """Put a stone onto the ground: x, y, half axes, turn (rad), height, m; reflectance."""
     x0, y0, along, across, turn, top, tone = stone
     cosine, sine = math.cos(turn), math.sin(turn)
@@ -164,7 +164,7 @@ def put_stone(maps: Maps, box: Box, stone: Array) -> None:
 
 
 @_compiled
-def press(maps: Maps, box: Box, roll: Array, rut: Array, land: Land) -> None:
+def press(maps: Maps, box: Box, roll: Array, rut: Array, model: GroundModel) -> None:
     """Press the strip of ground that a wheel's lowest line passes over in one short step.
 
     `roll`: contact x, y before, way forwards and to the left in the wheel's heading (m), cosine and sine of
@@ -184,24 +184,26 @@ def press(maps: Maps, box: Box, roll: Array, rut: Array, land: Land) -> None:
             reach = rut[0] + BERM_REACH * rut[5] if first < along <= last else rut[0]
             if along < first - overlap or along > last + overlap or abs(n) > reach:
                 continue
-            rough = _sample(land.rough, x / ROUGH_TEXEL_M, y / ROUGH_TEXEL_M)
-            ground = terrain_m(x, y, land.slope, land.mounds)
+            roughness = _sample(model.roughness, x / ROUGH_TEXEL_M, y / ROUGH_TEXEL_M)
+            ground = terrain_m(x, y, model.slope, model.mounds)
             row, column = i & MASK, j & MASK
             old = maps.height[row, column], maps.reflectance[row, column]
-            new = _pressed(old, n, ground, rough, lug0 + (lug1 - lug0) * part, rut)
+            new = _pressed(old, n, ground, roughness, lug0 + (lug1 - lug0) * part, rut)
             maps.height[row, column], maps.reflectance[row, column] = new
-            _darken(maps.is_dark, i, j, land.casts)
+            _darken(maps.is_dark, i, j, model.light_reach)
 
 
 @_compiled
-def _darken(is_dark: Flags, i: int, j: int, casts: Box) -> None:
-    for k in range(casts.shape[0]):
-        is_dark[((i + casts[k, 0]) // BLOCK) & BLOCK_MASK, ((j + casts[k, 1]) // BLOCK) & BLOCK_MASK] = True
+def _darken(is_dark: Flags, i: int, j: int, light_reach: Box) -> None:
+    for k in range(light_reach.shape[0]):
+        is_dark[
+            ((i + light_reach[k, 0]) // BLOCK) & BLOCK_MASK, ((j + light_reach[k, 1]) // BLOCK) & BLOCK_MASK
+        ] = True
 
 
 @_compiled
 def _pressed(
-    old: tuple[float, float], n: float, ground: float, rough: float, lugs: float, rut: Array
+    old: tuple[float, float], n: float, ground: float, roughness: float, lugs: float, rut: Array
 ) -> tuple[float, float]:
     """Return height and reflectance after the wheel at `n` m to the left of its middle.
 
@@ -210,11 +212,11 @@ def _pressed(
     """
     half, depth, wall, berm_left, berm_right, berm_m, lug_m, tone, share = rut
     height, reflectance = old
-    edge = min(abs(n) - half + 0.0012 * rough, BERM_REACH * berm_m)
+    edge = min(abs(n) - half + 0.0012 * roughness, BERM_REACH * berm_m)
     if edge > 0:
         berm = berm_left if n > 0 else berm_right
         shape = (edge / berm_m) * math.exp(1 - edge / berm_m) * (1 - edge / (BERM_REACH * berm_m))
-        rise = berm * shape * (1 + 0.15 * rough)
+        rise = berm * shape * (1 + 0.15 * roughness)
         fresh = 0.35 * shape * berm / (berm + 0.003)
         loose = 0.93 * MEAN_REFLECTANCE
         return height + max(0.0, rise - max(0.0, height - ground)), reflectance + fresh * (
@@ -226,13 +228,13 @@ def _pressed(
     lug = 0.25 * lug_m
     if phase < LUG_SHARE:
         lug -= lug_m * math.sin(math.pi * phase / LUG_SHARE)
-    floor = ground - depth + inside * (lug + 0.0004 * rough)
-    wanted = tone * (1 + 0.04 * rough)
+    floor = ground - depth + inside * (lug + 0.0004 * roughness)
+    wanted = tone * (1 + 0.04 * roughness)
     return height + inside * (floor - height), reflectance + share * inside * (wanted - reflectance)
 
 
 @_compiled
-def light_up(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
+def illuminate(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
     """Compute how bright the sky and the sun make the ground in the box.
 
     `sun`: direction to it x, y, z; light of white ground under the sun upright to it, and under the sky.
@@ -248,20 +250,20 @@ def light_up(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
             upright = 1 / math.sqrt(1 + slope_x * slope_x + slope_y * slope_y)
             direct = max(0.0, (sun[2] - sun[0] * slope_x - sun[1] * slope_y) * upright)
             if direct > 0:
-                direct *= _sunshine(height, i, j, texel_m, sun)
-                direct *= _past_bands((i + 0.5) * texel_m, (j + 0.5) * texel_m, bands)
+                direct *= _sun_share(height, i, j, texel_m, sun)
+                direct *= _band_light((i + 0.5) * texel_m, (j + 0.5) * texel_m, bands)
             around = height[(i + hollow) & MASK, column] + height[(i - hollow) & MASK, column]
             around += height[row, (j + hollow) & MASK] + height[row, (j - hollow) & MASK]
-            sunk = max(0.0, 0.25 * around - height[row, column]) / HOLLOW_M
+            hollow_depth = max(0.0, 0.25 * around - height[row, column]) / HOLLOW_M
             # Walls around take a part of the sky; the constant is chosen.
-            open_ = max(0.3, (0.5 + 0.5 * upright) * (1 - 0.6 * sunk))
+            sky_share = max(0.3, (0.5 + 0.5 * upright) * (1 - 0.6 * hollow_depth))
             tone = maps.reflectance[row, column] * LIGHT_STEPS
-            maps.light[row, column, 0] = np.uint16(min(tone * sun[4] * open_, 65535.0))
+            maps.light[row, column, 0] = np.uint16(min(tone * sun[4] * sky_share, 65535.0))
             maps.light[row, column, 1] = np.uint16(min(tone * sun[3] * direct, 65535.0))
 
 
 @_compiled
-def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
+def _sun_share(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
     """Return the share of the sun that the ground around leaves to a texel."""
     level = math.hypot(sun[0], sun[1])
     rise, step_x, step_y = sun[2] / level, sun[0] / level, sun[1] / level
@@ -276,7 +278,7 @@ def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
 
 
 @_compiled
-def _past_bands(x: float, y: float, bands: Array) -> float:
+def _band_light(x: float, y: float, bands: Array) -> float:
     share = 1.0
     for k in range(bands.shape[0]):
         across = abs(bands[k, 0] * x + bands[k, 1] * y - bands[k, 2]) - bands[k, 3]
@@ -285,16 +287,16 @@ def _past_bands(x: float, y: float, bands: Array) -> float:
 
 
 @_compiled
-def view(image: NDArray[np.uint8], maps: Maps, seen: View) -> None:
+def render(image: NDArray[np.uint8], maps: Maps, view: View) -> None:
     """Render the picture, blue, green, red."""
-    camera, turn, (a, b, c) = seen.camera, seen.turn, seen.plane
+    camera, turn, (a, b, c) = view.camera, view.turn, view.plane
     base = camera[2] - a * camera[0] - b * camera[1] - c
-    brightest, unit = seen.curve.shape[0] - 1.0, seen.curve.shape[0] / 256 / LIGHT_STEPS
+    brightest, unit = view.curve.shape[0] - 1.0, view.curve.shape[0] / 256 / LIGHT_STEPS
     texels = 1 / maps.texel_m
     for row in range(image.shape[0]):
         over = 0.0
         for column in range(image.shape[1]):
-            u, v = seen.rays[row, column, 0], seen.rays[row, column, 1]
+            u, v = view.rays[row, column, 0], view.rays[row, column, 1]
             dx = turn[0] * u + turn[1] * v + turn[2]
             dy = turn[3] * u + turn[4] * v + turn[5]
             dz = turn[6] * u + turn[7] * v + turn[8]
@@ -308,13 +310,13 @@ def view(image: NDArray[np.uint8], maps: Maps, seen: View) -> None:
             distance = (base - over) * per_fall
             x, y = camera[0] + distance * dx, camera[1] + distance * dy
             sky, sun = _light_at(maps.light, x * texels - 0.5, y * texels - 0.5)
-            sun *= 1 - _shaded(seen, x - over * seen.shade_frame[6], y - over * seen.shade_frame[7])
-            lens = seen.rays[row, column, 2] * unit
+            sun *= 1 - _rover_shadow(view, x - over * view.shade_frame[6], y - over * view.shade_frame[7])
+            lens = view.rays[row, column, 2] * unit
             sky *= lens
             sun *= lens
             for colour in range(3):
-                light = seen.tint[colour] * sky + seen.tint[colour + 3] * sun
-                image[row, column, colour] = seen.curve[int(min(light, brightest))]
+                light = view.tint[colour] * sky + view.tint[colour + 3] * sun
+                image[row, column, colour] = view.curve[int(min(light, brightest))]
 
 
 @_compiled
@@ -337,9 +339,9 @@ def _light_at(light: LightMap, u: float, v: float) -> tuple[float, float]:
 
 
 @_compiled
-def _shaded(seen: View, x: float, y: float) -> float:
+def _rover_shadow(view: View, x: float, y: float) -> float:
     """Return the share of the sun that the rover takes from a point of the plane."""
-    shade, frame = seen.shade, seen.shade_frame
+    shade, frame = view.shade, view.shade_frame
     s = frame[0] * x + frame[1] * y + frame[2]
     t = frame[3] * x + frame[4] * y + frame[5]
     if not (0 <= s < shade.shape[0] - 1 and 0 <= t < shade.shape[0] - 1):

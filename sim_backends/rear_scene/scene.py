@@ -12,7 +12,7 @@ from drivers.samples import Image
 from sim_backends.arrays import Array
 from sim_backends.rear_scene import kernels
 from sim_backends.rear_scene.ground_kinds import SAND_TINT, TINTS
-from sim_backends.rear_scene.ground_map import GroundMap, GroundSettings, Roll, Rut, Sun
+from sim_backends.rear_scene.ground_map import GroundMap, GroundSettings, Rut, Sun, WheelStep
 from sim_backends.rear_scene.rig import Rig, Wheel
 
 Boxes: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
@@ -94,7 +94,7 @@ class RearScene:
         rut: What the wheels leave.
         lens: How well the camera sees.
         rng: Makes ground and noise.
-        old_rolls: Steps of wheels that came before.
+        earlier_steps: Steps of wheels that came before.
         body: What casts the rover's shadow.
 
     Attributes:
@@ -109,7 +109,7 @@ class RearScene:
         rut: Rut,
         lens: Lens,
         rng: np.random.Generator,
-        old_rolls: tuple[Roll, ...] = (),
+        earlier_steps: tuple[WheelStep, ...] = (),
         body: Boxes = BODY,
     ) -> None:
         self._rig = rig
@@ -118,7 +118,7 @@ class RearScene:
         self._lens = lens
         self._rng = rng
         self._corners = [_corners(box) for box in body]
-        self.ground = GroundMap(ground, sun, old_rolls, rut, rng)
+        self.ground = GroundMap(ground, sun, earlier_steps, rut, rng)
         self._rays = _lit_rays(rig, lens)
         self._edge = _edge_rays(self._rays)
         light = np.linspace(0, 1, CURVE_SIZE)
@@ -140,7 +140,7 @@ class RearScene:
             lugs = before.wheel_angle_rad / pitch_rad, pose.wheel_angle_rad / pitch_rad
             heading = pose.yaw_rad + math.radians(wheel.steer_deg)
             if math.dist(start, end) > 0 and softness > HARD:
-                roll = Roll(
+                roll = WheelStep(
                     start_m=start,
                     end_m=end,
                     heading_rad=heading,
@@ -158,7 +158,7 @@ class RearScene:
         plane = self._plane(pose)
         self._prepare(camera, turn, plane)
         shade, shade_frame = self._shade(pose, rock)
-        seen = kernels.View(
+        view = kernels.View(
             rays=self._rays,
             camera=tuple(camera.tolist()),
             turn=tuple(turn.ravel().tolist()),
@@ -168,7 +168,7 @@ class RearScene:
             tint=tuple((gain * self._tint).ravel().tolist()),
             curve=self._curve,
         )
-        kernels.view(self._image, self.ground.maps, seen)
+        kernels.render(self._image, self.ground.maps, view)
         self._draw_wheel(rock, gain)
         blurred = cv2.filter2D(self._image, -1, self._blur(pose), borderType=cv2.BORDER_REPLICATE)
         row, column = self._rng.integers(0, NOISE_SHIFT, 2)
@@ -232,12 +232,14 @@ class RearScene:
         return blur_kernel(ends[1] - ends[0], self._lens.blur_px)
 
 
-def blur_kernel(way_px: Array, sigma_px: float) -> Array:
+def blur_kernel(motion_px: Array, sigma_px: float) -> Array:
     """Return a kernel of a Gaussian of `sigma_px` drawn along the way (columns, rows) in pixels."""
-    half = math.ceil(0.5 * float(np.abs(way_px).max()) + 2.5 * sigma_px)
+    half = math.ceil(0.5 * float(np.abs(motion_px).max()) + 2.5 * sigma_px)
     rows, columns = np.mgrid[-half : half + 1, -half : half + 1]
     shares = np.linspace(-0.5, 0.5, 9)
-    square = (columns[..., None] - shares * way_px[0]) ** 2 + (rows[..., None] - shares * way_px[1]) ** 2
+    square = (columns[..., None] - shares * motion_px[0]) ** 2 + (
+        rows[..., None] - shares * motion_px[1]
+    ) ** 2
     weights = np.exp(-0.5 * square / sigma_px**2).sum(axis=-1)
     return np.asarray(weights / weights.sum())
 

@@ -39,12 +39,12 @@ class ServedDevice(Generic[PayloadT]):
         """Name of the device in the configuration."""
         return self._device.name
 
-    def take_in(self, now_ns: int) -> None:
+    def receive_from_host(self, now_ns: int) -> None:
         """Put what the host has sent on the wire to the device."""
         for payload in self.port.read():
             self._device.to_device.put(now_ns, payload)
 
-    def give_out(self, now_ns: int) -> None:
+    def send_to_host(self, now_ns: int) -> None:
         """Move the plug when the device's has moved; give the host what has reached it."""
         if self._device.unplugged:
             self.port.close()
@@ -121,10 +121,10 @@ class Server:
 
     def _cycle(self, now_ns: int) -> None:
         for device in self.served:
-            device.take_in(now_ns)
+            device.receive_from_host(now_ns)
         self.world.advance(now_ns)
         for device in self.served:
-            device.give_out(now_ns)
+            device.send_to_host(now_ns)
 
 
 def put_on_ports(world: World, settings: Mapping[str, AnyDeviceSettings]) -> list[AnyServedDevice]:

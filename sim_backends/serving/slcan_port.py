@@ -46,7 +46,7 @@ class SlcanPort(Port[bytes]):
         self._received += b"".join(self._pty.read())
         *lines, self._received = self._received.split(OK)
         self._received = self._received[-LONGEST_LINE:]
-        frames = [frame for frame in map(self._obey, lines) if frame is not None]
+        frames = [frame for frame in map(self._execute, lines) if frame is not None]
         if not self._pty.has_listener():
             self._forget_host()
         return frames
@@ -64,7 +64,7 @@ class SlcanPort(Port[bytes]):
         self._received = b""
         self._channel_is_open = False
 
-    def _obey(self, line: bytes) -> bytes | None:
+    def _execute(self, line: bytes) -> bytes | None:
         """Answer one command; return the CAN frame it sends, if any."""
         command = line[:1]
         frame = _frame(line) if self._channel_is_open else None

@@ -9,7 +9,7 @@ from drivers.clock import nanoseconds
 KNOT_INTERVAL_NS = 100_000_000
 
 
-class SlowNoise:
+class ColouredNoise:
     """Independent channels of unit-variance noise with an exponential correlation over time.
 
     Values are drawn at fixed knots 0.1 s apart and read off linearly between them, so the same seed gives

@@ -25,7 +25,7 @@ class Emulator(Protocol):
         """Do what is due at `t_ns`; must move `next_event_ns` on."""
         ...
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         """Take what the host sent, complete at `t_ns`."""
         ...
 
@@ -59,7 +59,7 @@ class EmulatedDevice(Generic[PayloadT]):
         while self.plug_moves and self.plug_moves[0][0] <= t_ns:
             _, self.unplugged = self.plug_moves.popleft()
         for received in self.to_device.take(t_ns):
-            self.emulator.hear(received.t_ns, received.payload)
+            self.emulator.receive(received.t_ns, received.payload)
         if self.emulator.next_event_ns <= t_ns:
             self.emulator.act(t_ns)
         if self.unplugged:

@@ -68,7 +68,7 @@ class State(NamedTuple):
     slip: Array
 
 
-class Footing(NamedTuple):
+class GroundContact(NamedTuple):
     """How each wheel stands, and what the weight asks of all.
 
     Attributes:
@@ -99,7 +99,7 @@ def surface(ground: Ground, x_m: float, y_m: float) -> tuple[float, float, float
 
 
 @_compiled
-def stand(state: State, rover: Rover, ground: Ground) -> Footing:
+def settle(state: State, rover: Rover, ground: Ground) -> GroundContact:
     """Tilt the body onto the plane nearest to its four contacts, and share its weight among the wheels."""
     cosine, sine = math.cos(state.pose[2]), math.sin(state.pose[2])
     ahead, left = rover.contact_m[:, 0], rover.contact_m[:, 1]
@@ -133,11 +133,11 @@ def stand(state: State, rover: Rover, ground: Ground) -> Footing:
         pull[0] -= back_n
         pull[1] -= right_n
         pull[2] += back_n * left[wheel] - right_n * ahead[wheel]
-    return Footing(load, camber, pull)
+    return GroundContact(load, camber, pull)
 
 
 @_compiled
-def _place(axis: Array, value: float) -> tuple[int, float]:
+def _cell_of(axis: Array, value: float) -> tuple[int, float]:
     """Return the cell of an axis and the share of the way through it; the ends are held."""
     cell = min(max(int(np.searchsorted(axis, value)) - 1, 0), len(axis) - 2)
     share = (value - axis[cell]) / (axis[cell + 1] - axis[cell])
@@ -150,10 +150,10 @@ def look_up(
 ) -> tuple[float, float, float]:
     """Return drawbar pull, side force to the left, and torque over radius, as shares of the load."""
     mirror = -1.0 if side_rad < 0.0 else 1.0
-    first, a = _place(table.load_n, load_n)
-    second, b = _place(table.slip, slip)
-    third, c = _place(table.side_rad, mirror * side_rad)
-    fourth, d = _place(table.camber_rad, mirror * camber_rad)
+    first, a = _cell_of(table.load_n, load_n)
+    second, b = _cell_of(table.slip, slip)
+    third, c = _cell_of(table.side_rad, mirror * side_rad)
+    fourth, d = _cell_of(table.camber_rad, mirror * camber_rad)
     drawbar = side = torque = 0.0
     for corner in range(16):
         i, j, k, m = corner & 1, corner >> 1 & 1, corner >> 2 & 1, corner >> 3
@@ -174,14 +174,14 @@ def wheel_shares(
     Backward travel mirrors forward travel. Pushed against the turning of its rim a wheel ploughs: its
     resistance grows with that speed up to its load.
     """
-    way = -1.0 if rim_m_s < 0.0 or (rim_m_s == 0.0 and ahead_m_s < 0.0) else 1.0
-    rim, forward = way * rim_m_s, way * ahead_m_s
+    direction = -1.0 if rim_m_s < 0.0 or (rim_m_s == 0.0 and ahead_m_s < 0.0) else 1.0
+    rim, forward = direction * rim_m_s, direction * ahead_m_s
     ploughing = min(max(-forward / rim, 0.0), 1.0) if rim > 0.0 else 0.0
     forward = max(forward, 0.0)
     faster = max(rim, forward, 1e-12)
     slip = (rim - forward) / faster
     drawbar, side, torque = look_up(table, load_n, slip, math.atan(left_m_s / faster), camber_rad)
-    return way * (drawbar + ploughing), side, way * torque, slip
+    return direction * (drawbar + ploughing), side, direction * torque, slip
 
 
 @_compiled
@@ -191,7 +191,7 @@ def _soil_forces(
     steer_rad: Array,
     strength: Array,
     rover: Rover,
-    footing: Footing,
+    contact: GroundContact,
     table: WheelTable,
     state: State,
 ) -> Array:
@@ -201,17 +201,17 @@ def _soil_forces(
         ahead, left = rover.contact_m[wheel, 0], rover.contact_m[wheel, 1]
         x_m_s, y_m_s = twist[0] - twist[2] * left, twist[1] + twist[2] * ahead
         cosine, sine = math.cos(steer_rad[wheel]), math.sin(steer_rad[wheel])
-        load_n = footing.load_n[wheel]
+        load_n = contact.load_n[wheel]
         drawbar, side, torque, slip = wheel_shares(
             table,
             load_n,
             rim_m_s[wheel],
             cosine * x_m_s + sine * y_m_s,
             -sine * x_m_s + cosine * y_m_s,
-            footing.camber_rad[wheel],
+            contact.camber_rad[wheel],
         )
-        pull_n, side_n = strength[wheel] * load_n * drawbar, strength[wheel] * load_n * side
-        x_n, y_n = cosine * pull_n - sine * side_n, sine * pull_n + cosine * side_n
+        drawbar_n, side_n = strength[wheel] * load_n * drawbar, strength[wheel] * load_n * side
+        x_n, y_n = cosine * drawbar_n - sine * side_n, sine * drawbar_n + cosine * side_n
         total[0] += x_n
         total[1] += y_n
         total[2] += ahead * y_n - left * x_n
@@ -243,7 +243,7 @@ def step(
         strength: Factor on the soil's horizontal forces at each wheel.
         step_s: Length of the step.
     """
-    footing = stand(state, rover, ground)
+    contact = settle(state, rover, ground)
     fastest = np.max(np.abs(rim_m_s))
     if fastest < REST_M_S:
         state.twist[:] = 0.0
@@ -257,12 +257,12 @@ def step(
         less, more = state.twist.copy(), state.twist.copy()
         less[axis] -= probe
         more[axis] += probe
-        below = _soil_forces(less, rim_m_s, steer_rad, strength, rover, footing, table, state)
-        above = _soil_forces(more, rim_m_s, steer_rad, strength, rover, footing, table, state)
+        below = _soil_forces(less, rim_m_s, steer_rad, strength, rover, contact, table, state)
+        above = _soil_forces(more, rim_m_s, steer_rad, strength, rover, contact, table, state)
         matrix[:, axis] = (below - above) / (2.0 * probe)
         matrix[axis, axis] += rover.inertia[axis] / step_s
-    forces = _soil_forces(state.twist, rim_m_s, steer_rad, strength, rover, footing, table, state)
-    state.twist[:] += np.linalg.solve(matrix, forces + footing.pull)
+    forces = _soil_forces(state.twist, rim_m_s, steer_rad, strength, rover, contact, table, state)
+    state.twist[:] += np.linalg.solve(matrix, forces + contact.pull)
     _move(state, rover, ground, step_s)
 
 
@@ -276,6 +276,6 @@ def _move(state: State, rover: Rover, ground: Ground, step_s: float) -> None:
     middle = state.pose[2] + 0.5 * turn
     state.pose[0] += step_s * (math.cos(middle) * forward - math.sin(middle) * left)
     state.pose[1] += step_s * (math.sin(middle) * forward + math.cos(middle) * left)
-    stand(state, rover, ground)
+    settle(state, rover, ground)
     # On curved ground a body that does not turn about its own normal still turns in the plan.
     state.pose[2] += turn + math.tan(roll) / math.cos(pitch) * (state.tilt[0] - pitch)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.clock import seconds
-from sim_backends.plants.el_dorado.dynamics import GRAVITY_M_S2, Ground, Rover, State, stand, step
+from sim_backends.plants.el_dorado.dynamics import GRAVITY_M_S2, Ground, Rover, State, settle, step
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.el_dorado.wheel_table import WheelTable, load_table
 from sim_backends.terramechanics.soil.library import load_soil, load_wheel
-from sim_backends.world.coloured_noise import SlowNoise
+from sim_backends.world.coloured_noise import ColouredNoise
 from sim_backends.world.plant import Truth
 
 FRICTION_SMOOTHING_RAD_S = 0.02
@@ -54,8 +54,8 @@ class ElDoradoPlant:
             torque_nm=np.zeros(4),
             slip=np.zeros(4),
         )
-        stand(self._state, self._rover, self._ground)
-        self._noise = SlowNoise(4, settings.fluctuation_time_s, rng, start_ns)
+        settle(self._state, self._rover, self._ground)
+        self._noise = ColouredNoise(4, settings.fluctuation_time_s, rng, start_ns)
         self._now_ns = self._reached_ns = start_ns
         self._set_rad_s, self._set_steer_rad = np.zeros(4), np.zeros(4)
         self._speed_rad_s, self._angle_rad, self._steer_rad = np.zeros(4), np.zeros(4), np.zeros(4)
@@ -84,12 +84,12 @@ class ElDoradoPlant:
         """Solve the first-order lag of the wheels exactly over the step, and move at their mean speed."""
         settings = self._settings
         kept = math.exp(-step_s / settings.speed_lag_s)
-        behind = self._speed_rad_s - self._set_rad_s
-        turned = self._set_rad_s * step_s + behind * (settings.speed_lag_s * (1.0 - kept))
+        speed_error = self._speed_rad_s - self._set_rad_s
+        turned = self._set_rad_s * step_s + speed_error * (settings.speed_lag_s * (1.0 - kept))
         self._angle_rad += turned
-        self._speed_rad_s = self._set_rad_s + behind * kept
-        most = settings.steer_rate_rad_s * step_s
-        self._steer_rad += np.clip(self._set_steer_rad - self._steer_rad, -most, most)
+        self._speed_rad_s = self._set_rad_s + speed_error * kept
+        limit_rad = settings.steer_rate_rad_s * step_s
+        self._steer_rad += np.clip(self._set_steer_rad - self._steer_rad, -limit_rad, limit_rad)
         strength = 1.0 + settings.force_fluctuation * np.array(self._noise.at(self._reached_ns))
         step(
             self._state,
@@ -171,9 +171,9 @@ def _rover(settings: ElDoradoPlantSettings) -> Rover:
 
 def _ground(settings: ElDoradoPlantSettings) -> Ground:
     shape = settings.ground
-    steep, uphill_rad = math.tan(math.radians(shape.inclination_deg)), math.radians(shape.uphill_deg)
+    grade, uphill_rad = math.tan(math.radians(shape.inclination_deg)), math.radians(shape.uphill_deg)
     mounds = [(mound.x_m, mound.y_m, mound.height_m, mound.radius_m) for mound in shape.mounds]
     return Ground(
-        grade=steep * np.array([math.cos(uphill_rad), math.sin(uphill_rad)]),
+        grade=grade * np.array([math.cos(uphill_rad), math.sin(uphill_rad)]),
         mounds=np.array(mounds, dtype=np.float64).reshape(-1, 4),
     )

@@ -94,8 +94,8 @@ def advance(state: State, rover: Rover, ground: Ground, steps: int) -> None:
     for _ in range(steps):
         if state.step[0] % rover.steps_per_control == 0:
             _control_speed(state, rover)
-        _feel_ground(state, rover, ground, grip, along, across)
-        _move(state, rover, grip, along, across)
+        _contact_coefficients(state, rover, ground, grip, along, across)
+        _step_body(state, rover, grip, along, across)
         state.step[0] += 1
 
 
@@ -113,14 +113,14 @@ def _control_speed(state: State, rover: Rover) -> None:
         ticks = math.floor(state.angle_rad[wheel] / rover.tick_rad)
         measured = ticks - state.counted[wheel]
         state.counted[wheel] = ticks
-        wanted = state.set_ticks[wheel]
-        counts = wanted + rover.gain * (wanted - measured)
+        set_point = state.set_ticks[wheel]
+        counts = set_point + rover.gain * (set_point - measured)
         counts = min(max(counts, -BRIDGE_COUNTS), BRIDGE_COUNTS)
         state.voltage_v[wheel] = supply_v * counts / BRIDGE_COUNTS
 
 
 @_compiled
-def _feel_ground(
+def _contact_coefficients(
     state: State, rover: Rover, ground: Ground, grip: Array, along: Array, across: Array
 ) -> None:
     """Find traction per sliding speed and resistance per speed, N s/m, of each wheel where it stands.
@@ -132,7 +132,7 @@ def _feel_ground(
     cos_yaw = math.cos(state.pose[2])
     sin_yaw = math.sin(state.pose[2])
     for wheel in range(3):
-        row, rough = _ground_under(state, rover, ground, wheel, cos_yaw, sin_yaw)
+        row, roughness = _ground_under(state, rover, ground, wheel, cos_yaw, sin_yaw)
         friction = ground.rows[row, 0]
         stiffness = ground.rows[row, 1]
         load = rover.load_n[wheel]
@@ -144,8 +144,8 @@ def _feel_ground(
         strain = stiffness * (rim - rolling) / (friction * passing)
         grip[wheel] = load * stiffness / (passing * math.sqrt(1.0 + strain * strain))
         speed = math.sqrt(rolling * rolling + sideways * sideways + CREEP_M_S * CREEP_M_S)
-        along[wheel] = load * rough * (ground.rows[row, 2] + ground.rows[row, 4] * deeper) / speed
-        across[wheel] = load * rough * (ground.rows[row, 3] + ground.rows[row, 5] * deeper) / speed
+        along[wheel] = load * roughness * (ground.rows[row, 2] + ground.rows[row, 4] * deeper) / speed
+        across[wheel] = load * roughness * (ground.rows[row, 3] + ground.rows[row, 5] * deeper) / speed
 
 
 @_compiled
@@ -156,17 +156,17 @@ def _ground_under(
     arm = rover.direction[wheel, 2]  # the wheel's distance; its axle points away from the centre
     x = rover.radial[wheel, 0] * arm
     y = rover.radial[wheel, 1] * arm
-    here_x = state.pose[0] + cos_yaw * x - sin_yaw * y
-    here_y = state.pose[1] + sin_yaw * x + cos_yaw * y
-    column = math.floor((here_x - ground.x_min_m) * ground.cells_per_m)
-    line = math.floor((here_y - ground.y_min_m) * ground.cells_per_m)
+    contact_x = state.pose[0] + cos_yaw * x - sin_yaw * y
+    contact_y = state.pose[1] + sin_yaw * x + cos_yaw * y
+    column = math.floor((contact_x - ground.x_min_m) * ground.cells_per_m)
+    line = math.floor((contact_y - ground.y_min_m) * ground.cells_per_m)
     if 0 <= column < ground.row.shape[0] and 0 <= line < ground.row.shape[1]:
         return int(ground.row[column, line]), float(ground.roughness[column, line])
     return 0, 1.0
 
 
 @_compiled
-def _move(state: State, rover: Rover, grip: Array, along: Array, across: Array) -> None:
+def _step_body(state: State, rover: Rover, grip: Array, along: Array, across: Array) -> None:
     """Do one step of motors, wheels and body."""
     step_s, radius_m = rover.step_s, rover.radius_m
     sign = np.empty(3)
@@ -183,14 +183,14 @@ def _move(state: State, rover: Rover, grip: Array, along: Array, across: Array) 
             pushed = step_s * (torque_nm - sign[wheel] * rover.friction_nm)
             free[wheel] = (rover.wheel_inertia_kg_m2 * state.speed_rad_s[wheel] + pushed) / held
             follow[wheel] = step_s * radius_m * grip[wheel] / held
-        drawn = grip[wheel] * (1.0 - radius_m * follow[wheel]) + along[wheel]
+        drag = grip[wheel] * (1.0 - radius_m * follow[wheel]) + along[wheel]
         for i in range(3):
             ahead = rover.direction[wheel, i]
             aside = rover.radial[wheel, i]
             right[i] += ahead * grip[wheel] * radius_m * free[wheel]
             for j in range(3):
                 matrix[i, j] += (
-                    ahead * rover.direction[wheel, j] * drawn + aside * rover.radial[wheel, j] * across[wheel]
+                    ahead * rover.direction[wheel, j] * drag + aside * rover.radial[wheel, j] * across[wheel]
                 )
     _solve(matrix, right, state.twist)
     for wheel in range(3):
@@ -199,11 +199,11 @@ def _move(state: State, rover: Rover, grip: Array, along: Array, across: Array) 
             speed = 0.0  # friction stops a wheel, it does not turn it back
         state.speed_rad_s[wheel] = speed
         state.angle_rad[wheel] += step_s * speed
-    _carry(state, step_s)
+    _integrate_pose(state, step_s)
 
 
 @_compiled
-def _carry(state: State, step_s: float) -> None:
+def _integrate_pose(state: State, step_s: float) -> None:
     """Move the pose on, along the heading in the middle of the step."""
     middle_yaw = state.pose[2] + 0.5 * step_s * state.twist[2]
     cos_yaw = math.cos(middle_yaw)
@@ -266,7 +266,7 @@ def _solve(matrix: Array, right: Array, solution: Array) -> None:
             for j in range(k, 3):
                 matrix[i, j] -= factor * matrix[k, j]
     for i in range(2, -1, -1):
-        rest = right[i]
+        residual = right[i]
         for j in range(i + 1, 3):
-            rest -= matrix[i, j] * solution[j]
-        solution[i] = rest / matrix[i, i]
+            residual -= matrix[i, j] * solution[j]
+        solution[i] = residual / matrix[i, i]

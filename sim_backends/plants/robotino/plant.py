@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.clock import nanoseconds, seconds
 from sim_backends.plants.robotino.dynamics import Rover, State, advance
-from sim_backends.plants.robotino.ground import lay_out
+from sim_backends.plants.robotino.ground import rasterise
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.world.plant import Truth
 
@@ -44,19 +44,19 @@ class RobotinoPlant:
 
     def __init__(self, settings: RobotinoPlantSettings, rng: np.random.Generator, start_ns: int) -> None:
         self._settings = settings
-        self._ground = lay_out(settings.site, settings.wheel_radius_m, rng)
+        self._ground = rasterise(settings.site, settings.wheel_radius_m, rng)
         loop = settings.speed_loop
         rate_hz = loop.rate_hz * (1.0 + loop.rate_error * rng.standard_normal())
         self._step_ns = nanoseconds(1.0 / rate_hz / loop.steps_per_period)
         self._grid_ns = start_ns - round(rng.random() * loop.steps_per_period * self._step_ns)
         self._t_ns = start_ns
         self._rover = make_rover(settings, seconds(self._step_ns))
-        self._state = _at_rest(settings)
+        self._state = _initial_state(settings)
         # As plain numbers: `truth` is asked several times in each control cycle.
         self._radius_m = float(self._rover.radius_m)
         self._directions: list[list[float]] = self._rover.direction.tolist()
-        self._zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
-        self._state.angle_rad[:] = self._zeros
+        self._encoder_zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
+        self._state.angle_rad[:] = self._encoder_zeros
         self._ticks_per_rad_s = 1.0 / (self._rover.tick_rad * loop.rate_hz)
         self._commands: deque[_Command] = deque()
         self._truth: Truth | None = None
@@ -99,7 +99,7 @@ class RobotinoPlant:
         x_m, y_m, yaw = state.pose.tolist()
         velocity_x, velocity_y, yaw_rate = state.twist.tolist()
         speeds = state.speed_rad_s.tolist()
-        angles = zip(state.angle_rad.tolist(), self._zeros, speeds, strict=True)
+        angles = zip(state.angle_rad.tolist(), self._encoder_zeros, speeds, strict=True)
         cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
         x_m += since_s * (cos_yaw * velocity_x - sin_yaw * velocity_y)
         return Truth(
@@ -176,7 +176,7 @@ def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:
     )
 
 
-def _at_rest(settings: RobotinoPlantSettings) -> State:
+def _initial_state(settings: RobotinoPlantSettings) -> State:
     idle_v = settings.battery_v - settings.battery_resistance_ohm * settings.idle_current_a
     return State(
         pose=np.array([settings.start_x_m, settings.start_y_m, math.radians(settings.start_yaw_deg)]),

@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 from drivers.errors import ConfigError
 from drivers.settings import Settings
 from sim_backends.arrays import Array
-from sim_backends.plants.robotino.surfaces import Inner, Surface, shipped_surfaces
+from sim_backends.plants.robotino.surfaces import InnerLayer, Surface, shipped_surfaces
 
 Mask = NDArray[np.bool_]
 
@@ -35,7 +35,7 @@ class Patch(Settings):
     """
 
     surface: str
-    inner: Inner = "firm"
+    inner: InnerLayer = "firm"
     sinkage_m: Annotated[float, Field(gt=0, le=0.02)] = 0.001
 
 
@@ -49,7 +49,7 @@ class RectanglePatch(Patch):
     y_max_m: float
 
     @model_validator(mode="after")
-    def _has_an_area(self) -> Self:
+    def _check_area(self) -> Self:
         if self.x_max_m <= self.x_min_m or self.y_max_m <= self.y_min_m:
             msg = "the rectangle covers nothing: x_max_m and y_max_m must be greater than x_min_m and y_min_m"
             raise ValueError(msg)
@@ -120,7 +120,7 @@ class Site(Settings):
     cell_m: Annotated[float, Field(ge=0.001, le=0.1)] = 0.005
 
     @model_validator(mode="after")
-    def _knows_its_surfaces(self) -> Self:
+    def _check_surfaces(self) -> Self:
         for name in (self.floor, *(patch.surface for patch in self.patches)):
             if name not in self.surfaces:
                 msg = f"no surface '{name}': name one of {', '.join(self.surfaces)}"

@@ -14,7 +14,7 @@ ROLLER_RADIUS_M = 0.026
 WINKLER = 0.75
 """Rolling resistance per load of a rigid wheel on an elastic bed: 3/4 sqrt(sinkage / diameter)."""
 
-Inner = Literal["firm", "soft"]
+InnerLayer = Literal["firm", "soft"]
 
 
 class Surface(Settings):
@@ -33,14 +33,14 @@ class Surface(Settings):
     drag_across: Annotated[float, Field(ge=0, le=2)]
 
 
-class GroundResistance(NamedTuple):
+class SoftGroundResistance(NamedTuple):
     """Resistance per wheel load of soft ground alone, at the rover's mean wheel load."""
 
     along: float
     across: float
 
 
-def immersion(sinkage_m: float, wheel_radius_m: float) -> GroundResistance:
+def soft_ground_resistance(sinkage_m: float, wheel_radius_m: float) -> SoftGroundResistance:
     """Return what sinking in costs: that of a rigid wheel on an elastic (Winkler) bed.
 
     The load is the integral of the bed's pressure over the contact, the resistance the work of pressing it
@@ -51,7 +51,7 @@ def immersion(sinkage_m: float, wheel_radius_m: float) -> GroundResistance:
         sinkage_m: At the rover's mean wheel load, at least 0.
         wheel_radius_m: Of the wheel; `ROLLER_RADIUS_M` counts sideways.
     """
-    return GroundResistance(
+    return SoftGroundResistance(
         WINKLER * math.sqrt(sinkage_m / (2 * wheel_radius_m)),
         WINKLER * math.sqrt(sinkage_m / (2 * ROLLER_RADIUS_M)),
     )
