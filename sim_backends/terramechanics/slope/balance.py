@@ -98,8 +98,8 @@ class Balance:
     def _flow(self, flow: SoilFlow, slip: Array, sinkage_m: Array) -> tuple[Array, Array]:
         kinds = sinkage_m.shape[1]
         flows = [flow(self.conditions, float(s), depth) for s, depth in zip(slip, sinkage_m, strict=True)]
-        along = np.concatenate([np.broadcast_to(one[0], kinds) for one in flows])
-        return along, np.concatenate([np.broadcast_to(one[1], kinds) for one in flows])
+        along = np.concatenate([np.broadcast_to(speeds[0], kinds) for speeds in flows])
+        return along, np.concatenate([np.broadcast_to(speeds[1], kinds) for speeds in flows])
 
     def residual(self, forces: Array) -> Array:
         """Return what is missing, in parts of the weight and of the loads: (M, 2 + K).

@@ -11,7 +11,7 @@ from sim_backends.terramechanics.slope.balance import Balance, kinds_of_wheels
 from sim_backends.terramechanics.slope.load_transfer import Demand, demand
 from sim_backends.terramechanics.slope.profile import scan
 from sim_backends.terramechanics.slope.rover import Conditions, Effects, SlopeRover
-from sim_backends.terramechanics.slope.search import ENOUGH, State, first_guess, search
+from sim_backends.terramechanics.slope.search import ACCEPTED_RESIDUAL, State, first_guess, search
 from sim_backends.terramechanics.soil.library import SoilSettings
 from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.quadrature import rule_for
@@ -81,11 +81,11 @@ def solve_steady_state(
     Raises:
         ModelError: A number is outside the model's domain; names parameter, value, unit and range.
     """
-    asked = demand(rover, conditions)
-    reason = _hopeless(asked, soil, conditions)
+    needed = demand(rover, conditions)
+    reason = _find_obstacle(needed, soil, conditions)
     if reason:
-        return _none(reason, len(rover.wheel_positions_m))
-    load_n, share, kind = kinds_of_wheels(asked.vertical_n)
+        return _no_state(reason, len(rover.wheel_positions_m))
+    load_n, share, kind = kinds_of_wheels(needed.vertical_n)
     contact = wheel_contact(
         rover.wheel,
         soil,
@@ -95,22 +95,22 @@ def solve_steady_state(
         sidewall=effects.sidewall,
         slip_sinkage_m=effects.slip_sinkage_m,
     )
-    balance = Balance(contact, kernel, conditions, effects, asked, load_n, share)
-    state, reason = _balanced(balance, bound, skid=skid)
+    balance = Balance(contact, kernel, conditions, effects, needed, load_n, share)
+    state, reason = _find_state(balance, bound, skid=skid)
     if state is None:
-        return _none(reason, kind.size)
+        return _no_state(reason, kind.size)
     return _result(rover, balance, state, kind, bound)
 
 
-def _hopeless(asked: Demand, soil: SoilSettings, conditions: Conditions) -> str:
+def _find_obstacle(needed: Demand, soil: SoilSettings, conditions: Conditions) -> str:
     if conditions.slope_rad >= soil.friction_angle_rad:
         return "the slope is steeper than the soil's angle of friction"
-    if not asked.balanced or asked.vertical_n.min() <= 0.0:
+    if not needed.balanced or needed.vertical_n.min() <= 0.0:
         return "the rover tips over: a wheel bears no load"
     return ""
 
 
-def _balanced(balance: Balance, bound: float, *, skid: bool) -> tuple[State | None, str]:
+def _find_state(balance: Balance, bound: float, *, skid: bool) -> tuple[State | None, str]:
     """Return the state with the least slip, or None and the reason why there is none."""
     rule = rule_for(bound)
     point = first_guess(balance)
@@ -144,7 +144,7 @@ def _result(
     return SteadyState(
         equilibrium=True,
         reason="",
-        boundary=AT_EDGE if abs(state.missing[0]) > ENOUGH else "",
+        boundary=AT_EDGE if abs(state.missing[0]) > ACCEPTED_RESIDUAL else "",
         slip=slip,
         slip_angle_rad=math.atan2(float(sides[0]), float(speed_ratio(slip))),
         sinkage_m=sinkage,
@@ -158,7 +158,7 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if values.size else math.nan
 
 
-def _none(reason: str, wheels: int) -> SteadyState:
+def _no_state(reason: str, wheels: int) -> SteadyState:
     unknown = np.full(wheels, np.nan)
     forces = WheelForces(unknown, unknown, unknown, unknown)
     return SteadyState(False, reason, "", math.nan, math.nan, unknown, forces, math.nan, math.nan)

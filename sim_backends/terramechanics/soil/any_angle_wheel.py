@@ -185,12 +185,12 @@ def any_angle_at_load(
     low, high = np.full(load.shape, TINY), np.full(load.shape, deepest)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        light = _forces(wheel, soil, motion, middle).vertical_n < load
-        low, high = np.where(light, middle, low), np.where(light, high, middle)
-    carried = high < deepest
-    sinkage = np.where(carried, 0.5 * (low + high), np.nan)
-    forces = _forces(wheel, soil, motion, np.where(carried, sinkage, deepest))
-    return sinkage, AnyAngleForces(*(np.where(carried, values, np.nan) for values in forces))
+        is_too_light = _forces(wheel, soil, motion, middle).vertical_n < load
+        low, high = np.where(is_too_light, middle, low), np.where(is_too_light, high, middle)
+    is_carried = high < deepest
+    sinkage = np.where(is_carried, 0.5 * (low + high), np.nan)
+    forces = _forces(wheel, soil, motion, np.where(is_carried, sinkage, deepest))
+    return sinkage, AnyAngleForces(*(np.where(is_carried, values, np.nan) for values in forces))
 
 
 def _checked(motion: Motion) -> Motion:
@@ -256,13 +256,13 @@ class _Rim:
     def pressure(self, angle: Array) -> Array:
         """Return the normal stress, Pa."""
         soil = self.soil
-        like = self.mirrored(angle)
-        pressed = np.where(angle >= self.leaving, self.pressed_share(like), 0.0)
+        equivalent = self.mirrored(angle)
+        pressed = np.where(angle >= self.leaving, self.pressed_share(equivalent), 0.0)
         push = self.forward * np.sin(angle) / self.speed(angle)
         number = soil.slide_number * np.clip(1 + soil.wake_rate * push, 0.0, 1.0)
         number = number + soil.push_number * np.maximum(push, 0.0)
         slid = soil.density_kg_m3 * GRAVITY_M_S2 * self.depth(angle) * number
-        plate = soil.plate_modulus_pa * self.depth(like) ** soil.plate_exponent
+        plate = soil.plate_modulus_pa * self.depth(equivalent) ** soil.plate_exponent
         return pressed * plate + (1 - pressed) * slid
 
     def mobilised(self, angle: Array) -> Array:

@@ -23,13 +23,13 @@ from sim_backends.terramechanics.soil.numpy_kernel import (
 from sim_backends.terramechanics.soil.quadrature import Rule
 from sim_backends.terramechanics.soil.wheel_contact import WheelContact
 from sim_backends.terramechanics.soil.wheel_set import (
-    BOLDEST,
-    LEAST_SIZE,
+    CONVERGED_RESIDUAL,
+    DIFFERENCE_STEP,
+    FINE_NODES_RESIDUAL,
+    LARGEST_STEP,
     LEAST_SLIP,
     MOST_SLIP,
-    NEAR,
-    TIGHT,
-    TILT,
+    SMALLEST_SIZE,
     Wheels,
 )
 
@@ -47,7 +47,7 @@ Place = tuple[float, float, float]
 """theta, sin(theta / 2), normal stress there."""
 Sums = tuple[float, float, float, float]
 QUICK_STEPS = 15
-SLOW = 0.5
+SLOWEST_DECREASE = 0.5
 SINE = tuple((-1.0) ** power / math.factorial(2 * power + 1) for power in range(8, -1, -1))
 
 # Sums may be reordered, which saves a third of the time; NaN and infinity keep their meaning.
@@ -160,8 +160,8 @@ def _strip(soil: Soil, rule: Rule, motion: Motion, depth: float, width: float, f
 
 
 @_compiled
-def _sum(one: Sums, other: Sums) -> Sums:
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2], one[3] + other[3]
+def _sum(first: Sums, second: Sums) -> Sums:
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2], first[3] + second[3]
 
 
 @_compiled
@@ -343,15 +343,15 @@ def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array) -> 
     before, after = np.zeros((kinds, 4)), np.zeros((kinds, 4))
     missing = _missing(contact, rule, wheels, point, before)
     slopes = np.zeros((point.size, point.size))
-    tilt = TILT * max(math.hypot(point[0], point[1]), LEAST_SIZE)
+    step_size = DIFFERENCE_STEP * max(math.hypot(point[0], point[1]), SMALLEST_SIZE)
     for index in range(2):
         moved = point.copy()
-        moved[index] += tilt
+        moved[index] += step_size
         if wheels.edge and index == 1:
             moved[0] = abs(moved[1])
-        slopes[:, index] = (_missing(contact, rule, wheels, moved, after) - missing) / tilt
+        slopes[:, index] = (_missing(contact, rule, wheels, moved, after) - missing) / step_size
     moved = point.copy()
-    moved[2:] += TILT * (point[2:] - wheels.least_m)
+    moved[2:] += DIFFERENCE_STEP * (point[2:] - wheels.least_m)
     _missing(contact, rule, wheels, moved, after)
     for kind in range(kinds):
         more = (after[kind] - before[kind]) / (moved[2 + kind] - point[2 + kind])
@@ -372,13 +372,13 @@ def balance_quickly(contact: WheelContact, coarse: Rule, rule: Rule, wheels: Whe
     inverse, last = np.zeros((varied.size, varied.size)), 0.0
     for _ in range(QUICK_STEPS):
         size = np.abs(missing[varied]).max()
-        if not fine and size < NEAR:
+        if not fine and size < FINE_NODES_RESIDUAL:
             nodes, fine = rule, True
             missing = _missing(contact, nodes, wheels, point, columns)
             size = np.abs(missing[varied]).max()
-        if not TIGHT <= size < 10.0:
+        if not CONVERGED_RESIDUAL <= size < 10.0:
             break
-        if size > SLOW * last:
+        if size > SLOWEST_DECREASE * last:
             slopes = np.ascontiguousarray(_slopes(contact, coarse, wheels, point)[varied][:, varied])
             if not abs(np.linalg.det(slopes)) > 0.0:
                 break
@@ -386,9 +386,9 @@ def balance_quickly(contact: WheelContact, coarse: Rule, rule: Rule, wheels: Whe
         last = size
         moved = point.copy()
         moved[varied] -= inverse @ missing[varied]
-        bold = BOLDEST * max(math.hypot(point[0], point[1]), 0.1)
-        bold /= max(math.hypot(moved[0] - point[0], moved[1] - point[1]), bold)
-        moved[:2] = point[:2] + bold * (moved[:2] - point[:2])
+        largest = LARGEST_STEP * max(math.hypot(point[0], point[1]), 0.1)
+        largest /= max(math.hypot(moved[0] - point[0], moved[1] - point[1]), largest)
+        moved[:2] = point[:2] + largest * (moved[:2] - point[:2])
         if wheels.edge:
             moved[0] = abs(moved[1])
         for kind in range(2, point.size):

@@ -96,7 +96,7 @@ def passive_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_
         soil: Gives density, cohesion and adhesion.
         gravity_m_s2: g.
     """
-    return height_m * _least(
+    return height_m * _minimum(
         lambda mu: _pressure(height_m, passive_factors(mu, wall), soil, gravity_m_s2),
         wall.slope,
         0.5 * math.pi + wall.lean - wall.wall_friction - wall.soil_friction,
@@ -112,7 +112,7 @@ def active_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_m
         soil: Gives density, cohesion and adhesion.
         gravity_m_s2: g.
     """
-    least = _least(
+    least = _minimum(
         lambda mu: -_pressure(height_m, active_factors(mu, wall), soil, gravity_m_s2),
         wall.soil_friction,
         0.5 * math.pi + wall.lean,
@@ -145,11 +145,11 @@ def wall_polynomials(
         raise ModelError(
             f"cross_slope_rad is {cross_slope_rad:g} rad, outside +-{phi:.4g} rad, the soil's friction angle."
         )
-    room = 0.5 * math.pi - phi - soil.wall_friction_rad
-    if abs(camber_rad - cross_slope_rad) >= room:
+    limit_rad = 0.5 * math.pi - phi - soil.wall_friction_rad
+    if abs(camber_rad - cross_slope_rad) >= limit_rad:
         raise ModelError(
-            f"camber_rad - cross_slope_rad is {camber_rad - cross_slope_rad:g} rad, outside +-{room:.4g} "
-            "rad, 90 deg less the angles of friction of soil and wall."
+            f"camber_rad - cross_slope_rad is {camber_rad - cross_slope_rad:g} rad, outside "
+            f"+-{limit_rad:.4g} rad, 90 deg less the angles of friction of soil and wall."
         )
     return _polynomials(soil, camber_rad, cross_slope_rad, gravity_m_s2, radius_m)
 
@@ -185,7 +185,7 @@ def _fit(pressure: Callable[[float], float], start: float, *, linear: bool) -> l
     if start >= 1.0:
         return [1.0] + [0.0] * (DEGREE + 1)
     x = start + (1.0 - start) * (0.5 * np.polynomial.chebyshev.chebpts1(2 * DEGREE) + 0.5)
-    values = [pressure(float(one)) for one in x]
+    values = [pressure(float(share)) for share in x]
     series = np.polynomial.Chebyshev.fit(x, values, DEGREE, domain=[start, 1.0])
     return [start, *series.convert(kind=np.polynomial.Polynomial).coef.tolist()]
 
@@ -204,7 +204,7 @@ def _standing_height(wall: Wall, soil: SoilSettings, gravity_m_s2: float) -> flo
         holding = soil.cohesion_pa * factors.cohesion + soil.wall_adhesion_pa * factors.adhesion
         return -holding / (soil.density_kg_m3 * gravity_m_s2 * factors.weight)
 
-    return _least(height, wall.soil_friction, 0.5 * math.pi + wall.lean)
+    return _minimum(height, wall.soil_friction, 0.5 * math.pi + wall.lean)
 
 
 def _pressure(height_m: float, factors: Factors, soil: SoilSettings, gravity_m_s2: float) -> float:
@@ -216,7 +216,7 @@ def _pressure(height_m: float, factors: Factors, soil: SoilSettings, gravity_m_s
     )
 
 
-def _least(values: Callable[[float], float], lower: float, upper: float) -> float:
+def _minimum(values: Callable[[float], float], lower: float, upper: float) -> float:
     """Return the least value of a function with one minimum inside `lower` .. `upper`.
 
     Golden sections, then the vertex of a parabola: near its minimum the value needs no exact place.

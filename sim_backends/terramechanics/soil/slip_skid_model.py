@@ -195,12 +195,12 @@ def slip_ratio_on_slope(wheel: SlipSkidWheel, slope_angle_rad: float) -> float |
     """
     if not abs(slope_angle_rad) < np.pi / 2:
         raise ModelError(f"slope_angle_rad = {slope_angle_rad} must lie between -pi/2 and pi/2 rad")
-    wanted = float(np.tan(slope_angle_rad))
+    required = float(np.tan(slope_angle_rad))
     lines = wheel.drawbar_pull
     corners = np.array([-1.0, lines.skid_transition, 0.0, lines.slip_transition, 1.0])
     pulls = lines.at(corners)
-    side = slice(2, None) if wanted >= 0 else slice(2, None, -1)
-    return _first_crossing(corners[side], pulls[side], wanted)
+    branch = slice(2, None) if required >= 0 else slice(2, None, -1)
+    return _first_crossing(corners[branch], pulls[branch], required)
 
 
 def checked_slip_ratio(slip_ratio: ArrayLike) -> Array:
@@ -210,9 +210,11 @@ def checked_slip_ratio(slip_ratio: ArrayLike) -> Array:
         ModelError: One is outside [-1, 1] or not a number.
     """
     slip = np.asarray(slip_ratio, dtype=np.float64)
-    bad = ~(np.abs(slip) <= 1)
-    if np.any(bad):
-        raise ModelError(f"slip_ratio = {slip[bad].flat[0]} must lie between -1 (locked) and 1 (spinning)")
+    is_outside = ~(np.abs(slip) <= 1)
+    if np.any(is_outside):
+        raise ModelError(
+            f"slip_ratio = {slip[is_outside].flat[0]} must lie between -1 (locked) and 1 (spinning)"
+        )
     return slip
 
 
@@ -227,9 +229,9 @@ def checked_load(normal_force_n: float) -> float:
     return normal_force_n
 
 
-def _first_crossing(slips: Array, pulls: Array, wanted: float) -> float | None:
+def _first_crossing(slips: Array, pulls: Array, required: float) -> float | None:
     """Return where a chain of straight pieces that starts at 0 first reaches the wanted value."""
     for at, pull, next_at, next_pull in zip(slips, pulls, slips[1:], pulls[1:], strict=False):
-        if abs(next_pull) >= abs(wanted) and next_pull != pull:
-            return float(at + (wanted - pull) / (next_pull - pull) * (next_at - at))
+        if abs(next_pull) >= abs(required) and next_pull != pull:
+            return float(at + (required - pull) / (next_pull - pull) * (next_at - at))
     return None

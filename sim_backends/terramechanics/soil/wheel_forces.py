@@ -78,7 +78,9 @@ def wheel_forces(
     ratio, side_speed = _motion(slip, slip_angle_rad)
     depth, ratio, side_speed = np.broadcast_arrays(np.asarray(sinkage_m, float), ratio, side_speed)
     check_range("sinkage_m", depth, "m", -wheel.radius_m, deepest_allowed(contact))
-    columns = kernel(contact, rule_for(bound), *(np.array(one).ravel() for one in (depth, ratio, side_speed)))
+    columns = kernel(
+        contact, rule_for(bound), *(np.array(values).ravel() for values in (depth, ratio, side_speed))
+    )
     return _shaped(columns, depth.shape)
 
 
@@ -128,7 +130,7 @@ def wheel_at_load(
     ratio, side_speed = _motion(slip, slip_angle_rad)
     check_range("load_n", load_n, "N", np.finfo(float).tiny, HEAVIEST_N)
     load, ratio, side_speed = np.broadcast_arrays(np.asarray(load_n, float), ratio, side_speed)
-    flat = (np.array(one).ravel() for one in (load, ratio, side_speed))
+    flat = (np.array(values).ravel() for values in (load, ratio, side_speed))
     sinkage, columns = sink(contact, rule_for(bound), kernel, *flat)
     return sinkage.reshape(load.shape), _shaped(columns, load.shape)
 
@@ -151,7 +153,7 @@ def sink(
     low = np.full(load_n.shape, least_allowed(contact))
     high = np.full(load_n.shape, deepest_allowed(contact))
     columns = kernel(contact, rule, high, slip, side_speed)
-    bears = columns[:, VERTICAL] >= load_n
+    is_borne = columns[:, VERTICAL] >= load_n
     low_gap, high_gap = -np.ones(load_n.shape), _gap(columns, load_n)
     depth = high.copy()
     for _ in range(ITERATIONS):
@@ -163,9 +165,9 @@ def sink(
         high_gap = np.where(below, 0.5 * high_gap, gap)
         low_gap = np.where(below, gap, 0.5 * low_gap)
         low, high = np.where(below, depth, low), np.where(below, high, depth)
-        if np.all((np.abs(gap) < 1e-13) | (high - low < 1e-15) | ~bears):
+        if np.all((np.abs(gap) < 1e-13) | (high - low < 1e-15) | ~is_borne):
             break
-    return np.where(bears, depth, np.nan), np.where(bears[:, np.newaxis], columns, np.nan)
+    return np.where(is_borne, depth, np.nan), np.where(is_borne[:, np.newaxis], columns, np.nan)
 
 
 def least_allowed(contact: WheelContact) -> float:

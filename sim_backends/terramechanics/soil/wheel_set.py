@@ -11,14 +11,14 @@ from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact
 
 LEAST_SLIP = -0.99
 MOST_SLIP = 0.995
-NEAR = 1e-4
+FINE_NODES_RESIDUAL = 1e-4
 """Residual below which a search takes the exact nodes instead of the coarse ones."""
-TIGHT = 1e-12
+CONVERGED_RESIDUAL = 1e-12
 """Residual at which a search stops."""
-TILT = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Relative step for slopes."""
-LEAST_SIZE = 1e-3
-BOLDEST = 0.5
+SMALLEST_SIZE = 1e-3
+LARGEST_STEP = 0.5
 """Greatest relative step of a search."""
 
 
