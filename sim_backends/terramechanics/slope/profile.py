@@ -1,4 +1,4 @@
-"""Thrust over slip, with everything else balanced: slow, but finds every state."""
+"""Thrust over slip with all other forces balanced: slow, but finds every state."""
 
 import numpy as np
 
@@ -21,19 +21,19 @@ NO_THRUST = "the soil cannot give the thrust that the slope asks for"
 
 
 def scan(balance: Balance, lowest: float) -> tuple[Array | None, str]:
-    """Return a point near the balanced state with the least slip, by trying all slips.
+    """Return a point near the balanced state with the least slip, by a scan over all slips.
 
     Args:
-        balance: What is to be balanced.
+        balance: The force balance.
         lowest: Least slip ratio.
 
     Returns:
-        The point, or None and the reason why there is no balanced state.
+        The point and an empty reason, or None and the reason why there is no balanced state.
     """
     start, end = lowest, MOST_SLIP
     point: Array | None = None
     for _ in range(3):
-        # Closer together at small slip, where forces change fastest.
+        # Denser at small slip, where forces change fastest.
         share = np.linspace(0.0, 1.0, SLIPS) ** 2 if start >= 0.0 else np.linspace(0.0, 1.0, SLIPS)
         slips = start + (end - start) * share
         points, thrust = profile(balance, slips)
@@ -51,25 +51,25 @@ def scan(balance: Balance, lowest: float) -> tuple[Array | None, str]:
 
 
 def profile(balance: Balance, slips: Array) -> tuple[Array, Array]:
-    """Return points of the search, and the residual of F_x there, for a row of slip ratios.
+    """Return points and the residual of F_x there for a series of slip ratios.
 
     For each slip ratio sinkages and side speed are found that balance F_z and F_y, by bisection.
 
     Args:
-        balance: What is to be balanced.
+        balance: The force balance.
         slips: Slip ratios, (M,).
 
     Returns:
         Points (M, 2 + K) with F_y and F_z balanced; the residual of F_x (M,), NaN where that is impossible.
     """
     speed = np.where(slips >= 0.0, 1.0 - slips, 1.0 / (1.0 + np.minimum(slips, 0.0)))
-    # Side speeds are bisected on a scale that is even for small ones, where forces change fastest.
+    # Bisect on the square root of the side speed: forces change fastest at small ones.
     low = np.full(slips.shape, 0.0 if balance.straight else -np.sqrt(LARGEST_SIDE_SPEED))
     high = -low
     for _ in range(0 if balance.straight else BISECTIONS):
         middle = 0.5 * (low + high)
         _, missing = _at_load(balance, _points(balance, slips, speed * middle * np.abs(middle)))
-        # Too little force to the left asks for more motion to the right.
+        # Too little force to the left requires more motion to the right.
         right = missing[:, 1] < 0.0
         high = np.where(right, middle, high)
         low = np.where(right, low, middle)
@@ -89,7 +89,7 @@ def _points(balance: Balance, slips: Array, side: Array) -> Array:
 
 
 def _at_load(balance: Balance, points: Array) -> tuple[Array, Array]:
-    """Return the points with sinkages that balance the loads (NaN where none does), and the residual.
+    """Return the points with sinkages that balance the loads, NaN where there are none, and the residuals.
 
     F_z grows with sinkage, so a secant step within a shrinking bracket (Illinois) finds the only root.
     """
@@ -99,7 +99,7 @@ def _at_load(balance: Balance, points: Array) -> tuple[Array, Array]:
     low = np.full(high.shape, balance.depth_range[0])
     missing = balance.residual(balance.forces(rule, points))
     is_borne = missing[:, 2:] >= 0.0
-    # Where not even the deepest sinkage bears the load, any gap will do that keeps the trial in the bracket.
+    # Where even the deepest sinkage does not bear the load, any gap that keeps the bracket works.
     low_gap, high_gap = np.full(high.shape, -1.0), np.where(is_borne, missing[:, 2:], 1.0)
     for _ in range(SECANTS):
         points[:, 2:] = low - (high - low) * low_gap / np.maximum(high_gap - low_gap, 1e-300)

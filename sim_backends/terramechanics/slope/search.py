@@ -26,12 +26,12 @@ SLOWEST_DECREASE = 0.5
 
 
 class Mode(NamedTuple):
-    """What a search varies and brings to zero.
+    """Variables and residuals of a search.
 
     Attributes:
         varied: Of a, b and the sinkages, those that are free; the residuals of F_x, F_y and F_z at the same
             positions are brought to zero.
-        edge: The slip ratio is kept at 0, so that a follows b; F_x is what it is.
+        edge: The slip ratio is kept at 0, so that a follows b; F_x is not balanced.
     """
 
     varied: NDArray[np.int64]
@@ -39,12 +39,12 @@ class Mode(NamedTuple):
 
 
 class State(NamedTuple):
-    """Where a search ended.
+    """Result of a search.
 
     Attributes:
         point: a, b and the sinkage of each kind of wheel; see `balance`.
         missing: Residual there, (2 + K,).
-        found: True when what was to be balanced is.
+        found: True when all chosen residuals are zero.
         stable: True when more slip gives more thrust.
     """
 
@@ -55,10 +55,10 @@ class State(NamedTuple):
 
 
 def mode_of(balance: Balance, *, edge: bool) -> Mode:
-    """Return what to vary: without any force to the side the slip angle is 0 and stays out of the search.
+    """Return the variables of a search; without side force the slip angle is 0 and is not one of them.
 
     Args:
-        balance: What is to be balanced.
+        balance: The force balance.
         edge: Keep the slip ratio at 0.
     """
     every = np.arange(2 + balance.load_n.size)
@@ -72,7 +72,7 @@ def first_guess(balance: Balance) -> Array:
     """Return a point from which the search usually succeeds.
 
     Args:
-        balance: What is to be balanced.
+        balance: The force balance.
     """
     vertical = float(balance.share @ balance.load_n)
     forward, left = balance.demand.forward_n / vertical, balance.demand.left_n / vertical
@@ -83,7 +83,7 @@ def first_guess(balance: Balance) -> Array:
     root = complex(slip, side) ** 0.5
     point[0], point[1] = (root.real, root.imag) if side else (math.copysign(abs(slip) ** 0.5, slip), 0.0)
     least, most = balance.depth_range
-    # Forces at one depth tell the others': F_z grows with about this power of the depth of the deeper edge.
+    # Extrapolate from one depth: F_z grows with about this power of the depth of the deeper edge.
     depth = 0.2 * balance.contact.radius_m + balance.contact.slip_sinkage_m * abs(slip)
     point[2:] = least + depth
     bears = balance.forces(rule_for(COARSE), point[np.newaxis])[0, :, 2]
@@ -94,16 +94,16 @@ def first_guess(balance: Balance) -> Array:
 
 
 def search(balance: Balance, rule: Rule, point: Array, *, edge: bool = False) -> State:
-    """Return the balanced state near a point, or the best state when the search gave up.
+    """Return the balanced state near a point, or the best state found when the search fails.
 
-    Broyden's method: slopes are computed once and then learned from the steps, and computed again where the
+    Broyden's method: the Jacobian is computed once, updated from the steps, and computed again where the
     residual does not halve.
 
     Args:
-        balance: What is to be balanced.
-        rule: Nodes of the result; most of the way is done with coarser ones.
-        point: Where to begin.
-        edge: Keep the slip ratio at 0 and let F_x be what it is.
+        balance: The force balance.
+        rule: Nodes of the result; most steps use coarser ones.
+        point: Start of the search.
+        edge: Keep the slip ratio at 0 and do not balance F_x.
     """
     mode = mode_of(balance, edge=edge)
     nodes = rule_for(COARSE)
@@ -131,7 +131,7 @@ def search(balance: Balance, rule: Rule, point: Array, *, edge: bool = False) ->
         elif fresh and size < ACCEPTED_RESIDUAL:
             break
         elif not fresh and size_after >= size:
-            # Learned slopes led astray: look again from here.
+            # The updated Jacobian is too inaccurate: compute it again here.
             missing, inverse = _linearise(balance, nodes, point, mode)
             fresh = True
             continue
@@ -148,7 +148,7 @@ def search(balance: Balance, rule: Rule, point: Array, *, edge: bool = False) ->
 def _search_in_kernel(
     balance: Balance, kernel: BalancingKernel, rule: Rule, point: Array, mode: Mode
 ) -> State:
-    """Return the state that the kernel finds by itself."""
+    """Return the result of the kernel's own search."""
     demand = balance.demand
     wheels = Wheels(
         balance.load_n,
@@ -165,7 +165,7 @@ def _search_in_kernel(
 
 
 def _constrained(balance: Balance, point: Array, mode: Mode) -> Array:
-    """Return the point moved onto what the mode keeps: slip ratio 0 with the same side speed, or straight."""
+    """Return the point moved onto the mode's constraint: slip ratio 0 at the same side speed, or straight."""
     moved = point.copy()
     if balance.straight:
         moved[1] = 0.0
@@ -177,7 +177,7 @@ def _constrained(balance: Balance, point: Array, mode: Mode) -> Array:
 
 
 def _limited_step(balance: Balance, point: Array, step: Array, mode: Mode) -> Array:
-    """Return the point after a step that is kept within what the slopes can be trusted for."""
+    """Return the point after a step, limited to the range in which the linearisation is valid."""
     full = np.zeros(point.size)
     full[mode.varied] = step
     length = math.hypot(full[0], full[1])
@@ -195,7 +195,7 @@ def _limited_step(balance: Balance, point: Array, step: Array, mode: Mode) -> Ar
 
 
 def _backtracked(balance: Balance, nodes: Rule, point: Array, moved: Array, size: float, mode: Mode) -> Array:
-    """Return a point on the way to `moved` where the residual is less than `size`, or one close by."""
+    """Return a point towards `moved` with a residual less than `size`, or one close to `point`."""
     trial = moved
     for _ in range(3):
         if _size(balance.missing(nodes, trial), mode) < size:
@@ -210,7 +210,7 @@ def _size(missing: Array, mode: Mode) -> float:
 
 
 def _update_inverse(inverse: Array, step: Array, change: Array) -> None:
-    """Mend the inverse slopes in place, so that they explain the last step (Sherman and Morrison)."""
+    """Update the inverse Jacobian in place with the last step (Sherman and Morrison)."""
     explained = inverse @ change
     along = step @ inverse
     scale = float(along @ change)
@@ -219,7 +219,7 @@ def _update_inverse(inverse: Array, step: Array, change: Array) -> None:
 
 
 def _linearise(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Array, Array | None]:
-    """Return the residual, and the inverse of its slopes (None where there is none)."""
+    """Return the residual and the inverse of its Jacobian, None where that is singular."""
     missing, slopes = _slopes(balance, rule, point, mode)
     chosen = slopes[np.ix_(mode.varied, mode.varied)]
     try:
@@ -230,7 +230,7 @@ def _linearise(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[
 
 
 def _slopes(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Array, Array]:
-    """Return residual and its slopes by a, b and sinkages; at the edge a follows b."""
+    """Return residual and its Jacobian by a, b and sinkages; at the edge a follows b."""
     least, _ = balance.depth_range
     step = DIFFERENCE_STEP * max(math.hypot(point[0], point[1]), SMALLEST_SIZE)
     deeper = DIFFERENCE_STEP * (point[2:] - least)
@@ -253,9 +253,9 @@ def _slopes(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Arr
 
 
 def _stable(balance: Balance, inverse: Array | None, mode: Mode) -> bool:
-    """Tell whether thrust grows with slip while side and vertical forces stay balanced.
+    """Return whether thrust grows with slip while side and vertical forces stay balanced.
 
-    The upper left block of the inverse is that of the slopes of F_x and F_y with F_z kept in balance.
+    The upper left block of the inverse is the inverse Jacobian of F_x and F_y with F_z kept in balance.
     """
     if inverse is None:
         return False

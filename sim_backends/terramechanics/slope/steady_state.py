@@ -26,17 +26,17 @@ AT_EDGE = "slip = 0"
 
 @dataclass(frozen=True, slots=True)
 class SteadyState:
-    """How a rover travels; arrays have one number per wheel, in the order of the rover's wheels.
+    """Steady motion of a rover; arrays have one number per wheel, in the order of the rover's wheels.
 
     Attributes:
         equilibrium: False where no steady state exists; then all numbers are NaN.
-        reason: Why not; empty where one exists.
-        boundary: "slip = 0" where the model has thrust to spare even without slip, so that the state is the
+        reason: Reason why no steady state exists; else empty.
+        boundary: "slip = 0" where the model has excess thrust even without slip, so that the state is on the
             edge of its domain and not a root; else empty.
         slip: Slip ratio at the shearing radius; negative in skid.
         slip_angle_rad: beta, positive to the left (uphill in a traverse).
         sinkage_m: h'_c of each wheel at its middle plane; slip sinkage included.
-        forces: On each wheel.
+        forces: Forces on each wheel.
         sinkage_uphill_m: Mean over the wheels to the left of the centre of gravity; NaN where there is none.
         sinkage_downhill_m: Mean over those to the right of it.
     """
@@ -66,17 +66,17 @@ def solve_steady_state(
 
     The wheels share slip ratio and slip angle; each sinks until it bears its load; the sums of F_x and F_y
     hold the rover's weight (paper 001, eq 8). Of several such states it is the one with the least slip. The
-    paper's model knows slip only: a rover that would run ahead of its wheels is returned at the model's edge,
-    slip 0, flagged; with `skid` it is followed beyond.
+    paper's model covers slip only: a rover that would run ahead of its wheels is returned at the model's
+    edge, slip 0, and flagged; with `skid` the search continues into skid.
 
     Args:
         rover: Rover.
         soil: Soil.
-        conditions: Where the rover stands.
-        effects: What acts beyond the paper's model.
-        skid: Allow negative slip ratios, as a descent needs.
-        bound: On the error of the forces, in parts of F_z: 1e-5 or 1e-8.
-        kernel: What computes the forces.
+        conditions: Slope, roll and heading of the rover.
+        effects: Effects beyond the paper's model.
+        skid: Allow negative slip ratios, as a descent requires.
+        bound: Bound on the error of the forces relative to F_z: 1e-5 or 1e-8.
+        kernel: Computes the forces.
 
     Raises:
         ModelError: A number is outside the model's domain; names parameter, value, unit and range.

@@ -1,8 +1,7 @@
-"""Everything that is compiled: forces on wheels, and the search for the balance of a rover.
+"""Compiled functions: forces on wheels, and the search for the balance of a rover.
 
-All compiled functions stand in this one file: numba's cache does not notice changes in another. `compiled` is
-the way in. The equations are explained where they stand in plain numpy, in `numpy_kernel`, the search in
-`sim_backends.terramechanics.slope.search`.
+All compiled functions are in this file: numba's cache does not detect changes in another. `compiled` is the
+interface. `numpy_kernel` explains the equations, `sim_backends.terramechanics.slope.search` the search.
 """
 
 import math
@@ -166,7 +165,7 @@ def _sum(first: Sums, second: Sums) -> Sums:
 
 @_compiled
 def _plain(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Array) -> Sums:
-    """Return both sides of theta_m, without another cut: equal nodes have equal normal stress."""
+    """Return the sums on both sides of theta_m as two segments: equal nodes have equal normal stress."""
     entry, cos_entry, _, exit_angle, greatest = angles
     sums = (0.0, 0.0, 0.0, 0.0)
     for index in range(node.size):
@@ -183,7 +182,7 @@ def _plain(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Arra
 
 @_compiled
 def _segment(soil: Soil, motion: Motion, angles: Angles, span: Span, node: Array, weight: Array) -> Sums:
-    """Return a part of the contact, with nodes spaced about its anchor."""
+    """Return the sums over a part of the contact, with nodes spaced about its anchor."""
     anchor, end, turn = span
     entry, cos_entry, _, exit_angle, greatest = angles
     sums = (0.0, 0.0, 0.0, 0.0)
@@ -207,7 +206,7 @@ def _segment(soil: Soil, motion: Motion, angles: Angles, span: Span, node: Array
 
 @_compiled
 def _half_sine(angle: float) -> float:
-    """Return sin(angle / 2) within +-pi/2, to rounding: the library spends its time on greater angles."""
+    """Return sin(angle / 2) within +-pi/2, exact to rounding; faster than the library's for all angles."""
     angle *= 0.5
     square = angle * angle
     series = SINE[0]
@@ -224,7 +223,7 @@ def _normal(soil: Soil, motion: Motion, share: float) -> float:
 
 @_compiled
 def _add(soil: Soil, motion: Motion, angles: Angles, place: Place, step: float, sums: Sums) -> Sums:
-    """Return the sums with one node more (eqs 10 to 12, 19 to 24)."""
+    """Return the sums with one more node (eqs 10 to 12, 19 to 24)."""
     theta, half_sine, normal = place
     excess, speed, side_speed = motion[0], motion[1], motion[2]
     drop = 2.0 * half_sine * half_sine
@@ -250,7 +249,7 @@ def _add(soil: Soil, motion: Motion, angles: Angles, place: Place, step: float, 
 
 @_compiled
 def _skid(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Array) -> Sums:
-    """Return a skidding slice, cut also where the shear stress changes sign, and where j touches 0."""
+    """Return the sums over a skidding slice, divided also where shear changes sign and where j is 0."""
     entry, _, sin_entry, exit_angle, greatest = angles
     speed, side = motion[1], abs(motion[2])
     still = math.acos(1.0 / speed)
@@ -323,7 +322,7 @@ def _wall(contact: WheelContact, row: int, sinkage_m: float) -> float:
 
 @_compiled
 def _missing(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array, columns: Array) -> Array:
-    """Return what is missing for balance, and the forces of each kind of wheel in `columns`."""
+    """Return the residuals of the balance, and write the forces of each kind of wheel into `columns`."""
     slip = min(max(point[0] * abs(point[0]) - point[1] * point[1], LEAST_SLIP), MOST_SLIP)
     missing = np.zeros(point.size)
     columns[:] = 0.0
@@ -338,7 +337,7 @@ def _missing(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array, co
 
 @_compiled
 def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array) -> Array:
-    """Return the slopes of what is missing by a, b and sinkages; with the slip kept at 0, a follows b."""
+    """Return the Jacobian of the residuals by a, b and sinkages; with the slip kept at 0, a follows b."""
     kinds = wheels.load_n.size
     before, after = np.zeros((kinds, 4)), np.zeros((kinds, 4))
     missing = _missing(contact, rule, wheels, point, before)
@@ -362,10 +361,10 @@ def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array) -> 
 
 @_compiled
 def balance_quickly(contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Array) -> Array:
-    """Move `point` to where the wheels are in balance, by Broyden's method without any care.
+    """Move `point` to where the wheels are in balance, by Broyden's method without safeguards.
 
     Returns:
-        What is missing there; then a number that is negative where more slip gives more thrust.
+        The residuals there; then a number that is negative where more slip gives more thrust.
     """
     varied, nodes, fine, columns = wheels.varied, coarse, False, np.zeros((wheels.load_n.size, 4))
     missing = _missing(contact, nodes, wheels, point, columns)

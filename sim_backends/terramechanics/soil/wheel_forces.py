@@ -33,7 +33,7 @@ class WheelForces(NamedTuple):
         drawbar_n: F_x, forward.
         side_n: F_y, to the left.
         vertical_n: F_z, up along the wheel's plane.
-        torque_nm: T, that drives the wheel.
+        torque_nm: T, driving torque.
     """
 
     drawbar_n: Array
@@ -66,8 +66,8 @@ def wheel_forces(
         camber_rad: From the surface's normal to the wheel's plane, positive to the left; within 45 deg.
         cross_slope_rad: Of the surface across the wheel, rising to the left; within 45 deg.
         gravity_m_s2: 0.1 to 100.
-        bound: On the error, in parts of F_z: 1e-5 or 1e-8.
-        kernel: What computes.
+        bound: Bound on the error relative to F_z: 1e-5 or 1e-8.
+        kernel: Computes the forces.
 
     Raises:
         ModelError: A number is outside its range; names parameter, value, unit and range.
@@ -109,9 +109,9 @@ def wheel_at_load(
         camber_rad: As for `wheel_forces`.
         cross_slope_rad: As for `wheel_forces`.
         gravity_m_s2: 0.1 to 100.
-        slip_sinkage_m: Sinkage per slip ratio that carries no load; 0 in the paper.
-        bound: On the error, in parts of F_z: 1e-5 or 1e-8.
-        kernel: What computes.
+        slip_sinkage_m: Sinkage per slip ratio that bears no load; 0 in the paper.
+        bound: Bound on the error relative to F_z: 1e-5 or 1e-8.
+        kernel: Computes the forces.
 
     Returns:
         h'_c, m, and the forces; NaN where the soil does not bear the load before the axle touches it.
@@ -145,7 +145,7 @@ def sink(
     Args:
         contact: Wheel and soil.
         rule: Nodes.
-        kernel: What computes.
+        kernel: Computes the forces.
         load_n: F_z, more than 0.
         slip: Slip ratio.
         side_speed: As for `Kernel`.
@@ -161,7 +161,7 @@ def sink(
         columns = kernel(contact, rule, depth, slip, side_speed)
         gap = _gap(columns, load_n)
         below = gap < 0.0
-        # Illinois: halve the value of the end that stays, so that both ends move.
+        # Illinois: halve the value of the end that is kept, so that both ends move.
         high_gap = np.where(below, 0.5 * high_gap, gap)
         low_gap = np.where(below, gap, 0.5 * low_gap)
         low, high = np.where(below, depth, low), np.where(below, high, depth)
