@@ -1,4 +1,4 @@
-"""The ground about the rover: made where the rover comes, pressed by its wheels, lit by the sun."""
+"""The ground around the rover: generated on demand, deformed by wheels, lit by the sun."""
 
 import math
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Terrain:
     mounds: tuple[tuple[float, float, float, float], ...] = ()
 
     def arrays(self) -> tuple[Array, Array]:
-        """Return slope and mounds as the compiled loops take them."""
+        """Return slope and mounds as arrays for the compiled loops."""
         return np.array(self.slope), np.array(self.mounds, np.float64).reshape(-1, 4)
 
     def height_m(self, x_m: Array, y_m: Array) -> Array:
@@ -51,14 +51,14 @@ class Terrain:
 
 @dataclass(frozen=True, kw_only=True)
 class Sun:
-    """Where the light comes from, and how much.
+    """Direction and strength of the light.
 
     Attributes:
         azimuth_deg: Direction to the sun in the world, counter-clockwise from x.
-        elevation_deg: Of the sun.
-        sun_grey: Light from white ground upright to the sun; 256 is the brightest that a frame holds.
-        sky_grey: What the sky adds.
-        bands: Shadows of far poles: direction of their normal (deg), offset, half width, softness in m.
+        elevation_deg: Elevation of the sun.
+        sun_grey: Light of white ground perpendicular to the sun; 256 saturates a frame.
+        sky_grey: Light of the sky.
+        bands: Shadows of distant poles: direction of the normal (deg), offset, half width, softness in m.
     """
 
     azimuth_deg: float = 120.0
@@ -74,7 +74,7 @@ class Sun:
         return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
 
     def arrays(self) -> tuple[Array, Array]:
-        """Return light and bands as the compiled loops take them."""
+        """Return light and bands as arrays for the compiled loops."""
         bands = [
             (math.cos(math.radians(turn)), math.sin(math.radians(turn)), offset, half, soft)
             for turn, offset, half, soft in self.bands
@@ -85,17 +85,17 @@ class Sun:
 
 @dataclass(frozen=True, kw_only=True)
 class Rut:
-    """What a wheel leaves behind, m.
+    """Shape of a rut, m.
 
     Attributes:
-        depth_m: Of the floor below the undisturbed ground.
+        depth_m: Depth of the floor below the undisturbed ground.
         wall_per_depth: Width over which the floor rises to the edge, per depth: 1.5 in dry sand.
         berm_m: Height of the berms beside it.
         lug_m: Depth of the grousers' imprints in the floor.
         tone: Brightness of the floor against the ground's mean.
-        compaction: Share of the ground's pattern that the wheel wipes out.
-        push: How much higher the berm is on the side the wheel drifts to, per tangent of the drift angle.
-        smear_m: How much wider the rut gets, per tangent of the drift angle.
+        compaction: Share of the ground's pattern that the wheel removes.
+        push: Relative rise of the berm on the side to which the wheel drifts, per tangent of the drift angle.
+        smear_m: Widening of the rut, per tangent of the drift angle.
     """
 
     depth_m: float = 0.014
@@ -111,12 +111,12 @@ class Rut:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSettings:
-    """What the ground is made of.
+    """Composition of the ground.
 
     Attributes:
-        tile_turn_deg: How the tile lies in the world.
-        patchiness: Strength of brightness patches over metres.
-        stones_per_m2: Number of loose stones.
+        tile_turn_deg: Rotation of the tile in the world.
+        patchiness: Strength of brightness variations over metres.
+        stones_per_m2: Loose stones per square metre.
         stone_m: Median half axis of a stone.
     """
 
@@ -135,9 +135,9 @@ class WheelStep:
     Attributes:
         start_m: Contact x, y in the world before the step.
         end_m: The same after it.
-        heading_rad: Of the wheel in the world.
-        lugs: Angle turned before and after, in lug pitches.
-        width_m: Of the wheel.
+        heading_rad: Heading of the wheel in the world.
+        lugs: Wheel angle before and after, in lug pitches.
+        width_m: Width of the wheel.
         softness: 0 where the ground is too hard to take a rut, 1 where it takes the full one.
     """
 
@@ -150,17 +150,17 @@ class WheelStep:
 
 
 class GroundMap:
-    """A window of the ground that follows the rover; what is farther away than its width is forgotten.
+    """A window of the ground that follows the rover; ground farther away than its width is discarded.
 
     Attributes:
         maps: Height, reflectance and light.
 
     Args:
-        settings: What the ground is made of.
+        settings: Composition of the ground.
         sun: The light.
-        earlier_steps: Steps of wheels that came before, pressed wherever new ground appears.
-        earlier_rut: What those wheels left.
-        rng: Makes sand, patches and stones.
+        earlier_steps: Steps of earlier traces, pressed where new ground is generated.
+        earlier_rut: Shape of their ruts.
+        rng: Source of sand, patches and stones.
         texel_m: Width of a texel.
     """
 
@@ -196,7 +196,7 @@ class GroundMap:
         self._press_inside(step, rut, box)
 
     def prepare(self, x_m: tuple[float, float], y_m: tuple[float, float]) -> None:
-        """Make and light the ground of this rectangle of the world, at most the map's width wide."""
+        """Generate and illuminate the ground in this rectangle of the world, at most as wide as the map."""
         texel_m = self.maps.texel_m
         box = (*_texels(x_m, texel_m), *_texels(y_m, texel_m))
         margin = math.ceil(SHADOW_MARGIN_M / texel_m)
@@ -242,7 +242,7 @@ class GroundMap:
         return [stone for row in rows for column in columns for stone in self._stones_at(row, column)]
 
     def _draw_stones(self, row: int, column: int) -> list[Array]:
-        """Return the stones of a cell, the same whenever it is asked for."""
+        """Return the stones of a cell, the same at every call."""
         # A seed takes no negative numbers; cells count from far below zero.
         rng = np.random.default_rng([self._stone_seed, row + 2**31, column + 2**31])
         stones = []
@@ -276,7 +276,7 @@ def _model(
 
 
 def _shape(step: WheelStep, rut: Rut) -> Array:
-    """Return the cross-section that this step leaves: wider, and piled up on one side, when drifting."""
+    """Return the cross-section of this step's rut: wider, with one higher berm, when the wheel drifts."""
     forward, left = _displacement(step)
     drift = left / max(abs(forward), abs(left), 1e-9)
     berm = rut.berm_m * step.softness
@@ -300,7 +300,7 @@ def _heading(step: WheelStep) -> tuple[float, float]:
 
 
 def _displacement(step: WheelStep) -> tuple[float, float]:
-    """Return the way of a step forwards and to the left in the wheel's heading, m."""
+    """Return the displacement of a step, forward and to the left of the wheel's heading, m."""
     cosine, sine = _heading(step)
     x, y = step.end_m[0] - step.start_m[0], step.end_m[1] - step.start_m[1]
     return cosine * x + sine * y, cosine * y - sine * x
@@ -318,7 +318,7 @@ def _reach_box(step: WheelStep, rut: Rut, texel_m: float) -> Box:
 
 
 def _light_reach(sun: Sun, texel_m: float) -> NDArray[np.int64]:
-    """Return the offsets, in texels, of what a change of the ground lights or shades."""
+    """Return the offsets, in texels, of the ground whose light a change of the ground affects."""
     hollow = kernels.HOLLOW_M / texel_m
     away = -sun.direction()[:2] / max(sun.direction()[2], 0.1) * LARGEST_CHANGE_M / texel_m
     around = [(hollow, 0.0), (-hollow, 0.0), (0.0, hollow), (0.0, -hollow)]

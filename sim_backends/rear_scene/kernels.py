@@ -1,7 +1,7 @@
 """The compiled inner loops: ground, ruts, light and the view through the lens.
 
-Maps are square, `MAP_SIZE` texels wide, and hold the texel (i, j) of the world at (i, j) modulo their width.
-All compiled functions stand in this one file: numba's cache does not notice changes in another.
+Maps are square, `MAP_SIZE` texels wide, and store the texel (i, j) of the world at (i, j) modulo their width.
+All compiled functions are in this file: numba's cache does not detect changes in another.
 """
 
 import math
@@ -21,20 +21,20 @@ Box: TypeAlias = NDArray[np.int64]
 MEAN_REFLECTANCE = 0.42
 MAP_SIZE = 2048
 BLOCK = 32
-"""Ground is made and lit in blocks of this many texels."""
+"""Ground is generated and illuminated in blocks of this many texels."""
 LIGHT_STEPS = 64.0
 """Units of the light map in a grey level."""
 SHADOW_STEPS = 20
 SHADOW_STRETCH = 0.15
-"""The way to the sun is searched at k + stretch k^2 texels."""
+"""The line to the sun is sampled at k + stretch k^2 texels."""
 TALLEST_M = 0.06
-"""Nothing small stands higher above what it shades."""
+"""Greatest height of small obstacles above the ground that they shade."""
 HOLLOW_M = 0.012
 CONTACT_M = 0.02
-"""Half the length of the contact: what a wheel presses that is dragged sideways."""
+"""Half the length of the contact; relevant for a wheel dragged sideways."""
 BERM_REACH = 4.0
 LUG_SHARE = 0.28
-"""Share of the lug pitch that the lug's imprint takes."""
+"""Share of the lug pitch covered by the lug's imprint."""
 ROUGH_TEXEL_M = 0.0023
 HIT_STEPS = 2
 FLATTEST_RAY = 0.25
@@ -45,13 +45,13 @@ _compiled = compiled(fastmath=True)
 
 
 class Maps(NamedTuple):
-    """The ground about the rover.
+    """The ground around the rover.
 
     Attributes:
-        height: In m, world.
-        reflectance: Share of the light sent back.
-        light: What the ground sends back of sky and sun, in 1 / `LIGHT_STEPS`.
-        is_dark: Blocks whose light must be computed anew.
+        height: Height in the world, m.
+        reflectance: Share of the light reflected.
+        light: Reflected light of sky and sun, in 1 / `LIGHT_STEPS`.
+        is_dark: Blocks whose light must be recomputed.
         texel_m: Width of a texel.
     """
 
@@ -63,16 +63,16 @@ class Maps(NamedTuple):
 
 
 class GroundModel(NamedTuple):
-    """What the ground is made from.
+    """Sources of the undisturbed ground.
 
     Attributes:
         slope: Rise along x and y, m per m.
         mounds: Rows x, y, height, radius in m.
         reflectance: A tile of the ground, as is `relief` in m.
-        patches: Slow changes of brightness, unit variance.
+        patches: Slow variation of brightness, unit variance.
         tile_placement: Cosine, sine of the tile's turn, its texel in m, that of the patches, their strength.
-        roughness: How crumbs lie, unit variance.
-        light_reach: Rows of offsets, in texels, of what a change of the ground lights or shades.
+        roughness: Fine roughness of pressed ground, unit variance.
+        light_reach: Rows of offsets, in texels, of the ground whose light a change of the ground affects.
     """
 
     slope: Array
@@ -86,17 +86,17 @@ class GroundModel(NamedTuple):
 
 
 class View(NamedTuple):
-    """What the camera looks through. Tuples: the compiler keeps what the loop over the pixels reads.
+    """Camera and shadow for one image. Tuples: the compiler keeps their values in the loop over the pixels.
 
     Attributes:
-        rays: Of each pixel x / z, y / z and the lens's brightness.
-        camera: Its place in the world, m.
-        turn: Camera to world, row by row.
+        rays: x / z, y / z and the lens's brightness for each pixel.
+        camera: Position of the camera in the world, m.
+        turn: Rotation from camera to world, row by row.
         plane: a, b, c of undisturbed ground near the view, z = a x + b y + c, m.
-        shade: Share of the sun that the rover takes, on that plane.
+        shade: Share of the sun blocked by the rover, on that plane.
         shade_frame: Two rows that take world x, y, 1 to texels of `shade`; then x / z and y / z of the sun.
         tint: Blue, green, red of the sky, then of the sun.
-        curve: The camera's answer to 0 ... 256 units of light, evenly spaced.
+        curve: Grey level of the camera for 0 ... 256 units of light, evenly spaced.
     """
 
     rays: Map
@@ -134,7 +134,7 @@ def _sample(tile: Map, u: float, v: float) -> float:
 
 @_compiled
 def fill(maps: Maps, box: Box, model: GroundModel) -> None:
-    """Lay undisturbed ground into the box: first and end row, first and end column."""
+    """Fill the box with undisturbed ground: first and end row, first and end column."""
     cosine, sine, tile_m, patch_m, strength = model.tile_placement
     for i in range(box[0], box[1]):
         for j in range(box[2], box[3]):
@@ -149,7 +149,7 @@ def fill(maps: Maps, box: Box, model: GroundModel) -> None:
 
 @_compiled
 def add_stone(maps: Maps, box: Box, stone: Array) -> None:
-    """Put a stone onto the ground: x, y, half axes, turn (rad), height, m; reflectance."""
+    """Add a stone to the ground: x, y, half axes, rotation (rad), height, m; reflectance."""
     x0, y0, along, across, turn, top, tone = stone
     cosine, sine = math.cos(turn), math.sin(turn)
     for i in range(box[0], box[1]):
@@ -167,11 +167,11 @@ def add_stone(maps: Maps, box: Box, stone: Array) -> None:
 def press(maps: Maps, box: Box, roll: Array, rut: Array, model: GroundModel) -> None:
     """Press the strip of ground that a wheel's lowest line passes over in one short step.
 
-    `roll`: contact x, y before, way forwards and to the left in the wheel's heading (m), cosine and sine of
-    that heading, angle turned before and after in lug pitches. `rut`: see `_pressed`.
+    `roll`: contact x, y before, displacement forward and to the left of the wheel's heading (m), cosine and
+    sine of that heading, wheel angle before and after in lug pitches. `rut`: see `_pressed`.
     """
     x0, y0, forward, left, cosine, sine, lug0, lug1 = roll
-    # The floor may be pressed twice, so its strips overlap a little; berms grow, so theirs must not.
+    # The floor may be pressed twice, so its strips overlap slightly; berms accumulate, so theirs must not.
     first, last = min(0.0, forward), max(0.0, forward)
     overlap = 0.6 * maps.texel_m + CONTACT_M * abs(left) / (abs(left) + abs(forward) + 1e-9)
     scale = 1 / forward if abs(forward) > 1e-6 else 0.0
@@ -208,7 +208,7 @@ def _pressed(
     """Return height and reflectance after the wheel at `n` m to the left of its middle.
 
     `rut`: half width, depth, width of the wall, height of the berm left and right, its width, depth of the
-    lugs (m), reflectance of the floor, share of it in the floor's new reflectance.
+    lugs (m), reflectance of the floor, its share in the new reflectance.
     """
     half, depth, wall, berm_left, berm_right, berm_m, lug_m, tone, share = rut
     height, reflectance = old
@@ -235,10 +235,10 @@ def _pressed(
 
 @_compiled
 def illuminate(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
-    """Compute how bright the sky and the sun make the ground in the box.
+    """Compute the light of sky and sun on the ground in the box.
 
-    `sun`: direction to it x, y, z; light of white ground under the sun upright to it, and under the sky.
-    `bands`: shadows of far poles and walls; rows of normal x, y, offset, half width, softness in m.
+    `sun`: direction x, y, z; light of white ground perpendicular to the sun, and under the sky.
+    `bands`: shadows of distant poles and walls; rows of normal x, y, offset, half width, softness in m.
     """
     height, texel_m = maps.height, maps.texel_m
     hollow = int(HOLLOW_M / texel_m)
@@ -255,7 +255,7 @@ def illuminate(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
             around = height[(i + hollow) & MASK, column] + height[(i - hollow) & MASK, column]
             around += height[row, (j + hollow) & MASK] + height[row, (j - hollow) & MASK]
             hollow_depth = max(0.0, 0.25 * around - height[row, column]) / HOLLOW_M
-            # Walls around take a part of the sky; the constant is chosen.
+            # Surrounding walls hide part of the sky; the constant is chosen.
             sky_share = max(0.3, (0.5 + 0.5 * upright) * (1 - 0.6 * hollow_depth))
             tone = maps.reflectance[row, column] * LIGHT_STEPS
             maps.light[row, column, 0] = np.uint16(min(tone * sun[4] * sky_share, 65535.0))
@@ -264,7 +264,7 @@ def illuminate(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
 
 @_compiled
 def _sun_share(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
-    """Return the share of the sun that the ground around leaves to a texel."""
+    """Return the share of the sun that the surrounding ground does not block from a texel."""
     level = math.hypot(sun[0], sun[1])
     rise, step_x, step_y = sun[2] / level, sun[0] / level, sun[1] / level
     here, hidden = height[i & MASK, j & MASK], 0.0
@@ -288,7 +288,7 @@ def _band_light(x: float, y: float, bands: Array) -> float:
 
 @_compiled
 def render(image: NDArray[np.uint8], maps: Maps, view: View) -> None:
-    """Render the picture, blue, green, red."""
+    """Render the image, blue, green, red."""
     camera, turn, (a, b, c) = view.camera, view.turn, view.plane
     base = camera[2] - a * camera[0] - b * camera[1] - c
     brightest, unit = view.curve.shape[0] - 1.0, view.curve.shape[0] / 256 / LIGHT_STEPS
@@ -300,9 +300,9 @@ def render(image: NDArray[np.uint8], maps: Maps, view: View) -> None:
             dx = turn[0] * u + turn[1] * v + turn[2]
             dy = turn[3] * u + turn[4] * v + turn[5]
             dz = turn[6] * u + turn[7] * v + turn[8]
-            # Rays that do not meet the ground within its map see its farthest part.
+            # Rays that do not meet the ground within its map show its farthest part.
             per_fall = 1 / max(a * dx + b * dy - dz, FLATTEST_RAY)
-            # The ground is about as high as where the pixel beside looks: a few steps find where it is met.
+            # The ground height is close to that of the neighbouring pixel: a few steps find the intersection.
             for _ in range(HIT_STEPS):
                 distance = (base - over) * per_fall
                 x, y = camera[0] + distance * dx, camera[1] + distance * dy
@@ -340,7 +340,7 @@ def _light_at(light: LightMap, u: float, v: float) -> tuple[float, float]:
 
 @_compiled
 def _rover_shadow(view: View, x: float, y: float) -> float:
-    """Return the share of the sun that the rover takes from a point of the plane."""
+    """Return the share of the sun that the rover blocks from a point of the plane."""
     shade, frame = view.shade, view.shade_frame
     s = frame[0] * x + frame[1] * y + frame[2]
     t = frame[3] * x + frame[4] * y + frame[5]

@@ -1,4 +1,4 @@
-"""The simulated El-Dorado: what the compiled equations make of set-points, at the times others ask for."""
+"""The simulated El-Dorado: integrates the compiled equations of motion to the requested times."""
 
 import math
 from collections.abc import Sequence
@@ -18,16 +18,17 @@ STEP_NS = 10_000_000
 
 
 class ElDoradoPlant:
-    """Four wheels, each driven and steered by itself, on a slope with mounds.
+    """Four wheels, each with its own drive and steering, on a slope with mounds.
 
     Wheels: front left, front right, rear left, rear right. x and y are horizontal, as a tracker on the ground
-    measures them. What it leaves out is on the page on simulators.
+    measures them. docs/simulators.md lists what is not
+    modelled.
 
     Args:
         settings: The true rover and its ground.
-        rng: Source of all fluctuation.
+        rng: Source of the fluctuation of forces.
         start_ns: Time at the start pose, at rest.
-        table: Forces of the soil; None takes those of the settings' wheel, soil and mass.
+        table: Forces of the soil; None uses those of the settings' wheel, soil and mass.
 
     Raises:
         ConfigError: There is no such wheel or soil.
@@ -61,17 +62,17 @@ class ElDoradoPlant:
         self._speed_rad_s, self._angle_rad, self._steer_rad = np.zeros(4), np.zeros(4), np.zeros(4)
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Give the inner speed loops new set-points: front left, front right, rear left, rear right."""
+        """Set the set-points of the inner speed loops: front left, front right, rear left, rear right."""
         self._catch_up()
         self._set_rad_s = np.array(speed_rad_s, dtype=np.float64)
 
     def set_steering(self, angle_rad: Sequence[float]) -> None:
-        """Give the steering drives new angles, counter-clockwise, in the order of the wheels."""
+        """Set the steering angles, counter-clockwise, in the order of the wheels."""
         self._catch_up()
         self._set_steer_rad = np.array(angle_rad, dtype=np.float64)
 
     def advance(self, t_ns: int) -> None:
-        """Go on to `t_ns`; does nothing for a time already reached. `truth` integrates when it is asked."""
+        """Set the present time; does nothing for a time already reached. `truth` integrates on demand."""
         self._now_ns = max(self._now_ns, t_ns)
 
     def _catch_up(self) -> None:
@@ -81,7 +82,7 @@ class ElDoradoPlant:
             self._reached_ns += step_ns
 
     def _step(self, step_s: float) -> None:
-        """Solve the first-order lag of the wheels exactly over the step, and move at their mean speed."""
+        """Integrate one step: the wheels' first-order lag is exact, the body moves at their mean speed."""
         settings = self._settings
         kept = math.exp(-step_s / settings.speed_lag_s)
         speed_error = self._speed_rad_s - self._set_rad_s
@@ -133,7 +134,7 @@ class ElDoradoPlant:
         )
 
     def _currents_a(self) -> list[float]:
-        """Return the signed currents that friction, soil and acceleration ask for; gears hold at rest."""
+        """Return the signed currents for friction, soil and acceleration; the gears hold at rest."""
         settings = self._settings
         turning = self._speed_rad_s / np.hypot(self._speed_rad_s, FRICTION_SMOOTHING_RAD_S)
         acceleration = (self._set_rad_s - self._speed_rad_s) / settings.speed_lag_s

@@ -5,7 +5,7 @@ times the new speed, the coefficient taken at the old state. Such a step is exac
 can only dissipate, and stays stable where a stiff contact would need steps of microseconds. Eliminating the
 wheels leaves three equations for the body.
 
-All compiled functions stand in this one file: numba's cache does not notice changes in another.
+All compiled functions are in this file: numba's cache does not detect changes in another.
 """
 
 import math
@@ -20,20 +20,20 @@ from sim_backends.plants.robotino.ground import Ground
 
 BRIDGE_COUNTS = 255.0
 CREEP_M_S = 0.001
-"""Below this speed resistance and traction fade to nothing instead of changing sign at once."""
+"""Below this speed resistance and traction decrease to zero instead of changing sign abruptly."""
 
 _compiled = compiled()
 
 
 class Rover(NamedTuple):
-    """Constants; everything is seen at the wheel unless named otherwise.
+    """Constants; motor quantities are referred to the wheel.
 
     Attributes:
         steps_per_control: Steps in a period of the speed loop.
-        direction, radial: Of each wheel's rolling and of its axle, as rows (x, y, arm of yaw).
-        load_n: On each wheel.
-        mass: Matrix of inertia about the rover's centre.
-        current_step: Share of the way to its final value that the current goes in one step.
+        direction, radial: Rolling direction and axle of each wheel, rows (x, y, lever arm of yaw).
+        load_n: Load on each wheel.
+        mass: Inertia matrix about the rover's centre.
+        current_step: Share of the difference to its final value by which the current changes in one step.
         tick_rad: Encoder tick at the wheel.
     """
 
@@ -62,13 +62,13 @@ class Rover(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes; arrays are written in place.
+    """State variables; arrays are updated in place.
 
     Attributes:
         pose: x, y, yaw in the world.
-        twist: Velocity x, y and yaw rate in the body.
+        twist: Velocity x, y and yaw rate in the body frame.
         set_ticks: Set-point of each wheel, ticks per period of the speed loop.
-        counted: Ticks of each wheel when the speed loop last looked.
+        counted: Ticks of each wheel at the last call of the speed loop.
         supply: Battery voltage.
         step: Number of steps done.
     """
@@ -87,7 +87,7 @@ class State(NamedTuple):
 
 @_compiled
 def advance(state: State, rover: Rover, ground: Ground, steps: int) -> None:
-    """Do a number of steps."""
+    """Integrate a number of steps."""
     along = np.empty(3)
     across = np.empty(3)
     grip = np.empty(3)
@@ -101,7 +101,7 @@ def advance(state: State, rover: Rover, ground: Ground, steps: int) -> None:
 
 @_compiled
 def _control_speed(state: State, rover: Rover) -> None:
-    """Set each bridge from the ticks counted since the last call; let the battery sag."""
+    """Set each bridge from the ticks counted since the last call, and the battery voltage from the load."""
     power_w = 0.0
     for wheel in range(3):
         power_w += state.voltage_v[wheel] * state.current_a[wheel]
@@ -123,11 +123,11 @@ def _control_speed(state: State, rover: Rover) -> None:
 def _contact_coefficients(
     state: State, rover: Rover, ground: Ground, grip: Array, along: Array, across: Array
 ) -> None:
-    """Find traction per sliding speed and resistance per speed, N s/m, of each wheel where it stands.
+    """Compute traction per sliding speed and resistance per speed, N s/m, at each wheel's contact.
 
     Traction over load follows s' / sqrt(1 + s'^2) with s' = stiffness * slip / friction. The slip is the
-    sliding speed over the speed at which the contact passes over the ground, sideways motion included: that
-    is how fast unstrained fibres arrive under the rollers.
+    sliding speed over the speed at which the contact passes over the ground, sideways motion included: the
+    rate at which unstrained fibres enter the contact.
     """
     cos_yaw = math.cos(state.pose[2])
     sin_yaw = math.sin(state.pose[2])
@@ -167,7 +167,7 @@ def _ground_under(
 
 @_compiled
 def _step_body(state: State, rover: Rover, grip: Array, along: Array, across: Array) -> None:
-    """Do one step of motors, wheels and body."""
+    """Integrate motors, wheels and body over one step."""
     step_s, radius_m = rover.step_s, rover.radius_m
     sign = np.empty(3)
     free = np.zeros(3)
@@ -196,7 +196,7 @@ def _step_body(state: State, rover: Rover, grip: Array, along: Array, across: Ar
     for wheel in range(3):
         speed = free[wheel] + follow[wheel] * _dot(rover.direction, wheel, state.twist)
         if speed * sign[wheel] < 0.0:
-            speed = 0.0  # friction stops a wheel, it does not turn it back
+            speed = 0.0  # friction stops a wheel but does not reverse it
         state.speed_rad_s[wheel] = speed
         state.angle_rad[wheel] += step_s * speed
     _integrate_pose(state, step_s)
@@ -204,7 +204,7 @@ def _step_body(state: State, rover: Rover, grip: Array, along: Array, across: Ar
 
 @_compiled
 def _integrate_pose(state: State, step_s: float) -> None:
-    """Move the pose on, along the heading in the middle of the step."""
+    """Integrate the pose, along the heading in the middle of the step."""
     middle_yaw = state.pose[2] + 0.5 * step_s * state.twist[2]
     cos_yaw = math.cos(middle_yaw)
     sin_yaw = math.sin(middle_yaw)
@@ -215,7 +215,7 @@ def _integrate_pose(state: State, step_s: float) -> None:
 
 @_compiled
 def _motor_torque(state: State, rover: Rover, wheel: int) -> float:
-    """Move the current on and return the torque behind the gear, Coulomb friction left out."""
+    """Integrate the current and return the torque at the gear's output, without Coulomb friction."""
     speed = state.speed_rad_s[wheel]
     final_a = (state.voltage_v[wheel] - rover.back_emf_v_s * speed) / rover.resistance_ohm
     state.current_a[wheel] += rover.current_step * (final_a - state.current_a[wheel])
@@ -227,7 +227,7 @@ def _motor_torque(state: State, rover: Rover, wheel: int) -> float:
 
 @_compiled
 def _friction_sign(state: State, rover: Rover, wheel: int, torque_nm: float, grip: float) -> float:
-    """Return the direction that Coulomb friction opposes: that of motion; 0 where the wheel stays at rest."""
+    """Return the sign of motion that Coulomb friction opposes; 0 where the wheel stays at rest."""
     speed = state.speed_rad_s[wheel]
     if speed == 0.0:
         pull = torque_nm + rover.radius_m * grip * _dot(rover.direction, wheel, state.twist)
@@ -239,7 +239,7 @@ def _friction_sign(state: State, rover: Rover, wheel: int, torque_nm: float, gri
 
 @_compiled
 def _momentum(twist: Array, mass: Array, step_s: float) -> Array:
-    """Return momentum over step, with what the turning of the frame makes of it."""
+    """Return momentum over step, with the terms of the rotating frame."""
     momentum = np.empty(3)
     for i in range(3):
         momentum[i] = mass[i, 0] * twist[0] + mass[i, 1] * twist[1] + mass[i, 2] * twist[2]

@@ -1,4 +1,4 @@
-"""The site as the integrator reads it: per cell a row of a table of grounds, and a factor of roughness."""
+"""The site as a grid: per cell a row of a table of grounds, and a roughness factor."""
 
 import math
 from typing import NamedTuple
@@ -15,14 +15,14 @@ MARGIN_M = 0.1
 
 
 class Ground(NamedTuple):
-    """The ground in cells; outside them it is that of row 0, without roughness.
+    """The ground in cells; outside the grid it is row 0 without roughness.
 
     Attributes:
         x_min_m, y_min_m: Corner of the first cell.
         cells_per_m: One over the width of a cell.
-        row: By x and y: which row of `rows` a cell has.
-        roughness: By x and y: factor on the resistances.
-        rows: Per ground: friction, stiffness, drag along, drag across, immersion along, immersion across.
+        row: Row of `rows` for each cell, by x and y.
+        roughness: Factor on the resistances for each cell, by x and y.
+        rows: Per ground: friction, stiffness, drag along, drag across, soft-ground resistance along, across.
     """
 
     x_min_m: float
@@ -34,11 +34,11 @@ class Ground(NamedTuple):
 
 
 def rasterise(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Ground:
-    """Lay the patches of a site into cells and draw the roughness.
+    """Return the patches of a site on a grid, with random roughness.
 
     Args:
         site: The site.
-        wheel_radius_m: Of the rover that sinks in.
+        wheel_radius_m: Radius of the rover's wheels.
         rng: Source of the roughness; two calls with the same generator state give the same ground.
     """
     (x_min, x_max), (y_min, y_max) = _extent(site)

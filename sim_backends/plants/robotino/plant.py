@@ -1,4 +1,4 @@
-"""The dynamic Robotino: what the compiled equations make of set-points, at the times others ask for."""
+"""The dynamic Robotino: integrates the compiled equations of motion to the requested times."""
 
 import math
 from collections import deque
@@ -16,7 +16,7 @@ from sim_backends.world.plant import Truth
 WHEEL_ANGLES_DEG = (60.0, 180.0, 300.0)
 GRAVITY_M_S2 = 9.81
 SLIP_FLOOR_M_S = 0.02
-"""Slip fades to 0 where rim and ground are both slower: 1 - v / (r omega) has no meaning at rest."""
+"""Slip decreases to 0 where rim and ground are both slower: 1 - v / (r omega) is undefined at rest."""
 
 
 class _Command(NamedTuple):
@@ -28,10 +28,10 @@ class RobotinoPlant:
     """Three gear motors with the board's speed loop, omnidirectional wheels on a test site, a heavy body.
 
     It integrates on a grid of its own: half the period of the speed loop, 0.56 ms, at a random phase. Between
-    two grid points `truth` moves on at constant speed, so that the result does not depend on when and how
-    often it is asked.
+    two grid points `truth` extrapolates at constant speed, so that the result does not depend on when and how
+    often it is called.
 
-    What it leaves out is on the page on simulators.
+    docs/simulators.md lists what is not modelled.
 
     Args:
         settings: The true rover and its ground.
@@ -52,7 +52,7 @@ class RobotinoPlant:
         self._t_ns = start_ns
         self._rover = make_rover(settings, seconds(self._step_ns))
         self._state = _initial_state(settings)
-        # As plain numbers: `truth` is asked several times in each control cycle.
+        # Plain numbers for speed: `truth` is called several times in each control cycle.
         self._radius_m = float(self._rover.radius_m)
         self._directions: list[list[float]] = self._rover.direction.tolist()
         self._encoder_zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
@@ -62,12 +62,12 @@ class RobotinoPlant:
         self._truth: Truth | None = None
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Give the inner speed loops new set-points, one per wheel (60, 180, 300 degrees)."""
+        """Set the set-points of the inner speed loops, one per wheel (60, 180, 300 degrees)."""
         delay_ns = nanoseconds(self._settings.speed_loop.set_point_delay_s)
         self._commands.append(_Command(self._t_ns + delay_ns, tuple(speed_rad_s)))
 
     def advance(self, t_ns: int) -> None:
-        """Go on to `t_ns`; does nothing for a time already reached. `truth` integrates when it is asked."""
+        """Set the present time; does nothing for a time already reached. `truth` integrates on demand."""
         if t_ns > self._t_ns:
             self._t_ns = t_ns
             self._truth = None
@@ -127,7 +127,7 @@ class RobotinoPlant:
 def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
     """Return 1 - v / (r omega) of a driving wheel, between 0 and 1; negative to -1 of a braking one.
 
-    The faster of the two speeds divides; where both are below `SLIP_FLOOR_M_S`, that does.
+    The divisor is the faster of the two speeds, at least `SLIP_FLOOR_M_S`.
     """
     faster = max(abs(rim_m_s), abs(ground_m_s))
     forward = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
