@@ -17,7 +17,7 @@ GREY = 128
 
 
 class TimedFault(Settings):
-    """Which device a fault befalls, and when: seconds from the start of the simulation."""
+    """The device of a fault and its period, in seconds from the start of the simulation."""
 
     device: str
     start_s: Annotated[float, Field(ge=0, le=1e6)]
@@ -149,7 +149,7 @@ def flip_bit(payload: bytes, rng: np.random.Generator) -> bytes:
 
 
 def grey_lower_half(frame: CameraImage, rng: np.random.Generator) -> CameraImage:
-    """Return a frame as a broken-off JPEG shows it: grey from a random line below the middle."""
+    """Return a frame like that of a truncated JPEG: grey from a random line below the middle."""
     image = frame.image.copy()
     image[rng.integers(len(image) // 2, len(image)) :] = GREY
     return CameraImage(image, frame.t_capture_ns)

@@ -49,7 +49,7 @@ class LoopbackLink(Generic[PayloadT]):
         return items
 
     def send(self, payload: bytes) -> bool:
-        """Put bytes on the wire to the device; False when it is unplugged."""
+        """Put bytes on the line to the device; return False when it is unplugged."""
         if self._device.unplugged or not self._is_open:
             return False
         self._device.to_device.put(self._clock.now_ns(), payload)

@@ -140,7 +140,7 @@ def _load(name: str | Path, kind: Literal["wheels", "soils"], form: type[Setting
         text = (library / kind / f"{name}.toml").read_text("utf-8")
     else:
         known = ", ".join(library_names(kind))
-        raise ConfigError(f"{kind} hold no '{name}'; give one of {known}, or the path of a .toml file.")
+        raise ConfigError(f"{kind}: no '{name}'; use one of {known}, or the path of a .toml file.")
     return parse_settings(text, str(name), form)
 
 
@@ -158,7 +158,7 @@ def parse_settings(text: str, origin: str, form: type[SettingsT]) -> SettingsT:
     try:
         return form.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{origin}: is not TOML ({error}); mend the file.") from None
+        raise ConfigError(f"{origin}: is not TOML ({error}); correct the file.") from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
