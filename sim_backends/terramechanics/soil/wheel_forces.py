@@ -1,4 +1,4 @@
-"""Forces on a wheel at given sinkage, or at given load."""
+"""Sinkage of wheels at given loads, and the forces on them (paper 001, eqs 9 to 32)."""
 
 from typing import NamedTuple
 
@@ -42,48 +42,6 @@ class WheelForces(NamedTuple):
     torque_nm: Array
 
 
-def wheel_forces(
-    wheel: WheelSettings,
-    soil: SoilSettings,
-    *,
-    sinkage_m: ArrayLike,
-    slip: ArrayLike,
-    slip_angle_rad: ArrayLike = 0.0,
-    camber_rad: float = 0.0,
-    cross_slope_rad: float = 0.0,
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
-    bound: float = 1e-8,
-    kernel: Kernel = numpy_kernel,
-) -> WheelForces:
-    """Return the forces on wheels at given sinkages (paper 001, eqs 9 to 32).
-
-    Args:
-        wheel: Wheel.
-        soil: Soil.
-        sinkage_m: h'_c at the wheel's middle plane; the deeper edge at most as deep as the axle; any shape.
-        slip: Slip ratio at the shearing radius, -0.99 (skid) to 1; broadcast with it.
-        slip_angle_rad: beta, within 1.55 rad, positive to the left; broadcast with it.
-        camber_rad: From the surface's normal to the wheel's plane, positive to the left; within 45 deg.
-        cross_slope_rad: Of the surface across the wheel, rising to the left; within 45 deg.
-        gravity_m_s2: 0.1 to 100.
-        bound: Bound on the error relative to F_z: 1e-5 or 1e-8.
-        kernel: Computes the forces.
-
-    Raises:
-        ModelError: A number is outside its range; names parameter, value, unit and range.
-    """
-    contact = wheel_contact(
-        wheel, soil, camber_rad=camber_rad, cross_slope_rad=cross_slope_rad, gravity_m_s2=gravity_m_s2
-    )
-    ratio, side_speed = _motion(slip, slip_angle_rad)
-    depth, ratio, side_speed = np.broadcast_arrays(np.asarray(sinkage_m, float), ratio, side_speed)
-    check_range("sinkage_m", depth, "m", -wheel.radius_m, deepest_allowed(contact))
-    columns = kernel(
-        contact, rule_for(bound), *(np.array(values).ravel() for values in (depth, ratio, side_speed))
-    )
-    return _shaped(columns, depth.shape)
-
-
 def wheel_at_load(
     wheel: WheelSettings,
     soil: SoilSettings,
@@ -106,8 +64,8 @@ def wheel_at_load(
         load_n: F_z, more than 0 to 1e6; any shape.
         slip: Slip ratio at the shearing radius, -0.99 (skid) to 1; broadcast with it.
         slip_angle_rad: beta, within 1.55 rad, positive to the left; broadcast with it.
-        camber_rad: As for `wheel_forces`.
-        cross_slope_rad: As for `wheel_forces`.
+        camber_rad: From the surface's normal to the wheel's plane, positive to the left; within 45 deg.
+        cross_slope_rad: Slope of the surface across the wheel, rising to the left; within 45 deg.
         gravity_m_s2: 0.1 to 100.
         slip_sinkage_m: Sinkage per slip ratio that bears no load; 0 in the paper.
         bound: Bound on the error relative to F_z: 1e-5 or 1e-8.
