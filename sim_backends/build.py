@@ -37,10 +37,10 @@ EmulatorT = TypeVar("EmulatorT", bound=Settings)
 
 
 def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int) -> World:
-    """Put the simulated rover together.
+    """Build the simulated rover.
 
-    Each device, its faults and the plant draw from generators of their own, so that adding a device changes
-    nothing for the others.
+    Each device, its faults and the plant draw from generators of their own, so that adding a device does
+    not change the others.
 
     Args:
         devices: The devices of the configuration, by name.

@@ -1,4 +1,4 @@
-"""What the configuration says about the simulated rover: [simulation]."""
+"""Settings of the simulated rover: [simulation]."""
 
 from typing import Annotated, TypeAlias
 
@@ -30,13 +30,13 @@ EmulatorSettings: TypeAlias = Annotated[
 
 
 class SimulationSettings(Settings):
-    """The simulated rover, the errors of its devices, and what goes wrong.
+    """The simulated rover, the errors of its devices, and scheduled faults.
 
     Attributes:
         seed: The same seed gives the same run.
         plant: The true rover and its ground.
-        devices: How devices of [devices] err, by name; those not named err as by default.
-        faults: What fails, and when.
+        devices: Errors of the devices of [devices], by name; defaults for the others.
+        faults: Scheduled faults.
     """
 
     seed: Annotated[int, Field(ge=0)] = 0

@@ -46,7 +46,7 @@ class FramePort(Port[CameraImage]):
         return []
 
     def has_listener(self) -> bool:
-        """Tell whether the folder is there; it cannot tell who looks."""
+        """Return whether the folder is there; it cannot detect a reader."""
         return self._writer is not None
 
     def write(self, payload: CameraImage) -> bool:

@@ -72,7 +72,7 @@ class PtyPort(Port[bytes]):
         return [data] if data else []
 
     def has_listener(self) -> bool:
-        """Tell whether a host has the port open."""
+        """Return whether a host has the port open."""
         if self._master is None:
             return False
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))

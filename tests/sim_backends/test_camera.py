@@ -14,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.samples import FrameSample, Image
 from sim_backends.devices.camera import make_camera
-from sim_backends.rear_scene.emulated_scene import EmulatedScene, rig_of
+from sim_backends.rear_scene.emulated_scene import EmulatedScene, make_rig
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.live_folder import LiveFolderWriter
 from sim_backends.world.loopback import LoopbackLink
@@ -86,7 +86,9 @@ def rectify(image: Image, emulator: CameraEmulatorSettings = SETTINGS) -> Image:
     y_m = FIRST_Y_M - METRES_PER_PIXEL * np.arange(COLUMNS)
     surface_m = np.full((ROWS, COLUMNS), emulator.rut_depth_m)
     ground = np.stack([*np.meshgrid(x_m, y_m, indexing="ij"), surface_m], axis=-1).reshape(-1, 3)
-    pixels = rig_of(emulator, WIDTH, HEIGHT, 5.0).project(ground).reshape(ROWS, COLUMNS, 2).astype(np.float32)
+    pixels = (
+        make_rig(emulator, WIDTH, HEIGHT, 5.0).project(ground).reshape(ROWS, COLUMNS, 2).astype(np.float32)
+    )
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     return np.asarray(cv2.remap(grey, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR), np.uint8)
 
@@ -95,7 +97,7 @@ def test_the_optical_axis_meets_the_floor_behind_the_wheel_in_the_middle_of_the_
     emulator = CameraEmulatorSettings(
         type="camera", wheel_x_m=-0.3, wheel_y_m=0.2, height_m=0.5, tilt_deg=60, behind_m=0.1
     )
-    rig = rig_of(emulator, WIDTH, HEIGHT, 5.0)
+    rig = make_rig(emulator, WIDTH, HEIGHT, 5.0)
     met = np.array([[-0.4 - 0.5 / math.tan(math.radians(60)), 0.2, 0.0]])
     assert rig.project(met)[0] == pytest.approx((319.5, 239.5))
     # Left of the rover is right in the picture, farther behind is higher, at the scale of a pinhole.

@@ -130,7 +130,7 @@ class Quiet:
     def act(self, t_ns: int) -> None:
         pass
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         pass
 
 

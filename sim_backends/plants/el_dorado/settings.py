@@ -1,4 +1,4 @@
-"""What the configuration says about the simulated El-Dorado and its ground."""
+"""Settings of the simulated El-Dorado and its ground."""
 
 from typing import Annotated, Literal
 
@@ -8,7 +8,7 @@ from drivers.settings import Settings
 
 
 class Mound(Settings):
-    """A bell-shaped mound: `height_m` at the top, falling off with the standard deviation `radius_m`."""
+    """A Gaussian mound: height at the top and standard deviation `radius_m`."""
 
     x_m: float
     y_m: float
@@ -20,7 +20,7 @@ class Ground(Settings):
     """The shape of the ground, and the soil.
 
     Attributes:
-        inclination_deg: Of the slope below the mounds.
+        inclination_deg: Inclination of the slope below the mounds.
         uphill_deg: Direction of steepest ascent, counter-clockwise from x.
         soil: A soil of the library (`sim_backends/terramechanics/soil/library/soils`), or a TOML file.
     """
@@ -32,7 +32,7 @@ class Ground(Settings):
 
 
 class ElDoradoPlantSettings(Settings):
-    """The true rover and its ground; the controller has its own, possibly wrong, idea of both.
+    """The true rover and its ground; the controller's settings may differ from both.
 
     Wheel and load are those of the single-wheel tests in Reina, Ishigami, Nagatani and Yoshida, "Odometry
     correction using visual slip angle estimation for planetary exploration rovers" (92 mm, 6.6 kg); track,
@@ -40,16 +40,16 @@ class ElDoradoPlantSettings(Settings):
 
     Attributes:
         wheel: A wheel of the library (`sim_backends/terramechanics/soil/library/wheels`), or a TOML file.
-        wheel_radius_error: The wheels really roll on the wheel's radius times (1 + wheel_radius_error).
+        wheel_radius_error: The true rolling radius is the wheel's radius times (1 + wheel_radius_error).
         track_m: Distance between left and right wheels.
         wheel_base_m: Distance between front and rear wheels.
-        centre_height_m: Of the centre of mass above the ground.
+        centre_height_m: Height of the centre of mass above the ground.
         force_fluctuation: Standard deviation of the soil's horizontal forces on each wheel, as a share.
-        fluctuation_time_s: Its correlation time.
+        fluctuation_time_s: Correlation time of the fluctuation.
         speed_lag_s: Time constant of the inner speed loop.
-        steer_rate_rad_s: Speed of the steering drives.
-        torque_per_ampere_nm: At the wheel, gear and its efficiency included.
-        idle_current_a: What the electronics draw from the battery.
+        steer_rate_rad_s: Greatest speed of the steering drives.
+        torque_per_ampere_nm: Torque at the wheel per ampere, gear and its efficiency included.
+        idle_current_a: Current of the electronics, drawn from the battery.
     """
 
     type: Literal["el_dorado"] = "el_dorado"

@@ -1,4 +1,4 @@
-"""What the configuration says about the dynamic Robotino."""
+"""Settings of the dynamic Robotino."""
 
 from typing import Annotated, Literal
 
@@ -39,7 +39,7 @@ class SpeedLoopSettings(Settings):
     """The speed controller of an EA05 board: set-point plus gain times error, in counts of the bridge.
 
     It counts encoder ticks over its own period, so speed comes in whole ticks and the current ripples. Its
-    clock runs beside the host's: the phase and a small error of the rate are drawn at random.
+    clock is independent of the host's: the phase and a small error of the rate are drawn at random.
 
     Attributes:
         rate_hz: Of the controller.
@@ -64,7 +64,7 @@ def _site(value: object) -> object:
 
 
 class RobotinoPlantSettings(Settings):
-    """The true rover and its ground; the controller has its own, possibly wrong, idea of both.
+    """The true rover and its ground; the controller's settings may differ from both.
 
     Attributes:
         site: The ground: name of a shipped site, path of a TOML map, or the map itself.
@@ -72,8 +72,8 @@ class RobotinoPlantSettings(Settings):
         centre_of_mass_x_m: Ahead of the rover's centre; sets the wheel loads. Fitted: behind it.
         yaw_inertia_kg_m2: About the centre of mass; a disc of 12.6 kg and 0.185 m.
         battery_v: Without load.
-        idle_current_a: What the electronics draw from the battery.
-        bumper_x_m: Centre of the rover where it touches a wall, which presses the bumper; None: no wall.
+        idle_current_a: Current of the electronics, drawn from the battery.
+        bumper_x_m: x of the rover's centre beyond which the bumper is pressed by a wall; None: no wall.
     """
 
     type: Literal["robotino"] = "robotino"
