@@ -27,7 +27,7 @@ from controllers.safety import Mode
 from rover_hil.command_line.run import run_virtual
 from rover_hil.config import Config, load_config, load_slip_map
 from rover_hil.tune.metrics import Way, closure_m, path_rms_m
-from rover_hil.tune.rehearsal import drive
+from rover_hil.tune.simulated_mission import drive
 from sim_backends.robotino.settings import RobotinoPlantSettings
 from sim_backends.robotino.site import random_site
 

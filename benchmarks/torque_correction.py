@@ -13,8 +13,8 @@ from rich.table import Table
 from controllers.safety import Mode
 from rover_hil.config import Config, load_config
 from rover_hil.tune.metrics import reversals_per_s
-from rover_hil.tune.rehearsal import drive
-from rover_hil.tune.sites import at_site
+from rover_hil.tune.scenarios import at_site
+from rover_hil.tune.simulated_mission import drive
 
 SITES = (1, 3, 4)
 REVERSAL_RAD_S = 0.5

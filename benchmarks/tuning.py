@@ -19,11 +19,11 @@ from drivers.clock import seconds, stopwatch_ns
 from drivers.errors import ConfigError
 from rover_hil.command_line.tune import tune
 from rover_hil.config import Config, load_config, read_config_text
-from rover_hil.tune.bench import Bench
 from rover_hil.tune.objective import evaluate
+from rover_hil.tune.parallel_runs import Bench
 from rover_hil.tune.parameters import check_parameters, start_values, with_values
 from rover_hil.tune.results import CONFIG_NAME, RESULT_NAME
-from rover_hil.tune.sites import held_out_seeds
+from rover_hil.tune.scenarios import held_out_seeds
 from rover_hil.tune.tuned_config import tuned_text
 
 BAR_MINUTES = 10.0

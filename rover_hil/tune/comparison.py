@@ -8,8 +8,8 @@ from enum import StrEnum
 from rover_hil.config import Config
 from rover_hil.tune.objective import Drive, Evaluation, evaluate
 from rover_hil.tune.parameters import start_values, with_values
+from rover_hil.tune.scenarios import held_out_seeds
 from rover_hil.tune.settings import TuneSettings
-from rover_hil.tune.sites import held_out_seeds
 from rover_hil.tune.study import Attempt
 
 

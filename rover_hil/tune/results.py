@@ -17,9 +17,9 @@ from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_pictures
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
-from rover_hil.tune.rehearsal import Rehearsal
+from rover_hil.tune.scenarios import held_out_seeds, train_seeds
 from rover_hil.tune.settings import ChangeRecord, ProvenanceRecord, StabilitySettings
-from rover_hil.tune.sites import held_out_seeds, train_seeds
+from rover_hil.tune.simulated_mission import Rehearsal
 from rover_hil.tune.study import Attempt
 from rover_hil.tune.tuned_config import tuned_text
 

@@ -9,8 +9,8 @@ from controllers.safety import Mode
 from rover_hil.command_line.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.tune.metrics import reversals_per_s
-from rover_hil.tune.rehearsal import drive
-from rover_hil.tune.sites import at_site
+from rover_hil.tune.scenarios import at_site
+from rover_hil.tune.simulated_mission import drive
 from tests.rover_hil.test_virtual_run import records, replay_file, with_changes
 
 CORRECTION = {"matrix": "dual", "gain_rad_s_nm": 1.0, "bound_rad_s": 0.5}

@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_hil.config import Config, load_config
 from rover_hil.tune.metrics import Way
-from rover_hil.tune.rehearsal import Rehearsal
+from rover_hil.tune.simulated_mission import Rehearsal
 
 SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
 BEST_LOOKAHEAD_M = 0.1

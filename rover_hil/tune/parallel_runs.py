@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from rover_hil.config import Config
-from rover_hil.tune.rehearsal import Rehearsal, rehearse
+from rover_hil.tune.simulated_mission import Rehearsal, rehearse
 
 
 class Bench:

@@ -24,7 +24,7 @@ from rover_hil.tune.metrics import (
     path_rms_m,
     reversals_per_s,
 )
-from rover_hil.tune.sites import at_site
+from rover_hil.tune.scenarios import at_site
 
 CONNECT_TIMEOUT_S = 1.0
 OVER = (Mode.FINISHED, Mode.EMERGENCY_STOP)

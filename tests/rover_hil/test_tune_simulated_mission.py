@@ -18,9 +18,9 @@ from rover_hil.tune.metrics import (
     path_rms_m,
     reversals_per_s,
 )
-from rover_hil.tune.rehearsal import rehearse
+from rover_hil.tune.scenarios import at_site, held_out_seeds, train_seeds
 from rover_hil.tune.settings import MOST_CASES, CaseSettings
-from rover_hil.tune.sites import at_site, held_out_seeds, train_seeds
+from rover_hil.tune.simulated_mission import rehearse
 from tests.rover_hil.tuning import TUNE, make_config
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))

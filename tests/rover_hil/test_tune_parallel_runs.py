@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.tune.bench import Bench
-from rover_hil.tune.rehearsal import rehearse
+from rover_hil.tune.parallel_runs import Bench
+from rover_hil.tune.simulated_mission import rehearse
 from tests.rover_hil.tuning import make_config
 
 POLL_S = 0.05
 LIMIT_S = 20.0
 PARENT = """
 import os, sys
-from rover_hil.tune.bench import Bench
+from rover_hil.tune.parallel_runs import Bench
 with Bench() as bench:
     print(bench._pool.submit(os.getpid).result(), flush=True)
     sys.stdin.read()
