@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from benchmarks.robotino_cells import ANGLES, Cell
 from drivers.clock import seconds, stopwatch_ns
 from drivers.units import STANDARD_GRAVITY_M_S2
-from sim_backends.robotino.settings import RobotinoPlantSettings
-from sim_backends.robotino.surfaces import Surface
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.surfaces import Surface
 
 Floats = NDArray[np.float64]
 

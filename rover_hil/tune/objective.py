@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.config import Config
-from rover_hil.tune.settings import ObjectiveSettings
+from rover_hil.config.tune_settings import ObjectiveSettings
 from rover_hil.tune.simulated_mission import SimulatedMission
 
 MissionRunner = Callable[[Config, Sequence[int]], Generator[SimulatedMission, None, None]]

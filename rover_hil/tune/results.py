@@ -9,16 +9,16 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from pydantic_core import to_json
 
-from controllers.mission import corner_points
+from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.report.write import write_all
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_pictures
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
-from rover_hil.tune.settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import Attempt
 from rover_hil.tune.tuned_config import tuned_text

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.objective import Evaluation, MissionRunner, case_cost, evaluate
 from rover_hil.tune.parameters import rounded, start_values, with_values
 from rover_hil.tune.scenarios import train_seeds
-from rover_hil.tune.settings import TuneSettings
 
 try:
     import optuna

@@ -13,7 +13,7 @@ import pytest
 from tests.rover_hil.gap_data import TUTORIAL, tutorial_files
 
 COMMAND = re.compile(r"^(python|rover-hil) .*$", re.MULTILINE)
-PROGRAM = "from rover_hil.command_line.app import main; main()"
+PROGRAM = "from rover_hil.app.app import main; main()"
 
 
 @pytest.fixture(scope="module")

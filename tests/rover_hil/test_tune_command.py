@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.command_line import tune as command
-from rover_hil.command_line.tune import tune
+from rover_hil.app import tune as command
+from rover_hil.app.tune import tune
 from rover_hil.config import load_config
 from tests.rover_hil.tuning import MISSION, TUNE, FakeRuns, write_config
 

@@ -7,8 +7,8 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config
+from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord
 from rover_hil.tune.parameters import check_parameters, rounded, start_values, with_values
-from rover_hil.tune.settings import ChangeRecord, ProvenanceRecord
 from rover_hil.tune.tuned_config import tuned_text
 from tests.rover_hil.tuning import TUNE, config_text, make_config
 

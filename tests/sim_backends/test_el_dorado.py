@@ -6,14 +6,14 @@ from pydantic import ValidationError
 
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
-from sim_backends.el_dorado.dynamics import Ground as GroundShape
-from sim_backends.el_dorado.dynamics import Rover, State, stand, surface
-from sim_backends.el_dorado.plant import ElDoradoPlant
-from sim_backends.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
-from sim_backends.plant import Truth
-from sim_backends.slope.rover import Conditions, SlopeRover
-from sim_backends.slope.steady_state import solve_steady_state
-from sim_backends.soil.library import load_soil, load_wheel
+from sim_backends.plants.el_dorado.dynamics import Ground as GroundShape
+from sim_backends.plants.el_dorado.dynamics import Rover, State, stand, surface
+from sim_backends.plants.el_dorado.plant import ElDoradoPlant
+from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
+from sim_backends.terramechanics.slope.rover import Conditions, SlopeRover
+from sim_backends.terramechanics.slope.steady_state import solve_steady_state
+from sim_backends.terramechanics.soil.library import load_soil, load_wheel
+from sim_backends.world.plant import Truth
 
 START_NS = 1_000_000_000
 RADIUS_M = 0.092

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from benchmarks.robotino_cells import measured_cells, simulated
-from sim_backends.robotino.dynamics import _feel_ground
-from sim_backends.robotino.site import Site
-from sim_backends.robotino.surfaces import shipped_surfaces
+from sim_backends.plants.robotino.dynamics import _feel_ground
+from sim_backends.plants.robotino.site import Site
+from sim_backends.plants.robotino.surfaces import shipped_surfaces
 from tests.sim_backends.robotino_drives import OFFSET_M, RADIUS_M, ahead, drive, mean_currents, on, plant
 
 

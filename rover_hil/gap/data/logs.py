@@ -15,7 +15,7 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import AttitudeSample, HeadingSample, RateSample, WheelSample
 from rover_hil.config import Config
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogMessage, LogReader
+from rover_hil.recording.reader import LogMessage, LogReader
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.log_columns import DriveLog, LogModel
 
