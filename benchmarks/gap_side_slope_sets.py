@@ -11,7 +11,7 @@ from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
 from rover_hil.gap.verdict_rules import intervals, is_named
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.side_slope import SideSlope, make_model
+from sim_backends.models.side_slope.model import SideSlope, make_model
 
 
 def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:

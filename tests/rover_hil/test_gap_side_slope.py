@@ -8,7 +8,7 @@ import pytest
 from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.side_slope import make_model
+from sim_backends.models.side_slope.model import make_model
 from tests.nature.side_slope import Experiment, some_nature, write
 
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigError
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.four_wheel_drive import TRACK_M, FourWheelDrive
-from sim_backends.models.four_wheel_drive import make_model as make_four_wheel
+from sim_backends.models.four_wheel_drive.model import TRACK_M, FourWheelDrive
+from sim_backends.models.four_wheel_drive.model import make_model as make_four_wheel
 from sim_backends.models.four_wheel_drive_data import WHEELS
 from sim_backends.models.interface import DrivenModel, Run, RunReader
 from sim_backends.models.log_columns import DriveLog
-from sim_backends.models.robotino_drive import RobotinoDrive
-from sim_backends.models.robotino_drive import make_model as make_robotino
+from sim_backends.models.robotino_drive.model import RobotinoDrive
+from sim_backends.models.robotino_drive.model import make_model as make_robotino
 from sim_backends.models.windows import earlier, windows_over
 from tests.nature.four_wheel_drive import Rover, draw_soil, drive, random_site
 from tests.nature.omni_drive import TrueRover, record, write

@@ -8,7 +8,7 @@ from drivers.errors import ConfigError
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array, DrivenModel, Run, RunReader, Values
 from sim_backends.models.log_columns import DriveLog
-from sim_backends.models.robotino_motor import (
+from sim_backends.models.robotino_motor.model import (
     CURRENT_STEP_A,
     NOMINAL,
     SPEED_STEP_RAD_S,

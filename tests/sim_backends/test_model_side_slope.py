@@ -8,9 +8,9 @@ import pytest
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import EffectCard, Model, Run, RunReader
-from sim_backends.models.side_slope import SideSlope, make_model
+from sim_backends.models.side_slope.effects import EFFECTS
+from sim_backends.models.side_slope.model import SideSlope, make_model
 from sim_backends.models.side_slope_data import BEND, path_bend_deg_m
-from sim_backends.models.side_slope_effects import EFFECTS
 from tests.nature.side_slope import Experiment, Nature, Sites, some_nature, travel, write
 
 AT_ONCE = {"start_length_m": 0.005}

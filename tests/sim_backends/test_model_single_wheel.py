@@ -5,9 +5,9 @@ import pytest
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import EffectCard, Model, Run
-from sim_backends.models.single_wheel import SingleWheel, make_model
+from sim_backends.models.single_wheel.effects import EFFECTS
+from sim_backends.models.single_wheel.model import SingleWheel, make_model
 from sim_backends.models.single_wheel_data import FILE
-from sim_backends.models.single_wheel_effects import EFFECTS
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
 from sim_backends.terramechanics.soil.library import load_wheel
 

@@ -30,7 +30,7 @@ def load_model(name: str) -> Model:
         ConfigError: There is no such model, or it is none.
     """
     if name in SHIPPED:
-        module_name, factory_name = f"sim_backends.models.{name.replace('-', '_')}", FACTORY
+        module_name, factory_name = f"sim_backends.models.{name.replace('-', '_')}.model", FACTORY
         try:
             module: object = importlib.import_module(module_name)
         except ModuleNotFoundError as error:

@@ -21,8 +21,8 @@ from numba import njit
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.log_columns import DriveLog
+from sim_backends.models.robotino_motor.effects import COPPER_PER_K, EFFECTS
 from sim_backends.models.robotino_motor_data import motor_runs_of_log, read_motor_runs
-from sim_backends.models.robotino_motor_effects import COPPER_PER_K, EFFECTS
 
 SUBSTEPS = 6
 MOST_STRETCHES = 4

@@ -12,12 +12,12 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
+from sim_backends.models.four_wheel_drive.effects import EFFECTS
 from sim_backends.models.four_wheel_drive_data import (
     WHEELS,
     four_wheel_runs_of_log,
     read_four_wheel_runs,
 )
-from sim_backends.models.four_wheel_drive_effects import EFFECTS
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.log_columns import DriveLog
 from sim_backends.models.windows import earlier, stretches

@@ -13,8 +13,8 @@ import numpy as np
 
 from drivers.errors import ModelError
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
+from sim_backends.models.single_wheel.effects import EFFECTS
 from sim_backends.models.single_wheel_data import read_single_wheel
-from sim_backends.models.single_wheel_effects import EFFECTS
 from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleForces,
     AnyAngleSoil,

@@ -12,6 +12,7 @@ import numpy as np
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.log_columns import DriveLog
+from sim_backends.models.robotino_drive.effects import EFFECTS
 from sim_backends.models.robotino_drive_data import (
     BASE_M,
     RADIUS_M,
@@ -20,7 +21,6 @@ from sim_backends.models.robotino_drive_data import (
     drive_runs_of_log,
     read_drive_runs,
 )
-from sim_backends.models.robotino_drive_effects import EFFECTS
 from sim_backends.models.windows import earlier, stretches
 
 GYRO = "gyro_rad_s"

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
+from sim_backends.models.side_slope.effects import EFFECTS, REFERENCE_MASS_KG
+from sim_backends.models.side_slope.states import Build, Site, SlopeStates, State
 from sim_backends.models.side_slope_data import (
     BEND,
     MIDDLE_M,
@@ -21,8 +23,6 @@ from sim_backends.models.side_slope_data import (
     WAY_M,
     read_side_slope,
 )
-from sim_backends.models.side_slope_effects import EFFECTS, REFERENCE_MASS_KG
-from sim_backends.models.slope_states import Build, Site, SlopeStates, State
 
 CHANNELS = (
     Channel(name="slip", unit="1", tolerance=0.001),
