@@ -51,6 +51,7 @@ def result_in(tmp_path: Path) -> dict[str, object]:
     return result
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_better_configuration_is_written_with_its_provenance(
     bench: FakeBench, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -80,6 +81,7 @@ def test_a_better_configuration_is_written_with_its_provenance(
     assert record.held_out_cost_after < record.held_out_cost_before
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_only_what_was_tuned_differs(bench: FakeBench, run: Callable[..., int], tmp_path: Path) -> None:
     before = tomllib.loads(write_config(tmp_path).read_text("utf-8"))
     assert run() == 0
@@ -104,6 +106,7 @@ def test_the_page_is_complete_and_needs_nothing_else(
     assert "6 sites that the search has not seen: seeds" in html
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_count_goes_on_and_a_finished_study_is_not_searched_again(
     bench: FakeBench, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -119,6 +122,7 @@ def test_the_count_goes_on_and_a_finished_study_is_not_searched_again(
     assert all(seed > 1000 for _, seed in bench.driven)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
     bench: FakeBench, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -137,6 +141,7 @@ def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
     assert result_in(tmp_path)["trials"] == 6
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_time_over_ends_the_search_too(bench: FakeBench, run: Callable[..., int], tmp_path: Path) -> None:
     write_config(tmp_path)
     assert run(trials=50, minutes=1e-9) == 0
@@ -144,6 +149,7 @@ def test_time_over_ends_the_search_too(bench: FakeBench, run: Callable[..., int]
     assert result_in(tmp_path)["verdict"] == "confirmed"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_best_start_is_confirmed(bench: FakeBench, run: Callable[..., int], tmp_path: Path) -> None:
     write_config(tmp_path, mission=MISSION.replace("lookahead_m = 0.5", "lookahead_m = 0.1"))
     assert run() == 0
@@ -156,6 +162,7 @@ def test_the_best_start_is_confirmed(bench: FakeBench, run: Callable[..., int], 
     assert tuned.tune.provenance.changes == {}
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_no_acceptable_values_is_a_no_and_leaves_no_configuration(
     bench: FakeBench, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
