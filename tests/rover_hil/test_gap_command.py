@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.command_line.app import main
-from rover_hil.command_line.gap import find_gap
-from rover_hil.gap.load import check_model, load_model, read_runs
-from rover_hil.gap.model_file import ExtendedModel, read_model_file
+from rover_hil.app.app import main
+from rover_hil.app.gap import find_gap
+from rover_hil.gap.data.load import check_model, load_model, read_runs
+from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from tests.nature.axis import Drive, measure_axis, some_axis, table
 from tests.rover_hil.gap_data import cart_rows, cart_runs, tutorial_files, write_cart
 from tests.rover_hil.gap_models import Cart
@@ -32,6 +32,7 @@ KEYS = {
     "detectable",
     "gap",
     "controls",
+    "missing",
     "seconds",
 }
 Run = Callable[..., tuple[int, dict[str, object]]]

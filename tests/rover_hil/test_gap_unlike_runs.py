@@ -29,17 +29,17 @@ def push(
 def swing(
     start: Array, length: float, viscous: float, level: float, drag: float, tilt: float, spring: float
 ) -> Array:
-    seen, step = np.zeros((SAMPLES, start.size)), SAMPLE_S / 4
+    angles, step = np.zeros((SAMPLES, start.size)), SAMPLE_S / 4
     for run in range(start.size):
         angle, rate = start[run], 0.0
         for index in range(SAMPLES):
-            seen[index, run] = angle
+            angles[index, run] = angle
             for _ in range(4):
                 first = push(angle, rate, length, viscous, level, drag, tilt, spring)
                 middle, middle_rate = angle + 0.5 * step * rate, rate + 0.5 * step * first
                 second = push(middle, middle_rate, length, viscous, level, drag, tilt, spring)
                 angle, rate = angle + step * middle_rate, rate + step * second
-    return seen
+    return angles
 
 
 class Pendulum:
@@ -72,9 +72,9 @@ class Pendulum:
         drag, tilt, spring = of("drag", "share"), of("tilt", "angle"), of("spring", "per_angle")
 
         angle = np.array([run.conditions["start"] for run in runs])
-        seen = swing(angle, length, viscous, level, drag, tilt, spring)
-        seen = (1.0 + of("scale", "error")) * seen
-        return [{"angle": seen[:, index]} for index in range(len(runs))]
+        angles = swing(angle, length, viscous, level, drag, tilt, spring)
+        angles = (1.0 + of("scale", "error")) * angles
+        return [{"angle": angles[:, index]} for index in range(len(runs))]
 
 
 def verdict_of(seed: int, true: TruePendulum) -> Verdict:
