@@ -35,6 +35,7 @@ def test_virtual_run_writes_log_summary_and_report(command: Command, tmp_path: P
     assert json.loads(command.out)["identical"] is True
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_run_that_ends_in_a_safe_stop_says_no(command: Command, tmp_path: Path) -> None:
     text = (SHIPPED / "robotino.toml").read_text()
     fault = '[[simulation.faults]]\ntype = "unplug"\ndevice = "imu"\nstart_s = 4\nduration_s = 100\n'
@@ -43,6 +44,7 @@ def test_a_run_that_ends_in_a_safe_stop_says_no(command: Command, tmp_path: Path
     assert "imu" in command.out
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_log_is_not_overwritten(command: Command) -> None:
     assert command("run", "robotino", "--virtual", "--duration", "4", "--out", "a") == 0
     before = Path("a/run.mcap").read_bytes()

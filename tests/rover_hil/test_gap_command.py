@@ -70,6 +70,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_hidden_effect_is_named_added_and_gone(run: Run, tmp_path: Path) -> None:
     data = write_cart(tmp_path / "runs.csv", cart_rows(5, creep=0.35))
     code, verdict = run(data)
@@ -96,6 +97,7 @@ def test_a_hidden_effect_is_named_added_and_gone(run: Run, tmp_path: Path) -> No
     assert kept["effects"]["slope_failure"]["gain_deg_per_deg"]["value"] == gain["value"]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_second_effect_is_found_with_the_first_in_the_model(run: Run, found: Path, tmp_path: Path) -> None:
     second = write_cart(tmp_path / "second.csv", cart_rows(5, creep=0.35, radius=1.0))
     _, verdict = run(second, out="next", extended=found / "model.toml")
@@ -160,6 +162,7 @@ def test_locked_runs_are_not_drawn_where_nothing_is_proved(run: Run, tmp_path: P
     assert "On the locked runs" not in page
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_confirm_chooses_the_locked_runs(run: Run, tmp_path: Path) -> None:
     data = write_cart(tmp_path / "runs.csv", cart_rows(5, creep=0.35))
     run(data, confirm="mass_kg > 30")

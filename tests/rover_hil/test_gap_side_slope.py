@@ -11,10 +11,15 @@ from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope.model import make_model
 from tests.nature.side_slope import Experiment, some_nature, write
 
+CONDITIONS = ((10.0, 23.8), (20.0, 23.8), (20.0, 33.8))
+ROLLS_DEG = (0.0, 10.0, 20.0)
+"""Fewer runs than the battery has: each test takes seconds."""
+
 
 def folder_with(path: Path, seed: int, kind: str, **hidden: float) -> Path:
     rng = np.random.default_rng(seed)
-    write(path, some_nature(rng, **hidden), Experiment(kind=kind), rng)
+    experiment = Experiment(kind=kind, conditions=CONDITIONS, rolls=ROLLS_DEG)
+    write(path, some_nature(rng, **hidden), experiment, rng)
     return path
 
 

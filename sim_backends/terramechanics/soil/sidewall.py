@@ -18,6 +18,7 @@ from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import SoilSettings
 
 NO_WALLS = np.zeros((4, 2))
+NO_WALLS.flags.writeable = False  # like `wall_polynomials`: for another type of array numba compiles anew
 DEGREE = 16
 INSIDE = 1e-6
 Law = Callable[[float, "Wall", SoilSettings, float], float]
