@@ -1,8 +1,10 @@
 """`rover-hil ftrace`: slip angle of every frame from the trace of a wheel."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from rich.console import Console
@@ -28,7 +30,7 @@ def trace_angles(
     telemetry_path: Path | None,
     out: Path,
     overlay: Path | None,
-    method: Method,
+    method: str,
     as_json: bool,
 ) -> int:
     """Write the angle of every frame; returns the exit code: 130 when interrupted, the frames so far written.
@@ -39,17 +41,18 @@ def trace_angles(
         telemetry_path: CSV file with a row for each frame, or None.
         out: CSV file to write.
         overlay: Video or folder for pictures, or None.
-        method: How the trace is looked for.
+        method: `fused` or `hough`; `ftrace`, the old name of `hough`, is accepted with a note.
         as_json: Print a summary as JSON.
 
     Raises:
-        ConfigError: A file is wrong, or the frames do not fit the rig.
+        ConfigError: Unknown method, a file is wrong, or the frames do not fit the rig.
     """
+    chosen = _method(method)
     rig = read_rig(rig_path)
     geometry = rig.geometry()
     source = FrameSource(frames)
     telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
-    estimator = TraceEstimator(geometry, TraceSettings(method=method))
+    estimator = TraceEstimator(geometry, TraceSettings(method=chosen))
     writer = None if overlay is None else OverlayWriter(overlay, geometry, rig.image.fps)
     found: list[FrameAngle] = []
     code = EXIT_OK
@@ -70,11 +73,29 @@ def trace_angles(
     write_csv(out, [csv_row(item) for item in found])
     if writer is not None:
         writer.close()
-    _tell(found, out, method, as_json=as_json)
+    _report(found, out, chosen, as_json=as_json)
     return code
 
 
-def _tell(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
+def _method(name: str) -> Method:
+    """Return the method of a name.
+
+    Raises:
+        ConfigError: There is no such method.
+    """
+    if name == "ftrace":
+        note = "--method ftrace is now called hough: the next version knows the new name only"
+        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
+        return "hough"
+    for method in get_args(Method):
+        if method == name:
+            return method
+    removed = " was removed, it was a part of fused" if name in ("rut", "memory") else " is unknown"
+    msg = f"--method {name}{removed}: use fused, or hough for the method of the paper"
+    raise ConfigError(msg)
+
+
+def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
     """Print a summary."""
     detected = [item.angle.detected for item in found]
     degrees = [item.angle.theta_deg for item in found if item.angle.detected]
