@@ -19,6 +19,7 @@ from rover_hil.ftrace.rig_file import read_rig
 from rover_hil.ftrace.run import FrameAngle, csv_row, estimate, longest_gap, write_csv
 from rover_hil.ftrace.telemetry import read_telemetry
 
+METHODS: tuple[Method, ...] = get_args(Method)
 EXIT_OK = 0
 EXIT_INTERRUPTED = 130
 
@@ -87,7 +88,7 @@ def _method(name: str) -> Method:
         note = "--method ftrace is now called hough: the next version knows the new name only"
         print(note, file=sys.stderr)  # noqa: T201 - a note to the user
         return "hough"
-    for method in get_args(Method):
+    for method in METHODS:
         if method == name:
             return method
     removed = " was removed, it was a part of fused" if name in ("rut", "memory") else " is unknown"
