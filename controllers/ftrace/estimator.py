@@ -22,15 +22,15 @@ FREE_TILT_SD_RAD = 0.006
 FREE_TURN_RATE_SD_RAD_S = 0.05
 
 Rates = tuple[float, float, float]
-Method = Literal["ftrace", "rut", "memory", "fused"]
+Method = Literal["fused", "hough"]
 
 
 class TraceSettings(Settings):
     """How the trace is looked for.
 
     Attributes:
-        method: `ftrace`, the paper's: Hough lines and fuzzy reasoning; `rut`, cross-sections of single
-            images; `memory`, with the path travelled; `fused`, with the ground's optical flow as well.
+        method: `fused`: cross-sections of the rut, the path travelled, and the optical flow of the ground;
+            `hough`: the paper's method, Hough lines and fuzzy reasoning.
         most_misses: Frames in a row without a trace for which the last one is kept.
     """
 
@@ -83,8 +83,8 @@ class TraceEstimator:
         self._rig = rig
         self._ground = GroundPatch(rig)
         self._most_misses = settings.most_misses
-        method = settings.method
-        self._tracker = HoughTracker(self._ground) if method == "ftrace" else RutTracker(self._ground, method)
+        is_hough = settings.method == "hough"
+        self._tracker = HoughTracker(self._ground) if is_hough else RutTracker(self._ground)
         self._misses = settings.most_misses + 1
         self._confidence = 0.0
         self._t_ns: int | None = None

@@ -243,8 +243,8 @@ def ftrace(
         Path | None, typer.Option(help="Also draw the trace: a video (.mp4, .avi) or a folder.")
     ] = None,
     method: Annotated[
-        Literal["ftrace", "rut", "memory", "fused"],
-        typer.Option(help="`ftrace` is the paper's; `fused` the best."),
+        str,
+        typer.Option(help="`fused`, the best one, or `hough`, the paper's.", metavar="[fused|hough]"),
     ] = "fused",
     force: ForceOption = False,
     json: JsonOption = False,

@@ -1,9 +1,11 @@
 """`rover-hil ftrace`: slip angle of every frame from the trace of a wheel."""
 
 import json
+import sys
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from rich.console import Console
@@ -19,6 +21,8 @@ from rover_hil.ftrace.run import HEADER, FrameAngle, csv_row, estimate, longest_
 from rover_hil.ftrace.telemetry import read_telemetry
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
 
+METHODS: tuple[Method, ...] = get_args(Method)
+
 
 def trace_angles(
     frames: Path,
@@ -27,7 +31,7 @@ def trace_angles(
     telemetry_path: Path | None,
     out: Path,
     overlay: Path | None,
-    method: Method,
+    method: str,
     as_json: bool,
     force: bool = False,
 ) -> int:
@@ -39,13 +43,15 @@ def trace_angles(
         telemetry_path: CSV file with a row for each frame, or None.
         out: CSV file to write.
         overlay: Video or folder for pictures, or None.
-        method: How the trace is looked for.
+        method: `fused` or `hough`; `ftrace`, the old name of `hough`, is accepted with a note.
         as_json: Print a summary as JSON.
         force: Replace earlier files.
 
     Raises:
-        ConfigError: A file is wrong, or the frames do not fit the rig, or `out` or `overlay` exists.
+        ConfigError: Unknown method, a file is wrong, the frames do not fit the rig, or `out` or `overlay`
+            exists.
     """
+    chosen = _method(method)
     check_file(out, force=force)
     if overlay is not None:
         refuse_overwrite(overlay, force=force, option="--overlay")
@@ -53,7 +59,7 @@ def trace_angles(
     geometry = rig.geometry()
     source = FrameSource(frames)
     telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
-    estimator = TraceEstimator(geometry, TraceSettings(method=method))
+    estimator = TraceEstimator(geometry, TraceSettings(method=chosen))
     found: list[FrameAngle] = []
     code = EXIT_OK
     with ExitStack() as resources:
@@ -72,11 +78,29 @@ def trace_angles(
         except KeyboardInterrupt:
             code = EXIT_INTERRUPTED
         write_file(out, "\n".join([HEADER, *map(csv_row, found)]) + "\n")
-    _tell(found, out, method, as_json=as_json)
+    _report(found, out, chosen, as_json=as_json)
     return code
 
 
-def _tell(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
+def _method(name: str) -> Method:
+    """Return the method of a name.
+
+    Raises:
+        ConfigError: There is no such method.
+    """
+    if name == "ftrace":
+        note = "--method ftrace is now called hough: the next version knows the new name only"
+        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
+        return "hough"
+    for method in METHODS:
+        if method == name:
+            return method
+    removed = " was removed, it was a part of fused" if name in ("rut", "memory") else " is unknown"
+    msg = f"--method {name}{removed}: use fused, or hough for the method of the paper"
+    raise ConfigError(msg)
+
+
+def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
     """Print a summary."""
     detected = [item.angle.detected for item in found]
     degrees = [item.angle.theta_deg for item in found if item.angle.detected]

@@ -5,21 +5,14 @@ tested on the other one.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from controllers.ftrace.rig_geometry import Floats
 
-RutMethod = Literal["rut", "memory", "fused"]
-
 FAINTEST_M, STRAIGHTEST_RAD = 0.001, 0.02
-COEFFICIENTS: dict[RutMethod, tuple[float, float, float, float]] = {
-    "rut": (-10.39, -2.11, -0.65, -0.81),
-    "memory": (-15.06, -2.41, -0.96, -1.47),
-    "fused": (-15.06, -2.41, -0.96, -1.47),
-}
-"""Constant, then one for each sign. `fused` made no errors to learn from: it has those of `memory`."""
+COEFFICIENTS = (-15.06, -2.41, -0.96, -1.47)
+"""Constant, then one for each sign."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +37,7 @@ class Signs:
         return np.asarray(np.log(signs + least), np.float64)
 
 
-def confidence(signs: Signs, method: RutMethod) -> float:
+def confidence(signs: Signs) -> float:
     """Return the probability, 0..1, that the angle is right within 5 deg."""
-    constant, *slopes = COEFFICIENTS[method]
+    constant, *slopes = COEFFICIENTS
     return float(1 / (1 + np.exp(-constant - np.dot(slopes, signs.logarithms))))

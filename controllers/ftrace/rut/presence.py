@@ -10,8 +10,8 @@ from controllers.ftrace.rut.rut import BLOCK_M, two_sided
 
 LEAST_LENGTH_M = 0.20
 """A trace counts as present when at least this much of it is in view."""
-START_STRENGTH, START_RATIO, START_FLOOR = 130.0, 2.5, 6.0
-"""What is believed at once; against what lies beside where shadows of the rover are not told from ground."""
+START_STRENGTH, START_FLOOR = 130.0, 6.0
+"""Strength and floor that are accepted at once."""
 START_CLEARNESS = 1.7
 """How clear a trace must be that is in view when the drive begins: in all frames until it is believed."""
 START_FRAMES = 2
@@ -115,13 +115,10 @@ class Presence:
 
     Args:
         start_m: Distance after which a trace that counts can be in view.
-        is_light_known: Shadows of the rover are taken out of what is seen: a clear band is then a trace, also
-            one that differs from the ground in tone only.
     """
 
-    def __init__(self, start_m: float, *, is_light_known: bool) -> None:
+    def __init__(self, start_m: float) -> None:
         self._start_m = start_m
-        self._is_light_known = is_light_known
         self._travelled_m = 0.0
         self._mean = np.zeros(0)
         self._margin = 0.0
@@ -185,12 +182,11 @@ class Presence:
         return present
 
     def _keeps(self, agreement: float) -> bool:
-        if self._is_light_known and agreement > BARE_AGREEMENT:
+        if agreement > BARE_AGREEMENT:
             return True
         stands_out = self._margin > 0 or self._floor > AGAIN_FLOOR
         looks_alike = agreement > SURE_AGREEMENT or (agreement > KEEP_AGREEMENT and stands_out)
-        is_band = self._is_light_known and self._sure_m > SURE_M
-        return looks_alike and (self._floor > MEAN_KEEP_FLOOR or is_band)
+        return looks_alike and (self._floor > MEAN_KEEP_FLOOR or self._sure_m > SURE_M)
 
     def _clearness(self, evidence: Evidence) -> float:
         """Return how clearly both sides stand out, look as before and differ from the ground.
@@ -208,19 +204,15 @@ class Presence:
         return strong + floor + min(likeness, MOST_LIKENESS) - USUAL_LIKENESS
 
     def _locks(self, evidence: Evidence, agreement: float, moved_m: float, clearer: float) -> bool:
-        if _is_unmistakable(evidence) and (self._is_light_known or _is_alone(evidence)):
-            return True
-        if self._is_light_known and self._was_there_before(evidence):
+        if _is_unmistakable(evidence) or self._was_there_before(evidence):
             return True
         if agreement > AGAIN_AGREEMENT and min(evidence.floor, self._floor) > AGAIN_FLOOR:
             return True
         if self._travelled_m < self._start_m:
             return False
-        if self._is_light_known and self._sure_m > SURE_M:
+        if self._sure_m > SURE_M:
             return True
-        if self._is_light_known and clearer < 0:
-            return False
-        if evidence.floor < LOCK_FLOOR or self._floor < MEAN_LOCK_FLOOR:
+        if clearer < 0 or evidence.floor < LOCK_FLOOR or self._floor < MEAN_LOCK_FLOOR:
             return False
         full = len(self._margins) == LOCK_FRAMES
         far = len(self._margins) >= LOCK_FAR_FRAMES and moved_m > MEMORY_M
@@ -285,10 +277,6 @@ def _is_whole(evidence: Evidence) -> bool:
 def _is_unmistakable(evidence: Evidence) -> bool:
     is_strong = evidence.strength > START_STRENGTH and evidence.floor > START_FLOOR
     return is_strong and fills_view(evidence.answers)
-
-
-def _is_alone(evidence: Evidence) -> bool:
-    return evidence.strength > START_RATIO * (evidence.around + SURROUND)
 
 
 def _likeness(sums: Floats, others: Floats) -> float:

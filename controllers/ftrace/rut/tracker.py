@@ -1,4 +1,4 @@
-"""Looks for the rut: in one image, with memory of the path, or with the ground's motion as well."""
+"""Looks for the rut with a filter of the path travelled, led by the ground's motion."""
 
 import cv2
 import numpy as np
@@ -9,7 +9,7 @@ from controllers.ftrace.ground.frame import Frame, Reading
 from controllers.ftrace.ground.matching import GroundMatch
 from controllers.ftrace.ground.static_shading import StaticShading
 from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch, Patch
-from controllers.ftrace.rut.confidence import RutMethod, Signs, confidence
+from controllers.ftrace.rut.confidence import Signs, confidence
 from controllers.ftrace.rut.front_wheel_trace import FrontWheelTrace
 from controllers.ftrace.rut.path_filter import PathFilter
 from controllers.ftrace.rut.presence import LEAST_LENGTH_M, Evidence, Presence
@@ -60,11 +60,6 @@ BOTH_PENALTY = 3.0
 """By this two traces that overlap must look better than one alone."""
 TEMPER = 16.0
 """Answers along neighbouring curves, and of kernels and blocks, err together: this many count as one."""
-CURVE_SD: dict[RutMethod, tuple[float, float, float]] = {
-    "rut": (0.006, 0.008, 0.01),
-    "memory": (0.012, 0.004, 0.02),
-}
-"""Of the curve of a single image: of each place, and of what all err together in place (m) and in slope."""
 BEND_M = np.arange(0.08, 0.5, 0.02)
 
 
@@ -73,13 +68,10 @@ class RutTracker:
 
     Args:
         ground: The rectified ground.
-        method: `rut`, single images; `memory`, with the path travelled by wheel speed and gyro; `fused`, with
-            optical flow as well.
     """
 
-    def __init__(self, ground: GroundPatch, method: RutMethod) -> None:
+    def __init__(self, ground: GroundPatch) -> None:
         self._ground = ground
-        self._method = method
         self._finder = RutFinder(ground)
         self._flow = GroundFlow(ground)
         self._match = GroundMatch(ground)
@@ -87,9 +79,8 @@ class RutTracker:
         self._texture = StaticShading(self._finder.inner, ground.centre, ROUGH_SHARE)
         self._lead = FrontWheelTrace(ground.rig, BLOCK_M)
         self._memory = PathFilter(ground.rig.behind_m)
-        self._any_path = PathFilter(ground.rig.behind_m)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
-        self._presence = Presence(hidden_m + LEAST_LENGTH_M, is_light_known=method == "fused")
+        self._presence = Presence(hidden_m + LEAST_LENGTH_M)
         self._before: Image | None = None
         self._offset_m = 0.0
         self._signs: Signs | None = None
@@ -101,19 +92,15 @@ class RutTracker:
     def track(self, frame: Frame) -> Reading:
         """Return what the next frame shows."""
         log_grey = np.asarray(cv2.LUT(frame.patch, LOG_GREY), np.float32)
-        seen = log_grey
-        if self._method == "fused":
-            seen = log_grey - self._light.field
-        detail = self._finder.detail(seen)
-        motion = self._motion(frame, detail) if self._method == "fused" else None
+        detail = self._finder.detail(log_grey - self._light.field)
+        motion = self._motion(frame, detail)
         moved_m, goes_back = self._advance(frame, motion)
         found = False
         if frame.usable:
             rough = self._finder.roughness(detail)
-            if self._method == "fused":
-                self._light.update(log_grey, motion)
-                self._texture.update(rough.mean, motion)
-                rough = rough.without(self._texture.field)
+            self._light.update(log_grey, motion)
+            self._texture.update(rough.mean, motion)
+            rough = rough.without(self._texture.field)
             found = not goes_back and self._look(self._finder.cross_sections(detail, rough), moved_m)
         s = self._finder.s_m
         curve = self._memory.curve(s)
@@ -121,7 +108,7 @@ class RutTracker:
             found=found,
             theta_rad=self._memory.theta_rad,
             offset_m=self._offset_m,
-            confidence=confidence(self._signs, self._method) if found and self._signs else 0.0,
+            confidence=confidence(self._signs) if found and self._signs else 0.0,
             path_m=np.stack([s, curve], axis=1),
         )
 
@@ -131,7 +118,7 @@ class RutTracker:
 
     def _advance(self, frame: Frame, motion: Motion | None) -> tuple[float, bool]:
         """Carry the path on to this frame; return the distance moved, and whether that was backwards."""
-        if frame.is_first or self._method == "rut":
+        if frame.is_first:
             self._memory.reset()
         moved_m = frame.distance_m * (1 - SLIP_GUESS)
         turn, turn_sd = frame.turn_rad[2], frame.turn_sd_rad[2]
@@ -142,7 +129,7 @@ class RutTracker:
             self._backwards += BACKWARDS_GAIN * (backwards - self._backwards)
             if backwards:
                 return moved_m, True
-        if self._method != "rut" and moved_m > 0:
+        if moved_m > 0:
             self._memory.advance(moved_m, turn, turn_sd)
             if motion is not None and motion.forward_m > 0:
                 self._memory.observe_motion(
@@ -180,15 +167,11 @@ class RutTracker:
         points = self._finder.points(sections, curve, edges, look / np.linalg.norm(look))
         if len(points.s_m) < LEAST_BLOCKS:
             return False
-        if self._method == "fused":
-            beside_m = float(np.mean(points.y_m - self._memory.curve(points.s_m)))
-            if abs(beside_m) > MOST_BESIDE * self._ground.rig.wheel_width_m:
-                return False
-            sd = self._without_outliers(points.s_m, points.y_m, points.sd_m * POINT_SD_FACTOR)
-            self._memory.observe_trace(points.s_m, points.y_m, sd, OFFSET_SD_M, SLOPE_SD)
-        else:
-            sd = points.sd_m
-            self._observe_curve(curve)
+        beside_m = float(np.mean(points.y_m - self._memory.curve(points.s_m)))
+        if abs(beside_m) > MOST_BESIDE * self._ground.rig.wheel_width_m:
+            return False
+        sd = self._without_outliers(points.s_m, points.y_m, points.sd_m * POINT_SD_FACTOR)
+        self._memory.observe_trace(points.s_m, points.y_m, sd, OFFSET_SD_M, SLOPE_SD)
         fitted = self._memory.curve(np.r_[BEND_M, points.s_m])
         off = points.y_m - fitted[len(BEND_M) :]
         self._offset_m = float(np.average(off, weights=1 / sd**2))
@@ -196,14 +179,6 @@ class RutTracker:
         bend = float(np.ptp(np.diff(fitted[: len(BEND_M)])) / (BEND_M[1] - BEND_M[0]))
         self._signs = Signs(spread_m=spread_m, residual_m=residual_m, bend_rad=bend)
         return True
-
-    def _observe_curve(self, curve_m: Floats) -> None:
-        """Take in the curve of a single image where the ground can be seen."""
-        seen = self._finder.valid[:, self._ground.centre]
-        sd, offset_sd, slope_sd = CURVE_SD[self._method]
-        self._memory.observe_trace(
-            self._finder.s_m[seen], curve_m[seen], np.full(int(seen.sum()), sd), offset_sd, slope_sd
-        )
 
     def _without_outliers(self, s_m: Floats, y_m: Floats, sd_m: Floats) -> Floats:
         """Return deviations that are greater for points that lie far off, others and the path considered."""
@@ -214,11 +189,9 @@ class RutTracker:
         return np.asarray(sd_m * np.maximum(1.0, np.abs(off) / usual) ** 2)
 
     def _best(self, sections: CrossSections) -> tuple[Floats, Edges, float, Evidence]:
-        """Return the likely curve, its edges, how far others that may be it lie from it, and the evidence.
+        """Return the best curve, its edges, the spread of all curves by their weights, and the evidence.
 
-        The evidence is that along the best curve. Where the path is known from the ground's motion that is
-        the likely one; otherwise the likely one is the mean of all, each with its weight. Each may be that of
-        a trace alone, or together with that of the wheel ahead.
+        A curve may be that of a trace alone, or of one that overlaps with that of the wheel ahead.
         """
         curves, penalty = self._candidates()
         kinds = [(curves, curves), self._lead.edges(curves)][: 1 + self._lead.exists]
@@ -239,10 +212,7 @@ class RutTracker:
         (right, left), reach, sums, _ = found[which]
         edges = (right[place], left[place])
         evidence = self._evidence(sections, curves[place], edges, sums[place], reach)
-        if self._method == "fused":
-            return curves[place], edges, spread_m, evidence
-        aside = mean - curves[place]
-        return mean, (edges[0] + aside, edges[1] + aside), spread_m, evidence
+        return curves[place], edges, spread_m, evidence
 
     def _scores(self, sums: Floats, count: NDArray[np.int_]) -> Floats:
         score = two_sided(sums)
@@ -273,10 +243,8 @@ class RutTracker:
         """Return curves that the path may have, and how unlikely each is.
 
         They vary along the three main directions of the path's covariance, in steps of a few millimetres.
-        Without optical flow any path may be: a curve found wrong would draw the next ones to itself.
         """
-        path = self._memory if self._method == "fused" else self._any_path
-        mean, covariance = path.trace(self._finder.s_m)
+        mean, covariance = self._memory.trace(self._finder.s_m)
         values, vectors = np.linalg.eigh(covariance + CANDIDATE_SD_M**2)
         values, vectors = np.sqrt(np.maximum(values[:-4:-1], 1e-12)), vectors[:, :-4:-1]
         grids = []

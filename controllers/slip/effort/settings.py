@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from controllers.slip.effort.slip_map import SlipMapFile
 from drivers.settings import Settings
@@ -15,15 +15,21 @@ class TorqueCorrectionSettings(Settings):
     """How strongly the paper's torque correction acts. It is positive feedback, so it is bounded.
 
     Attributes:
-        matrix: `dual` is R J^-T, the inverse of the statics; `as_printed` is the matrix of paper 003, which
-            weighs yaw twice and is there for comparison only.
+        matrix: `dual` is R J^-T, the inverse of the statics; the one printed in paper 003 weighs yaw twice.
         gain_rad_s_nm: Change of a set-point per torque.
         bound_rad_s: Greatest change of a set-point.
     """
 
-    matrix: Literal["dual", "as_printed"] = "dual"
+    matrix: Literal["dual"] = "dual"
     gain_rad_s_nm: Annotated[float, Field(ge=0.0, le=50.0)] = 1.0
     bound_rad_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.5
+
+    @field_validator("matrix", mode="before")
+    @classmethod
+    def _check_matrix(cls, matrix: object) -> object:
+        if matrix == "as_printed":
+            raise ValueError("'as_printed' was removed, it weighs yaw twice: leave matrix out")
+        return matrix
 
 
 class SlipSettings(Settings):

@@ -21,7 +21,7 @@ class TorqueCorrection:
 
     Args:
         rover: Geometry of the wheels.
-        settings: Matrix, gain and bound.
+        settings: Gain and bound.
     """
 
     def __init__(self, rover: OmniRoverSettings, settings: TorqueCorrectionSettings) -> None:
@@ -30,10 +30,7 @@ class TorqueCorrection:
         jacobian = np.array([[-math.sin(angle), math.cos(angle), base_m] for angle in angles_rad])
         self._scale = np.array([1.0, 1.0, base_m])
         self._to_force = jacobian.T / radius_m
-        if settings.matrix == "dual":
-            self._to_torque = radius_m * np.linalg.inv(jacobian.T)
-        else:
-            self._to_torque = radius_m * np.column_stack((jacobian[:, :2], np.full(3, 1.0 / base_m)))
+        self._to_torque = radius_m * np.linalg.inv(jacobian.T)
         self._settings = settings
 
     def set_point_changes(

@@ -26,7 +26,7 @@ class RoverGeometry(Settings):
     Attributes:
         wheel_radius_m: r^w, that of the single-wheel tests.
         rear_axle_m: b, from the rear axle to the centre of mass; not in the paper, chosen.
-        track_m: Between left and right wheels; not in the paper, chosen. Plain odometry alone uses it.
+        track_m: Between left and right wheels; not in the paper, chosen. Used where there is no gyro.
     """
 
     wheel_radius_m: Annotated[float, Field(ge=0.005, le=1.0)] = 0.092

@@ -34,7 +34,7 @@ def after(presence: Presence, shown: Evidence, frames: int) -> bool:
 
 
 def test_a_trace_is_believed_after_some_frames_of_it() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
     after(presence, NOTHING, 30)
 
     assert not presence.judge(WEAK, STEP_M)
@@ -42,34 +42,29 @@ def test_a_trace_is_believed_after_some_frames_of_it() -> None:
 
 
 def test_a_trace_in_view_when_the_drive_begins_is_believed_with_the_second_frame() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
 
     assert not presence.judge(CLEAR, 0.0)
     assert presence.judge(CLEAR, STEP_M)
 
 
 def test_an_unmistakable_one_is_believed_with_the_first_frame() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
 
     assert presence.judge(STRONG, 0.0)
 
 
 def test_while_the_rover_stands_only_an_unmistakable_trace_is_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
 
     assert not any(presence.judge(CLEAR, 0.0) for _ in range(20))
 
 
 def test_a_band_of_tone_at_the_start_may_be_a_shadow_until_light_is_known() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
 
     assert not after(presence, with_floor(CLEAR, 1.0), 3)
     assert after(presence, with_floor(CLEAR, 1.0), 3)
-
-
-def test_where_light_is_not_known_only_an_unmistakable_trace_is_believed_at_the_start() -> None:
-    assert not after(Presence(START_M, is_light_known=False), WEAK, 15)
-    assert after(Presence(START_M, is_light_known=False), STRONG, 1)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +73,7 @@ def test_where_light_is_not_known_only_an_unmistakable_trace_is_believed_at_the_
 def test_before_there_can_be_a_trace_one_that_ends_in_view_is_faint_or_comes_later_is_not_believed(
     shown: Evidence, frames_before: int
 ) -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
     after(presence, NOTHING, frames_before + 1)
 
     assert not after(presence, shown, 15)
@@ -102,20 +97,19 @@ def one_sided(shown: Evidence) -> Evidence:
 
 
 def test_a_shadow_s_edge_is_not_believed_however_long() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
     after(presence, NOTHING, 30)
 
     assert not after(presence, one_sided(evidence(150.0)), 200)
 
 
 def test_a_plain_band_without_a_floor_is_believed_when_it_was_clear_for_a_while() -> None:
-    presence, with_shadows = Presence(START_M, is_light_known=True), Presence(START_M, is_light_known=False)
+    presence = Presence(START_M)
     after(presence, NOTHING, 30)
     band = with_floor(STRONG, 1.0)
 
     assert not after(presence, band, 4)
     assert after(presence, band, 14)
-    assert not after(with_shadows, band, 200)
 
 
 def frames_until_believed(presence: Presence, shown: Evidence) -> int:
@@ -127,7 +121,7 @@ def test_what_was_seen_before_there_could_be_a_trace_is_believed_much_later_than
     other = Evidence(
         sums=-shadow.sums, strength=shadow.strength, around=15.0, floor=1.0, answers=-shadow.answers
     )
-    before, new = (Presence(START_M, is_light_known=True) for _ in range(2))
+    before, new = (Presence(START_M) for _ in range(2))
     first = round(START_M / STEP_M) + 1
     for presence, seen in ((before, shadow), (new, other)):
         after(presence, seen, 6)
@@ -137,14 +131,14 @@ def test_what_was_seen_before_there_could_be_a_trace_is_believed_much_later_than
 
 
 def test_a_plain_band_as_clear_as_others_beside_is_not_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
     after(presence, NOTHING, 30)
 
     assert not after(presence, with_floor(evidence(150.0, around=300.0), 1.0), 200)
 
 
 def test_a_floor_for_one_frame_is_not_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
     shown = evidence(80.0, around=200.0)
     after(presence, with_floor(shown, 0.0), 60)
 
@@ -153,7 +147,7 @@ def test_a_floor_for_one_frame_is_not_believed() -> None:
 
 def test_the_first_trace_is_believed_when_the_way_is_long_enough() -> None:
     """Its far end reaches into blocks that it does not fill: measured, it is shorter than it is."""
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
     after(presence, NOTHING, 19)
 
     assert not presence.judge(evidence(200.0, blocks=5), 0.0)
@@ -161,7 +155,7 @@ def test_the_first_trace_is_believed_when_the_way_is_long_enough() -> None:
 
 
 def test_less_than_the_length_that_counts_is_not_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = Presence(START_M)
     after(presence, NOTHING, 30)
 
     assert not after(presence, evidence(200.0, blocks=4), 30)
@@ -169,7 +163,7 @@ def test_less_than_the_length_that_counts_is_not_believed() -> None:
 
 
 def test_a_trace_that_is_gone_is_lost_at_once_and_comes_back_faster() -> None:
-    presence = Presence(0.0, is_light_known=True)
+    presence = Presence(0.0)
     after(presence, STRONG, 20)
 
     assert not presence.judge(NOTHING, STEP_M)
@@ -178,18 +172,17 @@ def test_a_trace_that_is_gone_is_lost_at_once_and_comes_back_faster() -> None:
 
 
 def test_as_much_beside_does_not_lose_a_trace_that_looks_as_before() -> None:
-    presence = Presence(0.0, is_light_known=True)
+    presence = Presence(0.0)
     after(presence, STRONG, 20)
 
     assert after(presence, evidence(80.0, around=120.0), 20)
 
 
-@pytest.mark.parametrize("is_light_known", [True, False])
-def test_a_trace_in_a_shadow_that_looks_as_before_is_kept_where_light_is_known(is_light_known: bool) -> None:
-    presence = Presence(0.0, is_light_known=is_light_known)
+def test_a_trace_in_a_shadow_that_looks_as_before_is_kept() -> None:
+    presence = Presence(0.0)
     after(presence, STRONG, 20)
 
-    assert after(presence, with_floor(evidence(70.0, around=150.0), -2.0), 40) is is_light_known
+    assert after(presence, with_floor(evidence(70.0, around=150.0), -2.0), 40)
 
 
 def test_the_weaker_side_of_the_floor_counts() -> None:
