@@ -38,7 +38,7 @@ def check_traffic(heard: Heard, settings: CanWheelsSettings) -> list[Finding]:
             )
         )
     rates = [
-        f"{name} {stream_of(arrivals_ns[can_id], heard.end_ns).rate_hz:.0f} Hz"
+        f"{name} {stream_of(arrivals_ns[can_id], heard.start_ns, heard.end_ns).rate_hz:.0f} Hz"
         for can_id, name in names.items()
         if can_id in arrivals_ns
     ]

@@ -17,7 +17,7 @@ def check_frames(heard: Heard, settings: CameraSettings) -> list[Finding]:
     if not frames:
         return []
     findings: list[Finding] = []
-    rate_hz = stream_of([frame.t_ns for frame in frames], heard.end_ns).rate_hz
+    rate_hz = stream_of([frame.t_ns for frame in frames], heard.start_ns, heard.end_ns).rate_hz
     if rate_hz < LOWEST_SHARE * settings.frame_rate_hz:
         findings.append(
             warning(

@@ -38,13 +38,17 @@ class Heard:
     """What one device said while it was listened to; frames without their pixels.
 
     Attributes:
+        start_ns: When listening began.
         end_ns: When listening ended.
+        pause_s: Longest time for which this program did not look at its devices.
         arrivals: What came before it was decoded; empty for cameras.
     """
 
     device: str
     settings: AnyDeviceSettings
+    start_ns: int
     end_ns: int
+    pause_s: float
     samples: tuple[Sample, ...]
     arrivals: tuple[Received[bytes], ...]
     health: Health
@@ -103,9 +107,11 @@ def listen(
         ask_rate_hz: How often to ask a device that answers only to requests.
         on_progress: Told the seconds that have passed.
     """
-    start_ns = next_ask_ns = clock.now_ns()
+    start_ns = next_ask_ns = last_ns = clock.now_ns()
     end_ns = start_ns + nanoseconds(duration_s)
+    pause_ns = 0
     while (now_ns := clock.now_ns()) < end_ns:
+        pause_ns, last_ns = max(pause_ns, now_ns - last_ns), now_ns
         if now_ns >= next_ask_ns:
             next_ask_ns = now_ns + nanoseconds(1.0 / ask_rate_hz)
             for device in devices:
@@ -114,7 +120,8 @@ def listen(
             device.samples.extend(map(_without_pixels, device.driver.poll()))
         on_progress(seconds(now_ns - start_ns))
         clock.sleep_until(min(now_ns + POLL_STEP_NS, next_ask_ns, end_ns))
-    return [_heard(device, clock.now_ns()) for device in devices]
+    pause_s = seconds(max(pause_ns, now_ns - last_ns))
+    return [_heard(device, start_ns, clock.now_ns(), pause_s) for device in devices]
 
 
 def _ask_nothing() -> None:
@@ -130,12 +137,15 @@ def _without_pixels(sample: Sample) -> Sample:
     return replace(sample, image=NO_PIXELS) if isinstance(sample, FrameSample) else sample
 
 
-def _heard(device: OpenDevice, end_ns: int) -> Heard:
+def _heard(device: OpenDevice, start_ns: int, end_ns: int, pause_s: float) -> Heard:
+    device.samples.extend(map(_without_pixels, device.driver.poll()))
     name = device.driver.name
     return Heard(
         device=name,
         settings=device.settings,
+        start_ns=start_ns,
         end_ns=end_ns,
+        pause_s=pause_s,
         samples=tuple(device.samples),
         arrivals=tuple(device.overhearing.arrivals),
         health=device.driver.health(),

@@ -17,6 +17,8 @@ CHECK = "data"
 PERIODS_PER_AGE_LIMIT = 1.8
 """With an age limit of so many periods, one lost sample stops the rover briefly and jitter does not."""
 LONGEST_AGE_LIMIT_S = 10.0
+BURST_FACTOR = 2.0
+"""Samples that follow each other so much faster than on average come from a buffer."""
 
 
 class Part(NamedTuple):
@@ -28,11 +30,20 @@ class Part(NamedTuple):
 
 
 class Stream(NamedTuple):
-    """How often something came; `silence_s` is the longest time without it."""
+    """How often something arrived.
+
+    Attributes:
+        rate_hz: Mean rate; samples that waited in a buffer count for the time in which they were sent.
+        silence_s: Longest time without it.
+        span_s: From the first arrival to the last.
+        is_burst: Most of the time nothing came, and the rest came from a buffer: the rate is a guess.
+    """
 
     sample_count: int
     rate_hz: float
     silence_s: float
+    span_s: float
+    is_burst: bool
 
 
 def parts_of(config: Config, device: str) -> list[Part]:
@@ -48,14 +59,17 @@ def parts_of(config: Config, device: str) -> list[Part]:
     return parts or [Part(Sample, None, "sample")]
 
 
-def stream_of(arrivals_ns: Sequence[int], end_ns: int) -> Stream:
-    """Return the facts about arrivals in order of time, listened to until `end_ns`."""
+def stream_of(arrivals_ns: Sequence[int], start_ns: int, end_ns: int) -> Stream:
+    """Return the facts about arrivals in order of time, received between `start_ns` and `end_ns`."""
     if not arrivals_ns:
-        return Stream(0, 0.0, math.inf)
-    span_s = seconds(arrivals_ns[-1] - arrivals_ns[0])
-    rate_hz = (len(arrivals_ns) - 1) / span_s if span_s > 0 else 0.0
-    gaps_ns = [later - earlier for earlier, later in pairwise((*arrivals_ns, end_ns))]
-    return Stream(len(arrivals_ns), rate_hz, seconds(max(gaps_ns)))
+        return Stream(0, 0.0, math.inf, 0.0, False)
+    count, start_ns = len(arrivals_ns), min(start_ns, arrivals_ns[0])
+    span_s, window_s = seconds(arrivals_ns[-1] - arrivals_ns[0]), seconds(end_ns - start_ns)
+    gaps_ns = [later - earlier for earlier, later in pairwise((start_ns, *arrivals_ns, end_ns))]
+    # A burst is much shorter than the time in which its samples were sent.
+    is_burst = count > 1 and (count + 1) * span_s * BURST_FACTOR < (count - 1) * window_s
+    rate_hz = count / window_s if is_burst else (count - 1) / span_s if span_s > 0 else 0.0
+    return Stream(count, rate_hz, seconds(max(gaps_ns)), span_s, is_burst)
 
 
 def check_streams(heard: Heard, parts: Sequence[Part], *, is_required: bool) -> list[Finding]:
@@ -64,7 +78,9 @@ def check_streams(heard: Heard, parts: Sequence[Part], *, is_required: bool) -> 
     if not told:
         return []
     streams = {
-        part: stream_of([sample.t_ns for sample in told if _belongs_to(sample, part)], heard.end_ns)
+        part: stream_of(
+            [sample.t_ns for sample in told if _belongs_to(sample, part)], heard.start_ns, heard.end_ns
+        )
         for part in parts
     }
     missing = [part.name for part, stream in streams.items() if stream.sample_count == 0]
@@ -112,6 +128,8 @@ def _check_rates(heard: Heard, streams: dict[Part, Stream], *, is_required: bool
     silent = max(streams, key=lambda part: streams[part].silence_s)
     rate_hz, silence_s = streams[slowest].rate_hz, streams[silent].silence_s
     max_age_s = heard.settings.max_age_s
+    if streams[silent].is_burst and silence_s > max_age_s:
+        return [_burst(heard, silent.name, streams[silent])]
     if rate_hz * max_age_s < 1:
         judge = problem if is_required else warning
         return [
@@ -128,12 +146,35 @@ def _check_rates(heard: Heard, streams: dict[Part, Stream], *, is_required: bool
             warning(
                 CHECK,
                 heard.device,
-                f"{silent.name}: silent for {silence_s:.3f} s, the limit max_age_s is {max_age_s:g} s",
+                _silence(heard, silent.name, silence_s),
                 "samples were lost or late: a busy machine, a loose cable, a USB hub",
                 "end other programs, connect without a hub, replace the cable, and run the doctor again",
             )
         ]
     return []
+
+
+def _burst(heard: Heard, name: str, stream: Stream) -> Finding:
+    if heard.pause_s > heard.settings.max_age_s:
+        cause = (
+            f"the doctor itself got no processor time for {heard.pause_s:.3f} s: this computer is too busy"
+        )
+    else:
+        cause = (
+            "the samples waited in a buffer: this computer, or the simulator, was too busy to pass them on"
+        )
+    return warning(
+        CHECK,
+        heard.device,
+        f"{_silence(heard, name, stream.silence_s)}; {stream.sample_count} samples came in one burst of "
+        f"{stream.span_s:.3f} s, so the rate is unknown",
+        cause,
+        "end other programs, and run the doctor again",
+    )
+
+
+def _silence(heard: Heard, name: str, silence_s: float) -> str:
+    return f"{name}: silent for {silence_s:.3f} s, the limit max_age_s is {heard.settings.max_age_s:g} s"
 
 
 def _suggest_age_limit(heard: Heard, rate_hz: float) -> str:

@@ -48,6 +48,8 @@ def heard(
     rejected: Mapping[str, int] | None = None,
     accepted: int | None = None,
     breaks: int = 0,
+    start_s: float | None = None,
+    pause_s: float = 0.005,
 ) -> Heard:
     health = Health(
         device="compass",
@@ -61,7 +63,9 @@ def heard(
         send_failures=0,
         last_link_reason="pulled" if breaks else "",
     )
-    return Heard("compass", settings, 2 * SECOND, samples, (), health)
+    first_ns = samples[0].t_ns if samples else 0
+    start_ns = first_ns if start_s is None else nanoseconds(start_s)
+    return Heard("compass", settings, start_ns, 2 * SECOND, pause_s, samples, (), health)
 
 
 def headings(*times_s: float) -> tuple[HeadingSample, ...]:
@@ -76,10 +80,38 @@ def headings(*times_s: float) -> tuple[HeadingSample, ...]:
 
 
 def test_a_stream_is_counted_by_its_intervals() -> None:
-    stream = stream_of([nanoseconds(t) for t in (1.0, 1.1, 1.2, 1.7)], nanoseconds(1.8))
+    stream = stream_of([nanoseconds(t) for t in (1.0, 1.1, 1.2, 1.7)], SECOND, nanoseconds(1.8))
     assert stream.rate_hz == pytest.approx(3 / 0.7)
     assert stream.silence_s == pytest.approx(0.5)
-    assert stream_of([5], 7).rate_hz == 0.0
+    assert stream_of([5], 5, 7).rate_hz == 0.0
+
+
+@pytest.mark.parametrize(
+    "times_s", [np.linspace(1.97, 1.99, 200), np.full(200, 1.99), np.linspace(0, 0.02, 200)]
+)
+def test_a_burst_from_a_buffer_is_no_rate(times_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
+    """Two seconds of a sensor at 100 Hz, read at once by a program that got no processor time before."""
+    stream = stream_of([nanoseconds(t) for t in times_s], 0, 2 * SECOND)
+    assert stream.rate_hz == pytest.approx(100.0, rel=0.02)
+    assert stream.silence_s > 1.9
+    assert stream.is_burst
+    assert not stream_of([nanoseconds(t) for t in np.linspace(0, 2, 201)], 0, 2 * SECOND).is_burst
+
+
+@pytest.mark.parametrize(
+    ("pause_s", "cause"),
+    [(1.9, "the doctor itself got no processor time for 1.900 s"), (0.005, "waited in a buffer")],
+)
+def test_a_burst_is_reported_as_one(pause_s: float, cause: str) -> None:
+    times_s = np.linspace(1.96, 1.98, 200)
+    received = heard(*headings(*times_s), start_s=0.0, pause_s=pause_s)
+    (finding,) = check_streams(received, [HEADING], is_required=True)
+    assert finding.level is Level.WARNING
+    assert finding.what == (
+        "heading: silent for 1.960 s, the limit max_age_s is 0.18 s; 200 samples came in one burst of "
+        "0.020 s, so the rate is unknown"
+    )
+    assert cause in finding.cause
 
 
 HEADING = Part(HeadingSample, None, "heading")
