@@ -1,4 +1,4 @@
-"""What the configuration says about tuning: [tune]. Cheap to import: every configuration may have it."""
+"""Section [tune] of a configuration. Cheap to import: every configuration may have it."""
 
 from typing import Annotated, Literal, Self
 

@@ -1,4 +1,4 @@
-"""Does each device deliver what its role needs, often enough?"""
+"""Check whether each device delivers what its role needs, often enough."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from drivers.clock import seconds
 from drivers.samples import HeadingSample, LinkSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config
 from rover_hil.doctor.finding import Finding, ok, problem, warning
-from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.listening import Reception
 from rover_hil.doctor.rejections import list_reasons
 
 CHECK = "data"
@@ -22,7 +22,7 @@ BURST_FACTOR = 2.0
 
 
 class Part(NamedTuple):
-    """One thing a device must keep telling: a kind of sample, of one wheel or of any."""
+    """A kind of sample that a device must send, of one wheel or of any."""
 
     kind: type[Sample]
     wheel: int | None
@@ -33,10 +33,10 @@ class Stream(NamedTuple):
     """How often something arrived.
 
     Attributes:
-        rate_hz: Mean rate; samples that waited in a buffer count for the time in which they were sent.
-        silence_s: Longest time without it.
-        span_s: From the first arrival to the last.
-        is_burst: Most of the time nothing came, and the rest came from a buffer: the rate is a guess.
+        rate_hz: Mean rate; of a burst from a buffer over the whole time.
+        silence_s: Longest time without an arrival.
+        span_s: Time from the first arrival to the last.
+        is_burst: The samples came much faster than on average: they waited in a buffer.
     """
 
     sample_count: int
@@ -72,37 +72,39 @@ def stream_of(arrivals_ns: Sequence[int], start_ns: int, end_ns: int) -> Stream:
     return Stream(count, rate_hz, seconds(max(gaps_ns)), span_s, is_burst)
 
 
-def check_streams(heard: Heard, parts: Sequence[Part], *, is_required: bool) -> list[Finding]:
-    """Look at what arrived from a device and how often; says nothing when no sample did."""
-    told = [sample for sample in heard.samples if not isinstance(sample, LinkSample)]
-    if not told:
+def check_streams(reception: Reception, parts: Sequence[Part], *, is_required: bool) -> list[Finding]:
+    """Check what arrived from a device, and how often; no finding when no sample did."""
+    data = [sample for sample in reception.samples if not isinstance(sample, LinkSample)]
+    if not data:
         return []
     streams = {
         part: stream_of(
-            [sample.t_ns for sample in told if _belongs_to(sample, part)], heard.start_ns, heard.end_ns
+            [sample.t_ns for sample in data if _belongs_to(sample, part)],
+            reception.start_ns,
+            reception.end_ns,
         )
         for part in parts
     }
     missing = [part.name for part, stream in streams.items() if stream.sample_count == 0]
     present = {part: stream for part, stream in streams.items() if stream.sample_count}
-    findings = [_no_part(heard, missing)] if missing else []
+    findings = [_no_part(reception, missing)] if missing else []
     if present:
-        findings += _check_rates(heard, present, is_required=is_required)
-    return findings or [ok(CHECK, heard.device, _summary(heard, present))]
+        findings += _check_rates(reception, present, is_required=is_required)
+    return findings or [ok(CHECK, reception.device, _summary(reception, present))]
 
 
-def check_breaks(heard: Heard) -> list[Finding]:
-    """Look whether the link held."""
-    health = heard.health
+def check_breaks(reception: Reception) -> list[Finding]:
+    """Check whether the link broke."""
+    health = reception.health
     if not health.breaks:
         return []
     return [
         problem(
             CHECK,
-            heard.device,
+            reception.device,
             f"the link broke while listening: {health.last_link_reason}",
             "a loose plug or cable, too little power on the USB port, or the end of a recording",
-            "press the plugs home, replace the cable, look at `sudo dmesg | tail`",
+            "push the plugs in firmly, replace the cable, read `sudo dmesg | tail`",
         )
     ]
 
@@ -113,40 +115,40 @@ def _belongs_to(sample: Sample, part: Part) -> bool:
     return isinstance(sample, part.kind)
 
 
-def _no_part(heard: Heard, names: list[str]) -> Finding:
+def _no_part(reception: Reception, names: list[str]) -> Finding:
     return problem(
         CHECK,
-        heard.device,
+        reception.device,
         f"samples arrive, but no {', no '.join(names)}",
-        "the device is not set to send that, although its role in [roles] needs it",
-        "switch this output on with the maker's program, or give the role in [roles] to another device",
+        "the device is not configured to send it, although its role in [roles] needs it",
+        "enable this output with the manufacturer's program, or give the role in [roles] to another device",
     )
 
 
-def _check_rates(heard: Heard, streams: dict[Part, Stream], *, is_required: bool) -> list[Finding]:
+def _check_rates(reception: Reception, streams: dict[Part, Stream], *, is_required: bool) -> list[Finding]:
     slowest = min(streams, key=lambda part: streams[part].rate_hz)
     silent = max(streams, key=lambda part: streams[part].silence_s)
     rate_hz, silence_s = streams[slowest].rate_hz, streams[silent].silence_s
-    max_age_s = heard.settings.max_age_s
+    max_age_s = reception.settings.max_age_s
     if streams[silent].is_burst and silence_s > max_age_s:
-        return [_burst(heard, silent.name, streams[silent])]
+        return [_burst(reception, silent.name, streams[silent])]
     if rate_hz * max_age_s < 1:
-        judge = problem if is_required else warning
+        report = problem if is_required else warning
         return [
-            judge(
+            report(
                 CHECK,
-                heard.device,
-                f"{slowest.name}: {rate_hz:.1f} Hz, needed are {1 / max_age_s:.1f} Hz (1 / max_age_s)",
-                "each sample grows too old before the next one comes, so the rover would keep stopping",
-                "raise the device's output rate" + _suggest_age_limit(heard, rate_hz),
+                reception.device,
+                f"{slowest.name}: {rate_hz:.1f} Hz, required are {1 / max_age_s:.1f} Hz (1 / max_age_s)",
+                "each sample becomes too old before the next one comes, so the rover would stop repeatedly",
+                "raise the device's output rate" + _suggest_age_limit(reception, rate_hz),
             )
         ]
     if silence_s > max_age_s:
         return [
             warning(
                 CHECK,
-                heard.device,
-                _silence(heard, silent.name, silence_s),
+                reception.device,
+                _silence(reception, silent.name, silence_s),
                 "samples were lost or late: a busy machine, a loose cable, a USB hub",
                 "end other programs, connect without a hub, replace the cable, and run the doctor again",
             )
@@ -154,39 +156,37 @@ def _check_rates(heard: Heard, streams: dict[Part, Stream], *, is_required: bool
     return []
 
 
-def _burst(heard: Heard, name: str, stream: Stream) -> Finding:
-    if heard.pause_s > heard.settings.max_age_s:
-        cause = (
-            f"the doctor itself got no processor time for {heard.pause_s:.3f} s: this computer is too busy"
-        )
+def _burst(reception: Reception, name: str, stream: Stream) -> Finding:
+    if reception.pause_s > reception.settings.max_age_s:
+        cause = f"the doctor itself got no processor time for {reception.pause_s:.3f} s: busy computer"
     else:
         cause = (
             "the samples waited in a buffer: this computer, or the simulator, was too busy to pass them on"
         )
     return warning(
         CHECK,
-        heard.device,
-        f"{_silence(heard, name, stream.silence_s)}; {stream.sample_count} samples came in one burst of "
+        reception.device,
+        f"{_silence(reception, name, stream.silence_s)}; {stream.sample_count} samples came in one burst of "
         f"{stream.span_s:.3f} s, so the rate is unknown",
         cause,
         "end other programs, and run the doctor again",
     )
 
 
-def _silence(heard: Heard, name: str, silence_s: float) -> str:
-    return f"{name}: silent for {silence_s:.3f} s, the limit max_age_s is {heard.settings.max_age_s:g} s"
+def _silence(reception: Reception, name: str, silence_s: float) -> str:
+    return f"{name}: silent for {silence_s:.3f} s, the limit max_age_s is {reception.settings.max_age_s:g} s"
 
 
-def _suggest_age_limit(heard: Heard, rate_hz: float) -> str:
+def _suggest_age_limit(reception: Reception, rate_hz: float) -> str:
     if rate_hz * LONGEST_AGE_LIMIT_S < PERIODS_PER_AGE_LIMIT:
         return ""
     max_age_s = math.ceil(100 * PERIODS_PER_AGE_LIMIT / rate_hz) / 100
-    return f", or in [devices.{heard.device}] set max_age_s = {max_age_s:g}"
+    return f", or in [devices.{reception.device}] set max_age_s = {max_age_s:g}"
 
 
-def _summary(heard: Heard, streams: dict[Part, Stream]) -> str:
-    health = heard.health
+def _summary(reception: Reception, streams: dict[Part, Stream]) -> str:
+    health = reception.health
     rate_hz = min(stream.rate_hz for stream in streams.values())
     age_ms = 1000 * (health.age_s or 0.0)
-    rejected = list_reasons(heard) or "none"
+    rejected = list_reasons(reception) or "none"
     return f"{rate_hz:.1f} Hz, newest {age_ms:.0f} ms old, {health.accepted} samples, rejected: {rejected}"
