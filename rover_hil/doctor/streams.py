@@ -130,8 +130,9 @@ def _check_rates(reception: Reception, streams: dict[Part, Stream], *, is_requir
     silent = max(streams, key=lambda part: streams[part].silence_s)
     rate_hz, silence_s = streams[slowest].rate_hz, streams[silent].silence_s
     max_age_s = reception.settings.max_age_s
-    if streams[silent].is_burst and silence_s > max_age_s:
-        return [_burst(reception, silent.name, streams[silent])]
+    is_distorted = streams[silent].is_burst or reception.pause_s > max_age_s
+    if silence_s > max_age_s and is_distorted:
+        return [_silence(reception, silent.name, streams[silent])]
     if rate_hz * max_age_s < 1:
         report = problem if is_required else warning
         return [
@@ -143,38 +144,25 @@ def _check_rates(reception: Reception, streams: dict[Part, Stream], *, is_requir
                 "raise the device's output rate" + _suggest_age_limit(reception, rate_hz),
             )
         ]
-    if silence_s > max_age_s:
-        return [
-            warning(
-                CHECK,
-                reception.device,
-                _silence(reception, silent.name, silence_s),
-                "samples were lost or late: a busy machine, a loose cable, a USB hub",
-                "end other programs, connect without a hub, replace the cable, and run the doctor again",
-            )
-        ]
-    return []
+    return [_silence(reception, silent.name, streams[silent])] if silence_s > max_age_s else []
 
 
-def _burst(reception: Reception, name: str, stream: Stream) -> Finding:
-    if reception.pause_s > reception.settings.max_age_s:
-        cause = f"the doctor itself got no processor time for {reception.pause_s:.3f} s: busy computer"
+def _silence(reception: Reception, name: str, stream: Stream) -> Finding:
+    max_age_s, pause_s = reception.settings.max_age_s, reception.pause_s
+    what = f"{name}: silent for {stream.silence_s:.3f} s, the limit max_age_s is {max_age_s:g} s"
+    if stream.is_burst:
+        count, span_s = stream.sample_count, stream.span_s
+        what += f"; {count} samples came in one burst of {span_s:.3f} s, so the rate is unknown"
+    if pause_s > max_age_s:
+        cause = f"the doctor itself got no processor time for {pause_s:.3f} s: this computer is too busy"
+        fix = "end other programs, and run the doctor again"
+    elif stream.is_burst:
+        cause = "samples waited in a buffer: this computer, or the simulator, was too busy to pass them on"
+        fix = "end other programs, and run the doctor again"
     else:
-        cause = (
-            "the samples waited in a buffer: this computer, or the simulator, was too busy to pass them on"
-        )
-    return warning(
-        CHECK,
-        reception.device,
-        f"{_silence(reception, name, stream.silence_s)}; {stream.sample_count} samples came in one burst of "
-        f"{stream.span_s:.3f} s, so the rate is unknown",
-        cause,
-        "end other programs, and run the doctor again",
-    )
-
-
-def _silence(reception: Reception, name: str, silence_s: float) -> str:
-    return f"{name}: silent for {silence_s:.3f} s, the limit max_age_s is {reception.settings.max_age_s:g} s"
+        cause = "samples were lost or late: a busy machine, a loose cable, a USB hub"
+        fix = "end other programs, connect without a hub, replace the cable, and run the doctor again"
+    return warning(CHECK, reception.device, what, cause, fix)
 
 
 def _suggest_age_limit(reception: Reception, rate_hz: float) -> str:

@@ -114,6 +114,12 @@ def test_a_burst_is_reported_as_one(pause_s: float, cause: str) -> None:
     assert cause in finding.cause
 
 
+def test_a_doctor_without_processor_time_does_not_judge_the_rate() -> None:
+    (finding,) = check_streams(reception(*headings(1.1, 1.9), pause_s=0.7), [HEADING], is_required=True)
+    assert finding.level is Level.WARNING
+    assert "the doctor itself got no processor time for 0.700 s" in finding.cause
+
+
 HEADING = Part(HeadingSample, None, "heading")
 
 
