@@ -1,4 +1,4 @@
-"""What a served bus looks like from the simulated device's side."""
+"""The simulated device's end of a served bus."""
 
 from abc import ABC, abstractmethod
 from typing import Generic
@@ -10,7 +10,7 @@ class Port(ABC, Generic[PayloadT]):
     """The simulator's end of a bus. No method blocks.
 
     Attributes:
-        where: The bus as the user knows it.
+        where: Name of the bus for messages.
     """
 
     where: str
@@ -33,7 +33,7 @@ class Port(ABC, Generic[PayloadT]):
 
     @abstractmethod
     def has_listener(self) -> bool:
-        """Tell whether anybody would get what is written now."""
+        """Return whether a host would receive what is written now."""
 
     @abstractmethod
     def write(self, payload: PayloadT) -> bool:

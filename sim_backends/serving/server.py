@@ -24,8 +24,8 @@ class ServedDevice(Generic[PayloadT]):
     """An emulated device and the port it is served on.
 
     Attributes:
-        sent: Payloads that a listening host was given.
-        dropped: Payloads that it was to be given and that the port could not take.
+        sent: Payloads that a listening host received.
+        dropped: Payloads for a listening host that the port could not take.
     """
 
     def __init__(self, device: EmulatedDevice[PayloadT], port: Port[PayloadT]) -> None:
@@ -45,7 +45,7 @@ class ServedDevice(Generic[PayloadT]):
             self._device.to_device.put(now_ns, payload)
 
     def give_out(self, now_ns: int) -> None:
-        """Move the plug when the device's has moved; give the host what has reached it."""
+        """Follow the plug of the device; hand the host what has reached it."""
         if self._device.unplugged:
             self.port.close()
             return
@@ -105,7 +105,7 @@ class Server:
             device.port.close()
 
     def run(self, duration_s: float) -> None:
-        """Serve for so long.
+        """Serve for `duration_s`.
 
         Raises:
             NotConnectedError: A plug was restored, but its port could not be.

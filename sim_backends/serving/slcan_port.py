@@ -23,7 +23,7 @@ class SlcanPort(Port[bytes]):
     queries (answered with an error), and error frames, which the protocol cannot carry.
 
     Args:
-        path: Where the host looks for the adapter's serial port.
+        path: Path of the adapter's serial port that the host opens.
     """
 
     def __init__(self, path: str) -> None:
@@ -42,7 +42,7 @@ class SlcanPort(Port[bytes]):
         self._forget_host()
 
     def read(self) -> list[bytes]:
-        """Obey the adapter's commands and return the CAN frames that the host has sent."""
+        """Execute the adapter's commands and return the CAN frames that the host has sent."""
         self._received += b"".join(self._pty.read())
         *lines, self._received = self._received.split(OK)
         self._received = self._received[-LONGEST_LINE:]
@@ -52,11 +52,11 @@ class SlcanPort(Port[bytes]):
         return frames
 
     def has_listener(self) -> bool:
-        """Tell whether a host has the CAN channel open."""
+        """Return whether a host has the CAN channel open."""
         return self._channel_is_open and self._pty.has_listener()
 
     def write(self, payload: bytes) -> bool:
-        """Send a CAN frame to the host; False for what the protocol cannot carry or the buffer not take."""
+        """Send a CAN frame to the host; False when the protocol or the buffer cannot take it."""
         frame = unpack_can_frame(payload)
         return frame is not None and not frame.is_error and self._pty.write(_line(frame))
 
