@@ -1,10 +1,10 @@
-# make setup | run | test | check | wheel
+# make setup | run | test | check | reference | wheel
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test check wheel
+.PHONY: setup run test check reference wheel
 
 setup: $(STAMP)
 
@@ -25,6 +25,9 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+reference: setup
+	$(BIN)/python -m rover_hil.reference docs/reference
 
 wheel: setup
 	rm -rf build dist

@@ -25,6 +25,7 @@ class OmniRoverSettings(Settings):
     """Three omnidirectional wheels on a circle around the origin of the body frame.
 
     Attributes:
+        wheel_radius_m: Radius of the wheels.
         base_radius_m: Distance of each wheel from the origin.
         wheel_angles_deg: Where each wheel sits, counter-clockwise from x; it drives counter-clockwise.
     """
@@ -49,8 +50,9 @@ class SkidSteerRoverSettings(Settings):
     """Four wheels that do not steer, in the order front left, front right, rear left, rear right.
 
     Attributes:
-        track_m: Distance between the left and the right wheels' contact patches. Skidding makes the
-            effective track wider than the drawing says: identify it by turning on the spot.
+        wheel_radius_m: Radius of the wheels.
+        track_m: Distance between the contact patches of the left and the right wheels. Skidding makes the
+            effective track wider than the drawing shows: identify it by turning on the spot.
     """
 
     kinematics: Literal["skid_steer_4"]
@@ -68,17 +70,18 @@ class FilterSettings(Settings):
 
     Attributes:
         position_noise_m_sqrt_m: Standard deviation of the position after one metre, from wheel slip.
-        unsure_position_noise_m_sqrt_m: The same where slip is compensated but flagged as not valid.
-        wheel_yaw_noise_rad_sqrt_rad: Of the wheels' yaw after turning by one radian.
-        wheel_yaw_noise_rad_sqrt_m: Of the wheels' yaw after driving one metre.
-        gyro_noise_rad_sqrt_s: Of the integrated gyro after one second (angle random walk).
-        gyro_rate_noise_rad_s: Of one gyro reading.
-        gyro_bias_rad_s: Of the gyro's bias at start.
-        gyro_bias_walk_rad_s_sqrt_s: Of the bias' change within one second.
-        heading_noise_rad: Of one heading reading; larger where successive errors are alike.
-        heading_lag_s: How far the heading device lags behind the rover.
-        standstill_s: Wheels unmoved for this long mean that the rover stands.
-        gate_probability: Share of honest innovations that pass the gate.
+        unsure_position_noise_m_sqrt_m: The same where the compensated slip is flagged as not valid.
+        wheel_yaw_noise_rad_sqrt_rad: Standard deviation of the wheels' yaw after turning by one radian.
+        wheel_yaw_noise_rad_sqrt_m: Standard deviation of the wheels' yaw after driving one metre.
+        gyro_noise_rad_sqrt_s: Standard deviation of the integrated gyro after one second (angle random walk).
+        gyro_rate_noise_rad_s: Standard deviation of one gyro reading.
+        gyro_bias_rad_s: Standard deviation of the gyro's bias at the start.
+        gyro_bias_walk_rad_s_sqrt_s: Standard deviation of the bias' change within one second.
+        heading_noise_rad: Standard deviation of one heading reading; larger where successive errors are
+            correlated.
+        heading_lag_s: Delay of the heading device behind the rover.
+        standstill_s: Wheels that have not moved for this long mean that the rover is at rest.
+        gate_probability: Share of consistent innovations that pass the gate.
     """
 
     position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
@@ -100,13 +103,14 @@ class PathSettings(Settings):
 
     Attributes:
         speed_m_s: Speed along the path away from corners.
-        heading: `hold` keeps the heading at start, `along_path` looks ahead. A skid-steer rover can only do
-            the latter.
-        position_tolerance_m: A corner or the end counts as reached this close before it, along the path.
-        lookahead_m: The rover steers to the point of the path this far ahead.
-        approach_gain_per_s: Speed per metre left to the next corner.
+        heading: `hold` keeps the heading at the start, `along_path` points along the path. A skid-steer rover
+            can only do the latter.
+        position_tolerance_m: A corner or the end counts as reached within this distance before it, along the
+            path.
+        lookahead_m: The rover steers to the point of the path at this distance ahead.
+        approach_gain_per_s: Speed per metre of distance to the next corner.
         heading_gain_per_s: Yaw rate per radian of heading error.
-        yaw_rate_limit_rad_s: Greatest yaw rate asked for.
+        yaw_rate_limit_rad_s: Greatest commanded yaw rate.
     """
 
     speed_m_s: Annotated[float, Field(ge=0.005, le=3.0)] = 0.1
@@ -119,7 +123,12 @@ class PathSettings(Settings):
 
 
 class RectangleMission(PathSettings):
-    """A rectangle once around, counter-clockwise, the first side along x: back to the start."""
+    """A rectangle once around, counter-clockwise, the first side along x: back to the start.
+
+    Attributes:
+        length_m: Side along x.
+        width_m: Side along y.
+    """
 
     type: Literal["rectangle"]
     length_m: PathLength
@@ -127,14 +136,22 @@ class RectangleMission(PathSettings):
 
 
 class LineMission(PathSettings):
-    """A straight line along x."""
+    """A straight line along x.
+
+    Attributes:
+        length_m: Length of the line.
+    """
 
     type: Literal["line"]
     length_m: PathLength
 
 
 class WaypointsMission(PathSettings):
-    """Straight lines from the start through `points`, given as (x, y) in m in the local frame."""
+    """Straight lines from the start through waypoints in the local frame.
+
+    Attributes:
+        points: Corners of the path, x and y in m, without the start (0, 0).
+    """
 
     type: Literal["waypoints"]
     points: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=10_000)]
@@ -146,10 +163,10 @@ MissionSettings: TypeAlias = Annotated[
 
 
 class LimitSettings(Settings):
-    """What the wheels may be asked for.
+    """Limits of the wheel set-points.
 
     Attributes:
-        wheel_speed_rad_s: Greatest set-point, either way.
+        wheel_speed_rad_s: Greatest set-point, in either direction.
         wheel_acceleration_rad_s2: Greatest change of a set-point per second.
     """
 
@@ -160,7 +177,17 @@ class LimitSettings(Settings):
 class ControlSettings(Settings):
     """The whole controller. Without a mission it only observes and the wheels get zero set-points.
 
-    Without `slip` (three omnidirectional wheels) or `scomp` (four wheels) the wheels are assumed to roll.
+    Without `slip` (three omnidirectional wheels) or `scomp` (four wheels) the wheels are assumed to
+    roll.
+
+    Attributes:
+        rover: Geometry of the wheels.
+        limits: Limits of the wheel set-points.
+        filter: Noise of the pose filter.
+        safety: When the rover stops.
+        mission: What the rover is to do; `run` needs one.
+        slip: Slip compensation of three omnidirectional wheels.
+        scomp: Slip compensation of four wheels by trace and tilt.
     """
 
     rover: RoverSettings

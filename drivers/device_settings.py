@@ -21,7 +21,8 @@ class DeviceSettings(Settings):
 
     Attributes:
         max_age_s: The device counts as silent when its newest sample is older than this.
-        reconnect_limit_s: After a break, try to reconnect for this long, then give up until restart.
+        reconnect_limit_s: Time for which the link tries to reconnect after a break; then it gives up until a
+            restart.
     """
 
     max_age_s: Annotated[float, Field(gt=0, le=10)] = 0.15

@@ -80,7 +80,7 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
 def find_simulation_conflicts(
     devices: Mapping[str, AnyDeviceSettings | None], simulation: SimulationSettings
 ) -> Iterator[str]:
-    """Yield what the simulation says of devices that do not exist or have another type, with the fix.
+    """Yield entries of the simulation for devices that do not exist or have another type, with the fix.
 
     Args:
         devices: The devices of the configuration by name; None for one whose settings are not valid.
@@ -101,7 +101,7 @@ def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
     rng = _generator(simulation.seed, "plant")
     match simulation.plant:
         case RobotinoPlantSettings() as dynamic:
-            from sim_backends.plants.robotino.plant import RobotinoPlant  # it takes numba a second to load
+            from sim_backends.plants.robotino.plant import RobotinoPlant  # numba takes a second to load
 
             return RobotinoPlant(dynamic, rng, start_ns)
         case ElDoradoPlantSettings() as four_wheels:

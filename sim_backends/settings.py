@@ -30,13 +30,14 @@ EmulatorSettings: TypeAlias = Annotated[
 
 
 class SimulationSettings(Settings):
-    """The simulated rover, the errors of its devices, and scheduled faults.
+    """The simulated rover, the errors of its devices, and what goes wrong.
 
     Attributes:
-        seed: The same seed gives the same run.
+        seed: Seed of all random numbers; the same seed gives the same run.
         plant: The true rover and its ground.
-        devices: Errors of the devices of [devices], by name; defaults for the others.
-        faults: Scheduled faults.
+        devices: Errors of the devices in [devices], by name; a device without an entry has the default
+            errors.
+        faults: What fails, and when.
     """
 
     seed: Annotated[int, Field(ge=0)] = 0

@@ -13,6 +13,7 @@ from rich.progress import Progress
 
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
 from drivers.camera.images import NO_PIXELS
+from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource

@@ -12,14 +12,14 @@ CHECK_PERIOD_S = 0.02
 
 
 class Watchdog:
-    """Commands the drive to stop when nobody has fed it for longer than the limit.
+    """Commands the drive to stop when it has not been fed for longer than the limit.
 
     Args:
-        drive: What to stop.
+        drive: The drive to stop.
         clock: The host's clock.
-        limit_ns: How long the loop may stay silent.
-        on_intervention: Told the time of each intervention. The drive has been stopped by then, because a log
-            that hangs may be what keeps the loop silent.
+        limit_ns: Longest time between two feeds.
+        on_intervention: Called with the time of each intervention, after the drive has been stopped, because
+            a log that hangs may be what blocks the loop.
     """
 
     def __init__(
@@ -46,12 +46,12 @@ class Watchdog:
         self._thread.join()
 
     def feed(self) -> None:
-        """Say that the loop is alive; called once per cycle."""
+        """Report that the loop is alive; called once per cycle."""
         self._fed_ns = self._clock.now_ns()
         self._has_stopped = False
 
     def check(self) -> None:
-        """Stop the drive, once per silence, if the loop has been silent for too long."""
+        """Stop the drive, once per pause, if the loop has not fed the watchdog for too long."""
         now_ns = self._clock.now_ns()
         if not self._has_stopped and now_ns - self._fed_ns > self._limit_ns:
             self._has_stopped = True

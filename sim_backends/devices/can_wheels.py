@@ -35,17 +35,18 @@ RawSignal: TypeAlias = Callable[[Truth], float]
 
 
 class CanNodeSettings(Settings):
-    """Rates, errors and watchdog of the drives; values are also rounded to the steps of their signals.
+    """Rates, errors and watchdog of the drives; rounding to the resolution of the signals is added.
 
     Attributes:
         wheel_rate_hz: Messages about wheels, of each kind, per second; spread evenly over the period.
-        status_rate_hz: All other messages.
-        encoder_ticks_per_revolution: Of the motor, where the mapping's unit is not ticks.
+        status_rate_hz: All other messages per second, of each kind.
+        encoder_ticks_per_revolution: Encoder counts per turn of the motor, where the mapping's unit is not
+            ticks.
         speed_noise_rad_s: Standard deviation of each reported speed, at the wheel.
         current_noise_a: Standard deviation of each motor current.
-        current_step_a: Step of the drive's current measurement; 0 for none.
+        current_step_a: Resolution of the drive's current measurement; 0 for none.
         voltage_noise_v: Standard deviation of each supply voltage.
-        watchdog_s: A wheel stops after this time without a set-point.
+        watchdog_s: A wheel stops when it gets no set-point for this long.
     """
 
     type: Literal["can_wheels"] = "can_wheels"

@@ -33,7 +33,7 @@ class CompassEmulatorSettings(Settings):
 
     Attributes:
         rate_hz: Sentences per second.
-        sentence: Type of sentence.
+        sentence: Sentence that the compass sends.
         lag_s: Time constant of the damping, first order.
         bias_deg: Constant error.
         deviation_error_deg: Factors of sin h, cos h, sin 2h, cos 2h of the lagged heading h. The nautical

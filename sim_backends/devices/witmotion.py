@@ -36,9 +36,9 @@ class ImuEmulatorSettings(Settings):
 
     Attributes:
         rate_hz: Sets of frames per second.
-        frames: Contents of each set; always sent in the order acceleration, rate, angle.
+        frames: Frames in each set; always sent in the order acceleration, rate, angle.
         gyro_bias_deg_s: Bias of each axis at the start.
-        gyro_walk_deg_s: Random walk of the bias: its standard deviation after one second.
+        gyro_walk_deg_s: Standard deviation of the bias' random walk after one second.
         gyro_noise_deg_s: Standard deviation of the white noise of each rate.
         acceleration_noise_m_s2: Standard deviation of the white noise of each acceleration.
         angle_lag_s: Time constant of the device's own attitude filter, first order.

@@ -13,11 +13,11 @@ GroundKind: TypeAlias = Literal[
 
 
 class CameraEmulatorSettings(Settings):
-    """Pose, optics and scene of the simulated camera.
+    """Where the simulated camera looks, and how well.
 
     The camera is above and a little behind the point where a wheel touches the ground, by default the rear
-    left one of the simulated four-wheeled rover, looks backwards and is tilted down. It views about
-    0.7 m x 0.7 m of ground by default; the rear camera of the rover El-Dorado viewed 0.6 m x 0.8 m. The other
+    left one of the simulated four-wheeled rover, looks backwards and is tilted down. It sees about
+    0.7 m x 0.7 m of ground by default; the rear camera of the rover El-Dorado saw 0.6 m x 0.8 m. The other
     three wheels mirror this one about the rover's axes.
 
     Attributes:
@@ -31,13 +31,13 @@ class CameraEmulatorSettings(Settings):
         trace_width_m: Width of the wheels.
         rut_depth_m: Sinkage of the wheels.
         ground: Appearance of the ground.
-        stones_per_m2: Loose stones per square metre.
+        stones_per_m2: Number of loose stones per square metre.
         sun_azimuth_deg: Direction to the sun in the world, counter-clockwise from x.
-        sun_elevation_deg: Elevation of the sun.
+        sun_elevation_deg: Elevation of the sun above the ground.
         rock_deg: Standard deviation of the body's rocking, about x and about y.
         noise_grey: Standard deviation of the noise of a pixel, in grey levels of 255.
-        exposure_s: Time from the capture stamp to the end of exposure.
-        transfer_s: Time from the end of exposure to the arrival at the host.
+        exposure_s: Time from the capture stamp to the end of the exposure.
+        transfer_s: Time from the end of the exposure to the arrival at the host.
     """
 
     type: Literal["camera"]

@@ -13,7 +13,7 @@ class FramePort(Port[CameraImage]):
     """Writes each frame into the live folder; the folder is the plug.
 
     Args:
-        folder: Where the host looks for frames; it is made.
+        folder: Where the host reads frames; it is made.
     """
 
     def __init__(self, folder: str) -> None:

@@ -17,7 +17,13 @@ GREY = 128
 
 
 class TimedFault(Settings):
-    """The device of a fault and its period, in seconds from the start of the simulation."""
+    """A fault of one device, at a time counted from the start of the simulation.
+
+    Attributes:
+        device: Name of the device that fails.
+        start_s: Start of the fault after the start of the simulation.
+        duration_s: Duration of the fault.
+    """
 
     device: str
     start_s: Annotated[float, Field(ge=0, le=1e6)]
@@ -45,12 +51,15 @@ class StateFault(TimedFault):
 
 
 class ChanceFault(TimedFault):
-    """What happens to each payload with some probability.
+    """A fault that affects each payload with some probability.
 
     "drop" loses it, in both directions. The others affect what the host receives: "duplicate" delivers it
     twice, "reorder" after the next one, "corrupt" damages it: one bit flipped, or the lower half of an image
-    grey. On a CAN bus the controller's checksum would catch a flipped bit; there it represents a device
-    that reports wrong values.
+    grey. On a CAN bus the controller's checksum would catch a flipped bit; there it stands for a device that
+    reports wrong values.
+
+    Attributes:
+        probability: Probability that a payload is affected.
     """
 
     type: Literal["drop", "duplicate", "reorder", "corrupt"]
@@ -58,7 +67,11 @@ class ChanceFault(TimedFault):
 
 
 class DelayFault(TimedFault):
-    """Everything the device sends arrives `delay_s` late."""
+    """Everything that the device sends arrives late.
+
+    Attributes:
+        delay_s: Delay of every payload to the host.
+    """
 
     type: Literal["delay"]
     delay_s: Annotated[float, Field(gt=0, le=10)]

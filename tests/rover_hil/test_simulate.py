@@ -95,7 +95,7 @@ def test_it_leaves_nothing_when_a_port_cannot_be_served(
     config = tmp_path / "rover.toml"
     config.write_text(shipped.replace('"ports/imu"', '"taken"').replace('"ports/board"', '"a/b/board"'))
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(NotConnectedError, match="taken: something is there"):
+    with pytest.raises(NotConnectedError, match="taken: the path is taken"):
         simulate("rover.toml", 0.1)
     assert {path.name for path in tmp_path.iterdir()} == {"rover.toml", "taken"}
 

@@ -8,7 +8,14 @@ from drivers.settings import Settings
 
 
 class Mound(Settings):
-    """A Gaussian mound: height at the top and standard deviation `radius_m`."""
+    """A bell-shaped mound.
+
+    Attributes:
+        x_m: Position of the top.
+        y_m: Position of the top.
+        height_m: Height of the top.
+        radius_m: Standard deviation of the bell shape.
+    """
 
     x_m: float
     y_m: float
@@ -22,6 +29,7 @@ class Ground(Settings):
     Attributes:
         inclination_deg: Inclination of the slope below the mounds.
         uphill_deg: Direction of steepest ascent, counter-clockwise from x.
+        mounds: Mounds on the slope.
         soil: A soil of the library (`sim_backends/terramechanics/soil/library/soils`), or a TOML file.
     """
 
@@ -32,24 +40,34 @@ class Ground(Settings):
 
 
 class ElDoradoPlantSettings(Settings):
-    """The true rover and its ground; the controller's settings may differ from both.
+    """The true rover and its ground; the controller has its own, possibly wrong, idea of both.
 
     Wheel and load are those of the single-wheel tests in Reina, Ishigami, Nagatani and Yoshida, "Odometry
     correction using visual slip angle estimation for planetary exploration rovers" (92 mm, 6.6 kg); track,
     wheel base, height of the centre of mass and motors are chosen.
 
     Attributes:
+        start_x_m: Position at the start.
+        start_y_m: Position at the start.
+        start_yaw_deg: Heading at the start, counter-clockwise from x.
         wheel: A wheel of the library (`sim_backends/terramechanics/soil/library/wheels`), or a TOML file.
-        wheel_radius_error: The true rolling radius is the wheel's radius times (1 + wheel_radius_error).
+        wheel_radius_error: The true radius of the wheels is the wheel's radius times (1 +
+            wheel_radius_error).
         track_m: Distance between left and right wheels.
         wheel_base_m: Distance between front and rear wheels.
         centre_height_m: Height of the centre of mass above the ground.
+        mass_kg: Mass of the rover.
+        ground: Shape of the ground, and soil.
         force_fluctuation: Standard deviation of the soil's horizontal forces on each wheel, as a share.
-        fluctuation_time_s: Correlation time of the fluctuation.
+        fluctuation_time_s: Correlation time of these forces.
         speed_lag_s: Time constant of the inner speed loop.
-        steer_rate_rad_s: Greatest speed of the steering drives.
-        torque_per_ampere_nm: Torque at the wheel per ampere, gear and its efficiency included.
-        idle_current_a: Current of the electronics, drawn from the battery.
+        steer_rate_rad_s: Speed of the steering drives.
+        no_load_current_a: Current of a motor that turns without load.
+        torque_per_ampere_nm: Torque at the wheel per current, with gear and efficiency.
+        resistance_ohm: Resistance of a motor.
+        battery_v: Voltage of the battery without load.
+        battery_resistance_ohm: Internal resistance of the battery.
+        idle_current_a: Current of the electronics.
     """
 
     type: Literal["el_dorado"] = "el_dorado"
