@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 
-from controllers.settings import LimitSettings
+from controllers.motion.settings import LimitSettings
 from drivers.clock import nanoseconds, seconds
 
 

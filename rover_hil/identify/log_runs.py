@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from drivers.samples import RateSample, WheelSample
 from rover_hil.config import RoleSettings

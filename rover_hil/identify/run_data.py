@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.motion.kinematics import OmniKinematics
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -9,8 +9,8 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.safety import Mode
-from controllers.settings import SkidSteerRoverSettings
 from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.scomp.compensator import ScompReport
 from drivers.clock import seconds

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.motion.kinematics import make_kinematics
-from controllers.settings import RoverSettings
+from controllers.motion.rover_geometry import RoverSettings
 from controllers.slip.scomp.compensator import TraceFinder
 from drivers.camera.settings import CameraSettings
 from drivers.clock import Clock, VirtualClock

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
-from controllers.settings import SkidSteerRoverSettings
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.slip.scomp.compensator import TraceReading
 from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError

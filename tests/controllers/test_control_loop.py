@@ -11,13 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from controllers.safety.settings import SafetySettings
-from controllers.settings import (
-    OmniRoverSettings,
-    SkidSteerRoverSettings,
-)
 from drivers.errors import ConfigError
 from drivers.samples import (
     BumperSample,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
-from controllers.settings import FilterSettings
 from controllers.slip.effort.compensator import HOLD_S, STUCK_AFTER_S, SlipReport
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.motion.limits import Limit, WheelLimiter
-from controllers.settings import LimitSettings
+from controllers.motion.settings import LimitSettings
 
 SETTINGS = LimitSettings(wheel_speed_rad_s=10.0, wheel_acceleration_rad_s2=20.0)
 EXPIRY_S = 0.15

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from controllers.estimation.odometry import WheelOdometry
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import wrap_angle
-from controllers.settings import OmniRoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.samples import WheelSample
 from tests.controllers.simulated import (
     OMNI,

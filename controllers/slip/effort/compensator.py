@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import BodyMotion, Kinematics
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S, EffortFlag, EffortObserver, WheelEffort
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_map import wheel_slip

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from controllers.settings import OmniRoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.errors import ConfigError, LogError
 from drivers.robotino_board.codec import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
