@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_hil.identify.motor_fit import LOOP_PERIOD_S
-from rover_hil.identify.motor_record import MotorRecord, Series
-from rover_hil.identify.motor_report import MotorReport, report_motor
-from rover_hil.identify.motor_table import SCALE, SPEED_STEP_RAD_S, TICK_RAD, cut_set_point, read_table
+from rover_hil.identify.motor.fit import LOOP_PERIOD_S
+from rover_hil.identify.motor.record import MotorRecord, Series
+from rover_hil.identify.motor.report import MotorReport, report_motor
+from rover_hil.identify.motor.table import SCALE, SPEED_STEP_RAD_S, TICK_RAD, cut_set_point, read_table
 from tests.nature.motor import Measured, TrueMotor, measure, staircase
 
 SPEEDS_RAD_S = (25.0, 50.0, 75.0, 100.0, 125.0, 150.0, 175.0)

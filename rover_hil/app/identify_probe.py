@@ -10,10 +10,10 @@ from rich.progress import track
 
 from controllers.slip.effort.yaw_excitation import YawProbeMap
 from drivers.errors import ConfigError
-from rover_hil.identify.log_runs import read_log_run
-from rover_hil.identify.probe_fit import fit_probe
-from rover_hil.identify.runs import find_runs
-from rover_hil.identify.slip_map_file import read_slip_map, write_slip_map
+from rover_hil.identify.slip.log_runs import read_log_run
+from rover_hil.identify.slip.map_file import read_slip_map, write_slip_map
+from rover_hil.identify.slip.probe_fit import fit_probe
+from rover_hil.identify.slip.runs import find_runs
 
 
 def identify_probe(

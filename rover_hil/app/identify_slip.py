@@ -9,17 +9,17 @@ from rich.progress import Progress
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import ConfigError, LogError
-from rover_hil.identify.runs import RunFiles, find_runs
-from rover_hil.identify.slip_identification import (
+from rover_hil.identify.slip.identification import (
     FOLDS,
     Errors,
     SlipIdentification,
     identify_slip_maps,
     read_all,
 )
-from rover_hil.identify.slip_map_file import slip_map_file, write_slip_map
-from rover_hil.identify.slip_report import print_result, result_record
-from rover_hil.identify.slip_scores import score_runs
+from rover_hil.identify.slip.map_file import slip_map_file, write_slip_map
+from rover_hil.identify.slip.report import print_result, result_record
+from rover_hil.identify.slip.runs import RunFiles, find_runs
+from rover_hil.identify.slip.scores import score_runs
 
 
 def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None) -> int:

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.identify_slip import identify_slip
-from rover_hil.identify.slip_map_file import read_slip_map
+from rover_hil.identify.slip.map_file import read_slip_map
 from tests.rover_hil.slip_runs import write_drive
 
 SURFACES = {"table_surface": (0.0, 0.3), "sand_surface": (0.5, 1.0)}

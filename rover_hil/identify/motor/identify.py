@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from drivers.errors import LogError
-from rover_hil.identify.averaged_csv import is_averaged_csv
-from rover_hil.identify.motor_averages import MotorDrives, read_drives, report_drives
-from rover_hil.identify.motor_log import read_log
-from rover_hil.identify.motor_record import MotorRecord
-from rover_hil.identify.motor_report import MotorReport, report_motor
-from rover_hil.identify.motor_table import read_table
+from rover_hil.identify.motor.averages import MotorDrives, read_drives, report_drives
+from rover_hil.identify.motor.log import read_log
+from rover_hil.identify.motor.record import MotorRecord
+from rover_hil.identify.motor.report import MotorReport, report_motor
+from rover_hil.identify.motor.table import read_table
+from rover_hil.identify.slip.averaged_csv import is_averaged_csv
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 

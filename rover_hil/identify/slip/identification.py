@@ -6,12 +6,12 @@ from pathlib import Path
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
-from rover_hil.identify.camera_scale import CameraScale, find_scale
-from rover_hil.identify.run_data import RunWindows
-from rover_hil.identify.runs import read_windows, surface_parts
-from rover_hil.identify.slip_fit import collect_samples, fit_wheel_maps
-from rover_hil.identify.slip_scores import FittedMaps, RunError, score_runs
-from rover_hil.identify.surface_fit import fit_surface_map, travel_direction_rad
+from rover_hil.identify.slip.camera_scale import CameraScale, find_scale
+from rover_hil.identify.slip.run_data import RunWindows
+from rover_hil.identify.slip.runs import read_windows, surface_parts
+from rover_hil.identify.slip.scores import FittedMaps, RunError, score_runs
+from rover_hil.identify.slip.surface_fit import fit_surface_map, travel_direction_rad
+from rover_hil.identify.slip.wheel_fit import collect_samples, fit_wheel_maps
 
 FOLDS = 5
 

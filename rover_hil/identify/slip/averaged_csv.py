@@ -12,7 +12,7 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings, paper_torque, wheel_torque
 from drivers.errors import LogError
-from rover_hil.identify.run_data import ROBOTINO, WHEELS, Array, Flags, RunWindows, to_wheels
+from rover_hil.identify.slip.run_data import ROBOTINO, WHEELS, Array, Flags, RunWindows, to_wheels
 
 ROW_S = 0.5
 FIRST_COLUMN = "X axis speed, mm/s"

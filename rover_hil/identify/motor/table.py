@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from drivers.robotino_board.codec import MAX_RAW, STEP_TICKS_PER_S
-from rover_hil.identify.motor_record import Array, MotorRecord, Scale, Series, check_times
+from rover_hil.identify.motor.record import Array, MotorRecord, Scale, Series, check_times
 
 HEADER_LINES = 3
 MOTORS = (1, 2, 3)

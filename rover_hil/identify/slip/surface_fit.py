@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
 from drivers.errors import LogError
-from rover_hil.identify.run_data import Array, Flags, RunWindows
+from rover_hil.identify.slip.run_data import Array, Flags, RunWindows
 
 HARMONICS = 6
 """Three wheels with rollers make patterns of 120 and 60 degrees; uneven wheel loads make the others."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import LogError
-from rover_hil.identify.motor_fit import ELECTRIC_LAG_S, HIDDEN, MotorFit, fit_motor
-from rover_hil.identify.motor_problem import MotorProblem
-from rover_hil.identify.motor_record import MotorRecord
-from rover_hil.identify.motor_response import MotorModel
-from rover_hil.identify.motor_sensitivity import lost_combinations
-from rover_hil.identify.motor_uncertainty import Uncertainty, assess
+from rover_hil.identify.motor.fit import ELECTRIC_LAG_S, HIDDEN, MotorFit, fit_motor
+from rover_hil.identify.motor.problem import MotorProblem
+from rover_hil.identify.motor.record import MotorRecord
+from rover_hil.identify.motor.response import MotorModel
+from rover_hil.identify.motor.sensitivity import lost_combinations
+from rover_hil.identify.motor.uncertainty import Uncertainty, assess
 
 LARGEST_RELATIVE_HALF = 0.5
 """A parameter is determined when half of its interval is at most this share of it."""

@@ -12,10 +12,10 @@ from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings
 from drivers.errors import LogError
 from drivers.robotino_board.codec import MAX_RAW, parse_reply, scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from rover_hil.identify.averaged_csv import is_averaged_csv, read_averaged_csv
-from rover_hil.identify.log_runs import read_log_run
-from rover_hil.identify.run_data import MeasuredRun, RunWindows
-from rover_hil.identify.windows import form_windows
+from rover_hil.identify.slip.averaged_csv import is_averaged_csv, read_averaged_csv
+from rover_hil.identify.slip.log_runs import read_log_run
+from rover_hil.identify.slip.run_data import MeasuredRun, RunWindows
+from rover_hil.identify.slip.windows import form_windows
 from rover_hil.importing.robotino_csv import read_run
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")

@@ -16,10 +16,10 @@ from scipy.stats import t as student
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
-from rover_hil.identify.averaged_csv import COMMANDS, CURRENTS, SPEEDS, read_columns
-from rover_hil.identify.motor_report import UNITS, Estimate, MotorReport, estimate
-from rover_hil.identify.motor_table import SPEED_STEP_RAD_S, cut_set_point
-from rover_hil.identify.run_data import ROBOTINO, Array, to_wheels
+from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate
+from rover_hil.identify.motor.table import SPEED_STEP_RAD_S, cut_set_point
+from rover_hil.identify.slip.averaged_csv import COMMANDS, CURRENTS, SPEEDS, read_columns
+from rover_hil.identify.slip.run_data import ROBOTINO, Array, to_wheels
 
 WHY = "averages of drives on the ground tell neither voltages, nor changes, nor friction without the ground's"
 LEAST_STEPS = 3

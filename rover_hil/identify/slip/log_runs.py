@@ -11,7 +11,7 @@ from controllers.settings import OmniRoverSettings
 from drivers.errors import LogError
 from drivers.samples import RateSample, WheelSample
 from rover_hil.config import RoleSettings
-from rover_hil.identify.run_data import WHEELS, Array, Flags, MeasuredRun
+from rover_hil.identify.slip.run_data import WHEELS, Array, Flags, MeasuredRun
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from rich.console import Console
 from rich.table import Column, Table
 
-from rover_hil.identify.slip_identification import Errors, SlipIdentification
-from rover_hil.identify.slip_scores import RunError, Score
+from rover_hil.identify.slip.identification import Errors, SlipIdentification
+from rover_hil.identify.slip.scores import RunError, Score
 
 SECTOR_DEG = 60
 DIGITS = 4

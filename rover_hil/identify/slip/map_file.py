@@ -11,9 +11,9 @@ from controllers.slip.effort.slip_map import MapScore, SlipMapFile, WheelMap
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.config import describe_validation_error, load_slip_map
-from rover_hil.identify.slip_fit import collect_samples, fit_monotone
-from rover_hil.identify.slip_identification import SlipIdentification
-from rover_hil.identify.slip_scores import Score
+from rover_hil.identify.slip.identification import SlipIdentification
+from rover_hil.identify.slip.scores import Score
+from rover_hil.identify.slip.wheel_fit import collect_samples, fit_monotone
 
 DIGITS = 6
 """Significant digits kept: a slip is not known to more than three."""

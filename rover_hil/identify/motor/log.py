@@ -10,8 +10,8 @@ from drivers.errors import LogError
 from drivers.robotino_board.codec import MAX_RAW, scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.config import Config
-from rover_hil.identify.motor_record import MotorRecord, Scale, Series, check_times
-from rover_hil.identify.motor_table import cut_set_point
+from rover_hil.identify.motor.record import MotorRecord, Scale, Series, check_times
+from rover_hil.identify.motor.table import cut_set_point
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import LogError
-from rover_hil.identify.run_data import Array, RunWindows
-from rover_hil.identify.surface_fit import steady_drift_rad, travel_direction_rad
+from rover_hil.identify.slip.run_data import Array, RunWindows
+from rover_hil.identify.slip.surface_fit import steady_drift_rad, travel_direction_rad
 
 ROLLING_SURFACE = "table_surface"
 """Smooth and hard: the wheels roll on it, so it gives the camera its scale."""

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import LogError
-from rover_hil.identify.motor_record import Array, MotorRecord, Moves, Series, find_moves
-from rover_hil.identify.motor_response import Motion, MotorModel, Response, respond
-from rover_hil.identify.motor_sensing import CurrentSensor
+from rover_hil.identify.motor.record import Array, MotorRecord, Moves, Series, find_moves
+from rover_hil.identify.motor.response import Motion, MotorModel, Response, respond
+from rover_hil.identify.motor.sensing import CurrentSensor
 
 LARGEST_DISAGREEMENT = 0.3
 """Positions that differ by more than this share from the sum of the reported speeds are not used."""

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_hil.identify.motor_record import Array, Moves
+from rover_hil.identify.motor.record import Array, Moves
 
 SIGN_SMOOTHING_RAD_S = 0.5
 """Width over which Coulomb friction changes sign."""

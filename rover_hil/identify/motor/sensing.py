@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import ndtr
 
-from rover_hil.identify.motor_record import Array, Scale
+from rover_hil.identify.motor.record import Array, Scale
 
 FINEST_STEP_A = 0.004
 TABLE_LIMIT_A = 8.0
