@@ -15,8 +15,8 @@ from drivers.samples import RateSample, Sample, WheelSample
 from rover_hil.app.app import app
 from rover_hil.app.identify_probe import identify_probe
 from rover_hil.config import load_config
+from rover_hil.datasets.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.map_file import read_slip_map
-from rover_hil.identify.slip.run_data import ROBOTINO
 from rover_hil.recording.writer import LogWriter
 
 PERIOD_S = 0.02

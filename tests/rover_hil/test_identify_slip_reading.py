@@ -169,9 +169,9 @@ def test_averaged_rows_become_drives(tmp_path: Path) -> None:
             "1" + ";1" * 11,
             "no column 'Motor 2 current, A'",
         ),
-        (AVERAGED_NAMES, "1;2", "line 2 does not hold 12 numbers"),
-        (AVERAGED_NAMES, "1" + ";nan" * 11, "line 2 does not hold 12 numbers"),
-        (AVERAGED_NAMES, "", "does not hold 12 numbers"),
+        (AVERAGED_NAMES, "1;2", "line 2 has 2 cells, its header 12"),
+        (AVERAGED_NAMES, "1" + ";nan" * 11, r"line 2, column .Y axis speed, mm/s.: .nan. is not a number"),
+        (AVERAGED_NAMES, "", "holds no lines below its header"),
     ],
 )
 def test_wrong_averages_are_refused(tmp_path: Path, names: str, row: str, message: str) -> None:

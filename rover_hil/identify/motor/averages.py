@@ -16,10 +16,12 @@ from scipy.stats import t as student
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS, read_averages
+from rover_hil.identify.motor.record import cut_set_point
 from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate
-from rover_hil.identify.motor.table import SPEED_STEP_RAD_S, cut_set_point
-from rover_hil.identify.slip.averaged_csv import COMMANDS, CURRENTS, SPEEDS, read_columns
-from rover_hil.identify.slip.run_data import ROBOTINO, Array, to_wheels
+from rover_hil.identify.motor.table import SCALE
+from rover_hil.identify.slip.run_data import to_wheels
 
 WHY = "averages of drives on the ground tell neither voltages, nor changes, nor friction without the ground's"
 LEAST_STEPS = 3
@@ -53,11 +55,11 @@ def read_drives(path: Path) -> list[MotorDrives]:
     Raises:
         LogError: A column is missing or a cell is no number.
     """
-    columns = read_columns(path, (*COMMANDS, *SPEEDS, *CURRENTS))
+    columns = read_averages(path, (*COMMANDS, *SPEEDS, *CURRENTS))
     gear_ratio, full_scale_a = MotorSettings().gear_ratio, MotorSettings().current_full_scale_a
     commands = np.column_stack([columns[name] for name in COMMANDS])
     body = commands * (1e-3, 1e-3, math.pi / 180.0)
-    told = cut_set_point(body @ to_wheels(ROBOTINO).T * gear_ratio, SPEED_STEP_RAD_S)
+    told = cut_set_point(body @ to_wheels(ROBOTINO).T * gear_ratio, SCALE.speed_rad_s)
     groups = [list(rows)[1:] for _, rows in groupby(range(len(told)), key=lambda row: tuple(commands[row]))]
     drives: list[MotorDrives] = []
     for motor, (speed_name, current_name) in enumerate(zip(SPEEDS, CURRENTS, strict=True), start=1):
@@ -65,7 +67,7 @@ def read_drives(path: Path) -> list[MotorDrives]:
         rows: list[tuple[float, float, float]] = []
         for group in groups:
             set_point = float(told[group[0], motor - 1]) if group else 0.0
-            is_told = abs(set_point) >= (LEAST_STEPS - 0.5) * SPEED_STEP_RAD_S
+            is_told = abs(set_point) >= (LEAST_STEPS - 0.5) * SCALE.speed_rad_s
             if is_told and current[group].max() < full_scale_a:
                 forward = math.copysign(1.0, set_point)
                 rows.append((abs(set_point), forward * speed[group].mean(), current[group].mean()))

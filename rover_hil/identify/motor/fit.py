@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from rover_hil.datasets.arrays import Array
 from rover_hil.identify.motor.problem import MotorProblem, Noise
-from rover_hil.identify.motor.record import Array
 from rover_hil.identify.motor.response import MotorModel
 
 START_LAGS_S = (0.002, 0.01, 0.04, 0.12)

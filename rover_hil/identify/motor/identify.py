@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from drivers.errors import LogError
+from rover_hil.datasets.robotino_csv import is_averages
 from rover_hil.identify.motor.averages import MotorDrives, read_drives, report_drives
 from rover_hil.identify.motor.log import read_log
 from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.report import MotorReport, report_motor
 from rover_hil.identify.motor.table import read_table
-from rover_hil.identify.slip.averaged_csv import is_averaged_csv
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 
@@ -42,7 +42,7 @@ def read_records(path: Path) -> list[Record]:
     """
     if path.suffix == ".mcap":
         return [*read_log(path)]
-    return [*read_drives(path)] if is_averaged_csv(path) else [*read_table(path)]
+    return [*read_drives(path)] if is_averages(path) else [*read_table(path)]
 
 
 def identify(records: Sequence[Record], advance: Callable[[], None] = lambda: None) -> list[MotorReport]:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import LogError
-from rover_hil.identify.motor.record import Array, MotorRecord, Moves, Series, find_moves
+from rover_hil.datasets.arrays import Array
+from rover_hil.identify.motor.record import MotorRecord, Moves, Series, find_moves
 from rover_hil.identify.motor.response import Motion, MotorModel, Response, respond
 from rover_hil.identify.motor.sensing import CurrentSensor
 

@@ -1,14 +1,15 @@
 """What one log tells about one motor: set-points, positions, speeds, currents, voltages over time."""
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import LogError
-
-Array: TypeAlias = NDArray[np.float64]
+from drivers.robotino_board.scales import scales
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from rover_hil.datasets.arrays import Array
 
 HOLD_S = 0.3
 """A set-point that changes after a rest of this length begins a new move."""
@@ -39,6 +40,18 @@ class Scale:
     current_a: float = 0.0
     current_is_cut: bool = False
     current_limit_a: float = np.inf
+
+    @classmethod
+    def of_board(cls, board: RobotinoBoardSettings) -> Self:
+        """Return how a Robotino board counts."""
+        one = scales(board)
+        return cls(
+            position_rad=one.position_rad * board.gear_ratio,
+            speed_rad_s=one.speed_rad_s * board.gear_ratio,
+            current_a=one.current_step_a,
+            current_is_cut=board.board == "EA05",
+            current_limit_a=one.current_limit_a,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,6 +112,11 @@ def find_moves(set_point: Series) -> Moves:
     is_staircase = gaps_s.size == 0 or np.median(gaps_s) > HOLD_S
     begins = np.r_[True, (gaps_s > HOLD_S) & is_staircase]
     return Moves(t_s, set_point.value[changes], np.cumsum(begins) - 1, t_s[begins])
+
+
+def cut_set_point(speed_rad_s: Array, step_rad_s: float) -> Array:
+    """Return set-points as a board obeys them: whole steps, towards zero."""
+    return np.asarray(np.trunc(speed_rad_s / step_rad_s + np.sign(speed_rad_s) * 1e-6) * step_rad_s)
 
 
 def check_times(t_s: Array, where: str) -> None:

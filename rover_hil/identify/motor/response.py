@@ -25,7 +25,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_hil.identify.motor.record import Array, Moves
+from rover_hil.datasets.arrays import Array
+from rover_hil.identify.motor.record import Moves
 
 SIGN_SMOOTHING_RAD_S = 0.5
 """Width over which Coulomb friction changes sign."""

@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.special import ndtr
 
-from rover_hil.identify.motor.record import Array, Scale
+from rover_hil.datasets.arrays import Array
+from rover_hil.identify.motor.record import Scale
 
 FINEST_STEP_A = 0.004
 TABLE_LIMIT_A = 8.0

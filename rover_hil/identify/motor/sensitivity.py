@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from rover_hil.datasets.arrays import Array
 from rover_hil.identify.motor.fit import MotorFit
-from rover_hil.identify.motor.record import Array
 
 PHYSICAL = ("Ra", "Ke", "Kt", "inertia", "Coulomb torque", "viscous torque")
 RATIOS = {

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from rover_hil.datasets.arrays import Array
 from rover_hil.identify.motor.fit import LOOP_PERIOD_S, TYPICAL, MotorFit
 from rover_hil.identify.motor.problem import MotorProblem
-from rover_hil.identify.motor.record import Array
 
 CONFIDENCE = 0.95
 FEWEST_MOVES = 12

@@ -7,7 +7,8 @@ import numpy as np
 
 from controllers.slip.effort.yaw_excitation import LEAST_WAY_M, WINDOW_S, YawProbe, YawProbeMap, slip_of
 from drivers.errors import LogError
-from rover_hil.identify.slip.run_data import Array, MeasuredRun, to_wheels
+from rover_hil.datasets.arrays import Array
+from rover_hil.identify.slip.run_data import MeasuredRun, to_wheels
 from rover_hil.identify.slip.wheel_fit import fit_rising_table
 
 LEAST_WINDOWS = 100

@@ -1,19 +1,17 @@
 """A measured run in one form, and cut into windows."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controllers.motion.kinematics import OmniKinematics
 from controllers.settings import OmniRoverSettings
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.datasets.robotino_csv import ROBOTINO
 
 WHEELS = 3
-ROBOTINO = OmniRoverSettings(kinematics="omni3", wheel_radius_m=0.040, base_radius_m=0.125)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +31,8 @@ class MeasuredRun:
         camera_in_pixels: Which of the two.
         rover: Geometry of the wheels.
         gyro: Times and yaw rates of the gyro, (k, 2); empty without one.
+        truth: Where the poses of a log come from, in words; empty for a CSV file.
+        fix_sd_m: Of noisy poses, the standard deviation of the place of a wheel on the ground, (m,).
     """
 
     path: Path
@@ -47,6 +47,8 @@ class MeasuredRun:
     camera_in_pixels: bool
     rover: OmniRoverSettings = ROBOTINO
     gyro: Array = field(default_factory=lambda: np.empty((0, 2)))
+    truth: str = ""
+    fix_sd_m: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +70,8 @@ class RunWindows:
         camera_velocity: The same by the camera, m/s or pixel/s.
         camera_in_pixels: Which of the two.
         rover: Geometry of the wheels.
+        truth: Where the poses of a log come from, in words; empty for a CSV file.
+        rejected: How many windows were left out, by reason.
     """
 
     path: Path
@@ -84,6 +88,8 @@ class RunWindows:
     camera_velocity: Array
     camera_in_pixels: bool
     rover: OmniRoverSettings = ROBOTINO
+    truth: str = ""
+    rejected: Mapping[str, int] = field(default_factory=dict)
 
     def encoder_way_m(self) -> Array:
         """Return the way in each window by the encoders, (k,)."""

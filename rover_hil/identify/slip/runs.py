@@ -1,7 +1,5 @@
 """Measured runs for identification: finds the files, names their surface, reads each kind into one form."""
 
-import gzip
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,22 +8,15 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings
 from drivers.errors import LogError
-from drivers.robotino_board.codec import MAX_RAW, parse_reply, scales
-from drivers.robotino_board.settings import RobotinoBoardSettings
-from rover_hil.identify.slip.averaged_csv import is_averaged_csv, read_averaged_csv
+from drivers.robotino_board.scales import MAX_RAW, ROBOTINO_BOARD, ROBOTINO_SCALES
+from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
+from rover_hil.identify.slip.averages import read_average_runs
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.run_data import MeasuredRun, RunWindows
 from rover_hil.identify.slip.windows import form_windows
-from rover_hil.importing.robotino_csv import read_run
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 SURFACE_ENDING = "_surface"
-NAMES_LINE = 3
-
-_BOARD = RobotinoBoardSettings(type="robotino_board", port="none", board="EA05")
-_SCALES = scales(_BOARD)
-_TRUTH_SCALE_MM_PER_PX = 1000.0
-"""With this scale the camera's metres are pixels: the true scale is found later."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +58,8 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
 
 
 def _is_motor_record(path: Path) -> bool:
-    """Tell whether a file is a wheel record of the Robotino 2 data set without a camera in its header."""
-    if path.suffix == ".mcap":
-        return False
-    opened = gzip.open if path.suffix == ".gz" else open
-    try:
-        with opened(path, "rt", encoding="utf-8") as stream:
-            names = [stream.readline() for _ in range(NAMES_LINE)][-1].split(";")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError):
-        return False  # reading it as a run says what is wrong with it
+    """Return whether a file is a record of the Robotino 2 data set without a camera."""
+    names = [] if path.suffix == ".mcap" else record_names(path)
     return "m1pos" in names and "xpos" not in names
 
 
@@ -106,29 +90,30 @@ def read_windows(path: Path, motor: MotorSettings) -> list[RunWindows]:
         LogError: It cannot be read, or lacks something that identification needs; the message names it.
     """
     surface = surface_of(path)
-    if is_averaged_csv(path):
-        return list(read_averaged_csv(path, surface, motor))
+    if is_averages(path):
+        return list(read_average_runs(path, surface, motor))
     run = read_log_run(path, surface) if path.suffix == ".mcap" else _read_csv_run(path, surface)
     _check_currents(run)
     return [form_windows(run, motor)]
 
 
 def _read_csv_run(path: Path, surface: str) -> MeasuredRun:
-    rows = read_run(path, _TRUTH_SCALE_MM_PER_PX).rows
-    replies = [parse_reply(row.reply_frame) for row in rows]
-    seen = [row for row in rows if row.truth_is_new]
-    t0_ns = rows[0].t_ns
-    current_raw = np.array([reply.current_raw for reply in replies], dtype=np.float64)
+    record = read_record(path, with_camera=True)
+    counts, camera = board_counts(record), camera_poses(record)
+    t_ns = np.round(record.columns["t"] * 1e6)
+    t_s = (t_ns - t_ns[0]) / 1e9
+    poses = np.column_stack((camera.x_px, camera.y_px, camera.yaw_rad))
+    currents_a = counts.current_raw * ROBOTINO_SCALES.current_a
     return MeasuredRun(
         path=path,
         surface=surface,
-        t_s=np.array([(row.t_ns - t0_ns) / 1e9 for row in rows]),
-        position_rad=np.array([reply.ticks for reply in replies]) * _SCALES.position_rad,
-        current_a=np.where(current_raw < MAX_RAW, current_raw * _SCALES.current_a, np.inf),
+        t_s=t_s,
+        position_rad=counts.ticks.astype(np.float64) * ROBOTINO_SCALES.position_rad,
+        current_a=np.where(counts.current_raw < MAX_RAW, currents_a, np.inf),
         current_is_signed=False,
-        set_speed_rad_s=np.array([row.set_speed_rad_s for row in rows]),
-        camera_t_s=np.array([(row.t_ns - t0_ns) / 1e9 for row in seen]),
-        camera=np.array([(row.truth_x_m, row.truth_y_m, row.truth_yaw_rad) for row in seen]),
+        set_speed_rad_s=record.of_motors("setvel") / ROBOTINO_BOARD.gear_ratio,
+        camera_t_s=t_s[camera.is_new],
+        camera=poses[camera.is_new],
         camera_in_pixels=True,
     )
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
 from drivers.errors import LogError
-from rover_hil.identify.slip.run_data import Array, Flags, RunWindows
+from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.identify.slip.run_data import RunWindows
 
 HARMONICS = 6
 """Three wheels with rollers make patterns of 120 and 60 degrees; uneven wheel loads make the others."""

@@ -8,7 +8,8 @@ import numpy as np
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S
 from controllers.slip.effort.slip_map import Feature, MonotoneMap, PolynomialMap, TractionMap, WheelMap
 from drivers.errors import ConfigError, LogError
-from rover_hil.identify.slip.run_data import Array, RunWindows
+from rover_hil.datasets.arrays import Array
+from rover_hil.identify.slip.run_data import RunWindows
 
 VALID_QUANTILES = (0.005, 0.995)
 TABLE_POINTS = 25

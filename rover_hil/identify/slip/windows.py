@@ -11,7 +11,8 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import EffortObserver, MotorSettings, WheelEffort
 from drivers.errors import LogError
-from rover_hil.identify.slip.run_data import WHEELS, Array, Flags, MeasuredRun, RunWindows, to_wheels
+from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, RunWindows, to_wheels
 
 WINDOW_S = 0.5
 LEAST_WINDOW_S = 0.25
