@@ -19,8 +19,8 @@ from typing import NamedTuple, TypeAlias
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.link import Received
+from drivers.robotino_board.parameters import Board, RobotinoBoardParameters
 from drivers.robotino_board.scales import MAX_SPEED_STEPS, STEP_TICKS_PER_S, scales
-from drivers.robotino_board.settings import Board, RobotinoBoardSettings
 from drivers.samples import BumperSample, PowerSample, Sample, WheelSample
 
 Counts: TypeAlias = tuple[int, int, int]
@@ -245,7 +245,7 @@ class RobotinoBoardCodec:
 
     wheel_count = 3
 
-    def __init__(self, name: str, settings: RobotinoBoardSettings) -> None:
+    def __init__(self, name: str, settings: RobotinoBoardParameters) -> None:
         self._name = name
         self._board: Board = settings.board
         self._scales = scales(settings)

@@ -6,7 +6,7 @@ Source: SensorState.h and the EA09 corrections of controld2.conf (0.15, 3.0, 0.8
 import math
 from typing import NamedTuple
 
-from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.robotino_board.parameters import RobotinoBoardParameters
 
 MAX_SPEED_STEPS = 255
 STEP_TICKS_PER_S = 900
@@ -32,7 +32,7 @@ class Scales(NamedTuple):
     current_limit_a: float
 
 
-def scales(settings: RobotinoBoardSettings) -> Scales:
+def scales(settings: RobotinoBoardParameters) -> Scales:
     """Return what one count means on this board with this gear and encoder."""
     position_rad = math.tau / (settings.ticks_per_motor_turn * settings.gear_ratio)
     is_ea05 = settings.board == "EA05"
@@ -47,9 +47,3 @@ def scales(settings: RobotinoBoardSettings) -> Scales:
         current_step_a=cut_counts * (current / 156.0),
         current_limit_a=MAX_RAW // cut_counts * cut_counts * (current / 156.0),
     )
-
-
-ROBOTINO_BOARD = RobotinoBoardSettings(type="robotino_board", port="none", board="EA05")
-"""The board of the measured Robotino 2 data sets, gear and encoder as delivered."""
-ROBOTINO_SCALES = scales(ROBOTINO_BOARD)
-"""At the wheel; at the motor angles and speeds are `ROBOTINO_BOARD.gear_ratio` times as large."""

@@ -32,7 +32,8 @@ import numpy as np
 
 from controllers.settings import OmniRoverSettings
 from drivers.errors import LogError
-from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS, ROBOTINO_BOARD, ROBOTINO_SCALES
+from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
+from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS
 from rover_hil.datasets.arrays import Array, Flags, Times
 from rover_hil.datasets.csv_table import CsvTable, first_line, read_csv
 

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import ConfigError
 from drivers.robotino_board.codec import BoardReply, Counts, build_reply
-from drivers.robotino_board.scales import ROBOTINO_BOARD
+from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, read_record
 
 START_NS = NANOSECONDS_PER_SECOND

@@ -1,6 +1,6 @@
 """Reads a log into arrays."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +67,7 @@ class _Collector:
         self._rows: defaultdict[tuple[str, str], list[tuple[float, ...]]] = defaultdict(list)
         self._slips: list[tuple[float, schema.SlipRecord]] = []
         self._drift_reasons: list[str] = []
+        self._uncompared: Counter[str] = Counter()
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._limits: list[Limit] = []
@@ -137,6 +138,7 @@ class _Collector:
             headings=self._headings(first_motion_s),
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
             innovations=self._innovations(),
+            uncompared=dict(self._uncompared),
             wheels=self._wheels(),
             slip=self._slip(),
             drift=self._drift(),
@@ -172,6 +174,8 @@ class _Collector:
             if residual is not None and variance is not None:
                 row = (t_s, residual, variance**0.5, float(innovation["accepted"]))
                 self._rows["innovation", innovation["name"]].append(row)
+            else:
+                self._uncompared[innovation["name"]] += 1
 
     def _take_drift(self, t_s: float, drift: schema.DriftRecord) -> None:
         self._rows["drift_slip", ""].append((t_s, drift["slip"]))

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from drivers.robotino_board.scales import ROBOTINO_BOARD
+from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
 from rover_hil.datasets.robotino_csv import MOTORS, RobotinoRecord, read_record
 from rover_hil.identify.motor.record import MotorRecord, Scale, Series, cut_set_point
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings
 from drivers.errors import LogError
-from drivers.robotino_board.scales import MAX_RAW, ROBOTINO_BOARD, ROBOTINO_SCALES
+from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
+from drivers.robotino_board.scales import MAX_RAW
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
 from rover_hil.identify.slip.averages import read_average_runs
 from rover_hil.identify.slip.log_runs import read_log_run
