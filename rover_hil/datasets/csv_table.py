@@ -127,7 +127,7 @@ def read_csv(
     except csv.Error as problem:
         raise error(f"cannot read {path} as a table: {problem}") from problem
     if len(rows) < header_lines > 1:
-        raise error(f"{path} has {len(rows)} lines, not a header of {header_lines}")
+        raise error(f"{path} has {len(rows)} lines, no header of {header_lines}: is it such a file?")
     header = [cells for _, cells in rows[:header_lines]] or [[]]
     if header[-1][-1:] == [""] and len(header[-1]) > 1:
         rows = [(line, cells[:-1] if cells[-1:] == [""] else cells) for line, cells in rows]

@@ -1,6 +1,7 @@
 """Measured runs for identification: finds the files, names their surface, reads each kind into one form."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,6 +97,15 @@ def read_windows(path: Path, motor: MotorSettings) -> list[RunWindows]:
     run = read_log_run(path, surface) if path.suffix == ".mcap" else _read_csv_run(path, surface)
     _check_currents(run)
     return [form_windows(run, motor)]
+
+
+def log_notes(runs: Sequence[MeasuredRun | RunWindows], rejected: Mapping[str, int]) -> list[str]:
+    """Return which true poses the logs among runs were compared with, and how many windows were rejected."""
+    truths = Counter(run.truth for run in runs if run.truth)
+    notes = [f"truth of {count} log{'s' * (count > 1)}: {truth}" for truth, count in truths.items()]
+    return notes + [
+        f"{count} window{'s' * (count > 1)} rejected: {reason}" for reason, count in rejected.items()
+    ]
 
 
 def _read_csv_run(path: Path, surface: str) -> MeasuredRun:

@@ -21,6 +21,7 @@ START_S = 0.4
 LEAST_SPEED_M_S = 0.05
 LEAST_SPEED_SPAN_M_S = 0.05
 LEAST_RUNS = 3
+LEAST_WINDOWS = 2 * HARMONICS
 LEAST_RUN_SD_N = 0.3
 LEAST_WINDOW_SD_N = 0.1
 
@@ -31,20 +32,29 @@ def travel_work_j(run: RunWindows) -> Array:
     return power
 
 
-def fit_surface_map(runs: Sequence[RunWindows], m_per_px: float, camera_drift_rad: float = 0.0) -> SurfaceMap:
+def fit_surface_map(
+    runs: Sequence[RunWindows],
+    m_per_px: float,
+    camera_drift_rad: float = 0.0,
+    *,
+    least_runs: int = LEAST_RUNS,
+) -> SurfaceMap:
     """Return the map of all surfaces in `runs`.
 
     Args:
         runs: On one surface each.
         m_per_px: Scale of the camera, for runs in pixels.
         camera_drift_rad: What the same camera sees of a rolling rover, to be taken off the drift it sees.
+        least_runs: Runs that each surface must have.
 
     Raises:
         LogError: A surface has too few runs.
     """
     names = sorted({run.surface for run in runs})
     tables = [(run.surface, _table(run, m_per_px, camera_drift_rad)) for run in runs]
-    surfaces = tuple(_fit_surface(name, [table for of, table in tables if of == name]) for name in names)
+    surfaces = tuple(
+        _fit_surface(name, [table for of, table in tables if of == name], least_runs) for name in names
+    )
     directions = sorted({round(travel_direction_rad(run), 2) for run in runs})
     return SurfaceMap(surfaces=surfaces, directions_rad=tuple(directions))
 
@@ -73,16 +83,16 @@ def _is_steady(run: RunWindows) -> Flags:
     return steady
 
 
-def _fit_surface(name: str, tables: Sequence[Array]) -> SurfaceModel:
-    if len(tables) < LEAST_RUNS:
+def _fit_surface(name: str, tables: Sequence[Array], least_runs: int) -> SurfaceModel:
+    if len(tables) < least_runs:
         msg = (
-            f"surface '{name}' has {len(tables)} training runs, fewer than {LEAST_RUNS}: "
+            f"surface '{name}' has {len(tables)} training runs, fewer than {least_runs}: "
             "give more, or leave it out"
         )
         raise LogError(msg)
     run_of = np.concatenate([np.full(len(table), index) for index, table in enumerate(tables)])
     direction, speed, force_n, slip, drift_rad = np.concatenate(tables).T
-    if len(direction) < 2 * HARMONICS:
+    if len(direction) < LEAST_WINDOWS * least_runs // LEAST_RUNS:
         msg = f"surface '{name}' has too little steady travel in its {len(tables)} runs: give longer ones"
         raise LogError(msg)
     low, high = np.quantile(speed, (0.05, 0.95)).tolist()
