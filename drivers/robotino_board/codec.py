@@ -12,7 +12,6 @@ Source: openrobotino `common/lib/rec/iocontrol/remotestate/{SetState,SensorState
 `firmware/EA05/trunk/qDSA`, `firmware/EA09/trunk/src/{robotinoserial,main}.c`, `daemons/apps/controld2`.
 """
 
-import math
 import struct
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
@@ -21,6 +20,7 @@ from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.link import Received
 from drivers.robotino_board.parameters import Board, RobotinoBoardParameters
+from drivers.robotino_board.scales import MAX_SPEED_STEPS, STEP_TICKS_PER_S, scales
 from drivers.samples import BumperSample, PowerSample, Sample, WheelSample
 
 Counts: TypeAlias = tuple[int, int, int]
@@ -30,11 +30,6 @@ HEAD = b"REC"
 TAIL = b"rec"
 REQUEST_SIZE = 47
 REPLY_SIZE = 101
-MAX_SPEED_STEPS = 255
-STEP_TICKS_PER_S = 900
-"""One speed step is one encoder tick per 1/900 s: 27 rpm at the motor with 2000 ticks per turn."""
-MAX_RAW = 1023
-"""Largest reading of the 10-bit converters."""
 
 _REQUEST = struct.Struct("<3sB" + 4 * "BBBiBBB" + "3s")
 _MASTER = struct.Struct("<3sBxB5xB2x")
@@ -170,28 +165,6 @@ def parse_reply(frame: bytes) -> BoardReply:
 
 def _wrapped(count: int) -> int:
     return (count + _HALF_WORD & _WORD) - _HALF_WORD
-
-
-class Scales(NamedTuple):
-    """What one count means, in SI units at the wheel.
-
-    Source: SensorState.h and the EA09 corrections of controld2.conf (0.15, 3.0, 0.89).
-    """
-
-    position_rad: float
-    speed_rad_s: float
-    current_a: float
-    system_current_a: float
-    battery_v: float
-
-
-def scales(settings: RobotinoBoardParameters) -> Scales:
-    """Return what one count means on this board with this gear and encoder."""
-    position_rad = math.tau / (settings.ticks_per_motor_turn * settings.gear_ratio)
-    current, system, battery = (1.0, 1.0, 1.0) if settings.board == "EA05" else (0.15, 3.0, 0.89)
-    return Scales(
-        position_rad, STEP_TICKS_PER_S * position_rad, current / 156.0, system / 61.44, battery / 36.10
-    )
 
 
 class FrameScanner:

@@ -11,8 +11,8 @@ from rich.table import Table
 
 from drivers.clock import wall_time_text
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.identify.motor import Record, find_logs, identify, read_records
-from rover_hil.identify.motor_report import Estimate, MotorReport
+from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
+from rover_hil.identify.motor.report import Estimate, MotorReport
 from rover_hil.pages.atomic_write import check_file, write_file
 
 

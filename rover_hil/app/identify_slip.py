@@ -1,6 +1,7 @@
 """`rover-hil identify slip`: slip maps from measured runs."""
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,17 +11,17 @@ from rich.progress import Progress
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.identify.runs import RunFiles, find_runs
-from rover_hil.identify.slip_identification import (
+from rover_hil.identify.slip.identification import (
     FOLDS,
     Errors,
     SlipIdentification,
     identify_slip_maps,
     read_all,
 )
-from rover_hil.identify.slip_map_file import slip_map_file, write_slip_map
-from rover_hil.identify.slip_report import print_result, result_record
-from rover_hil.identify.slip_scores import score_runs
+from rover_hil.identify.slip.map_file import slip_map_file, write_slip_map
+from rover_hil.identify.slip.report import print_result, result_record
+from rover_hil.identify.slip.runs import RunFiles, find_runs, log_notes
+from rover_hil.identify.slip.scores import score_runs
 from rover_hil.pages.atomic_write import check_file
 
 
@@ -51,7 +52,8 @@ def identify_slip(
         def advance() -> None:
             progress.advance(task)
 
-        found = identify_slip_maps(read_all(train_files.files, motor, advance), advance)
+        used = read_all(train_files.files, motor, advance)
+        found = identify_slip_maps(used, advance)
         tests: dict[str, Errors] = {}
         for name, files in test_files.items():
             runs = read_all(files.files, motor, advance)
@@ -59,7 +61,9 @@ def identify_slip(
                 msg = f"{name} tells pixels, but no training run gives a camera scale: train on such runs too"
                 raise LogError(msg)
             tests[name] = score_runs(found.maps, runs, found.scale.m_per_px)
-    notes = _notes(found, train_files, test_files)
+            used = [*used, *runs]
+    rejected = sum((Counter(run.rejected) for run in used), Counter[str]())
+    notes = [*_notes(found, train_files, test_files), *log_notes(used, rejected)]
     if as_json:
         print(json.dumps(result_record(found, tests, notes), indent=2))  # noqa: T201 - what a script reads
     else:
@@ -78,6 +82,11 @@ def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[st
     if found.left_out:
         names = ", ".join(sorted({run.surface for run in found.left_out}))
         notes.append(f"{len(found.left_out)} runs on several surfaces are not trained on: {names}")
+    if found.not_validated:
+        notes.append(
+            f"{found.not_validated} of {len(found.trained_on)} runs are not cross-validated: too little "
+            "remains without them"
+        )
     for name, files in test_files.items():
         both = len(set(files.files) & {run.path for run in found.trained_on})
         if both:

@@ -8,6 +8,7 @@ from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
 from drivers.driver import DeviceState
+from rover_hil.recording.schema import COMMAND, CYCLE, ESTIMATE, estimate_record, set_point_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
 from rover_hil.run.watchdog import Watchdog
@@ -44,18 +45,6 @@ class RunResult:
     skipped: int = 0
     duration_s: float = 0.0
     watchdog_interventions: int = 0
-
-    def record(self) -> dict[str, object]:
-        """Return the result for the log."""
-        return {
-            "end": self.end,
-            "reason": self.reason,
-            "mode": self.mode,
-            "cycles": self.cycles,
-            "skipped": self.skipped,
-            "duration_s": self.duration_s,
-            "watchdog_interventions": self.watchdog_interventions,
-        }
 
 
 class Executive:
@@ -131,7 +120,7 @@ class Executive:
                     next_health_ns = now_ns + HEALTH_PERIOD_NS
                     self._check_health(now_ns)
                 work_ns = stopwatch_ns() - woke_ns
-                self._log.write_json("/cycle", now_ns, {"late_ns": late_ns, "work_ns": work_ns})
+                self._log.write_json(CYCLE, now_ns, {"late_ns": late_ns, "work_ns": work_ns})
                 result.cycles += 1
                 if self._on_status is not None and woke_ns >= next_status_ns:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
@@ -152,8 +141,8 @@ class Executive:
         if self._watchdog is not None:
             self._watchdog.feed()
         self._log.samples(now_ns, samples)
-        self._log.write_json("/estimate", now_ns, output)
-        self._log.write_json("/command", sent.t_ns, sent)
+        self._log.write_json(ESTIMATE, now_ns, estimate_record(output))
+        self._log.write_json(COMMAND, sent.t_ns, set_point_record(sent))
         if self._on_cycle is not None:
             self._on_cycle(now_ns)
         return output

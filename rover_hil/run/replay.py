@@ -13,7 +13,7 @@ from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.writer import samples_record
+from rover_hil.recording.schema import SENT, estimate_record, samples_record, set_point_record
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
 
@@ -123,12 +123,12 @@ class _Replayer:
         samples = rig.poll()
         output = rig.loop.step(t_ns, samples)
         self._compare("samples", t_ns, samples_record(samples) or None)
-        self._compare("estimate", t_ns, output)
+        self._compare("estimate", t_ns, estimate_record(output))
         command = self._expected.get("command")
         if command is not None:
             recorded_sent = self._prepare_drive(command.t_ns)
             rig.clock.sleep_until(command.t_ns)
-            self._compare("command", t_ns, rig.drive.command(output.command))
+            self._compare("command", t_ns, set_point_record(rig.drive.command(output.command)))
             self._compare_sent(t_ns, recorded_sent)
         self._expected.clear()
         self._drive_link.sent.clear()
@@ -145,7 +145,7 @@ class _Replayer:
         sent = sorted(self._expected_sent, key=lambda message: message.t_ns)
         due = [message for message in sent if message.t_ns <= until_ns]
         self._expected_sent = sent[len(due) :]
-        self._drive_link.outcomes.extend(message.topic.startswith("/sent/") for message in due)
+        self._drive_link.outcomes.extend(message.topic.startswith(SENT) for message in due)
         while self._stops_ns and self._stops_ns[0] <= until_ns:
             del self._stops_ns[0]
             self._rig.drive.stop()

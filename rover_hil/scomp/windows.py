@@ -6,7 +6,8 @@ import numpy as np
 
 from controllers.slip.scomp.filter import TILT_MEMORY_S
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Array, Drive, TruePath
+from rover_hil.datasets.arrays import Array
+from rover_hil.scomp.drive import Drive, TruePath
 
 WINDOW_S = 2.0
 SLOWEST_RIM_M_S = 0.01

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.motion.mission import Point
-from rover_hil.report.tracks import Array, Track
+from rover_hil.datasets.arrays import Array
+from rover_hil.report.tracks import Track
 
 PATH_STEP_M = 0.01
 LEAST_LENGTH_M2 = 1e-18

@@ -22,15 +22,13 @@ from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.robotino_board.codec import (
-    MAX_RAW,
-    MAX_SPEED_STEPS,
     REQUEST_SIZE,
     BoardReply,
     FrameScanner,
     build_reply,
     parse_request,
-    scales,
 )
+from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS, scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
 from sim_backends.world.line import NEVER_NS, Line, serial_bits

@@ -177,7 +177,7 @@ def test_confirm_chooses_the_locked_runs(run: Run, tmp_path: Path) -> None:
         ("slip_angle_deg", "slip_angle_deg [rad]", "is in rad"),
         ("slip_angle_deg", "slip_angle", "channel slip_angle_deg is in no run"),
         ("roll_deg", "lean_deg", "no column 'roll_deg'"),
-        ("c1_p0_r1,10.0", "c1_p0_r1,steep", "is 'steep', no number"),
+        ("c1_p0_r1,10.0", "c1_p0_r1,steep", "'steep' is not a number"),
         ("c1_p0_r1,10.0", "c1_p0_r1,", "slope_deg is nan"),
     ],
 )

@@ -10,9 +10,9 @@ import pytest
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.identify_motor import identify_motor
 from rover_hil.config import load_config
-from rover_hil.identify.motor import find_logs, read_records
-from rover_hil.identify.motor_log import read_log
-from rover_hil.identify.motor_table import read_table
+from rover_hil.identify.motor.identify import find_logs, read_records
+from rover_hil.identify.motor.log import read_log
+from rover_hil.identify.motor.table import read_table
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
 from tests.nature.motor import Measured, TrueMotor, measure, staircase, write_csv
@@ -191,8 +191,8 @@ def spoil_number(names: list[str], rows: Lines) -> None:
     ("change", "words"),
     [
         (drop_current, "names no column 'm3cur'"),
-        (turn_clock_back, "the clock goes backwards"),
-        (spoil_number, "line 11 does not hold"),
+        (turn_clock_back, r"line 104, column .t.: .* is negative or not after the line before"),
+        (spoil_number, "line 11, column .m1cur.: .nan. is not a number"),
     ],
 )
 def test_wrong_tables_are_refused_in_one_sentence(

@@ -206,8 +206,8 @@ def test_wheels_that_disagree_are_told() -> None:
         ("t_s,enc1_rad\n", "has no data"),
         ("t_s,enc1_rad\n0,0\n0,1\n", "time goes backwards"),
         ("t_s,enc1_rad\n0,0\n,1\n", "time goes backwards"),
-        ("t_s,enc1_rad\n0,0\n1,fast\n", "column 'enc1_rad', row 3: 'fast' is no number"),
-        ("t_s,enc1_rad\n0,0\n1\n", "row 3 has 1 cells"),
+        ("t_s,enc1_rad\n0,0\n1,fast\n", "line 3, column 'enc1_rad': 'fast' is not a number"),
+        ("t_s,enc1_rad\n0,0\n1\n", "line 3 has 1 cells, its header 2"),
         ("t_s,enc1_rad,enc1_rad\n0,0,0\n1,1,1\n", "twice"),
         ("enc1_rad\n0\n1\n", "no column 't_s'"),
         ("t_s,gyro_z_deg_s\n0,0\n1,1\n", "no wheel encoder"),
@@ -238,7 +238,7 @@ def test_missing_files(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("t_s,x_m,y_m\n0,0,0\n1,1,1\n", "no column 'psi_rad'"),
-        ("t_s,x_m,y_m,psi_rad\n0,0,0,0\n1,,1,0\n", "column 'x_m': row 3"),
+        ("t_s,x_m,y_m,psi_rad\n0,0,0,0\n1,,1,0\n", "line 3, column 'x_m' holds no finite"),
         ("t_s,x_m,y_m,psi_rad\n1,0,0,0\n0,1,1,0\n", "time goes backwards"),
     ],
 )

@@ -21,7 +21,8 @@ from controllers.slip.scomp.parameters import (
 )
 from controllers.slip.scomp.two_segment_slip_law import fit_two_segments
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Array, Drive, TruePath
+from rover_hil.datasets.arrays import Array
+from rover_hil.scomp.drive import Drive, TruePath
 from rover_hil.scomp.windows import WINDOW_S, Windows, cut, smoothed, true_velocity
 
 TWO_SEGMENT_RANGE_RAD = (0.0, math.radians(25.0))
