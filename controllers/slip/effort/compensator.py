@@ -16,23 +16,14 @@ from controllers.slip.effort.slip_sharing import share_slip
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Travel
 from controllers.slip.effort.travel_range import direction_problem
 from controllers.slip.effort.yaw_excitation import YawProbe, range_problem, slip_of
+from controllers.stuck_wheels import StuckWheels
 from drivers.samples import WheelSample
 
 HOLD_S = 1.0
 """A slip that can no longer be found decays to that of the surface with this time constant."""
 
-STUCK_AFTER_S = 0.3
-"""A wheel that draws current and does not turn is stuck after this long: until then it may be starting."""
-
-STUCK_CURRENT = 2.0
-"""Current of a stuck wheel, over the no-load current."""
-
 LEAST_SPEED_M_S = 0.02
 """Slower travel has no direction."""
-
-STANDING_RAD_S = 0.02
-"""A stuck wheel turns no faster. Not the step of the speed field: with the droop of its speed loop, 0.4 rad/s
-per ampere, a loaded wheel creeps with 0.1 rad/s and moves the rover, and a slip of 1 would hide that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,14 +97,13 @@ class SlipCompensator:
         self._probe_map = probe_map
         self._settings = settings
         self._wheel_map = settings.maps.wheel_maps.get(settings.use)
-        self._no_load_a = settings.maps.motor.coulomb_torque_nm / settings.maps.motor.torque_constant_nm_a
+        self._stuck = StuckWheels(settings.maps.motor, count)
         self._kinematics = kinematics
         self._tracker = SurfaceTracker(surfaces, rover.base_radius_m)
         self._surface = self._tracker.step(NO_TRAVEL)
         self._currents: list[WheelSample | None] = [None] * count
         self._current_ns = [-1] * count
         self._observers: list[EffortObserver] = []
-        self._stalled_s = [0.0] * count
         self._judgement = _Judgement(None, 0.0, "too little way so far")
         self._slips = [self._tracker.prior_slip] * count
         self._held = [self._tracker.prior_slip] * count
@@ -264,7 +254,7 @@ class SlipCompensator:
     def _wheel_slip(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> WheelSlip:
         effort = self.efforts[wheel]
         slip, reason = self._found_slip(wheel)
-        if self._is_stuck(wheel, elapsed_s, set_speed_rad_s):
+        if self._stuck.check(wheel, effort, elapsed_s, set_speed_rad_s):
             slip, reason = 1.0, "stuck"
         elif slip is not None:
             self._held[wheel] = slip
@@ -296,14 +286,3 @@ class SlipCompensator:
         if math.hypot(x_m_s, y_m_s) < LEAST_SPEED_M_S:
             return ""
         return direction_problem(self._settings.maps.surfaces.directions_rad, math.atan2(y_m_s, x_m_s))
-
-    def _is_stuck(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> bool:
-        effort = self.efforts[wheel]
-        stalls = (
-            abs(effort.speed_rad_s) < STANDING_RAD_S
-            and abs(set_speed_rad_s) > SLOWEST_RAD_S
-            and abs(effort.current_a) > STUCK_CURRENT * self._no_load_a
-            and effort.unknown_torque in (None, EffortFlag.SATURATED)
-        )
-        self._stalled_s[wheel] = self._stalled_s[wheel] + elapsed_s if stalls else 0.0
-        return self._stalled_s[wheel] >= STUCK_AFTER_S

@@ -156,7 +156,7 @@ class TraceSlipCompensator:
         if self._pending.duration_s >= STEP_S:
             trace = self._step()
         x_m, y_m, _ = self.body_motion(increment.turned_rad)
-        reason = self._doubt()
+        reason = self._unsure_reason()
         self._report = DriftReport(
             slip=self._slip, slip_angle_rad=self._drift_rad, trace=trace, reason=reason
         )
@@ -209,7 +209,7 @@ class TraceSlipCompensator:
                 self._since_trace_s = 0.0
         return reading
 
-    def _doubt(self) -> str:
+    def _unsure_reason(self) -> str:
         if not self._tilt.is_known:
             return "no tilt"
         if self._finder is not None and self._since_trace_s > self._settings.trace_age_s:
