@@ -1,10 +1,10 @@
-# make setup | run | test | check | reference | wheel
+# make setup | run | test | safety-coverage | check | reference | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test check reference wheel
+.PHONY: setup run test safety-coverage check reference wheel mutation
 
 setup: $(STAMP)
 
@@ -19,6 +19,17 @@ run: setup
 
 test: setup
 	$(BIN)/python -m pytest -n auto
+
+safety-coverage: setup
+	$(BIN)/python -m coverage run -m pytest -q -n 0 tests/controllers/safety tests/controllers/test_limits.py \
+		tests/controllers/test_stuck_wheels.py tests/rover_hil/test_watchdog.py -k "not replays_exactly"
+	$(BIN)/python -m coverage report
+
+# Half an hour; docs/reference/safety.md lists the mutants that may survive.
+mutation: setup
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group mutation
+	$(BIN)/mutmut run
+	$(BIN)/mutmut results
 
 check: setup
 	$(BIN)/ruff check .

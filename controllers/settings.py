@@ -44,6 +44,19 @@ class ControlSettings(Settings):
     )
 
     @model_validator(mode="after")
+    def _check_stall(self) -> Self:
+        if self.mission is not None:
+            wheel_rad_s = self.mission.speed_m_s / self.rover.wheel_radius_m
+            least_rad_s = self.safety.stall_set_point_rad_s
+            if wheel_rad_s < least_rad_s:
+                raise ValueError(
+                    f"safety.stall_set_point_rad_s is {least_rad_s:g} rad/s, but the mission drives the "
+                    f"wheels at {wheel_rad_s:.3g} rad/s, so no stall could be noticed: set it to the least "
+                    f"set-point that your drive follows, or raise mission.speed_m_s"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _check_slip(self) -> Self:
         for conflict in find_slip_conflicts(self.rover, self.slip, self.scomp):
             raise ValueError(conflict)

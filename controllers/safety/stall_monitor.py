@@ -35,8 +35,7 @@ class StallMonitor(StopRule):
 
     def __init__(self, settings: StallSettings, wheel_count: int) -> None:
         self._settings = settings
-        self._limit_ns = nanoseconds(settings.stall_s)
-        self._longest_cycle_ns = (self._limit_ns + 1) // 2
+        self._longest_cycle_ns = nanoseconds(0.5 * settings.stall_s)
         self._stalled_ns = [0] * wheel_count
         self._checked_ns: int | None = None
 
@@ -59,5 +58,5 @@ class StallMonitor(StopRule):
                     f"wheel {wheel}: has not followed its set-point for {self._settings.stall_s:g} s: "
                     f"commanded {commanded:.2f} rad/s, measured {measured:.2f} rad/s"
                 )
-                is_stalled = self._stalled_ns[wheel] >= self._limit_ns
+                is_stalled = self._stalled_ns[wheel] >= 2 * self._longest_cycle_ns
                 yield StopReason("stall", text, Severity.STOP if is_stalled else Severity.SIGN)

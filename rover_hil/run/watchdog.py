@@ -30,7 +30,7 @@ class Watchdog:
         self._limit_ns = limit_ns
         self._on_intervention = on_intervention
         self._fed_ns = clock.now_ns()
-        self._has_stopped = False
+        self._stopped = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watchdog", daemon=True)
         self.interventions = 0
@@ -48,13 +48,13 @@ class Watchdog:
     def feed(self) -> None:
         """Report that the loop is alive; called once per cycle."""
         self._fed_ns = self._clock.now_ns()
-        self._has_stopped = False
+        self._stopped.clear()
 
     def check(self) -> None:
         """Stop the drive, once per pause, if the loop has not fed the watchdog for too long."""
         now_ns = self._clock.now_ns()
-        if not self._has_stopped and now_ns - self._fed_ns > self._limit_ns:
-            self._has_stopped = True
+        if not self._stopped.is_set() and now_ns - self._fed_ns > self._limit_ns:
+            self._stopped.set()
             self.interventions += 1
             with suppress(LogError):  # the loop meets the same error, and ends
                 self._drive.stop()

@@ -52,6 +52,29 @@ def test_stops_once_per_silence_and_not_before_the_limit() -> None:
     assert watchdog.interventions == 2
 
 
+def test_the_limit_holds_from_the_start_on() -> None:
+    clock = VirtualClock()
+    drive, link = make_drive(clock)
+    watchdog = Watchdog(drive, clock, LIMIT_NS, lambda _: None)
+    clock.sleep_until(clock.now_ns() + LIMIT_NS)
+    watchdog.check()
+    assert link.sent == []
+    clock.sleep_until(clock.now_ns() + 1)
+    watchdog.check()
+    assert link.sent[-1] == b"off"
+
+
+def test_its_thread_has_a_name_and_keeps_no_program_alive() -> None:
+    clock = SystemClock()
+    drive, _ = make_drive(clock)
+    watchdog = Watchdog(drive, clock, nanoseconds(60.0), lambda _: None)
+    watchdog.start()
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "watchdog"]
+    assert thread.daemon
+    watchdog.end()
+    assert not thread.is_alive()
+
+
 def test_thread_acts_within_the_limit_and_a_check_period() -> None:
     clock = SystemClock()
     drive, link = make_drive(clock)

@@ -73,8 +73,32 @@ def test_a_wheel_that_neither_turns_nor_has_to_keeps_its_account() -> None:
     assert wheels.turn(0.2, (3.0,), (0.0,))
 
 
-def test_a_pause_of_the_loop_is_no_stall() -> None:
-    wheels = Wheels()
-    wheels.turn(0.04, (3.0,), (2.9,))
-    wheels.now_ns += nanoseconds(5.0)
-    assert not wheels.turn(0.4, (3.0,), (0.0,))
+def severities(times_ns: tuple[int, ...], commanded_rad_s: float = 3.0) -> list[Severity]:
+    """Return the reasons' severities when a wheel at rest is checked at these times."""
+    monitor = StallMonitor(StallSettings(), 1)
+    return [
+        reason.severity
+        for now_ns in times_ns
+        for reason in monitor.check(
+            Cycle(now_ns=now_ns, commanded_rad_s=(commanded_rad_s,), measured_rad_s=(0.0,))
+        )
+    ]
+
+
+def test_a_pause_of_the_loop_counts_for_half_of_a_stall_at_most() -> None:
+    assert severities((10**9, 7 * 10**9, 7_499_999_999, 7_500_000_000)) == [
+        Severity.SIGN,
+        Severity.SIGN,
+        Severity.STOP,
+    ]
+
+
+def test_nothing_counts_before_the_first_cycle() -> None:
+    assert severities((10**9,)) == []
+    assert severities((10**9, 2 * 10**9), commanded_rad_s=0.3) == []
+
+
+def test_a_wheel_without_a_measurement_is_an_error() -> None:
+    monitor = StallMonitor(StallSettings(), 2)
+    with pytest.raises(ValueError, match="argument 2 is shorter"):
+        list(monitor.check(Cycle(now_ns=0, commanded_rad_s=(3.0, 3.0), measured_rad_s=(0.0,))))
