@@ -3,7 +3,7 @@
 import pytest
 
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S, EffortFlag, MotorSettings, WheelEffort
-from controllers.stuck_wheels import STANDING_RAD_S, STUCK_AFTER_S, STUCK_CURRENT, StuckWheels
+from controllers.slip.effort.stuck_wheels import STANDING_RAD_S, STUCK_AFTER_S, STUCK_CURRENT, StuckWheels
 
 MOTOR = MotorSettings(coulomb_torque_nm=0.25, torque_constant_nm_a=0.5)
 LEAST_CURRENT_A = STUCK_CURRENT * 0.5
