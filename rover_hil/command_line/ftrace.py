@@ -12,6 +12,7 @@ from rich.progress import Progress
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
 from drivers.camera.images import NO_PIXELS
 from rover_hil.command_line.exit_codes import EXIT_INTERRUPTED, EXIT_OK
+from rover_hil.command_line.options import check_inputs
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
 from rover_hil.trace.frames import FrameSource
 from rover_hil.trace.overlay import OverlayWriter
@@ -49,6 +50,7 @@ def trace_angles(
     check_file(out, force=force)
     if overlay is not None:
         refuse_overwrite(overlay, force=force, option="--overlay")
+    check_inputs(frames)
     rig = read_rig(rig_path)
     geometry = rig.geometry()
     source = FrameSource(frames)

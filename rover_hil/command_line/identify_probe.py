@@ -11,6 +11,7 @@ from rich.progress import track
 from controllers.yaw_probe import YawProbeMap
 from drivers.errors import ConfigError
 from rover_hil.command_line.exit_codes import EXIT_OK
+from rover_hil.command_line.options import check_inputs
 from rover_hil.identify.log_runs import read_log_run
 from rover_hil.identify.probe_fit import fit_probe
 from rover_hil.identify.runs import find_runs
@@ -36,6 +37,7 @@ def identify_probe(
         LogError: A log cannot be used, or there is too little shaking in all of them.
     """
     check_file(out, force=force)
+    check_inputs(*logs)
     shake = _shake(logs, amplitude_rad_s, frequency_hz)
     content = read_slip_map(maps)
     files = find_runs(logs).files

@@ -10,6 +10,7 @@ from rich.progress import Progress
 from controllers.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.command_line.exit_codes import EXIT_OK
+from rover_hil.command_line.options import check_inputs
 from rover_hil.identify.runs import RunFiles, find_runs
 from rover_hil.identify.slip_identification import (
     FOLDS,
@@ -41,6 +42,7 @@ def identify_slip(
         LogError: A run cannot be used, there are too few, or a test tells pixels without a scale.
     """
     check_file(out, force=force)
+    check_inputs(*train, *test)
     motor = MotorSettings()
     train_files = find_runs(train)
     test_files = {str(path): find_runs([path]) for path in test}
