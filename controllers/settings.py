@@ -1,13 +1,15 @@
 """Everything tunable about estimation and control, with ranges narrow enough to catch a wrong unit."""
 
 import math
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from controllers.slip_settings import SlipSettings
-from controllers.trace_slip_settings import TraceSlipSettings
+from controllers.safety.settings import SafetySettings
+from controllers.slip.effort.settings import SlipSettings
+from controllers.slip.scomp.settings import TraceSlipSettings
 from drivers.settings import Settings
 
 WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
@@ -153,22 +155,6 @@ class LimitSettings(Settings):
     wheel_acceleration_rad_s2: Annotated[float, Field(ge=0.1, le=2000.0)]
 
 
-class SafetySettings(Settings):
-    """When the rover stands still.
-
-    Attributes:
-        expiry_s: A command holds for this long after its cycle.
-        settle_s: All required devices must be heard for this long before the first motion.
-        recover_s: And for this long before motion resumes after a stop.
-        bumper_stops: A pressed bumper stops the rover until restart.
-    """
-
-    expiry_s: Annotated[float, Field(ge=0.01, le=1.0)] = 0.15
-    settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
-    recover_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
-    bumper_stops: bool = True
-
-
 class ControlSettings(Settings):
     """The whole controller. Without a mission it only observes and the wheels get zero set-points.
 
@@ -185,14 +171,22 @@ class ControlSettings(Settings):
 
     @model_validator(mode="after")
     def _check_slip(self) -> Self:
-        if self.slip is not None and not isinstance(self.rover, OmniRoverSettings):
-            raise ValueError(
-                f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
-                f"'{self.rover.kinematics}': leave [slip] out"
-            )
-        if self.trace_slip is not None and not isinstance(self.rover, SkidSteerRoverSettings):
-            raise ValueError(
-                f"trace_slip: it is of a rover with four wheels, but rover.kinematics is "
-                f"'{self.rover.kinematics}': leave [trace_slip] out"
-            )
+        for conflict in find_slip_conflicts(self.rover, self.slip, self.trace_slip):
+            raise ValueError(conflict)
         return self
+
+
+def find_slip_conflicts(
+    rover: RoverSettings, slip: SlipSettings | None, trace_slip: TraceSlipSettings | None
+) -> Iterator[str]:
+    """Yield which slip compensation is not for this kind of rover, with the fix."""
+    if slip is not None and not isinstance(rover, OmniRoverSettings):
+        yield (
+            f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
+            f"'{rover.kinematics}': leave [slip] out"
+        )
+    if trace_slip is not None and not isinstance(rover, SkidSteerRoverSettings):
+        yield (
+            f"trace_slip: it is of a rover with four wheels, but rover.kinematics is "
+            f"'{rover.kinematics}': leave [trace_slip] out"
+        )

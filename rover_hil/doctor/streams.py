@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from controllers.kinematics import make_kinematics
+from controllers.motion.kinematics import make_kinematics
 from drivers.clock import seconds
 from drivers.samples import HeadingSample, LinkSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.mission import corner_points
+from controllers.motion.mission import corner_points
 from controllers.safety import Mode
-from controllers.slip_settings import YAW_PROBE
+from controllers.slip.effort.settings import YAW_PROBE
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.link import NoTap
-from rover_hil.composition import build_virtual_rig
 from rover_hil.config import Config
 from rover_hil.report.tracks import Array, Track
+from rover_hil.run.composition import build_virtual_rig
 from rover_hil.tune.metrics import (
     Way,
     closure_m,

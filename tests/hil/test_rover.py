@@ -10,8 +10,8 @@ import pytest
 from drivers.clock import NANOSECONDS_PER_SECOND, SystemClock, nanoseconds
 from drivers.driver import DeviceState
 from drivers.link import NoTap
-from rover_hil.composition import Rig, build_real_rig
 from rover_hil.config import load_config
+from rover_hil.run.composition import Rig, build_real_rig
 
 pytestmark = pytest.mark.rover
 

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from rover_hil.command_line.app import main
+from rover_hil.app.app import main
 
 
 class Command:

@@ -5,8 +5,8 @@ import pytest
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigError
 from drivers.link import NoTap
-from rover_hil.composition import build_replay_rig
 from rover_hil.config import Config, load_config
+from rover_hil.run.composition import build_replay_rig
 
 
 def test_a_drive_with_another_number_of_wheels_than_the_rover_is_refused() -> None:

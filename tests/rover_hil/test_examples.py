@@ -10,7 +10,7 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from rover_hil.command_line.app import _spread, app
+from rover_hil.app.app import _spread, app
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import ConfigError, LogError
-from rover_hil.command_line.identify_slip import identify_slip
+from rover_hil.app.identify_slip import identify_slip
 from rover_hil.identify.slip_map_file import read_slip_map
 from tests.rover_hil.slip_runs import write_drive
 
@@ -94,7 +94,7 @@ def test_a_broken_test_run_leaves_no_data_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("source = ", "is no valid TOML"), ('source = "x"', "fitted_on")],
+    [("source = ", "is not valid TOML"), ('source = "x"', "fitted_on")],
 )
 def test_wrong_data_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "map.toml"

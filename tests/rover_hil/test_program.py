@@ -18,7 +18,7 @@ class Interrupt:
             raise KeyboardInterrupt
 sys.meta_path.insert(0, Interrupt())
 sys.argv = ["rover-hil", "terrain", "traverse"]
-from rover_hil.command_line.program import main
+from rover_hil.app.program import main
 main()
 """
 
@@ -45,7 +45,7 @@ def test_ctrl_c_while_modules_load_is_one_sentence(name: str) -> None:
 
 def test_the_installed_program_is_the_one_that_takes_ctrl_c() -> None:
     text = (Path(__file__).parents[2] / "pyproject.toml").read_text()
-    assert 'rover-hil = "rover_hil.command_line.program:main"' in text
+    assert 'rover-hil = "rover_hil.app.program:main"' in text
 
 
 @pytest.mark.parametrize(

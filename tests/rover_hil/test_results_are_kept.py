@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-import rover_hil.command_line.gap as gap_command
-import rover_hil.command_line.run as run_command
+import rover_hil.app.gap as gap_command
+import rover_hil.app.run as run_command
 from drivers.errors import ConfigError
 from rover_hil.pages.atomic_write import unfinished, write_file, write_files
 from tests.rover_hil.command import Command, assert_one_sentence

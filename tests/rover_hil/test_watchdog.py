@@ -12,14 +12,14 @@ from drivers.clock import SystemClock, VirtualClock, nanoseconds
 from drivers.driver import WheelDrive
 from drivers.errors import LogError
 from drivers.samples import Sample
-from rover_hil.composition import build_virtual_rig
 from rover_hil.config import load_config
-from rover_hil.loop.executive import Executive
-from rover_hil.loop.watchdog import Watchdog
 from rover_hil.recording.data_files import collect_data_files, restore_config
-from rover_hil.recording.log_reader import LogReader
-from rover_hil.recording.log_writer import LogWriter
-from rover_hil.recording.replay import replay
+from rover_hil.recording.reader import LogReader
+from rover_hil.recording.writer import LogWriter
+from rover_hil.run.composition import build_virtual_rig
+from rover_hil.run.executive import Executive
+from rover_hil.run.replay import replay
+from rover_hil.run.watchdog import Watchdog
 from tests.drivers.test_driver import LetterCodec, ScriptedLink
 
 LIMIT_NS = nanoseconds(0.15)

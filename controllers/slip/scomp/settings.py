@@ -1,0 +1,31 @@
+"""Settings of slip compensation by trace and tilt."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from controllers.ftrace.rig import RigFile
+from controllers.slip.scomp.parameters import ScompParameters
+from drivers.settings import Settings
+
+
+class TraceSlipSettings(Settings):
+    """How slip and slip angle of a four-wheel rover are found, and what is done about them.
+
+    Attributes:
+        parameters: Of rover, ground and sensors; in a configuration file the name of a shipped file or the
+            path of one by `rover-hil identify scomp`.
+        rig: Calibration of the camera in `roles.camera`, schema `rear-camera-rig/1`; in a configuration file
+            the name of a shipped file or the path of one. Without it the slip angle is what the roll makes
+            expect.
+        frame_period_s: Frames that come sooner after the last one looked at are passed over: looking takes
+            some milliseconds of a cycle.
+        trace_age_s: Without a trace for this long the slip angle is no longer sure.
+        steer_against_drift: Lead the course over ground along the path, not the rover's nose.
+    """
+
+    parameters: ScompParameters = ScompParameters()
+    rig: RigFile | None = None
+    frame_period_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.1
+    trace_age_s: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
+    steer_against_drift: bool = True

@@ -1,0 +1,75 @@
+"""`rover-hil doctor`: look at a rover before it drives, and say cause and fix."""
+
+from collections.abc import Sequence
+
+from pydantic_core import to_json
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+from rich.text import Text
+
+from drivers.clock import SystemClock
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.config import load_config
+from rover_hil.doctor.examination import examine_computer, examine_rover
+from rover_hil.doctor.finding import Finding, Level, SystemPaths
+from rover_hil.run.checks import RUN_CHECKS
+
+LISTEN_S = 2.0
+STYLES = {Level.OK: "green", Level.WARNING: "yellow", Level.PROBLEM: "bold red"}
+
+
+def examine(config_name: str, *, as_json: bool) -> int:
+    """Examine the rover of a configuration; returns the exit code, 1 when something needs a fix.
+
+    Raises:
+        ConfigError: The configuration is wrong.
+    """
+    config = load_config(config_name, RUN_CHECKS)
+    paths = SystemPaths()
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("looking at the computer and the ports", total=LISTEN_S)
+
+        def show(listened_s: float) -> None:
+            progress.update(task, completed=listened_s, description="listening to all devices")
+
+        findings = examine_computer(paths)
+        findings += examine_rover(config, paths, SystemClock(), listen_s=LISTEN_S, on_progress=show)
+    if as_json:
+        Console().out(to_json(record_of(findings)).decode())
+    else:
+        print_findings(findings, Console(highlight=False))
+    return EXIT_OK if is_ready(findings) else EXIT_NO
+
+
+def is_ready(findings: Sequence[Finding]) -> bool:
+    """Return whether no finding is a problem."""
+    return not any(finding.level is Level.PROBLEM for finding in findings)
+
+
+def record_of(findings: Sequence[Finding]) -> dict[str, object]:
+    """Return verdict and findings for a script."""
+    return {"verdict": "ready" if is_ready(findings) else "needs a fix", "findings": findings}
+
+
+def print_findings(findings: Sequence[Finding], console: Console) -> None:
+    """Print everything that was looked at as a table, then cause and fix of what is not well."""
+    table = Table("", "of", "check", "what was seen")
+    for finding in findings:
+        mark = Text(finding.level.value, style=STYLES[finding.level])
+        table.add_row(mark, Text(finding.subject), Text(finding.check), Text(finding.what))
+    console.print(table)
+    # Outside of the table, so that a command can be copied from the terminal in one piece.
+    for level in (Level.PROBLEM, Level.WARNING):
+        for finding in findings:
+            if finding.level is level:
+                _print_advice(finding, console)
+    count = sum(finding.level is Level.PROBLEM for finding in findings)
+    console.print(f"\n{count} to be fixed before driving" if count else "\nready to drive")
+
+
+def _print_advice(finding: Finding, console: Console) -> None:
+    heading = Text(f"\n{finding.level.value}: ", style=STYLES[finding.level])
+    console.print(heading + Text(f"{finding.subject}: {finding.what}", style="bold"), soft_wrap=True)
+    console.print(Text(f"  cause: {finding.cause}"), soft_wrap=True)
+    console.print(Text(f"  fix:   {finding.fix}"), soft_wrap=True)

@@ -1,0 +1,98 @@
+"""`rover-hil ftrace`: slip angle of every frame from the trace of a wheel."""
+
+import json
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
+from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from drivers.camera.images import NO_PIXELS
+from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
+from rover_hil.app.options import check_inputs
+from rover_hil.config import read_rig
+from rover_hil.ftrace.frames import FrameSource
+from rover_hil.ftrace.overlay import OverlayWriter
+from rover_hil.ftrace.run import HEADER, FrameAngle, csv_row, estimate, longest_gap
+from rover_hil.ftrace.telemetry import read_telemetry
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
+
+
+def trace_angles(
+    frames: Path,
+    *,
+    rig_path: Path,
+    telemetry_path: Path | None,
+    out: Path,
+    overlay: Path | None,
+    method: Method,
+    as_json: bool,
+    force: bool = False,
+) -> int:
+    """Write the angle of every frame; returns the exit code: 130 when interrupted, the frames so far written.
+
+    Args:
+        frames: Folder of pictures, or a video.
+        rig_path: Rig file, JSON.
+        telemetry_path: CSV file with a row for each frame, or None.
+        out: CSV file to write.
+        overlay: Video or folder for pictures, or None.
+        method: How the trace is looked for.
+        as_json: Print a summary as JSON.
+        force: Replace earlier files.
+
+    Raises:
+        ConfigError: A file is wrong, or the frames do not fit the rig, or `out` or `overlay` exists.
+    """
+    check_file(out, force=force)
+    if overlay is not None:
+        refuse_overwrite(overlay, force=force, option="--overlay")
+    check_inputs(frames)
+    rig = read_rig(rig_path)
+    geometry = rig.geometry()
+    source = FrameSource(frames)
+    telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
+    estimator = TraceEstimator(geometry, TraceSettings(method=method))
+    found: list[FrameAngle] = []
+    code = EXIT_OK
+    with ExitStack() as resources:
+        writer = None
+        if overlay is not None:
+            part = resources.enter_context(unfinished(overlay, option="--overlay"))
+            writer = resources.enter_context(closing(OverlayWriter(part, geometry, rig.image.fps)))
+        try:
+            with Progress(console=Console(stderr=True), transient=True) as progress:
+                task = progress.add_task("frames", total=source.count)
+                for item in estimate(source, rig, telemetry, estimator):
+                    if writer is not None:
+                        writer.add(item.number, item.grey, item.angle, rig.wheel.width_m)
+                    found.append(replace(item, grey=NO_PIXELS))
+                    progress.advance(task)
+        except KeyboardInterrupt:
+            code = EXIT_INTERRUPTED
+        write_file(out, "\n".join([HEADER, *map(csv_row, found)]) + "\n")
+    _tell(found, out, method, as_json=as_json)
+    return code
+
+
+def _tell(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
+    """Print a summary."""
+    detected = [item.angle.detected for item in found]
+    degrees = [item.angle.theta_deg for item in found if item.angle.detected]
+    if as_json:
+        summary = {
+            "frames": len(found),
+            "detected": len(degrees),
+            "longest_gap_frames": longest_gap(detected),
+            "mean_theta_t_deg": float(np.mean(degrees)) if degrees else None,
+            "method": method,
+        }
+        print(json.dumps(summary))  # noqa: T201
+        return
+    mean = f", mean angle {np.mean(degrees):+.1f} deg" if degrees else ""
+    Console(highlight=False, soft_wrap=True).print(
+        f"trace in {len(degrees)} of {len(found)} frames{mean}; {out}"
+    )

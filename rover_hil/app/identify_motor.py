@@ -1,0 +1,119 @@
+"""`rover-hil identify motor`: parameters of the motors, with intervals and what cannot be known."""
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from drivers.clock import wall_time_text
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.options import check_inputs
+from rover_hil.identify.motor import Record, find_logs, identify, read_records
+from rover_hil.identify.motor_report import Estimate, MotorReport
+from rover_hil.pages.atomic_write import check_file, write_file
+
+
+def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool, force: bool = False) -> int:
+    """Identify the motors of `logs` and print what came out; returns the exit code.
+
+    Args:
+        logs: Log files, or folders of them.
+        out: Data file to write, TOML.
+        as_json: Print JSON instead of tables.
+        force: Replace an earlier file.
+
+    Raises:
+        ConfigError: `out` exists or cannot be written.
+        LogError: A log cannot be read or holds something wrong.
+    """
+    check_file(out, force=force)
+    check_inputs(*logs)
+    files = find_logs(logs)
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("reading", total=len(files))
+        records: list[Record] = []
+        for file in files:
+            records += read_records(file)
+            progress.advance(task)
+        motors = {record.motor for record in records}
+        task = progress.add_task("fitting", total=len(motors))
+        reports = identify(records, lambda: progress.advance(task))
+    source = [str(file) for file in files]
+    if as_json:
+        print(json.dumps({"logs": source, "motors": [dataclasses.asdict(report) for report in reports]}))  # noqa: T201
+    else:
+        _print(reports, len(files))
+    if out is not None:
+        write_file(out, _toml(reports, source))
+    return EXIT_OK if any(item.determined for report in reports for item in report.estimates) else EXIT_NO
+
+
+def _print(reports: Sequence[MotorReport], files: int) -> None:
+    console = Console(highlight=False)
+    for report in reports:
+        title = f"motor {report.motor}, {files} log{'s' if files > 1 else ''}"
+        table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
+        for name in ("parameter", "value", "95 % interval", "data sheet", "known"):
+            table.add_column(name, no_wrap=True)
+        for item in report.estimates:
+            table.add_row(*_row(item))
+        console.print(table)
+        for why in dict.fromkeys(item.why for item in report.estimates if item.why):
+            names = ", ".join(item.name for item in report.estimates if item.why == why)
+            console.print(f"  {names}: {why}")
+        for words in report.undetermined:
+            console.print(f"  not determined: {words}")
+        for note in report.notes:
+            console.print(f"  note: {note}")
+        if report.fitted is not None:
+            line = f"  rms fitted: {report.fitted.speed_rad_s:.2f} rad/s, {report.fitted.current_a:.4f} A"
+            if report.data_sheet is not None:
+                sheet = report.data_sheet
+                line += f"; data sheet: {sheet.speed_rad_s:.2f} rad/s, {sheet.current_a:.4f} A"
+            console.print(line)
+
+
+def _row(item: Estimate) -> tuple[str, ...]:
+    interval = "" if item.low is None or item.high is None else f"{item.low:.4g} .. {item.high:.4g}"
+    verdict = "yes" if item.determined else "no"
+    if item.value is not None and not item.determined:
+        verdict = "given Kt"
+    return (
+        item.name,
+        "-" if item.value is None else f"{item.value:.4g}",
+        interval,
+        "" if item.data_sheet is None else f"{item.data_sheet:.4g}",
+        verdict,
+    )
+
+
+def _toml(reports: Sequence[MotorReport], source: Sequence[str]) -> str:
+    lines = [
+        'schema = "rover-hil-motor/1"',
+        f"date = {json.dumps(wall_time_text())}",
+        f"source = {json.dumps(list(source))}",
+    ]
+    for report in reports:
+        lines += ["", "[[motor]]", f"number = {report.motor}"]
+        lines.append(f"speed_range_rad_s = {_pair(report.speed_range_rad_s)}")
+        lines.append(f"current_range_a = {_pair(report.current_range_a)}")
+        lines.append(f"undetermined = {json.dumps(list(report.undetermined))}")
+        for item in report.estimates:
+            lines += ["", f"[motor.{item.name}]", f"unit = {json.dumps(item.unit)}"]
+            lines.append(f"determined = {'true' if item.determined else 'false'}")
+            lines += [
+                f"{key} = {number!r}"
+                for key, number in (("value", item.value), ("low", item.low), ("high", item.high))
+                if number is not None
+            ]
+            if item.why:
+                lines.append(f"why = {json.dumps(item.why)}")
+    return "\n".join(lines) + "\n"
+
+
+def _pair(values: tuple[float, float]) -> str:
+    return f"[{values[0]!r}, {values[1]!r}]"

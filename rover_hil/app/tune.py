@@ -1,0 +1,177 @@
+"""`rover-hil tune`: search for better gains on the virtual rover."""
+
+import re
+import signal
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from drivers.clock import SystemClock, nanoseconds, wall_time_text
+from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.config import Config, load_config, read_config_text
+from rover_hil.config.tune_settings import TuneSettings
+from rover_hil.pages.atomic_write import refuse_overwrite
+from rover_hil.tune.bench import Bench
+from rover_hil.tune.comparison import Comparison, Verdict, compare
+from rover_hil.tune.objective import Drive
+from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values
+from rover_hil.tune.rehearsal import Rehearsal
+from rover_hil.tune.results import (
+    CONFIG_NAME,
+    REPORT_NAME,
+    RESULT_NAMES,
+    sentence,
+    study_of,
+    summarise,
+    write_results,
+)
+from rover_hil.tune.study import Attempt, Study
+from rover_hil.tune.tuned_config import tuned_text
+
+STUDY_NAME = "study.journal"
+
+
+def tune(
+    config_name: str,
+    *,
+    study: str,
+    trials: int,
+    minutes: float | None,
+    out: Path | None,
+    as_json: bool,
+    force: bool = False,
+) -> int:
+    """Search, compare with the start on held-out sites, write the results; returns the exit code.
+
+    Args:
+        config_name: A configuration with [tune].
+        study: Its name; an existing one is continued.
+        trials: Finished trials in all, those of earlier sessions included.
+        minutes: End the search after this time, or None.
+        out: Folder of the study; by default `tuning/STUDY`.
+        as_json: Print the result as JSON.
+        force: Replace results of another study.
+
+    Raises:
+        ConfigError: Bad configuration, or a study or results of another one.
+    """
+    config, text = load_config(config_name, TUNE_CHECKS), read_config_text(config_name)
+    settings = check_parameters(config)
+    tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
+    folder = _prepare_folder(study, out, force=force)
+    trial_store = Study(folder / STUDY_NAME, study, config, settings)
+    messages = Console(stderr=True)
+    with Bench() as bench:
+        _search(trial_store, settings, bench.drive, trials, minutes, messages)
+        attempts = trial_store.attempts()
+        comparison = _compare(config, settings, trial_store.candidates(), bench.drive, messages)
+    result = summarise(study, config_name, wall_time_text(), config, attempts, comparison)
+    result_json = write_results(folder, text, config, attempts, comparison, result)
+    if as_json:
+        Console().out(result_json)
+    else:
+        console = Console(highlight=False)
+        console.print(sentence(result))
+        names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
+        for name in names:
+            console.print(str(folder / name), soft_wrap=True)
+    return EXIT_NO if result.verdict is Verdict.NONE_ACCEPTABLE else EXIT_OK
+
+
+def _prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:
+    if not re.fullmatch(r"\w[\w.-]*", study):
+        raise ConfigError(f"--study '{study}' is no name for a folder: use letters, digits, _, - and .")
+    folder = out or Path("tuning") / study
+    if not (folder / STUDY_NAME).exists() or study_of(folder) != study:
+        refuse_overwrite(*(folder / name for name in RESULT_NAMES), force=force)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot make the folder {folder}: {error.strerror}; choose another --out"
+        ) from error
+    return folder
+
+
+def _search(
+    study: Study,
+    settings: TuneSettings,
+    drive: Drive,
+    trials: int,
+    minutes: float | None,
+    messages: Console,
+) -> None:
+    clock = SystemClock()
+    end_ns = None if minutes is None else clock.now_ns() + nanoseconds(60.0 * minutes)
+    with _progress(messages) as progress, _stop_by_signal(messages) as is_stopped:
+        task = progress.add_task("", total=trials)
+
+        def note() -> None:
+            attempts = study.attempts()
+            progress.update(task, completed=len(attempts), description=_standing(attempts))
+
+        def should_stop() -> bool:
+            return is_stopped() or (end_ns is not None and clock.now_ns() >= end_ns)
+
+        note()
+        study.search(drive, trials, should_stop, note)
+
+
+def _compare(
+    config: Config, settings: TuneSettings, candidates: Sequence[Attempt], drive: Drive, messages: Console
+) -> Comparison:
+    with _progress(messages) as progress:
+        task = progress.add_task("comparing on held-out sites", total=2 * settings.cases.held_out)
+
+        def counted(config: Config, seeds: Sequence[int]) -> Generator[Rehearsal, None, None]:
+            for rehearsal in drive(config, seeds):
+                progress.advance(task)
+                yield rehearsal
+
+        return compare(config, settings, candidates, counted)
+
+
+def _standing(attempts: Sequence[Attempt]) -> str:
+    start = next((attempt for attempt in attempts if attempt.is_start), None)
+    if start is None:
+        return "trying the present values"
+    known = [(attempt.cost, attempt.number) for attempt in attempts if attempt.cost is not None]
+    refused = sum(1 for attempt in attempts if attempt.refused)
+    before = "refused" if start.cost is None else f"{start.cost:.3g}"
+    best = "none yet" if not known else "{:.3g} (trial {})".format(*min(known))
+    return f"best {best}, start {before}, {refused} refused"
+
+
+def _progress(messages: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=messages,
+        transient=True,
+    )
+
+
+@contextmanager
+def _stop_by_signal(messages: Console) -> Iterator[Callable[[], bool]]:
+    """Let ctrl-C end the search after the running trial; a second one ends the program at once."""
+    is_stopped = False
+
+    def on_signal(signal_number: int, frame: FrameType | None) -> None:
+        nonlocal is_stopped
+        is_stopped = True
+        messages.print("ending the search after this trial; once more to leave at once, the study is kept")
+        signal.signal(signal_number, signal.default_int_handler)
+
+    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: is_stopped
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

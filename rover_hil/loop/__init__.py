@@ -1,1 +1,0 @@
-"""The cyclic executive: poll, step, command, record, at a fixed rate."""

@@ -1,0 +1,155 @@
+"""The composition root: the only place that chooses between real, simulated and replayed devices."""
+
+from dataclasses import dataclass, field
+
+from controllers.control_loop import ControlLoop, StepOutput
+from controllers.motion.kinematics import make_kinematics
+from controllers.settings import RoverSettings
+from controllers.slip.scomp.compensator import TraceFinder
+from drivers.camera.settings import CameraSettings
+from drivers.clock import Clock, VirtualClock
+from drivers.device_settings import FrameDeviceSettings
+from drivers.driver import AnyDriver, Health, WheelDrive
+from drivers.errors import ConfigError
+from drivers.link import CameraImage, RawTap
+from drivers.samples import Sample, SentCommand
+from rover_hil.config import Config
+from rover_hil.run.replay_link import ReplayLink
+from sim_backends.build import build_world
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """Drivers and control loop, put together; nothing is connected yet.
+
+    Attributes:
+        drive: The one of the drivers that turns the wheels.
+        required: Names of the devices without which a mission cannot go on.
+    """
+
+    clock: Clock
+    drivers: dict[str, AnyDriver]
+    drive: WheelDrive
+    loop: ControlLoop
+    required: frozenset[str]
+
+    def connect(self, timeout_s: float) -> None:
+        """Connect every device, or none.
+
+        Raises:
+            NotConnectedError: One of them cannot be opened; those before it are closed again.
+        """
+        try:
+            for driver in self.drivers.values():
+                driver.connect(timeout_s)
+        except BaseException:
+            self.close()
+            raise
+
+    def poll(self) -> list[Sample]:
+        """Return what all devices have said since the last call, device by device."""
+        samples: list[Sample] = []
+        for driver in self.drivers.values():
+            samples.extend(driver.poll())
+        return samples
+
+    def cycle(self, now_ns: int) -> tuple[list[Sample], StepOutput, SentCommand]:
+        """Run one cycle: poll all devices, step the loop, command the wheels."""
+        samples = self.poll()
+        output = self.loop.step(now_ns, samples)
+        return samples, output, self.drive.command(output.command)
+
+    def healths(self) -> list[Health]:
+        """Return the health facts of all devices."""
+        return [driver.health() for driver in self.drivers.values()]
+
+    def close(self) -> None:
+        """Close every device; may be called again."""
+        for driver in self.drivers.values():
+            driver.close()
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayLinks:
+    """Links fed by hand, by device name."""
+
+    bytes_links: dict[str, ReplayLink[bytes]] = field(default_factory=dict)
+    image_links: dict[str, ReplayLink[CameraImage]] = field(default_factory=dict)
+
+
+def build_real_rig(config: Config, clock: Clock, tap: RawTap) -> Rig:
+    """Put the rover of `config` together on its real ports."""
+    drivers: dict[str, AnyDriver] = {}
+    for name, settings in config.devices.items():
+        if isinstance(settings, FrameDeviceSettings):
+            drivers[name] = settings.make_driver(name, settings.make_link(clock), clock, tap)
+        else:
+            drivers[name] = settings.make_driver(name, settings.make_link(clock), clock, tap)
+    return _assemble(config, clock, drivers)
+
+
+def build_virtual_rig(config: Config, clock: VirtualClock, tap: RawTap) -> tuple[Rig, World]:
+    """Put the rover of `config` together on a simulated one, in lockstep with `clock`.
+
+    Raises:
+        ConfigError: The configuration has no [simulation], or one that does not fit its devices.
+    """
+    world = build_world(config.devices, config.require_simulation(), clock.now_ns())
+    drivers: dict[str, AnyDriver] = {}
+    for name, settings in config.devices.items():
+        if isinstance(settings, FrameDeviceSettings):
+            image_link = LoopbackLink(world, world.image_devices[name], clock)
+            drivers[name] = settings.make_driver(name, image_link, clock, tap)
+        else:
+            byte_link = LoopbackLink(world, world.byte_devices[name], clock)
+            drivers[name] = settings.make_driver(name, byte_link, clock, tap)
+    return _assemble(config, clock, drivers), world
+
+
+def build_replay_rig(config: Config, clock: VirtualClock, tap: RawTap) -> tuple[Rig, ReplayLinks]:
+    """Put the rover of `config` together on links that are fed by hand."""
+    links = ReplayLinks()
+    drivers: dict[str, AnyDriver] = {}
+    for name, settings in config.devices.items():
+        if isinstance(settings, FrameDeviceSettings):
+            image_link = links.image_links[name] = ReplayLink()
+            drivers[name] = settings.make_driver(name, image_link, clock, tap)
+        else:
+            byte_link = links.bytes_links[name] = ReplayLink()
+            drivers[name] = settings.make_driver(name, byte_link, clock, tap)
+    return _assemble(config, clock, drivers), links
+
+
+def find_wheel_count_conflict(rover: RoverSettings, drive: str, drive_wheel_count: int) -> str:
+    """Return why a drive does not fit the rover; "" when it does."""
+    wheel_count = make_kinematics(rover).wheel_count
+    if drive_wheel_count == wheel_count:
+        return ""
+    return (
+        f"rover.kinematics is '{rover.kinematics}', which has {wheel_count} wheels, but device "
+        f"'{drive}' has {drive_wheel_count}: correct one of them"
+    )
+
+
+def _make_finder(config: Config) -> TraceFinder | None:
+    camera = None if config.roles.camera is None else config.devices[config.roles.camera]
+    if config.trace_slip is None or config.trace_slip.rig is None or not isinstance(camera, CameraSettings):
+        return None
+    # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
+    from rover_hil.run.live_trace import LiveTraceFinder
+
+    return LiveTraceFinder(config.trace_slip.rig, camera)
+
+
+def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:
+    drive = drivers[config.roles.wheels]
+    if not isinstance(drive, WheelDrive):
+        msg = f"device '{config.roles.wheels}' turns no wheels"
+        raise ConfigError(msg)
+    conflict = find_wheel_count_conflict(config.rover, drive.name, drive.wheel_count)
+    if conflict:
+        raise ConfigError(conflict)
+    loop = ControlLoop(config, config.device_roles(), _make_finder(config))
+    return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

@@ -1,0 +1,183 @@
+"""The cyclic executive: poll, step, command, record, at absolute deadlines."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from controllers.control_loop import StepOutput
+from controllers.safety import Mode
+from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
+from drivers.driver import DeviceState
+from rover_hil.recording.writer import LogWriter
+from rover_hil.run.composition import Rig
+from rover_hil.run.watchdog import Watchdog
+
+HEALTH_PERIOD_NS = NANOSECONDS_PER_SECOND
+STATUS_PERIOD_NS = 100_000_000
+
+
+class End(StrEnum):
+    """Why a run ended."""
+
+    FINISHED = "mission finished"
+    TIME_OVER = "time over"
+    STOPPED_BY_USER = "stopped by user"
+    EMERGENCY_STOP = "emergency stop"
+    DEVICE_FAILED = "device failed"
+
+
+@dataclass(slots=True)
+class RunResult:
+    """How a run went.
+
+    Attributes:
+        end: Why it ended; None while it runs.
+        reason: The same in words, with the particulars.
+        mode: What the rover was doing at the end.
+        skipped: Cycles left out because an earlier one took too long; never made up for in a burst.
+    """
+
+    end: End | None = None
+    reason: str = ""
+    mode: Mode | None = None
+    cycles: int = 0
+    skipped: int = 0
+    duration_s: float = 0.0
+    watchdog_interventions: int = 0
+
+    def record(self) -> dict[str, object]:
+        """Return the result for the log."""
+        return {
+            "end": self.end,
+            "reason": self.reason,
+            "mode": self.mode,
+            "cycles": self.cycles,
+            "skipped": self.skipped,
+            "duration_s": self.duration_s,
+            "watchdog_interventions": self.watchdog_interventions,
+        }
+
+
+class Executive:
+    """Runs the loop on any clock and any devices.
+
+    Args:
+        rig: Drivers and control loop, connected.
+        log: Where everything goes.
+        rate_hz: Cycles per second.
+        on_cycle: Called at the end of each cycle, e.g. to record a simulated rover's truth.
+        on_status: Called about ten times per second of real time, for a live display.
+        watchdog: Fed every cycle; None in simulated time, where the loop cannot hang unseen.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        log: LogWriter,
+        rate_hz: float,
+        *,
+        on_cycle: Callable[[int], None] | None = None,
+        on_status: Callable[[StepOutput], None] | None = None,
+        watchdog: Watchdog | None = None,
+    ) -> None:
+        self._rig = rig
+        self._clock = rig.clock
+        self._log = log
+        self._period_ns = nanoseconds(1.0 / rate_hz)
+        self._on_cycle = on_cycle
+        self._on_status = on_status
+        self._watchdog = watchdog
+        self._stop_request: tuple[End, str] | None = None
+        self._is_stopping = False
+
+    def request_stop(self) -> None:
+        """End the run after the present cycle on the user's wish; for signal handlers.
+
+        Raises:
+            KeyboardInterrupt: Asked again, so that a cycle that hangs ends too; but never while the drive is
+                being stopped.
+        """
+        if self._stop_request is not None and not self._is_stopping:
+            raise KeyboardInterrupt
+        self._stop_request = (End.STOPPED_BY_USER, "stopped by the user")
+
+    def now_ns(self) -> int:
+        """Return the time on the rig's clock."""
+        return self._clock.now_ns()
+
+    def run(self, duration_s: float) -> RunResult:
+        """Run until the mission ends, something forbids to go on, or `duration_s` is over.
+
+        The drive is told to stop however the run ends.
+        """
+        result = RunResult()
+        start_ns = deadline_ns = self._clock.now_ns()
+        end_ns = start_ns + nanoseconds(duration_s)
+        next_health_ns = start_ns
+        next_status_ns = 0
+        try:
+            while True:
+                deadline_ns += self._period_ns
+                self._clock.sleep_until(deadline_ns)
+                woke_ns = stopwatch_ns()
+                now_ns = self._clock.now_ns()
+                late_ns = now_ns - deadline_ns
+                if late_ns >= self._period_ns:
+                    missed = late_ns // self._period_ns
+                    result.skipped += missed
+                    deadline_ns += missed * self._period_ns
+                output = self._cycle(now_ns)
+                if now_ns >= next_health_ns:
+                    next_health_ns = now_ns + HEALTH_PERIOD_NS
+                    self._check_health(now_ns)
+                work_ns = stopwatch_ns() - woke_ns
+                self._log.write_json("/cycle", now_ns, {"late_ns": late_ns, "work_ns": work_ns})
+                result.cycles += 1
+                if self._on_status is not None and woke_ns >= next_status_ns:
+                    next_status_ns = woke_ns + STATUS_PERIOD_NS
+                    self._on_status(output)
+                if self._is_over(output, now_ns, end_ns, result):
+                    break
+        finally:
+            self._is_stopping = True
+            self._rig.drive.stop()
+            self._log.health(self._clock.now_ns(), self._rig.healths())
+        result.duration_s = seconds(now_ns - start_ns)
+        if self._watchdog is not None:
+            result.watchdog_interventions = self._watchdog.interventions
+        return result
+
+    def _cycle(self, now_ns: int) -> StepOutput:
+        samples, output, sent = self._rig.cycle(now_ns)
+        if self._watchdog is not None:
+            self._watchdog.feed()
+        self._log.samples(now_ns, samples)
+        self._log.write_json("/estimate", now_ns, output)
+        self._log.write_json("/command", sent.t_ns, sent)
+        if self._on_cycle is not None:
+            self._on_cycle(now_ns)
+        return output
+
+    def _check_health(self, now_ns: int) -> None:
+        healths = self._rig.healths()
+        self._log.health(now_ns, healths)
+        for health in healths:
+            if health.state is DeviceState.FAILED and health.device in self._rig.required:
+                self._stop_request = (
+                    End.DEVICE_FAILED,
+                    f"device '{health.device}' has failed: {health.last_link_reason}",
+                )
+
+    def _is_over(self, output: StepOutput, now_ns: int, end_ns: int, result: RunResult) -> bool:
+        if output.mode is Mode.FINISHED:
+            result.end, result.reason = End.FINISHED, "mission finished"
+        elif output.mode is Mode.EMERGENCY_STOP:
+            result.end, result.reason = End.EMERGENCY_STOP, output.reason
+        elif self._stop_request is not None:
+            result.end, result.reason = self._stop_request
+        elif now_ns >= end_ns:
+            result.end = End.TIME_OVER
+            mode = output.mode.value.replace("_", " ")
+            result.reason = f"time over in mode '{mode}'{': ' if output.reason else ''}{output.reason}"
+        result.mode = output.mode
+        return result.end is not None

@@ -1,0 +1,46 @@
+"""The trace estimator on the frames of a running rover."""
+
+import cv2
+import numpy as np
+
+from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.rig import RigFile
+from controllers.slip.scomp.compensator import Rates, TraceReading
+from drivers.camera.settings import CameraSettings
+from drivers.errors import ConfigError
+from drivers.samples import FrameSample
+
+
+class LiveTraceFinder:
+    """Feeds the trace estimator; never raises on a frame.
+
+    Args:
+        rig: Calibration of the camera.
+        camera: The camera that the rig is of.
+
+    Raises:
+        ConfigError: The camera does not see the ground behind the wheel, or its frames have another size.
+    """
+
+    def __init__(self, rig: RigFile, camera: CameraSettings) -> None:
+        conflict = rig.size_conflict(camera.width, camera.height)
+        if conflict:
+            raise ConfigError(conflict)
+        self._estimator = TraceEstimator(rig.geometry(), TraceSettings())
+        self._shape = (rig.image.height, rig.image.width)
+        self._before_ns: int | None = None
+
+    def find(
+        self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
+    ) -> TraceReading | None:
+        """Return what a frame says; None for one of another size, or not newer than the one before."""
+        t_ns = frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns
+        if frame.image.shape[:2] != self._shape or (self._before_ns is not None and t_ns <= self._before_ns):
+            return None
+        self._before_ns = t_ns
+        image = frame.image
+        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        found = self._estimator.step(t_ns, grey, wheel_speed_m_s=wheel_speed_m_s, rates_rad_s=rates_rad_s)
+        return TraceReading(
+            t_ns=t_ns, detected=found.detected, theta_rad=found.theta_rad, confidence=found.confidence
+        )

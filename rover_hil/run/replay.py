@@ -1,0 +1,189 @@
+"""Run a log again: same raw bytes, same times, same estimates and commands, or it says where not."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from pydantic_core import to_json
+
+from drivers.clock import VirtualClock
+from drivers.errors import LogError
+from drivers.link import CameraImage, LinkChange, NoTap, Received
+from rover_hil.config import Config
+from rover_hil.recording.images import decode_image
+from rover_hil.recording.reader import LogMessage, LogReader
+from rover_hil.recording.writer import samples_record
+from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
+from rover_hil.run.replay_link import ReplayLink
+
+PayloadT = TypeVar("PayloadT", bytes, CameraImage)
+
+
+@dataclass(slots=True)
+class Difference:
+    """One field that came out different.
+
+    Attributes:
+        count: In how many cycles.
+        first_t_ns: When for the first time.
+        largest: Largest distance between the two, where both are numbers; else None.
+        recorded: What the log says, the last time.
+        replayed: What the replay says, the last time.
+    """
+
+    field: str
+    first_t_ns: int
+    count: int = 0
+    largest: float | None = None
+    recorded: object = None
+    replayed: object = None
+
+    def note(self, recorded: object, replayed: object) -> None:
+        """Add one more cycle."""
+        self.count += 1
+        self.recorded, self.replayed = recorded, replayed
+        if isinstance(recorded, int | float) and isinstance(replayed, int | float):
+            self.largest = max(self.largest or 0.0, abs(replayed - recorded))
+
+
+@dataclass(slots=True)
+class ReplayResult:
+    """Outcome of a replay: the number of cycles, and what came out different by name of the field."""
+
+    cycles: int = 0
+    by_field: dict[str, Difference] = field(default_factory=dict)
+
+    @property
+    def differences(self) -> list[Difference]:
+        """What came out different, in the order of first occurrence."""
+        return list(self.by_field.values())
+
+    def note(self, t_ns: int, name: str, recorded: object, replayed: object) -> None:
+        """Add one difference."""
+        self.by_field.setdefault(name, Difference(name, t_ns)).note(recorded, replayed)
+
+
+def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> ReplayResult:
+    """Replay a log and compare every output; `on_cycle` is called after each cycle.
+
+    Raises:
+        LogError: The log is damaged, or holds a device that its configuration does not have.
+    """
+    rig, links = build_replay_rig(config, VirtualClock(log.start_ns), NoTap())
+    rig.connect(timeout_s=0.0)
+    replayer = _Replayer(rig, links)
+    for message in log.messages():
+        if replayer.take(message):
+            on_cycle()
+    return replayer.result
+
+
+class _Replayer:
+    """Collects the messages of one cycle, then runs it and compares."""
+
+    def __init__(self, rig: Rig, links: ReplayLinks) -> None:
+        self.result = ReplayResult()
+        self._rig = rig
+        self._links = links
+        self._drive_link = links.bytes_links[rig.drive.name]
+        self._expected: dict[str, LogMessage] = {}
+        self._expected_sent: list[LogMessage] = []
+        self._stops_ns: list[int] = []
+
+    def take(self, message: LogMessage) -> bool:
+        """Take one message; returns True when it completed a cycle."""
+        kind, _, device = message.topic[1:].partition("/")
+        if device:
+            self._feed(kind, device, message)
+        elif kind == "cycle":
+            self._run_cycle(message.t_ns)
+            return True
+        elif kind == "watchdog":
+            self._stops_ns.append(message.t_ns)
+        else:
+            self._expected[kind] = message
+        return False
+
+    def _feed(self, kind: str, device: str, message: LogMessage) -> None:
+        if kind in ("sent", "unsent"):
+            self._expected_sent.append(message)
+        elif device in self._links.image_links:
+            image = decode_image(message.data) if kind == "raw" else None
+            _feed_link(self._links.image_links[device], message, image)
+        elif device in self._links.bytes_links:
+            _feed_link(self._links.bytes_links[device], message, message.data if kind == "raw" else None)
+        else:
+            msg = f"the log holds data of a device '{device}' that its configuration does not have"
+            raise LogError(msg)
+
+    def _run_cycle(self, t_ns: int) -> None:
+        rig = self._rig
+        rig.clock.sleep_until(t_ns)
+        samples = rig.poll()
+        output = rig.loop.step(t_ns, samples)
+        self._compare("samples", t_ns, samples_record(samples) or None)
+        self._compare("estimate", t_ns, output)
+        command = self._expected.get("command")
+        if command is not None:
+            recorded_sent = self._prepare_drive(command.t_ns)
+            rig.clock.sleep_until(command.t_ns)
+            self._compare("command", t_ns, rig.drive.command(output.command))
+            self._compare_sent(t_ns, recorded_sent)
+        self._expected.clear()
+        self._drive_link.sent.clear()
+        self._drive_link.outcomes.clear()
+        self.result.cycles += 1
+
+    def _prepare_drive(self, until_ns: int) -> list[bytes]:
+        """Stop the drive as the watchdog did before `until_ns`; return what was sent until then.
+
+        The watchdog may have stopped the drive while a cycle was being logged. By its time that stop belongs
+        to the next cycle.
+        """
+        # By time, because loop and watchdog log what they have sent afterwards, each on its own.
+        sent = sorted(self._expected_sent, key=lambda message: message.t_ns)
+        due = [message for message in sent if message.t_ns <= until_ns]
+        self._expected_sent = sent[len(due) :]
+        self._drive_link.outcomes.extend(message.topic.startswith("/sent/") for message in due)
+        while self._stops_ns and self._stops_ns[0] <= until_ns:
+            del self._stops_ns[0]
+            self._rig.drive.stop()
+        return [message.data for message in due]
+
+    def _compare(self, topic: str, t_ns: int, replayed: object) -> None:
+        expected = self._expected.get(topic)
+        recorded_json = b"null" if expected is None else expected.data
+        replayed_json = to_json(replayed)
+        if replayed_json != recorded_json:
+            recorded = None if expected is None else expected.json()
+            for name, was, now in _unequal_fields(topic, recorded, json.loads(replayed_json)):
+                self.result.note(t_ns, name, was, now)
+
+    def _compare_sent(self, t_ns: int, recorded: list[bytes]) -> None:
+        sent = self._drive_link.sent
+        if sent != recorded:
+            was, now = (b" ".join(payloads).hex(" ") for payloads in (recorded, sent))
+            self.result.note(t_ns, "sent bytes", was, now)
+
+
+def _feed_link(link: ReplayLink[PayloadT], message: LogMessage, payload: PayloadT | None) -> None:
+    if payload is not None:
+        link.feed(Received(message.t_ns, payload))
+        return
+    change = message.json()
+    if not isinstance(change, dict):
+        msg = f"message on {message.topic} at {message.t_ns} ns is no link change: the log is damaged"
+        raise LogError(msg)
+    link.feed(LinkChange(message.t_ns, bool(change["up"]), str(change["reason"]), bool(change["gave_up"])))
+
+
+def _unequal_fields(name: str, recorded: object, replayed: object) -> Iterator[tuple[str, object, object]]:
+    if isinstance(recorded, dict) and isinstance(replayed, dict):
+        for key in {**recorded, **replayed}:
+            yield from _unequal_fields(f"{name}.{key}", recorded.get(key), replayed.get(key))
+    elif isinstance(recorded, list) and isinstance(replayed, list) and len(recorded) == len(replayed):
+        for index, (was, now) in enumerate(zip(recorded, replayed, strict=True)):
+            yield from _unequal_fields(f"{name}[{index}]", was, now)
+    elif repr(recorded) != repr(replayed):  # repr, so that two NaN are equal and -0.0 differs from 0.0
+        yield name, recorded, replayed
