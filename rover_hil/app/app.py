@@ -131,6 +131,8 @@ def replay(
     Exit code 1: something came out different; the fields are listed.
 
     Example: `rover-hil replay runs/first/run.mcap`
+
+    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
     """
     from rover_hil.app.replay import replay_log
 
@@ -167,6 +169,8 @@ def tune(
     Exit code 1: no values were acceptable, the old ones included.
 
     Example: `rover-hil tune my_rover.toml --study gains`
+
+    Data: a copy of a configuration with `[tune]` added; docs/bench_tuning.md has one to copy.
     """
     from rover_hil.app.tune import tune as tune_rover
 
@@ -188,7 +192,9 @@ def scomp(
 ) -> None:
     """Tell where a slipping rover was: slip-compensated odometry of a recorded drive.
 
-    Example: `rover-hil scomp drive.csv --params sand.toml --out path.csv`
+    Example: `rover-hil scomp runs/sand/run.mcap --out path.csv`
+
+    Data: `rover-hil run el-dorado --virtual --out runs/sand` writes this log.
     """
     from rover_hil.app.scomp import run_scomp
 
@@ -218,9 +224,11 @@ def gap(
 ) -> None:
     """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
 
-    Exit code 1: the data cannot be used; the verdict says why.
+    Exit code 1: the data cannot be used; the verdict gives the reason, and nothing is written.
 
     Example: `rover-hil gap side-slope measured/ --out gap`
+
+    Data: your measured runs; docs/gap_models.md names the columns, docs/gap_tutorial.md makes some.
     """
     from rover_hil.app.gap import find_gap
 
@@ -252,6 +260,8 @@ def ftrace(
     """Measure the slip angle from the trace that a rear wheel leaves, seen by a rearward camera.
 
     Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`
+
+    Data: your recorded drive, or the rendered one that docs/ftrace.md makes; run it in that folder.
     """
     from rover_hil.app.ftrace import trace_angles
 
@@ -286,6 +296,8 @@ def identify_slip(
     """Fit slip maps, how much each wheel slips for the effort it takes, and compare them.
 
     Example: `rover-hil identify slip one_surface_type --test two_surface_types --out textiles.toml`
+
+    Data: the folders in `datasets` of github.com/BrOleg5/research-wheel-slippage.
     """
     from rover_hil.app.identify_slip import identify_slip as identify
 
@@ -307,6 +319,8 @@ def identify_probe(
     """Fit what the lost share of a small shake of the yaw tells about slip.
 
     Example: `rover-hil identify probe runs/ --out my_ground.toml`
+
+    Data: your logs with a shake of the yaw and an overhead camera; docs/slip_maps.md gives the settings.
     """
     from rover_hil.app.identify_probe import identify_probe as identify
 
@@ -334,7 +348,9 @@ def identify_motor(
 
     Exit code 1: nothing was determined.
 
-    Example: `rover-hil identify motor data_for_identification_without_integral.csv.gz`
+    Example: `rover-hil identify motor runs/first/run.mcap`
+
+    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
     """
     from rover_hil.app.identify_motor import identify_motor as identify
 
@@ -355,6 +371,8 @@ def identify_scomp(
     """Fit the slip-compensated odometry to a drive whose true path is known.
 
     Example: `rover-hil identify scomp drive.csv --truth tracker.csv --out sand.toml`
+
+    Data: your recorded drive and its tracked path; docs/scomp.md names the columns.
     """
     from rover_hil.app.identify_scomp import identify_scomp as identify
 
@@ -393,6 +411,8 @@ def calibrate_camera(
 
     Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
     --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
+
+    Data: pictures by your camera; docs/ftrace.md describes them and the keys of rover.json.
     """
     from math import radians
 
@@ -429,7 +449,9 @@ def import_robotino(
 ) -> None:
     """Turn a measured Robotino run into a log, through the board's own byte frames.
 
-    Example: `rover-hil import robotino exp00.csv.gz -o exp00.mcap`
+    Example: `rover-hil import robotino exp00.csv -o exp00.mcap`
+
+    Data: a file of github.com/BrOleg5/research-wheel-slippage, `datasets/one_surface_type/gray_surface`.
     """
     from rover_hil.app.import_robotino import import_run
 

@@ -8,6 +8,7 @@ from rich.console import Console
 from controllers.ftrace.rig import RigFile
 from controllers.ftrace.rig_geometry import GroundPatch
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, rig_text
 from rover_hil.pages.atomic_write import check_file, write_file
 
@@ -31,6 +32,7 @@ def calibrate_camera(
         ConfigError: A file is wrong, `out` exists, or the camera does not see the ground behind the wheel.
     """
     check_file(out, force=force)
+    check_inputs(pictures, ground, rover)
     found = calibrate(pictures, ground, board, target)
     text = rig_text(rover, found, fps)
     patch = GroundPatch(RigFile.model_validate_json(text).geometry())

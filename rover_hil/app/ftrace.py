@@ -15,6 +15,7 @@ from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
 from rover_hil.ftrace.overlay import OverlayWriter
@@ -56,6 +57,7 @@ def trace_angles(
     check_file(out, force=force)
     if overlay is not None:
         refuse_overwrite(overlay, force=force, option="--overlay")
+    check_inputs(frames)
     rig = read_rig(rig_path)
     geometry = rig.geometry()
     source = FrameSource(frames)

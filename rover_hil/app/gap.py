@@ -8,6 +8,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.gap import verdict_rules
 from rover_hil.gap.data.load import check_model, load_model, name_model_errors, read_runs
 from rover_hil.gap.findings import Analysis
@@ -55,8 +56,7 @@ def find_gap(
             cannot be written to or holds results.
     """
     refuse_overwrite(*(out / name for name in RESULT_NAMES), force=force)
-    if not data.exists():
-        raise ConfigError(f"no file or folder {data}: give the file or folder of measured runs")
+    check_inputs(data)
     with name_model_errors(Path(model_name.rpartition(":")[0])), unfinished(out / PLAN_NAME) as plan_path:
         analysis = _analyse(model_name, data, extended, seed, confirm, plan_path)
         is_bad = analysis.verdict.verdict is Answer.BAD_DATA

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from drivers.clock import wall_time_text
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
 from rover_hil.identify.motor.report import Estimate, MotorReport
 from rover_hil.pages.atomic_write import check_file, write_file
@@ -30,6 +31,7 @@ def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool, for
         LogError: A log cannot be read or holds something wrong.
     """
     check_file(out, force=force)
+    check_inputs(*logs)
     files = find_logs(logs)
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("reading", total=len(files))

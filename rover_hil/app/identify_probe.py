@@ -11,6 +11,7 @@ from rich.progress import track
 from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.map_file import read_slip_map, write_slip_map
 from rover_hil.identify.slip.probe_fit import fit_probe
@@ -36,6 +37,7 @@ def identify_probe(
         LogError: A log cannot be used, or there is too little excitation in all of them.
     """
     check_file(out, force=force)
+    check_inputs(*logs)
     excitation = _excitation(logs, amplitude_rad_s, frequency_hz)
     content = read_slip_map(maps)
     files = find_runs(logs).files

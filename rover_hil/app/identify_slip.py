@@ -11,6 +11,7 @@ from rich.progress import Progress
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.identification import (
     FOLDS,
     Errors,
@@ -42,6 +43,7 @@ def identify_slip(
         LogError: A run cannot be used, there are too few, or a test tells pixels without a scale.
     """
     check_file(out, force=force)
+    check_inputs(*train, *test)
     motor = MotorSettings()
     train_files = find_runs(train)
     test_files = {str(path): find_runs([path]) for path in test}

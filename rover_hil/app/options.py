@@ -1,12 +1,13 @@
 """What the commands share: groups, options, and ranges of numbers."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import exit_interrupted
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
@@ -27,6 +28,17 @@ class Group(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             exit_interrupted()
+
+
+def check_inputs(*paths: Path) -> None:
+    """Check that files or folders to be read exist.
+
+    Raises:
+        LogError: One does not.
+    """
+    for path in paths:
+        if not path.exists():
+            raise LogError(f"no file or folder {path}: correct the path; it starts at the current folder")
 
 
 def out_option(words: str) -> Any:

@@ -158,7 +158,9 @@ def terrain_fit(
 ) -> None:
     """Fit a soil to plate and wheel tests, with 95 % confidence intervals.
 
-    Example: `rover-hil terrain fit cmu_single_wheel --out sand`
+    Example: `rover-hil terrain fit test_bed --out sand`
+
+    Data: plates.csv and wheel.csv of your test bed; docs/terrain.md names the columns.
     """
     from rover_hil.app.terrain_fit import fit
     from rover_hil.terrain.setup import Output

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.pages.picture import data_uri
 from rover_hil.report.drift_figures import draw_drift
 from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
 from rover_hil.report.run_data import RunData
@@ -96,5 +97,5 @@ def draw_pictures(run: RunData, summary: Summary) -> list[Picture]:
         for title, caption, draw in PICTURES:
             figure = draw(run, summary)
             if figure is not None:
-                pictures.append(Picture(title, caption, style.data_uri(figure)))
+                pictures.append(Picture(title, caption, data_uri(figure)))
     return pictures

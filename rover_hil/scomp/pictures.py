@@ -12,7 +12,7 @@ from controllers.slip.scomp.combined_slip import CombinedSlip
 from controllers.slip.scomp.two_segment_slip_law import two_segments_of_model
 from rover_hil.identify.scomp.fit import Identification
 from rover_hil.identify.scomp.single_wheel_data import SingleWheelData
-from rover_hil.report.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
+from rover_hil.pages.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
 from rover_hil.scomp.drive import Track, TruePath
 from rover_hil.scomp.windows import true_velocity
 

@@ -10,8 +10,9 @@ import matplotlib as mpl
 from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
+from rover_hil.pages import style
 from rover_hil.pages.atomic_write import write_files
-from rover_hil.report import style
+from rover_hil.pages.picture import data_uri
 from rover_hil.report.figures import Picture
 from rover_hil.terrain.climb import SlopeRow
 from rover_hil.terrain.figures import draw_climbs, draw_forces, draw_paths, draw_slippage
@@ -63,7 +64,7 @@ def write_page(
     environment.filters["shown"] = shown
     template = (resources.files("rover_hil.terrain") / REPORT_NAME).read_text("utf-8")
     with mpl.rc_context(style.STYLE):
-        pictures = [Picture(each.title, each.caption, style.data_uri(each.draw())) for each in drawings]
+        pictures = [Picture(each.title, each.caption, data_uri(each.draw())) for each in drawings]
     page = environment.from_string(template).render(
         title=title, facts=facts, pictures=pictures, tables=tables
     )

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from controllers.motion.mission import Point
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.pages.picture import data_uri
 from rover_hil.report.figures import Picture
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.objective import case_cost
@@ -37,7 +38,7 @@ class TuningData:
 def draw_pictures(data: TuningData) -> list[Picture]:
     """Return the pictures in the order of the report."""
     with mpl.rc_context(style.STYLE):
-        return [Picture(title, caption, style.data_uri(draw(data))) for title, caption, draw in PICTURES]
+        return [Picture(title, caption, data_uri(draw(data))) for title, caption, draw in PICTURES]
 
 
 def _draw_scenarios(data: TuningData) -> Figure:

@@ -13,7 +13,8 @@ from rover_hil.gap.explain.candidates import Candidate, confusability
 from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.output import residual_figures
 from rover_hil.gap.statistics.score import one_sided_z
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.pages.picture import data_uri
 
 MOST_BARS = 16
 FEW = 2
@@ -38,7 +39,7 @@ def draw_pictures(analysis: Analysis) -> list[Picture]:
         for title, caption, draw in _pictures(analysis):
             figure = draw(analysis, findings)
             if figure is not None:
-                pictures.append(Picture(title=title, caption=caption, source=style.data_uri(figure)))
+                pictures.append(Picture(title=title, caption=caption, source=data_uri(figure)))
     return pictures
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from rover_hil.gap.data.problem import Point, predict_rows
 from rover_hil.gap.findings import Analysis, Findings
-from rover_hil.report import style
+from rover_hil.pages import style
 from sim_backends.models.interface import Array, Channel, Run
 
 MOST_CHANNELS = 3
