@@ -40,7 +40,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw the pictures of reports, but do not make SVG of them: that takes most of a short run's time."""
-    monkeypatch.setattr("rover_hil.report.style.data_uri", lambda figure: "data:image/svg+xml;base64,")
+    monkeypatch.setattr("rover_hil.pages.picture.data_uri", lambda figure: "data:image/svg+xml;base64,")
 
 
 @pytest.fixture(scope="session")
