@@ -40,7 +40,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw the pictures of reports, but do not make SVG of them: that takes most of a short run's time."""
-    monkeypatch.setattr("rover_hil.pages.picture.data_uri", lambda figure: "data:image/svg+xml;base64,")
+    for module in ("gap.output.figures", "report.figures", "terrain.pages", "tune.figures"):
+        monkeypatch.setattr(f"rover_hil.{module}.data_uri", lambda figure: "data:image/svg+xml;base64,")
 
 
 @pytest.fixture(scope="session")
