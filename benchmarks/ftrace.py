@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks.ftrace_peers import BandFilter, CannyHough, Peer, PlanarFlow
 from benchmarks.ftrace_scores import Found, Judged, figures, judge, together
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, TraceSettings
+from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
 from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
 from drivers.samples import Image
@@ -71,10 +72,15 @@ NEAR_M, LEAST_CHORD_M = 0.1, 0.15
 """Nearer to the contact the wheel hides the trace; shorter chords have no direction."""
 
 
-def run(sequence: FrameSequence, images: Sequence[Image], method: Method) -> tuple[Found, list[TraceAngle]]:
-    """Return what an estimator of ours says of a drive."""
+def run(
+    sequence: FrameSequence,
+    images: Sequence[Image],
+    method: Method,
+    parameters: FTraceParameters = DEFAULTS,
+) -> tuple[Found, list[TraceAngle]]:
+    """Return the estimates of one of our methods on a drive."""
     rig = RigFile.model_validate(sequence.rig.as_json()).geometry()
-    estimator = TraceEstimator(rig, TraceSettings(method=method))
+    estimator = TraceEstimator(rig, TraceSettings(method=method), parameters)
     angles, spent_ms = [], []
     for image, told in zip(images, sequence.telemetry, strict=True):
         start_ns = stopwatch_ns()

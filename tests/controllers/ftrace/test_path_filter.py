@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rut.path_filter import PathFilter
 
 STEP_M = 0.016
@@ -15,56 +16,56 @@ def circle(curvature_1_m: float, slope: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("slope", "curvature"), [(0.1, 0.0), (-0.15, 0.4), (0.05, -0.6)])
-def test_one_look_at_a_curve_gives_its_direction_at_the_wheel(slope: float, curvature: float) -> None:
-    memory = PathFilter(0.6)
+def test_one_observed_curve_gives_its_direction_at_the_wheel(slope: float, curvature: float) -> None:
+    path = PathFilter(0.6, DEFAULTS.path)
 
-    memory.observe_trace(SEEN_M, circle(curvature, slope), np.full(len(SEEN_M), 0.001), 0.001, 0.001)
+    path.observe_trace(SEEN_M, circle(curvature, slope), np.full(len(SEEN_M), 0.001), 0.001, 0.001)
 
-    assert math.degrees(memory.theta_rad) == pytest.approx(-math.degrees(math.atan(slope)), abs=1.5)
-    assert np.allclose(memory.curve(SEEN_M), circle(curvature, slope), atol=0.003)
+    assert math.degrees(path.theta_rad) == pytest.approx(-math.degrees(math.atan(slope)), abs=1.5)
+    assert np.allclose(path.curve(SEEN_M), circle(curvature, slope), atol=0.003)
 
 
-def test_straight_on_without_looking_keeps_the_direction() -> None:
-    memory = PathFilter(0.6)
-    memory.observe_trace(SEEN_M, circle(0.0, 0.1), np.full(len(SEEN_M), 0.001), 0.0005, 0.001)
-    before = memory.theta_rad, memory.theta_sd_rad
+def test_without_observations_the_direction_is_kept() -> None:
+    path = PathFilter(0.6, DEFAULTS.path)
+    path.observe_trace(SEEN_M, circle(0.0, 0.1), np.full(len(SEEN_M), 0.001), 0.0005, 0.001)
+    before = path.theta_rad, path.theta_sd_rad
 
     for _ in range(5):
-        memory.advance(STEP_M, 0.0, 0.0005)
+        path.advance(STEP_M, 0.0, 0.0005)
 
-    assert memory.theta_rad == pytest.approx(before[0], abs=math.radians(1.0))
-    assert memory.theta_sd_rad > before[1]
+    assert path.theta_rad == pytest.approx(before[0], abs=math.radians(1.0))
+    assert path.theta_sd_rad > before[1]
 
 
 def test_a_turn_of_the_rover_shows_in_the_angle_at_once() -> None:
-    """Turned left on the spot of its way, the wheel moves to the right of its axis."""
-    memory = PathFilter(0.6)
-    memory.observe_trace(SEEN_M, circle(0.0, 0.0), np.full(len(SEEN_M), 0.001), 0.0005, 0.001)
-    before = memory.theta_rad
+    """After a turn to the left on the spot the wheel moves to the right of its axis."""
+    path = PathFilter(0.6, DEFAULTS.path)
+    path.observe_trace(SEEN_M, circle(0.0, 0.0), np.full(len(SEEN_M), 0.001), 0.0005, 0.001)
+    before = path.theta_rad
 
-    memory.advance(0.001, math.radians(3.0), 0.0005)
+    path.advance(0.001, math.radians(3.0), 0.0005)
 
-    assert math.degrees(memory.theta_rad - before) == pytest.approx(-3.0, abs=0.3)
+    assert math.degrees(path.theta_rad - before) == pytest.approx(-3.0, abs=0.3)
 
 
 def test_motion_seen_directly_gives_the_angle() -> None:
-    memory = PathFilter(0.6)
+    path = PathFilter(0.6, DEFAULTS.path)
     for _ in range(20):
-        memory.advance(STEP_M, 0.0, 0.0005)
-        memory.observe_motion(STEP_M, 0.1 * STEP_M, 0.0001)
+        path.advance(STEP_M, 0.0, 0.0005)
+        path.observe_motion(STEP_M, 0.1 * STEP_M, 0.0001)
 
-    assert math.tan(memory.theta_rad) == pytest.approx(-0.1, abs=0.01)
+    assert math.tan(path.theta_rad) == pytest.approx(-0.1, abs=0.01)
 
 
 def test_the_covariance_stays_symmetric_and_positive_over_a_long_drive() -> None:
-    memory = PathFilter(0.6)
+    path = PathFilter(0.6, DEFAULTS.path)
     rng = np.random.default_rng(3)
     for _ in range(150):
-        memory.advance(STEP_M, float(rng.normal(0, 0.003)), 0.001)
+        path.advance(STEP_M, float(rng.normal(0, 0.003)), 0.001)
         y = circle(0.2, 0.05) + rng.normal(0, 0.003, len(SEEN_M))
-        memory.observe_trace(SEEN_M, y, np.full(len(SEEN_M), 0.004), 0.006, 0.01)
+        path.observe_trace(SEEN_M, y, np.full(len(SEEN_M), 0.004), 0.006, 0.01)
 
-    _, covariance = memory.trace(SEEN_M)
+    _, covariance = path.trace(SEEN_M)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
-    assert math.isfinite(memory.theta_rad)
-    assert 0 < memory.theta_sd_rad < math.radians(5)
+    assert math.isfinite(path.theta_rad)
+    assert 0 < path.theta_sd_rad < math.radians(5)
