@@ -179,7 +179,7 @@ CYCLES = st.lists(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(cycles=CYCLES, has_mission=st.booleans())
 def test_no_stream_of_samples_makes_it_raise_or_ask_for_too_much(
     cycles: list[tuple[int, bool, list[Sample]]], has_mission: bool

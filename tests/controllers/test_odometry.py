@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers.estimation.odometry import WheelOdometry
@@ -37,6 +37,7 @@ def feed(odometry: WheelOdometry, t_ns: int, *positions: float) -> None:
 
 
 @pytest.mark.parametrize(("rover", "geometry"), [(OMNI, omni_geometry()), (SKID, skid_geometry())])
+@settings(max_examples=30)
 @given(set_points=st.lists(st.lists(st.floats(-8.0, 8.0), min_size=4, max_size=4), min_size=1, max_size=4))
 def test_without_slip_the_wheels_tell_the_true_pose(
     rover: OmniRoverSettings | SkidSteerRoverSettings, geometry: Geometry, set_points: list[list[float]]

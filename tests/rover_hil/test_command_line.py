@@ -1,6 +1,7 @@
 """The commands as a user meets them: exit codes, one-sentence errors, nothing half-done left behind."""
 
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -97,16 +98,16 @@ def test_a_missing_data_file_leaves_nothing(command: Command, tmp_path: Path) ->
     assert not (tmp_path / "a").exists()
 
 
-def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+def test_a_log_that_cannot_be_written_is_one_sentence(command: Command) -> None:
     """A limit on the size of files stands for a full disk."""
-    words = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
-    program = f"{words}from rover_hil.app.app import _spread, main; main()"
-    arguments = ["run", "robotino", "--virtual", "--duration", "5", "--out", "a"]
-    done = subprocess.run(
-        [sys.executable, "-c", program, *arguments], cwd=tmp_path, check=False, capture_output=True, text=True
-    )
-    assert done.returncode == 2
-    assert_one_sentence(done.stderr, "a/run.mcap", "File too large")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, hard))
+    try:
+        code = command("run", "robotino", "--virtual", "--duration", "5", "--out", "a")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert code == 2
+    assert_one_sentence(command.error, "a/run.mcap", "File too large")
 
 
 @pytest.mark.parametrize(
@@ -151,6 +152,7 @@ def test_two_processes_over_pseudo_terminals_and_ctrl_c(tmp_path: Path) -> None:
         deadline_ns = clock.now_ns() + nanoseconds(RUN_LIMIT_S)
         while not (tmp_path / "ports" / "imu").exists():
             assert clock.now_ns() < deadline_ns
+            assert simulator.poll() is None
             clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
         runner = subprocess.Popen(
             [program, "run", "robotino", "--out", "a"], cwd=tmp_path, stdout=subprocess.DEVNULL

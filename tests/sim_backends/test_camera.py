@@ -151,8 +151,8 @@ def test_the_trace_leaves_the_wheel_against_the_direction_of_travel(sideslip_rad
     side = -1 if sideslip_rad < 0 else 1
     low_sun = SETTINGS.model_copy(update={"sun_azimuth_deg": 90.0 * side, "sun_elevation_deg": 40.0})
     travelled, fresh = scene(low_sun), scene(low_sun)
-    for step in range(50):
-        distance_m = 0.02 * step
+    for step in range(25):
+        distance_m = 0.04 * step
         pose = truth_at(distance_m * math.cos(sideslip_rad), distance_m * math.sin(sideslip_rad))
         picture = travelled.render(pose)
     darker = rectify(fresh.render(pose)).astype(int) - rectify(picture) > 25
@@ -168,8 +168,8 @@ def test_the_trace_leaves_the_wheel_against_the_direction_of_travel(sideslip_rad
 
 def test_a_rover_that_spins_or_reverses_over_its_trace_is_rendered() -> None:
     ground = scene()
-    for step in range(40):
-        image = ground.render(truth_at(-0.05 * step, 0.0, 0.1 * step))
+    for step in range(20):
+        image = ground.render(truth_at(-0.1 * step, 0.0, 0.2 * step))
     assert image.shape == (HEIGHT, WIDTH, 3)
 
 
@@ -190,8 +190,8 @@ def test_a_trace_ahead_of_the_camera_is_not_seen() -> None:
     # Reversing, the wheels make their traces where the camera has been.
     alone = SETTINGS.model_copy(update={"wheel_x_m": 0.0, "behind_m": 0.32})
     reversing, fresh = scene(alone), scene(alone)
-    for step in range(60):
-        pose = truth_at(-0.02 * step)
+    for step in range(30):
+        pose = truth_at(-0.04 * step)
         picture = reversing.render(pose)
     assert np.array_equal(picture[:300], fresh.render(pose)[:300])
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from rover_hil.gap.data.problem import Observations, Point, Problem
 from rover_hil.gap.explain.candidates import Candidate
@@ -74,7 +74,7 @@ def localise_residuals(
             if error <= 0.0:
                 continue
             z = abs(mean) / error
-            p = tests * 2.0 * float(stats.norm.sf(z))
+            p = tests * 2.0 * float(special.ndtr(-z))
             if p <= LOCALISE_ALPHA and (best is None or z > best[0]):
                 place = ResidualLocation(
                     channel=channel.name,
