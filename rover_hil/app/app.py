@@ -360,7 +360,10 @@ def identify_motor(
 @identify_app.command("scomp")
 def identify_scomp(
     log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
-    truth: Annotated[Path, typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad.")],
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad. Default: that in the log."),
+    ] = None,
     out: Annotated[
         Path | None, out_option("Write the parameters to this TOML file, not to standard output.")
     ] = None,

@@ -62,6 +62,11 @@ class TruePoses:
     position_sd_m: Array
     yaw_sd_rad: Array
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether the poses have no noise."""
+        return not (self.position_sd_m.any() or self.yaw_sd_rad.any())
+
 
 class LogRows:
     """Collects the readings of a drive, message by message.

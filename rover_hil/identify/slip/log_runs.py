@@ -58,7 +58,7 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
         rover=rover,
         gyro=gyro - (origin_s, 0.0),
         truth=true.source,
-        fix_sd_m=sd_m if sd_m.any() else None,
+        fix_sd_m=None if true.is_exact else sd_m,
     )
 
 

@@ -83,11 +83,11 @@ def _slip_problem(run: MeasuredRun, start: int, end: int) -> str:
     if run.fix_sd_m is None:
         return ""
     times_s = run.t_s[[start, end]]
-    frames = [int(np.argmin(np.abs(run.camera_t_s - time_s))) for time_s in times_s]
-    if np.abs(run.camera_t_s[frames] - times_s).max() > FIX_REACH_S:
+    first, last = (int(np.argmin(np.abs(run.camera_t_s - time_s))) for time_s in times_s)
+    if np.abs(run.camera_t_s[[first, last]] - times_s).max() > FIX_REACH_S:
         return NO_FIX_NEAR
     moved_m = run.rover.wheel_radius_m * float(np.abs(run.position_rad[end] - run.position_rad[start]).max())
-    return slip_problem(run, *frames, moved_m)
+    return slip_problem(run, first, last, moved_m)
 
 
 def fit_probe(runs: Sequence[MeasuredRun], probe: YawExcitationMap) -> tuple[YawExcitationMap, Counter[str]]:
