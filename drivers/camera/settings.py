@@ -1,4 +1,4 @@
-"""Settings of a camera, and of whatever else takes its measurements from frames."""
+"""Settings of a camera, and of all devices that measure with frames."""
 
 from typing import Annotated, Literal, Self, TypeAlias
 
