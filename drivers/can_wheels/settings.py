@@ -1,4 +1,4 @@
-"""What the configuration says about wheel encoders and drives on a CAN bus."""
+"""Settings of wheel encoders and drives on a CAN bus."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the configuration says about an NMEA 0183 compass."""
+"""Settings of an NMEA 0183 compass."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the configuration says about a WitMotion sensor."""
+"""Settings of a WitMotion sensor."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from controllers.slip.scomp.parameters import Provenance, ScompParameters
 from drivers.clock import wall_time_text
+from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
