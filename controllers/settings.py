@@ -1,4 +1,4 @@
-"""Everything tunable about estimation and control, with ranges narrow enough to catch a wrong unit."""
+"""Settings of estimation and control, with ranges that detect a wrong unit."""
 
 import math
 from itertools import combinations
@@ -24,7 +24,7 @@ class OmniRoverSettings(Settings):
 
     Attributes:
         base_radius_m: Distance of each wheel from the origin.
-        wheel_angles_deg: Where each wheel sits, counter-clockwise from x; it drives counter-clockwise.
+        wheel_angles_deg: Angle of each wheel, counter-clockwise from x; positive speed is counter-clockwise.
     """
 
     kinematics: Literal["omni3"]
@@ -48,7 +48,7 @@ class SkidSteerRoverSettings(Settings):
 
     Attributes:
         track_m: Distance between the left and the right wheels' contact patches. Skidding makes the
-            effective track wider than the drawing says: identify it by turning on the spot.
+            effective track wider than that of the drawing: identify it by turning on the spot.
     """
 
     kinematics: Literal["skid_steer_4"]
@@ -66,17 +66,17 @@ class FilterSettings(Settings):
 
     Attributes:
         position_noise_m_sqrt_m: Standard deviation of the position after one metre, from wheel slip.
-        unsure_position_noise_m_sqrt_m: The same where slip is compensated but flagged as not valid.
+        unsure_position_noise_m_sqrt_m: The same where the compensated slip is flagged as not valid.
         wheel_yaw_noise_rad_sqrt_rad: Of the wheels' yaw after turning by one radian.
         wheel_yaw_noise_rad_sqrt_m: Of the wheels' yaw after driving one metre.
         gyro_noise_rad_sqrt_s: Of the integrated gyro after one second (angle random walk).
         gyro_rate_noise_rad_s: Of one gyro reading.
         gyro_bias_rad_s: Of the gyro's bias at start.
         gyro_bias_walk_rad_s_sqrt_s: Of the bias' change within one second.
-        heading_noise_rad: Of one heading reading; larger where successive errors are alike.
-        heading_lag_s: How far the heading device lags behind the rover.
-        standstill_s: Wheels unmoved for this long mean that the rover stands.
-        gate_probability: Share of honest innovations that pass the gate.
+        heading_noise_rad: Of one heading reading; larger where successive errors are correlated.
+        heading_lag_s: Lag of the heading device.
+        standstill_s: The rover is at rest after its wheels have not moved for this time.
+        gate_probability: Share of correct measurements that pass the gate.
     """
 
     position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
@@ -94,17 +94,17 @@ class FilterSettings(Settings):
 
 
 class PathSettings(Settings):
-    """How a path is driven; the base of every mission.
+    """Path following; the base of every mission.
 
     Attributes:
         speed_m_s: Speed along the path away from corners.
         heading: `hold` keeps the heading at start, `along_path` looks ahead. A skid-steer rover can only do
             the latter.
-        position_tolerance_m: A corner or the end counts as reached this close before it, along the path.
-        lookahead_m: The rover steers to the point of the path this far ahead.
-        approach_gain_per_s: Speed per metre left to the next corner.
+        position_tolerance_m: A corner or the end is reached at this distance before it, along the path.
+        lookahead_m: The rover steers to the point of the path at this distance ahead.
+        approach_gain_per_s: Speed per remaining distance to the next corner.
         heading_gain_per_s: Yaw rate per radian of heading error.
-        yaw_rate_limit_rad_s: Greatest yaw rate asked for.
+        yaw_rate_limit_rad_s: Greatest commanded yaw rate.
     """
 
     speed_m_s: Annotated[float, Field(ge=0.005, le=3.0)] = 0.1
@@ -117,7 +117,7 @@ class PathSettings(Settings):
 
 
 class RectangleMission(PathSettings):
-    """A rectangle once around, counter-clockwise, the first side along x: back to the start."""
+    """A rectangle driven once, counter-clockwise, the first side along x, back to the start."""
 
     type: Literal["rectangle"]
     length_m: PathLength
@@ -144,10 +144,10 @@ MissionSettings: TypeAlias = Annotated[
 
 
 class LimitSettings(Settings):
-    """What the wheels may be asked for.
+    """Limits of the wheel set-points.
 
     Attributes:
-        wheel_speed_rad_s: Greatest set-point, either way.
+        wheel_speed_rad_s: Greatest magnitude of a set-point.
         wheel_acceleration_rad_s2: Greatest change of a set-point per second.
     """
 
@@ -172,7 +172,7 @@ class SafetySettings(Settings):
 
 
 class ControlSettings(Settings):
-    """The whole controller. Without a mission it only observes and the wheels get zero set-points.
+    """The whole controller. Without a mission it only observes, with zero set-points.
 
     Without `slip` (three omnidirectional wheels) or `scomp` (four wheels) the wheels are assumed to roll.
     """

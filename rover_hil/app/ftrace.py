@@ -46,7 +46,7 @@ def trace_angles(
         as_json: Print a summary as JSON.
 
     Raises:
-        ConfigError: Unknown method, a file is wrong, or the frames do not fit the rig.
+        ConfigError: The method is unknown, a file is invalid, or the frames do not fit the rig.
     """
     chosen = _method(method)
     rig = read_rig(rig_path)

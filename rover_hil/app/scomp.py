@@ -16,13 +16,13 @@ EXIT_OK = 0
 
 
 def run_scomp(log: Path, *, params: Path | None, out: Path, online: bool, as_json: bool) -> int:
-    """Estimate the path of `log`, write it to `out`, and say what was done without; returns the exit code.
+    """Estimate the path of `log` and write it to `out`; returns the exit code.
 
     Args:
         log: Our log or a CSV file.
         params: File by `rover-hil identify scomp`; defaults without.
         out: CSV file; an earlier one is replaced.
-        online: Each row as the rover knew it then.
+        online: Estimate each row from the rows before only.
         as_json: Print the summary as JSON.
 
     Raises:
@@ -60,7 +60,8 @@ def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:
     console = Console(highlight=False)
     console.print(
         f"end x {summary['x_m']:.3f} m, y {summary['y_m']:.3f} m, sigma {summary['sigma_x_m']:.3f} and "
-        f"{summary['sigma_y_m']:.3f} m; way {summary['way_m']:.2f} m; mean slip {summary['mean_slip']:.3f}"
+        f"{summary['sigma_y_m']:.3f} m; distance {summary['way_m']:.2f} m; "
+        f"mean slip {summary['mean_slip']:.3f}"
     )
     for note in notes:
         console.print(f"note: {note}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Telemetry beside the frames: a CSV file with one row per frame."""
+"""Telemetry of the frames: a CSV file with one row per frame."""
 
 import csv
 import math
@@ -14,7 +14,7 @@ SPEED = "wheel_speed_mps"
 
 @dataclass(frozen=True, slots=True)
 class TelemetryRow:
-    """What was measured at a frame: time, wheel speed and turn rates in SI units; None if not told."""
+    """Measurements at a frame: time, wheel speed and turn rates in SI units; None if missing."""
 
     t_s: float
     wheel_speed_m_s: float | None
@@ -28,7 +28,8 @@ def read_telemetry(path: Path) -> dict[int, TelemetryRow]:
     have empty cells. Others, like compass_deg, are not used.
 
     Raises:
-        ConfigError: The file cannot be read, a column is missing, a cell is no number, time goes backwards.
+        ConfigError: The file cannot be read, a column is missing, a cell is not a number, or time goes
+            backwards.
     """
     try:
         with path.open(encoding="utf-8", newline="") as stream:
@@ -36,7 +37,7 @@ def read_telemetry(path: Path) -> dict[int, TelemetryRow]:
             names = [name.strip() for name in reader.fieldnames or []]
             for name in NEEDED:
                 if name not in names:
-                    msg = f"{path} line 1 names no column '{name}': its columns must be frame,t,{SPEED},..."
+                    msg = f"{path} line 1 has no column '{name}': its columns must be frame,t,{SPEED},..."
                     raise ConfigError(msg)
             reader.fieldnames = names
             return _rows(path, reader)
@@ -60,8 +61,8 @@ def _rows(path: Path, reader: "csv.DictReader[str]") -> dict[int, TelemetryRow]:
         before = t_s
         rates = [_number(cells, name, place) for name in RATES]
         x, y, z = (None if rate is None else math.radians(rate) for rate in rates)
-        told = None if x is None or y is None or z is None else (x, y, z)
-        rows[int(frame)] = TelemetryRow(t_s, _number(cells, SPEED, place), told)
+        rates_rad_s = None if x is None or y is None or z is None else (x, y, z)
+        rows[int(frame)] = TelemetryRow(t_s, _number(cells, SPEED, place), rates_rad_s)
     return rows
 
 

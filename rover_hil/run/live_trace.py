@@ -20,10 +20,10 @@ class LiveTraceFinder:
 
     Args:
         rig: Content of the rig file.
-        camera: The camera that the rig is of.
+        camera: The camera of the rig.
 
     Raises:
-        ConfigError: The rig is wrong, or of pictures of another size than the camera's.
+        ConfigError: The rig is invalid, or its frames have another size than those of the camera.
     """
 
     def __init__(self, rig: Mapping[str, JsonValue], camera: CameraSettings) -> None:
@@ -33,7 +33,7 @@ class LiveTraceFinder:
             raise ConfigError(describe_validation_error("scomp.rig", error, rig)) from error
         size, wanted = (checked.image.width, checked.image.height), (camera.width, camera.height)
         if size != wanted:
-            msg = f"scomp.rig is of pictures of {size} pixels, the camera gives {wanted}: make them equal"
+            msg = f"scomp.rig has frames of {size} pixels, the camera gives {wanted}: make them equal"
             raise ConfigError(msg)
         self._estimator = TraceEstimator(checked.geometry(), TraceSettings())
         self._shape = size[::-1]
@@ -42,7 +42,7 @@ class LiveTraceFinder:
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
     ) -> TraceReading | None:
-        """Return what a frame says; None for one of another size, or not newer than the one before."""
+        """Return the trace in a frame; None for a frame of another size, or not newer than the last one."""
         t_ns = frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns
         if frame.image.shape[:2] != self._shape or (self._before_ns is not None and t_ns <= self._before_ns):
             return None

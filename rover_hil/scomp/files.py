@@ -1,4 +1,4 @@
-"""Logs in, parameters in and out, paths out."""
+"""Reading of drives and parameters, writing of parameters and paths."""
 
 import json
 import tomllib
@@ -21,7 +21,7 @@ HEADER = "t_s,x_m,y_m,heading_rad,slip,slip_angle_rad,sigma_x_m,sigma_y_m"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadDrive:
-    """A drive, what was left out of it, and the rover that the log describes; None for a CSV file."""
+    """A drive, notes on its data, and the rover of the log; None for a CSV file."""
 
     drive: Drive
     notes: tuple[str, ...]
@@ -32,7 +32,7 @@ def read_drive(path: Path) -> ReadDrive:
     """Read one of our logs (`.mcap`) or a CSV file.
 
     Raises:
-        LogError: It cannot be read, lacks wheels, or its time does not rise.
+        LogError: It cannot be read, has no wheels, or its time does not increase.
     """
     if path.suffix == ".mcap":
         columns, rover = read_log_columns(path)
@@ -49,7 +49,7 @@ def read_parameters(path: Path) -> ScompParameters:
     """Return the parameters in a file.
 
     Raises:
-        ConfigError: It cannot be read, or holds something wrong; the message names the key.
+        ConfigError: It cannot be read or has an invalid value; the message names the key.
     """
     table: dict[str, object] = {}
     try:
@@ -61,7 +61,7 @@ def read_parameters(path: Path) -> ScompParameters:
     except ValidationError as error:
         raise ConfigError(describe_validation_error(str(path), error, table)) from error
     except ValueError as error:
-        msg = f"parameters {path} are no valid TOML: {error}; make them with `rover-hil identify scomp`"
+        msg = f"parameters {path} are not valid TOML: {error}; make them with `rover-hil identify scomp`"
         raise ConfigError(msg) from error
 
 

@@ -1,4 +1,4 @@
-"""Read drives and true paths from CSV files: one header line of names, numbers, empty cells for nothing."""
+"""Reader of drives and true paths in CSV files: a header line, numbers, empty cells for missing ones."""
 
 import csv
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def read_columns(path: Path, wanted: Sequence[str]) -> tuple[dict[str, Array], l
     """Return those of the wanted columns that a file has, and the names of its other columns.
 
     Raises:
-        LogError: The file cannot be read, has no data, a name twice, or a cell that is no number.
+        LogError: The file cannot be read, has no data, a name twice, or a cell that is not a number.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
@@ -41,7 +41,7 @@ def read_columns(path: Path, wanted: Sequence[str]) -> tuple[dict[str, Array], l
         raise LogError(msg)
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
-            msg = f"{path} row {number} has {len(row)} cells, the header has {len(names)}: mend the row"
+            msg = f"{path} row {number} has {len(row)} cells, the header has {len(names)}: correct the row"
             raise LogError(msg)
     columns = {
         name: _numbers([row[index] for row in rows[1:]], f"{path}, column '{name}'")
@@ -55,7 +55,7 @@ def read_truth(path: Path) -> TruePath:
     """Return a true path; columns beyond t_s, x_m, y_m, psi_rad have no effect.
 
     Raises:
-        LogError: The file cannot be read, lacks a column, has an empty cell, or its time does not rise.
+        LogError: The file cannot be read, a column or a cell is missing, or its time does not increase.
     """
     columns, _ = read_columns(path, TRUTH)
     for name in TRUTH:
@@ -64,10 +64,10 @@ def read_truth(path: Path) -> TruePath:
             raise LogError(msg)
         empty = np.flatnonzero(~np.isfinite(columns[name]))
         if empty.size:
-            msg = f"{path}, column '{name}': row {empty[0] + 2} holds no finite number: leave the row out"
+            msg = f"{path}, column '{name}': row {empty[0] + 2} is not a finite number: leave the row out"
             raise LogError(msg)
     if not (np.diff(columns["t_s"]) > 0.0).all():
-        msg = f"{path}: the time goes backwards or stands: sort the rows"
+        msg = f"{path}: the time does not increase: sort the rows"
         raise LogError(msg)
     return TruePath(
         t_s=columns["t_s"], x_m=columns["x_m"], y_m=columns["y_m"], psi_rad=np.unwrap(columns["psi_rad"])
@@ -80,6 +80,6 @@ def _numbers(cells: Sequence[str], where: str) -> Array:
         try:
             numbers[index] = float(WORDS.get(cell.strip().lower(), cell))
         except ValueError:
-            msg = f"{where}, row {index + 2}: '{cell}' is no number; write a number or leave the cell empty"
+            msg = f"{where}, row {index + 2}: '{cell}' is not a number; correct it or leave the cell empty"
             raise LogError(msg) from None
     return np.where(np.isfinite(numbers), numbers, np.nan)

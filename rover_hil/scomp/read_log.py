@@ -22,7 +22,7 @@ Rows = dict[str, list[tuple[float, float]]]
 
 
 class _Samples(BaseModel):
-    """What a cycle's samples tell about the motion."""
+    """Samples of a cycle that are used."""
 
     wheels: list[WheelSample] = Field(default=[], alias="WheelSample")
     headings: list[HeadingSample] = Field(default=[], alias="HeadingSample")
@@ -35,7 +35,7 @@ class _Drift(BaseModel):
 
 
 class _Estimate(BaseModel):
-    """What a cycle told of the trace."""
+    """Output of a cycle that is used."""
 
     drift: _Drift | None = None
 
@@ -43,11 +43,11 @@ class _Estimate(BaseModel):
 def read_log_columns(path: Path) -> tuple[dict[str, Array], RoverGeometry]:
     """Return a log as columns in the units of the CSV files, a row per position of the first wheel.
 
-    The heading is that of the first heading device, the rate that of the gyro. Nose and left side up are
-    positive. The trace angles are those that the run itself found in its frames.
+    The heading is that of the first heading device, the rate that of the gyro. Raised nose and left side are
+    positive. The trace angles are those that the run found in its frames.
 
     Raises:
-        LogError: The log is damaged, of another kind of rover, or lacks wheel positions.
+        LogError: The log is damaged, of another kind of rover, or has no wheel positions.
     """
     log = LogReader(path)
     with restore_config(log) as config:
@@ -98,7 +98,7 @@ def _take_trace(estimate: _Estimate, rows: Rows) -> None:
 
 
 def _assemble(rows: Rows, start_ns: int) -> dict[str, Array]:
-    """Put each sample into the first row at or after its time; wheels and angles between two are linear."""
+    """Put each sample into the first row at or after its time; interpolate wheels and angles linearly."""
     t_ns = np.unique([t for t, _ in rows["enc1_rad"]])
     columns = {"t_s": (t_ns - start_ns) / 1e9}
     for name, pairs in rows.items():

@@ -120,7 +120,7 @@ def test_frames_that_do_not_fit_are_not_looked_at() -> None:
 
 
 def test_a_rig_of_another_camera_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"pictures of \(640, 480\) pixels, the camera gives \(320, 480\)"):
+    with pytest.raises(ConfigError, match=r"frames of \(640, 480\) pixels, the camera gives \(320, 480\)"):
         finder(width=320)
 
 
