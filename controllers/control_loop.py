@@ -26,21 +26,21 @@ from drivers.samples import Sample, WheelCommand
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepOutput:
-    """All that one cycle computed.
+    """Output of one cycle.
 
     Attributes:
         t_ns: Time of the cycle.
-        mode: What the controller does.
-        reason: Why the rover stands; empty while nothing is wrong.
-        estimate: The filter's pose.
-        odometry: The pose of the wheels alone.
-        odometry_rebases: How often the odometry lost its base, each time with the motion meanwhile.
-        innovations: What each measurement of this cycle said against the estimate.
+        mode: State of the controller.
+        reason: Why the rover is stopped; empty while it may move.
+        estimate: Pose of the filter.
+        odometry: Pose of the wheels alone.
+        odometry_rebases: Number of times the odometry lost its base, together with the motion in between.
+        innovations: Innovation of each measurement of this cycle.
         command: Wheel set-points to send; zeros unless the mode is RUNNING.
-        limit: Which limit the set-points met.
+        limit: Limit that the set-points reached.
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
-        slip: Slip of the wheels; None without slip compensation, and where no fresh motion of them is known.
-        drift: Slip and slip angle of the rover; None without compensation by trace and tilt, and likewise.
+        slip: Slip of the wheels by effort; None without this compensation, or without fresh motion.
+        drift: Slip of the rover by sComp; None without it, or without fresh motion.
     """
 
     t_ns: int
@@ -63,10 +63,10 @@ class ControlLoop:
     The same inputs give the same outputs, bit for bit. No sample makes `step` raise.
 
     Args:
-        settings: Rover, noise, mission, limits and safety. Without a mission it observes: no device is
-            required and the wheels get zero set-points.
-        roles: Which device is what.
-        finder: Of the trace in the frames of `roles.camera`; None when they are not looked at.
+        settings: Rover, noise, mission, limits and safety. Without a mission the controller observes: no
+            device is required and the set-points are zero.
+        roles: Roles of the devices.
+        finder: Finds the trace in the frames of `roles.camera`; None without a camera.
 
     Raises:
         ConfigError: The mission does not fit the rover, or the wheel device is not required although there is
@@ -103,8 +103,7 @@ class ControlLoop:
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
         """Run one cycle at `now_ns` with the samples that arrived since the last one, in order of arrival."""
         for sample in samples:
-            # What is here has arrived: a stamp from the future must neither look fresh for long nor block
-            # the samples that follow.
+            # A stamp from the future must neither stay fresh for long nor block the samples that follow.
             t_ns = min(sample.t_ns, now_ns)
             self._supervisor.observe(sample, t_ns)
             self._estimator.take(sample, t_ns)

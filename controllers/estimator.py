@@ -1,4 +1,4 @@
-"""From samples to the estimated pose."""
+"""Estimate of the pose from samples."""
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator
@@ -32,8 +32,8 @@ class Estimator:
         slip: Removes slip from the wheels' motion; None where the wheels are assumed to roll.
 
     Attributes:
-        odometry: The wheels' own account.
-        motion_ns: Time of the wheel positions that the pose stands on; None before the first motion.
+        odometry: Wheel odometry.
+        motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
     """
 
     def __init__(
@@ -74,15 +74,15 @@ class Estimator:
         elif isinstance(sample, PoseFixSample):
             self._fixes.add(sample, t_ns)
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
-            # The codec counts turns afresh after a break.
+            # After a break the codec counts turns from zero.
             self.odometry.rebase()
 
     def advance(self, now_ns: int, set_speed_rad_s: tuple[float, ...] = ()) -> tuple[Innovation, ...]:
-        """Bring the estimate up to the samples taken; return what the corrections said.
+        """Update the estimate with the samples taken; return the innovations of the corrections.
 
         Args:
             now_ns: Time of the cycle.
-            set_speed_rad_s: What the wheels were told to do since the last cycle; needed with slip only.
+            set_speed_rad_s: Set-points of the wheels since the last cycle; needed with slip only.
         """
         increment = self.odometry.take()
         if increment is not None and self._slip is not None:
@@ -125,11 +125,11 @@ class Estimator:
         )
 
     def _turn(self, increment: BodyIncrement, now_ns: int, is_still: bool) -> Turn:
-        """Choose who says how far the rover turned.
+        """Choose the source of the turn.
 
-        While the gyro is fresh but has nothing new since the last increment, the wheels' turn is kept back:
-        it is neither lost if the gyro stays silent nor counted twice if it speaks. At standstill the wheels
-        win: the gyro would only add its noise.
+        While the gyro is fresh but has no new reading since the last increment, the wheels' turn is held
+        back: it is not lost if the gyro fails, and not counted twice if it has a reading. At standstill the
+        wheels are used: the gyro would only add its noise.
         """
         self._wheel_turn_rad += increment.turn_rad
         angle_rad, covered_s = self._gyro.take()
@@ -162,7 +162,7 @@ class Estimator:
             self._headings.append((sample, t_ns))
 
     def _is_usable(self, heading_ns: int) -> bool:
-        """Say whether the motion is known well enough up to a heading to compare it with the yaw."""
+        """Return whether the motion is known recently enough to compare a heading with the yaw."""
         if self.motion_ns is None:
             return True
         return heading_ns - self.motion_ns <= nanoseconds(self._roles.motion_age_s)

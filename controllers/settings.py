@@ -18,7 +18,7 @@ OLD_SCOMP_KEY = "trace_slip"
 
 
 class ControlSettings(Settings):
-    """The whole controller. Without a mission it only observes and the wheels get zero set-points.
+    """The whole controller. Without a mission it only observes, with zero set-points.
 
     Without `slip` (three omnidirectional wheels) or `scomp` (four wheels) the wheels are assumed to
     roll.

@@ -64,7 +64,8 @@ def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:
     console = Console(highlight=False)
     console.print(
         f"end x {summary['x_m']:.3f} m, y {summary['y_m']:.3f} m, sigma {summary['sigma_x_m']:.3f} and "
-        f"{summary['sigma_y_m']:.3f} m; way {summary['way_m']:.2f} m; mean slip {summary['mean_slip']:.3f}"
+        f"{summary['sigma_y_m']:.3f} m; distance {summary['way_m']:.2f} m; "
+        f"mean slip {summary['mean_slip']:.3f}"
     )
     for note in notes:
         console.print(f"note: {note}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Pictures of what was found: trace and angle drawn into the frames."""
+"""Overlay: trace and angle drawn into the frames."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ VIDEOS = {".mp4": "mp4v", ".avi": "MJPG"}
 FOUND, KEPT = (0, 220, 0), (0, 160, 255)
 LETTERS = cv2.FONT_HERSHEY_SIMPLEX
 TEXT_ROWS = 32
-"""Darkened, so that the text stands out on any ground."""
+"""Darkened, so that the text is readable on any ground."""
 
 
 class OverlayWriter:
@@ -57,7 +57,7 @@ class OverlayWriter:
 
 
 def draw(grey: Image, angle: TraceAngle, rig: RigGeometry, width_m: float) -> Image:
-    """Return the frame with the trace's edges, green when seen and orange when kept, and its angle."""
+    """Return the frame with the edges of the trace, green if detected and orange if kept, and its angle."""
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     text = "no trace"
     if angle.theta_rad is not None and angle.distance_m is not None:

@@ -1,4 +1,4 @@
-"""Logs in, parameters in and out, paths out."""
+"""Reading of drives and parameters, writing of parameters and paths."""
 
 import json
 import tomllib
@@ -35,7 +35,7 @@ def read_drive(path: Path) -> ReadDrive:
     """Read one of our logs (`.mcap`) or a CSV file.
 
     Raises:
-        LogError: It cannot be read, lacks wheels, or its time does not rise.
+        LogError: It cannot be read, has no wheels, or its time does not increase.
     """
     if path.suffix == ".mcap":
         recorded = read_log(path, with_traces=True)
@@ -53,7 +53,7 @@ def read_parameters(path: Path) -> ScompParameters:
     """Return the parameters in a file.
 
     Raises:
-        ConfigError: It cannot be read, or holds something wrong; the message names the key.
+        ConfigError: It cannot be read or has an invalid value; the message names the key.
     """
     table: dict[str, object] = {}
     try:
@@ -65,7 +65,7 @@ def read_parameters(path: Path) -> ScompParameters:
     except ValidationError as error:
         raise ConfigError(describe_validation_error(str(path), error, table)) from error
     except ValueError as error:
-        msg = f"parameters {path} are no valid TOML: {error}; make them with `rover-hil identify scomp`"
+        msg = f"parameters {path} are not valid TOML: {error}; make them with `rover-hil identify scomp`"
         raise ConfigError(msg) from error
 
 

@@ -24,12 +24,12 @@ START_AGREES_UNCALIBRATED_RAD = math.radians(10.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """A path by the pose estimator.
+    """A path by the sComp filter.
 
     Attributes:
         innovations: Of every correction, in order.
         learnt: First and second parameter of the slip law at the end, and their standard deviations.
-        notes: What was done without, and what was decided, one sentence each.
+        notes: Missing sensors and decisions, one sentence each.
     """
 
     track: Track
@@ -45,13 +45,13 @@ def estimate_track(
     *,
     online: bool = False,
 ) -> Result:
-    """Return the path by the pose estimator, one estimate for each row of the drive.
+    """Return the path by the sComp filter, one estimate for each row of the drive.
 
     Args:
         drive: The log; sensors may be missing.
         parameters: Rover, ground and sensors.
-        progress: Called now and then with the number of rows done.
-        online: Each row as the rover knew it then, instead of by the whole drive. The last row is the same.
+        progress: Called from time to time with the number of rows done.
+        online: Estimate each row from the rows before, not from the whole drive. The last row is the same.
 
     Raises:
         ModelError: Fewer than two rows.
@@ -116,10 +116,10 @@ def _track(
 
 
 def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[StartHeading, tuple[str, ...]]:
-    """Return what is known of the heading at start, and a note on it.
+    """Return the heading at start, and a note on it.
 
-    The frame of the path is that of the pose at start, x ahead, unless the parameters come from a truth in
-    another frame, or the compass, whose offset they know, contradicts it.
+    The frame of the path is the pose at start, x ahead, unless the parameters are from a truth in another
+    frame, or a compass with a known offset contradicts it.
     """
     compass = parameters.compass
     reading = _first(drive.compass_rad)
@@ -129,7 +129,7 @@ def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[StartHeadi
     agrees_rad = START_AGREES_UNCALIBRATED_RAD if compass.offset_rad is None else START_AGREES_RAD
     if parameters.starts_along_x and abs(by_compass) < agrees_rad:
         return StartHeading(heading_rad=0.0, standard_deviation_rad=START_CERTAIN_RAD), ()
-    words = f"the heading at start is the compass', {math.degrees(by_compass):.1f} deg"
+    words = f"the heading at start is that of the compass, {math.degrees(by_compass):.1f} deg"
     return StartHeading(heading_rad=by_compass, standard_deviation_rad=None), (words,)
 
 
@@ -174,37 +174,37 @@ def _motion(drive: Drive, parameters: ScompParameters, index: int) -> Motion:
 
 
 def _missing(drive: Drive) -> list[str]:
-    """Say what the drive lacks and what is then done."""
+    """Return a note for each missing sensor, with its replacement."""
     notes: list[str] = []
     if drive.gyro_rad_s is None and drive.compass_rad is None:
-        notes.append("no gyro and no compass: the heading turns with the difference of the wheels alone")
+        notes.append("no gyro and no compass: the heading follows the difference of the wheels alone")
     elif drive.gyro_rad_s is None:
-        notes.append("no gyro: the heading turns with the wheels and follows the compass")
+        notes.append("no gyro: the heading follows the wheels and the compass")
     elif drive.compass_rad is None:
-        notes.append("no compass: the heading is the gyro's, and drifts with its bias")
+        notes.append("no compass: the heading is that of the gyro, and drifts with its bias")
     if drive.pitch_rad is None:
         notes.append("no pitch: the two-segment slip law is used; it ignores the slope")
     if drive.roll_rad is None:
-        notes.append("no roll: nothing is expected of the slip angle, it is the trace's")
+        notes.append("no roll: the slip angle is that of the trace")
     if drive.trace_rad is None and drive.roll_rad is None:
-        notes.append("no trace either: the slip angle is taken for zero")
+        notes.append("no trace either: the slip angle is assumed zero")
     elif drive.trace_rad is None:
-        notes.append("no trace: the slip angle is what the roll makes expect")
+        notes.append("no trace: the slip angle is the one expected from the roll")
     return notes
 
 
 def with_compass_sign(drive: Drive, parameters: ScompParameters) -> tuple[ScompParameters, tuple[str, ...]]:
-    """Return the parameters with the compass' sense of rotation, found by the gyro where nobody told it."""
+    """Return the parameters with the sign of the compass, found by the gyro where it is unknown."""
     if parameters.compass.sign is not None or drive.compass_rad is None:
         return parameters, ()
     clockwise = drive.gyro_rad_s is not None and _turns_clockwise(drive, drive.gyro_rad_s, drive.compass_rad)
     compass = parameters.compass.model_copy(update={"sign": -1 if clockwise else 1})
-    notes = ("the compass turns against the gyro: it is read as clockwise",) if clockwise else ()
+    notes = ("the compass turns against the gyro: it is positive clockwise",) if clockwise else ()
     return parameters.model_copy(update={"compass": compass}), notes
 
 
 def _turns_clockwise(drive: Drive, rate_rad_s: Array, readings_rad: Array) -> bool:
-    """Say whether minus the compass agrees with the gyro better; both may drift by a constant rate."""
+    """Return whether the negative compass agrees better with the gyro; constant drifts do not matter."""
     new = np.isfinite(readings_rad)
     steps = np.diff(drive.t_s, prepend=drive.t_s[0]) * rate_rad_s
     turned, t_s, compass = np.cumsum(steps)[new], drive.t_s[new], readings_rad[new]
@@ -213,8 +213,8 @@ def _turns_clockwise(drive: Drive, rate_rad_s: Array, readings_rad: Array) -> bo
     trend = np.column_stack([np.ones_like(t_s), t_s])
     turned = turned - trend @ np.linalg.lstsq(trend, turned, rcond=None)[0]
     compass = compass - trend @ np.linalg.lstsq(trend, compass, rcond=None)[0]
-    likeness = float(turned @ compass) / math.sqrt(float(turned @ turned) * float(compass @ compass) + 1e-30)
-    return likeness < -0.5
+    size2 = float(turned @ turned) * float(compass @ compass)
+    return float(turned @ compass) / math.sqrt(size2 + 1e-30) < -0.5
 
 
 def _first(values: Array | None) -> float | None:

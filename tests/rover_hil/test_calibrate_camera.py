@@ -189,7 +189,7 @@ def test_a_calibration_is_never_overwritten(charuco: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("text", "named"), [("{", "no valid JSON"), ("[]", "object"), ("{}", "vehicle_frame")]
+    ("text", "named"), [("{", "not valid JSON"), ("[]", "object"), ("{}", "vehicle_frame")]
 )
 def test_a_wrong_rover_file(tmp_path: Path, text: str, named: str, charuco: Path) -> None:
     found = calibrate(charuco / "views", charuco / "ground.png", board_of("charuco"), GROUND)

@@ -36,16 +36,26 @@ Array = NDArray[np.float64]
 
 CERTAIN = 1e-10
 UNKNOWN_RAD2 = 10.0
+
+# Chosen by hand; what a drive determines is in `parameters`.
 SLOWEST_M_S = 0.01
+"""Below this speed a trace has no direction."""
 STANDSTILL_RAD_S = 0.02
+"""Wheels that turn more slowly are at rest."""
 RATE_MEMORY_S = 0.3
+"""Time constant of the yaw rate that the trace is compared with."""
 TRACE_GRAIN_RAD = math.radians(0.3)
+"""White noise of a trace angle."""
 MOST_TRACE_REJECTIONS = 2
 MOST_COMPASS_REJECTIONS = 20
 WIDENED_BIAS_RAD_S = math.radians(0.1)
+"""Standard deviation added to the gyro's bias after that many rejections of the compass."""
 GATE = 0.9995
+"""A measurement is rejected when its NIS exceeds this quantile of chi-square."""
 TILT_MEMORY_S = 0.5
+"""Time constant of the low-pass on pitch and roll."""
 START_CERTAIN_RAD = math.radians(0.05)
+"""Standard deviation of a heading at start that defines the frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -21,8 +21,11 @@ residual of the slip angle beyond the roll's share, and its rate; correlated and
 gain of the roll; the two parameters of the slip law."""
 ANGLES = (YAW, LAGGED, OFFSET)
 
+# Chosen by hand.
 WHEEL_WALK_RAD_SQRT_S = math.radians(1.0)
+"""Noise of the yaw by the wheels."""
 FIRST_WALK_SQRT_M = 0.004
+"""Change of the slip law's first parameter per square root of distance."""
 LARGEST_DRIFT_RAD = 1.3
 
 
