@@ -1,7 +1,11 @@
 """Effects that may be missing in the odometry of a Robotino under an overhead camera: one card each."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import numpy as np
 
+from sim_backends.models.drive_effects import GYRO_SCALE, encoder_dropouts, gyro_bias
+from sim_backends.models.interface import Array, EffectCard, Values, parameter
+
+MOST_SLIP = 0.98
 PAPER = "Slippage compensation of a Robotino (paper 003)"
 
 
@@ -66,19 +70,11 @@ UNEVEN_WHEEL = EffectCard(
     experiment="drive straight in the direction that the wheel pulls most",
     source="wear",
 )
-DROPOUTS = EffectCard(
-    name="encoder_dropouts",
-    sentence="The counter of one wheel loses ticks, perhaps only when they come too fast.",
-    place="encoder of one wheel",
-    parameters=(
-        parameter("share", "1", 0.0, 0.05, 0.0, 0.9, "ticks lost above the onset"),
-        parameter("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
-        parameter("onset", "rad/s", 2.0, 1.0, 0.0, 20.0, "wheel speed above which they are lost"),
-    ),
-    shape_grid={"wheel": (1.0, 2.0, 3.0), "onset": (0.0, 2.0, 4.0, 6.0)},
-    claims=("one wheel", "the wheel seems slower than it is, never faster", "none below the onset"),
-    experiment="the wheel off the ground, slow and fast",
-    source="interrupts missed by a counter",
+DROPOUTS = encoder_dropouts(
+    3,
+    "which one",
+    parameter("onset", "rad/s", 2.0, 1.0, 0.0, 20.0, "wheel speed above which they are lost"),
+    (0.0, 2.0, 4.0, 6.0),
 )
 LATENCY = EffectCard(
     name="latency",
@@ -90,6 +86,13 @@ LATENCY = EffectCard(
     source="exposure, transfer and search for the marker",
     releases="camera_age_s",
 )
+
+
+def radius_error(values: Values, wheel: int) -> float:
+    """Return the relative error of the radius of one wheel by `UNEVEN_WHEEL`."""
+    return values["error"] if round(values["wheel"]) == wheel else 0.0
+
+
 WHEEL_SLIP = EffectCard(
     name="wheel_slip",
     sentence="A wheel slips on the ground in proportion to its pull, which its current above idle tells.",
@@ -107,7 +110,15 @@ WHEEL_SLIP = EffectCard(
     experiment="the same drive with a load on the rover",
     source=f"{PAPER}: effective over actual speed falls linearly with current, no-load current apart",
 )
-SIDE_SLIP = EffectCard(
+
+
+def wheel_slip(values: Values, current_a: Array, idle_current_a: float, surface: float) -> Array:
+    """Return the slip of a wheel by `WHEEL_SLIP`."""
+    gain = values["gain"] if round(values["surface"]) in (0, round(surface)) else 0.0
+    return np.minimum(gain * np.maximum(current_a - idle_current_a, 0.0), MOST_SLIP)
+
+
+TURN_SCRUB = EffectCard(
     name="turn_scrub",
     sentence="Rollers scrub when the rover turns, and eat a share of the turn.",
     place="contact of wheel and ground",
@@ -115,24 +126,6 @@ SIDE_SLIP = EffectCard(
     claims=("turns fall short both ways", "straight drives do not change"),
     experiment="full turns on the spot on two surfaces",
     source="width of the contact patch",
-)
-GYRO_BIAS = EffectCard(
-    name="gyro_bias",
-    sentence="The gyro shows a rate at rest.",
-    place="gyro",
-    parameters=(parameter("rate", "rad/s", 0.0, 0.01, -0.5, 0.5, "shown at rest"),),
-    claims=("the same at every rate", "wheels and camera do not know of it"),
-    experiment="log at rest",
-    source="micromechanical gyro",
-)
-GYRO_SCALE = EffectCard(
-    name="gyro_scale",
-    sentence="The gyro shows too much or too little of every rate.",
-    place="gyro",
-    parameters=(parameter("error", "1", 0.0, 0.02, -0.5, 0.5, "shown over true rate, less one"),),
-    claims=("in proportion to the rate, both ways",),
-    experiment="ten full turns",
-    source="data sheets tell 1 to 3 %",
 )
 EFFECTS = (
     WHEEL_RADIUS,
@@ -143,7 +136,7 @@ EFFECTS = (
     DROPOUTS,
     LATENCY,
     WHEEL_SLIP,
-    SIDE_SLIP,
-    GYRO_BIAS,
+    TURN_SCRUB,
+    gyro_bias("rad/s", 0.01, 0.5),
     GYRO_SCALE,
 )

@@ -10,9 +10,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim_backends.models.delay import earlier
+from sim_backends.models.drive_effects import true_wheel_speed
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.robotino_drive.effects import EFFECTS
+from sim_backends.models.robotino_drive.effects import EFFECTS, radius_error, wheel_slip
 
 WHEELS = (1, 2, 3)
 RADIUS_M = 0.04
@@ -29,7 +30,6 @@ CHANNELS = (
     Channel(name="turn_rad_s", unit="rad/s"),
     Channel(name=GYRO, unit="rad/s", is_optional=True),
 )
-MOST_SLIP = 0.98
 
 
 PARAMETERS = (
@@ -115,20 +115,14 @@ def _ways(run: Run, base: Values, active: Mapping[str, Values]) -> Array:
     """Return the ways of the wheels over the ground per second: wheels x windows."""
     radius_m = run.conditions.get("wheel_radius_m", RADIUS_M)
     radius_m *= 1.0 + base["radius_error"] + active["wheel_radius"]["error"]
-    uneven = [base["wheel_1_error"], base["wheel_2_error"], 0.0]
-    uneven[round(active["uneven_wheel"]["wheel"]) - 1] += active["uneven_wheel"]["error"]
-    lost = active["encoder_dropouts"]
-    slip = active["wheel_slip"]
-    gain = slip["gain"] if round(slip["surface"]) in (0, round(run.conditions["surface"])) else 0.0
+    base_errors = (base["wheel_1_error"], base["wheel_2_error"], 0.0)
     ways = []
-    for index, wheel in enumerate(WHEELS):
-        turned = run.inputs[f"wheel_{wheel}_rad_s"]
-        if round(lost["wheel"]) == wheel and lost["share"] > 0.0:
-            # What is counted above the onset is what is left of the true speed.
-            turned = np.where(np.abs(turned) > lost["onset"], turned / (1.0 - lost["share"]), turned)
-        pulls_a = np.maximum(run.inputs[f"current_{wheel}_a"] - base["idle_current_a"], 0.0)
-        slips = np.minimum(gain * pulls_a, MOST_SLIP)
-        ways.append(radius_m * (1.0 + uneven[index]) * (1.0 - slips) * turned)
+    for wheel, base_error in zip(WHEELS, base_errors, strict=True):
+        turned = true_wheel_speed(active["encoder_dropouts"], wheel, run.inputs[f"wheel_{wheel}_rad_s"])
+        current_a, surface = run.inputs[f"current_{wheel}_a"], run.conditions["surface"]
+        slips = wheel_slip(active["wheel_slip"], current_a, base["idle_current_a"], surface)
+        error = base_error + radius_error(active["uneven_wheel"], wheel)
+        ways.append(radius_m * (1.0 + error) * (1.0 - slips) * turned)
     return np.stack(ways)
 
 

@@ -1,8 +1,14 @@
 """Effects that may be missing in a gear motor behind a speed loop: one card each. SI units at the motor."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import math
+
+import numpy as np
+from numba import njit
+
+from sim_backends.models.interface import Array, EffectCard, Values, parameter
 
 DATA_SHEET = "Dunkermotoren GR 42x25"
+SECONDS_PER_HOUR = 3600.0
 COPPER_PER_K = 0.0039
 """Rise of the resistance of copper with temperature."""
 
@@ -56,6 +62,26 @@ ASYMMETRIC = EffectCard(
     experiment="the same speeds both ways",
     source="brush angle, helical gears",
 )
+
+
+@njit(cache=True)
+def dry_friction_nm(
+    speed: float, direction: float, torque: float, excess: float, fall: float, forward: float
+) -> float:
+    """Return the friction torque that does not vanish at rest, a magnitude.
+
+    Args:
+        speed: Of the motor, rad/s.
+        direction: +1 or -1, of the motion or of what pushes.
+        torque: By `COULOMB`.
+        excess: By `STRIBECK`.
+        fall: Speed at which the excess has fallen to 1/e, rad/s.
+        forward: By `ASYMMETRIC`.
+    """
+    dry = float(torque + excess * math.exp(-abs(speed) / fall))
+    return dry + max(0.0, direction * float(forward))
+
+
 HEAT = EffectCard(
     name="winding_heat",
     sentence="Current heats the winding, and warm copper resists more.",
@@ -85,6 +111,15 @@ SAG = EffectCard(
     experiment="load one motor and look at another",
     source="lead battery as voltage source with inner resistance",
 )
+
+
+def supply_share(values: Values, t_s: Array, others_current_a: Array, supply_v: float) -> Array:
+    """Return the share of its nominal voltage that the supply gives under the other motors, by `SAG`."""
+    charge_ah = np.concatenate(([0.0], np.cumsum(others_current_a[:-1] * np.diff(t_s)))) / SECONDS_PER_HOUR
+    share: Array = 1.0 - (values["per_amp"] * others_current_a + values["per_charge"] * charge_ah) / supply_v
+    return np.maximum(share, 0.0)
+
+
 DELAY = EffectCard(
     name="loop_delay",
     sentence="A set-point acts later than its turn in the cycle: bus and board take time.",
@@ -149,6 +184,14 @@ DEAD_ZONE = EffectCard(
     experiment="idle current at rest under a small output",
     source="saturation voltage of an H-bridge",
 )
+
+
+@njit(cache=True)
+def bridge_voltage_v(output: float, share: float, dropped: float) -> float:
+    """Return the voltage at the motor: an output, times the share of the supply, less that of `DEAD_ZONE`."""
+    return math.copysign(max(abs(output) * share - dropped, 0.0), output)
+
+
 CURRENT_OFFSET = EffectCard(
     name="current_offset",
     sentence="The current sensor shows some current where none flows.",

@@ -20,14 +20,19 @@ from numba import njit
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.robotino_motor.effects import COPPER_PER_K, EFFECTS
+from sim_backends.models.robotino_motor.effects import (
+    COPPER_PER_K,
+    EFFECTS,
+    bridge_voltage_v,
+    dry_friction_nm,
+    supply_share,
+)
 
 SUBSTEPS = 6
 MOST_STRETCHES = 4
 LASTING_ROWS = 5
 LEAST_OHM = 0.1
 """Below which a small base value and a large change together do not go."""
-SECONDS_PER_HOUR = 3600.0
 SPEED_STEP_RAD_S = 27.0 * math.tau / 60.0
 """Step of the board's speeds at the motor: 27 rpm."""
 CURRENT_STEP_A = 4.0 / 156.0
@@ -112,7 +117,8 @@ class RobotinoMotor:
             acting = _held(t_s, drive, active["loop_delay"]["time"], base["wait_share"])
         else:
             acting = np.interp(_middles(t_s), t_s, drive)
-        supply = _supply(run, t_s, base, active["battery_sag"])
+        others_a = run.inputs["others_current_a"]
+        supply = supply_share(active["battery_sag"], t_s, others_a, base["supply_v"])
         numbers = _numbers(base, active, is_loop=is_loop, integral=run.conditions["integral"])
         speed, current, brake = _simulate(t_s, acting, supply, numbers)
         if is_loop:
@@ -141,14 +147,6 @@ def _held(t_s: Array, drive: Array, delay_s: float, wait_share: float) -> Array:
     before = np.where(row > 0, drive[np.maximum(row - 1, 0)], 0.0)
     held: Array = np.where(row < 0, 0.0, before + done * (drive[known] - before))
     return held
-
-
-def _supply(run: Run, t_s: Array, base: Values, sag: Values) -> Array:
-    """Return the share of its nominal voltage that the supply gives under the load of the other motors."""
-    others = run.inputs["others_current_a"]
-    charge_ah = np.concatenate(([0.0], np.cumsum(others[:-1] * np.diff(t_s)))) / SECONDS_PER_HOUR
-    share: Array = 1.0 - (sag["per_amp"] * others + sag["per_charge"] * charge_ah) / base["supply_v"]
-    return np.maximum(share, 0.0)
 
 
 def _numbers(base: Values, active: Mapping[str, Values], *, is_loop: bool, integral: float) -> Array:
@@ -196,13 +194,6 @@ def _reading(run: Run, current: Array, offset_a: float) -> Array:
 
 
 @njit(cache=True)
-def _dry(speed: float, direction: float, numbers: Array) -> float:
-    """Return the friction torque that does not vanish at rest, a magnitude."""
-    dry = float(numbers[6] + numbers[8] * math.exp(-abs(speed) / numbers[9]))
-    return dry + max(0.0, direction * float(numbers[10]))
-
-
-@njit(cache=True)
 def _advance(speed: float, drive: float, share: float, resistance: float, h: float, numbers: Array) -> float:
     """Return the speed after `h`."""
     for _ in range(MOST_STRETCHES):
@@ -226,10 +217,10 @@ def _stretch(
         output, gain = math.copysign(supply, output), 0.0
         if stiffness > 0.0:
             free_speed = ((forward + stiffness) * drive - output) / stiffness
-    voltage = math.copysign(max(abs(output) * share - numbers[11], 0.0), output)
+    voltage = bridge_voltage_v(output, share, numbers[11])
     push = motor / resistance * (voltage - motor * speed)
     direction = math.copysign(1.0, speed) if speed != 0.0 else math.copysign(1.0, push)
-    dry = _dry(speed, direction, numbers)
+    dry = dry_friction_nm(speed, direction, numbers[6], numbers[8], numbers[9], numbers[10])
     if speed == 0.0 and abs(push) <= dry:
         return 0.0, 0.0
     damping = motor / resistance * (motor + gain * share) + numbers[7]
@@ -249,7 +240,7 @@ def _stretch(
 def _current(speed: float, drive: float, share: float, resistance: float, numbers: Array) -> float:
     output = numbers[4] * drive + numbers[3] * (drive - speed)
     output = min(max(output, -numbers[5]), numbers[5])
-    voltage = math.copysign(max(abs(output) * share - numbers[11], 0.0), output)
+    voltage = bridge_voltage_v(output, share, numbers[11])
     return float((voltage - numbers[0] * speed) / resistance)
 
 
@@ -278,7 +269,8 @@ def _simulate(t_s: Array, acting: Array, share: Array, numbers: Array) -> tuple[
         speed[row] = here
         if here != 0.0:
             direction = math.copysign(1.0, here)
-            brake[row] = direction * _dry(here, direction, numbers) + numbers[7] * here
+            dry = dry_friction_nm(here, direction, numbers[6], numbers[8], numbers[9], numbers[10])
+            brake[row] = direction * dry + numbers[7] * here
         load = brake[row] / numbers[0] if is_loop and here != 0.0 else current[row]
         if row > 0 and numbers[12] > 0.0:
             keep = math.exp(-(t_s[row] - t_s[row - 1]) / numbers[13])

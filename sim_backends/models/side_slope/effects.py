@@ -1,8 +1,12 @@
 """Effects that may be missing in the side-slope rover: one card each."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import math
+
+from sim_backends.models.interface import EffectCard, Values, parameter
+from sim_backends.models.side_slope.states import Build, Site, State
 
 REFERENCE_MASS_KG = 23.8
+USUAL_SLIP = 0.1
 PAPER = "Slope Traversability Analysis of Reconfigurable Planetary Rovers"
 
 
@@ -33,6 +37,15 @@ SLOPE_FAILURE = EffectCard(
     experiment="roll equal to slope on two slopes, and one traverse mirrored",
     source=f"{PAPER}, IV.C and figure 13: soil beneath the wheel moves downhill; the law is kinematics",
 )
+
+
+def flow_of_soil(values: Values, site: Site) -> tuple[float, float]:
+    """Return the speed of the soil downhill and backward over r omega by `SLOPE_FAILURE`."""
+    above = math.radians(max(site.slope_deg - values["onset"], 0.0))
+    down = values["gain"] * above * (site.mass_kg / REFERENCE_MASS_KG) ** values["load_exponent"]
+    return down, values["backward_share"] * down
+
+
 FRICTION_ANGLE = EffectCard(
     name="friction_angle",
     sentence="The soil's angle of internal friction is not the one of the tables.",
@@ -81,6 +94,14 @@ COG_OFFSET = EffectCard(
     experiment="static loads of the wheels on level ground and on a slope",
     source=f"{PAPER}, eqs 3 and 4, Table I",
 )
+
+
+def cog_shift_m(values: Values) -> tuple[float, float]:
+    """Return the shift of the centre of gravity uphill and up by `COG_OFFSET`."""
+    direction = math.radians(values["direction"])
+    return values["offset"] * math.cos(direction), values["offset"] * math.sin(direction)
+
+
 HEADING_DRIFT = EffectCard(
     name="heading_drift",
     sentence="The rover slowly turns, or creeps sideways faster and faster, while it travels, the more the "
@@ -101,6 +122,15 @@ HEADING_DRIFT = EffectCard(
     experiment="a longer traverse with a gyro or two markers",
     source=f"{PAPER}, IV.C: the heading drifted slightly downhill with the greater mass",
 )
+
+
+def drift_rate_deg_m(values: Values, site: Site) -> float:
+    """Return the turn of the rover uphill per metre by `HEADING_DRIFT`."""
+    steep = math.sin(math.radians(site.slope_deg)) / math.sin(math.radians(20.0))
+    load = (site.mass_kg / REFERENCE_MASS_KG) ** values["load_exponent"]
+    return float(values["rate"] * steep ** values["slope_exponent"] * load)
+
+
 HEADING_OFFSET = EffectCard(
     name="heading_offset",
     sentence="The rover was set down with its heading off the traverse, so that its weight also pulls "
@@ -164,6 +194,18 @@ SLIP_SINKAGE = EffectCard(
     experiment="drawbar at rising slip with the sinkage watched",
     source="Reece 1965, slip sinkage in proportion to slip",
 )
+
+
+def dug_in(state: State, build: Build, values: Values) -> State:
+    """Return a state with the sinkage that `SLIP_SINKAGE` adds beyond its part in the contact."""
+    slip = max(1.0 - state.forward * build.radius_m / (build.radius_m + build.shearing_m), 0.0)
+    deeper_m = values["depth_per_slip"] * USUAL_SLIP * (slip / USUAL_SLIP) ** values["exponent"]
+    more_m = deeper_m - build.slip_sinkage_m * slip
+    return state._replace(
+        sinkage_up_m=state.sinkage_up_m + more_m, sinkage_down_m=state.sinkage_down_m + more_m
+    )
+
+
 WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
     sentence="The wheels have another radius than the encoder speeds were turned into rim speeds with.",

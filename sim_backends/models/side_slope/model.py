@@ -13,7 +13,13 @@ import numpy as np
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.side_slope.effects import EFFECTS, REFERENCE_MASS_KG
+from sim_backends.models.side_slope.effects import (
+    EFFECTS,
+    cog_shift_m,
+    drift_rate_deg_m,
+    dug_in,
+    flow_of_soil,
+)
 from sim_backends.models.side_slope.states import Build, Site, SlopeStates, State
 
 NOMINAL_RADIUS_M = 0.097
@@ -72,7 +78,6 @@ PARAMETERS = (
     parameter("sinkage_zero_mm", "mm", 0.0, 0.2, -5.0, 5.0, "zero of the gauge of the ruts"),
     parameter("torque_scale", "1", 1.0, 0.01, 0.8, 1.2, "measured over true torque"),
 )
-USUAL_SLIP = 0.1
 LATE_WAY_M = np.linspace(START_SHARE * WAY_M, WAY_M, 36)
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
@@ -129,7 +134,7 @@ class SideSlope:
         state = self._states.state(build, site)
         path = _path(state, build, seen)
         bend = path[1] * late_bend(base["start_length_m"])
-        turn = drift_rate(drift, site) * MIDDLE_M
+        turn = drift_rate_deg_m(drift, site) * MIDDLE_M
         if turn != 0.0:
             body = drift["body_share"] * turn
             turned = build._replace(heading_deg=build.heading_deg + body)
@@ -138,28 +143,12 @@ class SideSlope:
             straight = path[1]
             path = _path(state, turned, seen._replace(creep_deg=seen.creep_deg + turn - body))
             bend += (path[1] - straight) / MIDDLE_M
-        return _measured(_dug_in(state, build, active["slip_sinkage"]), path, bend, base)
-
-
-def drift_rate(drift: Values, site: Site) -> float:
-    """Return how fast the rover turns uphill, deg/m."""
-    steep = (math.sin(math.radians(site.slope_deg)) / math.sin(math.radians(20.0))) ** drift["slope_exponent"]
-    return float(drift["rate"] * steep * (site.mass_kg / REFERENCE_MASS_KG) ** drift["load_exponent"])
-
-
-def _dug_in(state: State, build: Build, digging: Values) -> State:
-    """Return a state with what slip sinkage adds to the depth beyond the part that is in the contact."""
-    slip = max(1.0 - state.forward * build.radius_m / (build.radius_m + build.shearing_m), 0.0)
-    deeper_m = digging["depth_per_slip"] * USUAL_SLIP * (slip / USUAL_SLIP) ** digging["exponent"]
-    more_m = deeper_m - build.slip_sinkage_m * slip
-    return state._replace(
-        sinkage_up_m=state.sinkage_up_m + more_m, sinkage_down_m=state.sinkage_down_m + more_m
-    )
+        return _measured(dug_in(state, build, active["slip_sinkage"]), path, bend, base)
 
 
 def _build(base: Values, active: Mapping[str, Values]) -> Build:
-    cog, heading = active["cog_offset"], active["heading_offset"]
-    direction = math.radians(cog["direction"])
+    heading = active["heading_offset"]
+    lateral_m, height_m = cog_shift_m(active["cog_offset"])
     return Build(
         friction_angle_deg=base["friction_angle_deg"] + active["friction_angle"]["change"],
         shear_modulus_m=base["shear_modulus_m"] + active["shear_modulus"]["change"],
@@ -171,19 +160,18 @@ def _build(base: Values, active: Mapping[str, Values]) -> Build:
         radius_m=base["wheel_radius_m"] + active["wheel_radius"]["change"],
         shearing_m=active["grouser_radius"]["excess"],
         slip_sinkage_m=active["slip_sinkage"]["depth_per_slip"] * active["slip_sinkage"]["contact_share"],
-        cog_lateral_m=base["cog_lateral_m"] + cog["offset"] * math.cos(direction),
-        cog_height_m=base["cog_height_m"] + cog["offset"] * math.sin(direction),
+        cog_lateral_m=base["cog_lateral_m"] + lateral_m,
+        cog_height_m=base["cog_height_m"] + height_m,
         heading_deg=base["heading_deg"] + heading["offset"] * heading["body_share"],
     )
 
 
 def _seen(base: Values, active: Mapping[str, Values], site: Site) -> _Seen:
-    failure, heading, camera = active["slope_failure"], active["heading_offset"], active["camera_yaw"]
-    above = math.radians(max(site.slope_deg - failure["onset"], 0.0))
-    down = failure["gain"] * above * (site.mass_kg / REFERENCE_MASS_KG) ** failure["load_exponent"]
+    heading, camera = active["heading_offset"], active["camera_yaw"]
+    down, back = flow_of_soil(active["slope_failure"], site)
     return _Seen(
         flow_down=down,
-        flow_back=failure["backward_share"] * down,
+        flow_back=back,
         creep_deg=heading["offset"] * (1.0 - heading["body_share"]),
         camera_yaw_deg=base["camera_yaw_deg"] + camera["offset"],
         camera_slip_share=camera["slip_share"],

@@ -1,6 +1,11 @@
 """Effects that may be missing in the single wheel: one card each."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import math
+
+from sim_backends.models.interface import EffectCard, Values, parameter
+
+GRIP_M = 0.002
+"""Height of lugs that hold most of the soil between them."""
 
 LUGS = EffectCard(
     name="lugs",
@@ -11,6 +16,14 @@ LUGS = EffectCard(
     experiment="the same wheel with and without lugs",
     source="Longitudinal Slip versus Skid of Planetary Rovers' Wheels, eq 8",
 )
+
+
+def rim_friction_deg(values: Values, rim_deg: float, soil_deg: float) -> float:
+    """Return the friction angle of a rim by `LUGS`, which hold soil between them: soil shears on soil."""
+    grip = 1.0 - math.exp(-values["height"] / GRIP_M)
+    return rim_deg + grip * max(soil_deg - rim_deg, 0.0)
+
+
 SLIP_SINKAGE = EffectCard(
     name="slip_sinkage",
     sentence="A slipping wheel digs soil out from under itself and sinks deeper without bearing more.",
