@@ -209,7 +209,7 @@ def describe_model(
 def _number(
     item: Parameter, key: Key, fitted: Fit | None, intervals: Mapping[Key, tuple[float, float]]
 ) -> Number:
-    if fitted is None or key not in intervals:
+    if fitted is None or key not in {free.key for free in fitted.free}:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
     return Number(value=fitted.value(key), unit=item.unit, sd=fitted.standard_error(key), ci95=intervals[key])
 
