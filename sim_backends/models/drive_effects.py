@@ -57,7 +57,7 @@ GYRO_SCALE = EffectCard(
     sentence="The gyro shows too much or too little of every rate.",
     place="gyro",
     parameters=(parameter("error", "1", 0.0, 0.02, -0.5, 0.5, "shown over true rate, less one"),),
-    claims=("in proportion to the rate, both ways",),
+    claims=("in proportion to the rate, in both directions",),
     experiment="ten full turns",
     source="data sheets specify 1 to 3 %",
 )

@@ -122,7 +122,7 @@ def test_an_extended_model_predicts_what_was_fitted(found: Path) -> None:
         ("[parameters.rolling]", "[parameters.rollin]", "no such parameter"),
         ('unit = "deg/deg"', 'unit = "rad"', "unit is rad"),
         ("seed = 0", "seed = 0\nspeed = 3", "speed"),
-        ("[parameters.rolling]", "[parameters.rolling", "no TOML"),
+        ("[parameters.rolling]", "[parameters.rolling", "not a TOML"),
     ],
 )
 def test_a_wrong_model_file_is_told(found: Path, tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -171,7 +171,7 @@ def test_confirm_chooses_the_locked_runs(run: Run, tmp_path: Path) -> None:
         ("slip_angle_deg", "slip_angle_deg [rad]", "is in rad"),
         ("slip_angle_deg", "slip_angle", "channel slip_angle_deg is in no run"),
         ("roll_deg", "lean_deg", "no column 'roll_deg'"),
-        ("c1_p0_r1,10.0", "c1_p0_r1,steep", "is 'steep', no number"),
+        ("c1_p0_r1,10.0", "c1_p0_r1,steep", "is 'steep', not a number"),
         ("c1_p0_r1,10.0", "c1_p0_r1,", "slope_deg is nan"),
     ],
 )
@@ -216,7 +216,7 @@ def test_one_file_per_run(tmp_path: Path) -> None:
     ("name", "words"),
     [
         ("no-such-model", "there is no model"),
-        ("nowhere.py:make", "is the path right"),
+        ("nowhere.py:make", "check the path"),
         (CART.replace("make_cart", "make_cat"), "no function 'make_cat'"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Logs of this software as columns, for models that are compared with recorded drives."""
+"""Logs of this software as columns."""
 
 import math
 from collections import defaultdict
@@ -23,7 +23,7 @@ Rows = dict[str, list[tuple[float, float]]]
 
 LEAST_ROWS = 30
 CUT_COUNTS = 4
-"""An EA05 board leaves out the two lowest bits of a current."""
+"""An EA05 board omits the two lowest bits of a current."""
 HELD = "set"
 
 
@@ -75,7 +75,7 @@ def read_log(path: Path, name: str) -> DriveLog:
     """Return a log as columns, a row for each reading of the first wheel.
 
     Raises:
-        LogError: It cannot be read, or holds no drive.
+        LogError: It cannot be read, or contains no drive.
     """
     log = LogReader(path)
     with restore_config(log) as config:
@@ -89,7 +89,7 @@ def read_log(path: Path, name: str) -> DriveLog:
             raise LogError(f"{path} is damaged: {message.topic} at {message.t_ns} ns: {problem}") from error
     first = rows.get("enc1_rad") or rows.get("speed1_rad_s") or []
     if len(first) < LEAST_ROWS:
-        raise LogError(f"log {path} holds {len(first)} readings of the first wheel: give the log of a drive")
+        raise LogError(f"log {path} holds {len(first)} readings of the first wheel: use the log of a drive")
     return DriveLog(
         name=name,
         columns=_assemble(rows, np.unique([t for t, _ in first]), log.start_ns),
@@ -141,7 +141,7 @@ def _take_attitude(samples: _Samples, config: Config, rows: Rows) -> None:
         if rate.device == roles.gyro:
             rows["gyro_z_deg_s"].append((rate.t_ns, math.degrees(rate.rate_z_rad_s)))
     for attitude in samples.attitudes:
-        # A sample counts nose down.
+        # Samples are positive nose down.
         if attitude.pitch_rad is not None:
             rows["pitch_deg"].append((attitude.t_ns, -math.degrees(attitude.pitch_rad)))
         if attitude.roll_rad is not None:
@@ -167,7 +167,7 @@ def _facts(config: Config) -> Mapping[str, float]:
 
 
 def _assemble(rows: Rows, t_ns: Array, start_ns: int) -> dict[str, Array]:
-    """Put all at the times of the rows: set-points hold, headings stay readings, the rest is linear."""
+    """Resample at the times of the rows: set-points hold, headings stay readings, others are interpolated."""
     columns = {"t_s": (t_ns - start_ns) / 1e9}
     for name, pairs in rows.items():
         times, values = np.array(sorted(pairs)).T

@@ -1,4 +1,4 @@
-"""What an analysis leaves behind: verdict, plan, model and report, in one folder."""
+"""Files of an analysis: verdict, plan, model and report, in one folder."""
 
 import json
 from pathlib import Path
@@ -27,9 +27,9 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> str
     """Write `verdict.json`, `plan.json`, `model.toml` and `report.html`.
 
     Args:
-        folder: Where to.
-        analysis: What was found.
-        base: The model as it was named.
+        folder: Target folder.
+        analysis: Result of the workflow.
+        base: Name of the model on the command line.
         date: For the model's provenance.
 
     Returns:

@@ -10,11 +10,11 @@ MOST_SLIP = 0.98
 
 WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
-    sentence="The wheels are larger or smaller than thought, so that every way is, too.",
-    place="kinematics: way per turn of the wheels",
+    sentence="The wheels are larger or smaller than assumed, and so is every distance.",
+    place="kinematics: distance per turn of the wheels",
     parameters=(parameter("error", "1", 0.0, 0.05, -0.5, 0.5, "true over nominal radius, less one"),),
-    claims=("the same share of every way", "the same uphill and downhill"),
-    experiment="a measured way on hard ground",
+    claims=("the same share of every distance", "the same uphill and downhill"),
+    experiment="a measured distance on hard ground",
     source="tyres, grousers, sinkage of the rim",
     releases="radius_error",
 )
@@ -23,7 +23,7 @@ BASE_RADIUS = EffectCard(
     sentence="The rover turns as if its wheels stood farther apart: they scrub sideways in turns.",
     place="kinematics: turn per difference of the sides",
     parameters=(parameter("error", "1", 0.0, 0.5, -0.5, 20.0, "effective over nominal track, less one"),),
-    claims=("turns change by its inverse, both ways", "straight drives do not change"),
+    claims=("turns change by its inverse in both directions", "straight drives do not change"),
     experiment="full turns on the spot",
     source="skid steering: effective track (Mandow et al. 2007)",
     releases="track_error",
@@ -43,7 +43,7 @@ HARD_IRON = EffectCard(
         parameter("phase", "deg", 0.0, 45.0, -180.0, 180.0, "heading at which it is greatest"),
     ),
     shape_grid={"phase": (0.0, 45.0, 90.0, 135.0)},
-    claims=("one wave per turn of heading", "wheels and gyro do not know of it"),
+    claims=("one wave per turn of heading", "wheels and gyro do not show it"),
     experiment="one full turn, slowly",
     source="first harmonic of compass deviation (coefficients B and C)",
 )
@@ -64,7 +64,7 @@ SOFT_IRON = EffectCard(
         parameter("phase", "deg", 0.0, 22.0, -90.0, 90.0, "heading at which it is greatest"),
     ),
     shape_grid={"phase": (0.0, 22.5, 45.0, 67.5)},
-    claims=("two waves per turn of heading", "wheels and gyro do not know of it"),
+    claims=("two waves per turn of heading", "wheels and gyro do not show it"),
     experiment="one full turn, slowly",
     source="second harmonic of compass deviation (coefficients D and E)",
 )
@@ -88,10 +88,10 @@ COMPASS_OFFSET = EffectCard(
 )
 COMPASS_LAG = EffectCard(
     name="compass_lag",
-    sentence="The compass follows late: it damps its reading.",
+    sentence="The compass damps its reading and lags behind.",
     place="compass",
     parameters=(parameter("time", "s", 0.0, 0.3, 0.0, 5.0, "time constant"),),
-    claims=("in proportion to the turning rate", "zero on straight ways"),
+    claims=("in proportion to the turning rate", "zero on straight drives"),
     experiment="turns to both sides at some rates",
     source="first-order damping of a fluxgate compass",
 )
@@ -117,16 +117,16 @@ LATENCY = EffectCard(
 )
 WHEEL_SLIP = EffectCard(
     name="wheel_slip",
-    sentence="The wheels slip on level ground by what their own rolling resistance asks of the soil.",
+    sentence="The wheels slip on level ground, as their own rolling resistance requires thrust.",
     place="contact of wheels and soil",
     parameters=(parameter("share", "1", 0.0, 0.1, 0.0, 0.95, "slip on the level"),),
-    claims=("wheels turn more than the rover moves", "the same on every level way"),
-    experiment="the same way on hard ground",
+    claims=("wheels turn more than the rover moves", "the same on all level ground"),
+    experiment="the same drive on hard ground",
     source="equilibrium of traction and resistance at zero drawbar pull",
 )
 SLOPE_SLIP = EffectCard(
     name="slope_slip",
-    sentence="Uphill the wheels pull the weight's share along the slope, and slip more the steeper it is.",
+    sentence="Uphill the wheels carry the weight along the slope, and slip more the steeper it is.",
     place="contact of wheels and soil",
     parameters=(
         parameter("per_slope", "1/rad", 0.0, 0.5, 0.0, 10.0, "slip per slope climbed"),
@@ -151,7 +151,7 @@ SIDE_DRIFT = EffectCard(
     sentence="On a side slope the rover drifts downhill while it drives.",
     place="contact of wheels and soil",
     parameters=(parameter("per_roll", "1", 0.0, 0.3, 0.0, 5.0, "slip angle per roll angle, both in rad"),),
-    claims=("downhill, whichever side", "zero without roll", "only while driving"),
+    claims=("downhill, on either side", "zero without roll", "only while driving"),
     experiment="one side slope in both directions",
     source="paper 000, eq 2 and fig. 12: slip angle grows with the side force",
 )

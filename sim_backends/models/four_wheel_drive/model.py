@@ -1,8 +1,8 @@
 """The odometry of a rover on four wheels that do not steer, and the effects that may be missing in it.
 
-Base: the wheels roll and drift nowhere; both sides' mean speeds give way and turn; gyro and compass tell the
-true rate and heading but for an offset. Everything is compared as mean rates in windows of 0.2 s, so that an
-early error stays where it happened.
+Base: the wheels roll without slip or drift; the mean speeds of both sides give speed and turn; gyro and
+compass measure the true rate and heading except for an offset. All is compared as mean rates in windows of
+0.2 s, so that an error affects only its own windows.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,12 +40,14 @@ CHANNELS = (
 PARAMETERS = (
     parameter("radius_error", "1", 0.0, 0.01, -0.5, 0.5, "of the wheels' nominal radius"),
     parameter("track_error", "1", 0.0, 0.05, -0.5, 20.0, "of the distance between left and right wheels"),
-    parameter("side_error", "1", 0.0, 0.003, -0.3, 0.3, "radius of the right wheels beside the left ones"),
+    parameter(
+        "side_error", "1", 0.0, 0.003, -0.3, 0.3, "radius of the right wheels over the left ones, less one"
+    ),
     parameter("compass_offset_deg", "deg", 0.0, 1.0, -180.0, 180.0, "mounting and declination"),
     parameter("compass_age_s", "s", 0.05, 0.03, 0.0, 1.0, "age of the compass's reading: some of its period"),
     parameter("gyro_bias_deg_s", "deg/s", 0.0, 0.05, -20.0, 20.0, "what calibration at rest leaves"),
-    parameter("pitch_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "pitch told on the level"),
-    parameter("roll_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "roll told on the level"),
+    parameter("pitch_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "pitch measured on the level"),
+    parameter("roll_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "roll measured on the level"),
 )
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
@@ -53,7 +55,7 @@ NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 class FourWheelDrive:
     """A `Model` of a four-wheel rover's odometry.
 
-    Conditions: mean climb, roll and speed of a drive. Labels of a run that the model heeds: `wheel_radius_m`,
+    Conditions: mean climb, roll and speed of a drive. Labels of a run that the model uses: `wheel_radius_m`,
     `track_m`; else 92 mm and 440 mm.
     """
 
@@ -74,7 +76,7 @@ class FourWheelDrive:
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
-        """Predict the motion of every run and what its sensors say. See `Model.predict`."""
+        """Predict the motion of every run and the readings of its sensors. See `Model.predict`."""
         base, active = NOMINAL.fill(parameters, effects)
         return [_motion(run, base, active) | _sensors(run, base, active) for run in runs]
 
@@ -92,7 +94,7 @@ def _motion(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, A
     forward = rim * (1.0 - slip_on_soil(active["wheel_slip"], active["slope_slip"], climb, rim))
     drift = drift_angle(active["side_drift"], run.inputs["roll_rad"] - base["roll_zero_rad"])
     left = np.abs(forward) * np.tan(drift)
-    # Wheels that are logged late say now what they did before: the true motion is ahead of them.
+    # Wheels are logged late: the true motion is ahead of them.
     shift = active["latency"]["time"]
     return {
         "forward_m_s": _ahead(run.inputs["t_s"], forward, shift),

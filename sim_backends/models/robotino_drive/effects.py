@@ -11,8 +11,8 @@ PAPER = "Slippage compensation of a Robotino (paper 003)"
 
 WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
-    sentence="The wheels are larger or smaller than thought, so that every way and every turn is, too.",
-    place="kinematics: way per turn of the wheels",
+    sentence="The wheels are larger or smaller than assumed, and so are every distance and turn.",
+    place="kinematics: distance per turn of the wheels",
     parameters=(parameter("error", "1", 0.0, 0.05, -0.25, 0.25, "true over nominal radius, less one"),),
     claims=("the same share in all directions and at all speeds", "turns change by the same share"),
     experiment="pure rotation: the camera's scale does not touch it",
@@ -21,13 +21,13 @@ WHEEL_RADIUS = EffectCard(
 )
 BASE_RADIUS = EffectCard(
     name="base_radius",
-    sentence="The wheels stand nearer to or farther from the centre than thought.",
-    place="kinematics: turn per way of the wheels",
+    sentence="The wheels are nearer to or farther from the centre than assumed.",
+    place="kinematics: turn per distance of the wheels",
     parameters=(
         parameter("error", "1", 0.0, 0.05, -0.4, 0.4, "true over nominal radius of the base, less one"),
     ),
     claims=("turns change by its inverse", "straight drives do not change"),
-    experiment="pure rotation beside straight drives",
+    experiment="pure rotation and straight drives",
     source="contact of two rows of rollers",
     releases="base_error",
 )
@@ -52,7 +52,7 @@ MARKER_YAW = EffectCard(
     parameters=(
         parameter("angle", "rad", 0.0, 0.05, -0.8, 0.8, "of the marker's x axis, left of the rover's"),
     ),
-    claims=("turns every seen motion by one angle", "its length stays"),
+    claims=("turns every measured motion by one angle", "its length stays"),
     experiment="a ruler along the rover's side",
     source="mounting",
     releases="marker_yaw_rad",
@@ -60,7 +60,7 @@ MARKER_YAW = EffectCard(
 UNEVEN_WHEEL = EffectCard(
     name="uneven_wheel",
     sentence="One wheel is larger or smaller than the other two.",
-    place="kinematics: way per turn of one wheel",
+    place="kinematics: distance per turn of one wheel",
     parameters=(
         parameter("error", "1", 0.0, 0.02, -0.4, 0.4, "its radius over that of the others, less one"),
         parameter("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
@@ -95,7 +95,7 @@ def radius_error(values: Values, wheel: int) -> float:
 
 WHEEL_SLIP = EffectCard(
     name="wheel_slip",
-    sentence="A wheel slips on the ground in proportion to its pull, which its current above idle tells.",
+    sentence="A wheel slips on the ground in proportion to its pull, which its current above idle measures.",
     place="contact of wheel and ground",
     parameters=(
         parameter("gain", "1/A", 0.0, 0.2, 0.0, 5.0, "slip per current above that of an idle wheel"),
@@ -123,7 +123,7 @@ TURN_SCRUB = EffectCard(
     sentence="Rollers scrub when the rover turns, and eat a share of the turn.",
     place="contact of wheel and ground",
     parameters=(parameter("share", "1", 0.0, 0.05, 0.0, 0.7, "of the turn that is lost"),),
-    claims=("turns fall short both ways", "straight drives do not change"),
+    claims=("turns fall short in both directions", "straight drives do not change"),
     experiment="full turns on the spot on two surfaces",
     source="width of the contact patch",
 )

@@ -15,16 +15,16 @@ COPPER_PER_K = 0.0039
 
 COULOMB = EffectCard(
     name="coulomb_friction",
-    sentence="Dry friction in bearings, brushes and gear brakes the motor with a torque that does not depend "
-    "on its speed.",
+    sentence="Dry friction in bearings, brushes and gear brakes the motor with a torque independent "
+    "of its speed.",
     place="torque balance of the rotor",
     parameters=(parameter("torque", "N m", 0.0, 0.01, 0.0, 0.2, "friction torque at the motor"),),
     claims=(
-        "brakes, whichever way the motor turns",
+        "brakes in both directions",
         "raises the current by the same amount at every speed",
         "holds the motor at rest against small drives",
     ),
-    experiment="slow ramps of the set-point through zero, both ways",
+    experiment="slow ramps of the set-point through zero in both directions",
     source=f"Coulomb's law; no-load current of {DATA_SHEET}",
 )
 VISCOUS = EffectCard(
@@ -34,7 +34,7 @@ VISCOUS = EffectCard(
     parameters=(
         parameter("per_speed", "N m s/rad", 0.0, 2e-5, 0.0, 1e-3, "friction torque per motor speed"),
     ),
-    claims=("brakes, whichever way the motor turns", "current grows in proportion to speed", "zero at rest"),
+    claims=("brakes in both directions", "current grows in proportion to speed", "zero at rest"),
     experiment="two steady speeds far apart",
     source="Newtonian lubricant",
 )
@@ -47,7 +47,7 @@ STRIBECK = EffectCard(
         parameter("speed", "rad/s", 20.0, 10.0, 1.0, 60.0, "motor speed at which it has fallen to 1/e"),
     ),
     shape_grid={"speed": (10.0, 40.0)},
-    claims=("brakes, whichever way the motor turns", "gone at high speed", "greatest just above rest"),
+    claims=("brakes in both directions", "gone at high speed", "greatest just above rest"),
     experiment="steady speeds from just above rest",
     source="Stribeck curve, exponential form (Armstrong-Helouvry 1991)",
 )
@@ -59,7 +59,7 @@ ASYMMETRIC = EffectCard(
         parameter("excess", "N m", 0.0, 0.003, -0.1, 0.1, "more friction forwards; negative: backwards"),
     ),
     claims=("in one direction only", "does not depend on speed"),
-    experiment="the same speeds both ways",
+    experiment="the same speeds in both directions",
     source="brush angle, helical gears",
 )
 
@@ -144,7 +144,7 @@ BACK_EMF = EffectCard(
 )
 RESISTANCE = EffectCard(
     name="winding_resistance",
-    sentence="The winding with its leads and brushes has another resistance than the data sheet says.",
+    sentence="The winding with its leads and brushes has another resistance than in the data sheet.",
     place="circuit of the motor",
     parameters=(parameter("change", "ohm", 0.0, 0.6, -1.5, 3.0, "added to the resistance"),),
     claims=(
@@ -177,7 +177,7 @@ STIFFNESS = EffectCard(
 )
 DEAD_ZONE = EffectCard(
     name="dead_zone",
-    sentence="The bridge drops some voltage whichever way it drives, so that small outputs do nothing.",
+    sentence="The bridge drops some voltage in both directions, so that small outputs do nothing.",
     place="motor voltage",
     parameters=(parameter("voltage", "V", 0.0, 0.5, 0.0, 5.0, "lost by the bridge"),),
     claims=("like dry friction for the speed, but draws no current",),
@@ -197,7 +197,7 @@ CURRENT_OFFSET = EffectCard(
     sentence="The current sensor shows some current where none flows.",
     place="current sensor",
     parameters=(parameter("offset", "A", 0.0, 0.03, -0.2, 0.2, "added to every reading"),),
-    claims=("the same at rest and at every speed", "the speed does not know of it"),
+    claims=("the same at rest and at every speed", "the speed does not change"),
     experiment="log at rest",
     source="offset of an amplifier",
 )

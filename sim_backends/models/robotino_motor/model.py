@@ -6,10 +6,10 @@
 Where the voltage at the motor was measured, it takes the place of the loop. The electric time constant,
 1.7 ms, is left out. SI units at the motor's shaft. A leaky integral in the loop multiplies its stiffness.
 
-Readings: speed in steps; current a magnitude, cut to whole steps, where the log says so. A loop answers a
-jump of its set-point within a few milliseconds, between two readings: 168 measured jumps took up to 175
-rad/s, which needs amperes, and one reading came to 1.05 A. So in a loop the current is that of friction and
-of accelerations that last; an isolated jump shows none.
+Readings: speed in steps; current a magnitude, cut to whole steps, where the labels of a run require it. A
+loop answers a jump of its set-point within a few milliseconds, between two readings: 168 measured jumps were
+up to 175 rad/s, which takes amperes, but only one reading reached 1.05 A. In a loop the current is therefore
+that of friction and of lasting accelerations; an isolated jump shows none.
 """
 
 import math
@@ -80,7 +80,7 @@ class RobotinoMotor:
     """A `Model` of one motor over time.
 
     Conditions: `integral` is 1 where the loop has integral action, else 0. Labels of a run that the model
-    heeds where they are there: `speed_step_rad_s` (of the set-point), `current_step_a`, `is_unsigned`.
+    uses: `speed_step_rad_s` (of the set-point), `current_step_a`, `is_unsigned`.
 
     Attributes:
         alternative_inputs: A run has set-points or, where they were measured, voltages.
@@ -138,7 +138,7 @@ def _middles(t_s: Array) -> Array:
 
 
 def _held(t_s: Array, drive: Array, delay_s: float, wait_share: float) -> Array:
-    """Return what acts in each part on average; a set-point's turn comes within a share of the cycle."""
+    """Return the mean set-point that acts in each part; its turn comes within a share of the cycle."""
     at_s = _middles(t_s) - delay_s
     row = np.searchsorted(t_s, at_s, side="right") - 1
     known = np.maximum(row, 0)
@@ -184,7 +184,7 @@ def _lasting_rate(t_s: Array, speed: Array) -> Array:
 
 
 def _reading(run: Run, current: Array, offset_a: float) -> Array:
-    """Return what the sensor tells of a current, on average."""
+    """Return the mean reading of the sensor for a current."""
     step = run.conditions.get("current_step_a", 0.0)
     is_unsigned = run.conditions.get("is_unsigned", 0.0) > 0.5
     magnitude = np.abs(current)

@@ -17,7 +17,7 @@ BODY_SHARE = parameter(
 SLOPE_FAILURE = EffectCard(
     name="slope_failure",
     sentence="Above a slope the loaded soil under the wheels fails and flows downhill, and backward as the "
-    "wheels shear it, and carries the rover with it, whatever its roll.",
+    "wheels shear it, and carries the rover with it, at any roll.",
     place="speed of the soil under the wheels",
     parameters=(
         parameter(
@@ -78,7 +78,7 @@ SINKAGE_MODULUS = EffectCard(
 )
 COG_OFFSET = EffectCard(
     name="cog_offset",
-    sentence="The centre of gravity lies beside or above where it was thought, which shifts load between the "
+    sentence="The centre of gravity is beside or above its assumed place, which shifts load between the "
     "uphill and the downhill wheels.",
     place="load transfer (paper 001, eqs 3 and 4)",
     parameters=(
@@ -108,7 +108,7 @@ HEADING_DRIFT = EffectCard(
     "steeper the slope or the greater its load, as the side forces of front and rear wheels do not balance.",
     place="yaw of the rover along the path",
     parameters=(
-        parameter("rate", "deg/m", 0.0, 2.0, -20.0, 20.0, "turn uphill per way on 20 deg with 23.8 kg"),
+        parameter("rate", "deg/m", 0.0, 2.0, -20.0, 20.0, "turn uphill per distance on 20 deg with 23.8 kg"),
         parameter("slope_exponent", "1", 1.0, 0.5, 0.0, 3.0, "power of the sine of the slope"),
         parameter("load_exponent", "1", 0.0, 1.0, 0.0, 4.0, f"power of mass over {REFERENCE_MASS_KG} kg"),
         BODY_SHARE,
@@ -147,16 +147,16 @@ HEADING_OFFSET = EffectCard(
         "turns from downhill to uphill when the traverse is mirrored",
     ),
     experiment="a mirrored traverse, and one on the flat",
-    source="geometry; the paper's outlook asks for the yaw angle",
+    source="geometry; the paper's outlook requires the yaw angle",
     releases="heading_deg",
 )
 CAMERA_YAW = EffectCard(
     name="camera_yaw",
-    sentence="The frame of the motion capture is turned against the slope, so that every path is seen "
+    sentence="The frame of the motion capture is turned against the slope, so that every path appears "
     "turned.",
     place="measured path",
     parameters=(
-        parameter("offset", "deg", 0.0, 1.5, -15.0, 15.0, "turn of the seen path, uphill"),
+        parameter("offset", "deg", 0.0, 1.5, -15.0, 15.0, "turn of the measured path, uphill"),
         parameter(
             "slip_share", "1", 1.0, 0.5, 0.0, 1.0, "share that also enters the speed along the traverse"
         ),
@@ -212,7 +212,7 @@ WHEEL_RADIUS = EffectCard(
     place="rim speed and contact",
     parameters=(parameter("change", "m", 0.0, 0.002, -0.015, 0.015, "added to the radius"),),
     claims=("slip is off by nearly one constant", "also on a hard floor", "hardly any slip angle"),
-    experiment="free rolling on a hard floor over a measured way",
+    experiment="free rolling on a hard floor over a measured distance",
     source="geometry",
     releases="wheel_radius_m",
 )

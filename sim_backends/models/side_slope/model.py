@@ -1,8 +1,8 @@
 """The rover of paper 001 that traverses a sand slope, with the effects that may be missing in it.
 
-Base: the steady states of the paper's section IV.B with the numbers of its Tables I and III. Their priors say
-how well such numbers are known after plate, shear and wheel tests in the same sand. What is measured is the
-path in the frame of the slope, so heading, soil that flows and a turned camera come after the steady state.
+Base: the steady states of the paper's section IV.B with the numbers of its Tables I and III. Their priors are
+the accuracy of plate, shear and wheel tests in the same sand. The path is measured in the frame of the slope,
+so heading, flowing soil and a turned camera are applied after the steady state.
 """
 
 import math
@@ -24,11 +24,11 @@ from sim_backends.models.side_slope.states import Build, Site, SlopeStates, Stat
 
 NOMINAL_RADIUS_M = 0.097
 """Radius with which encoder speeds were turned into r omega."""
-WAY_M = 1.0
+DISTANCE_M = 1.0
 START_SHARE = 0.3
-"""Share of the way that counts as start."""
-MIDDLE_M = WAY_M * (1.0 + START_SHARE) / 2.0
-"""Way after which the mean of a steady turn is reached."""
+"""Share of the distance that counts as start."""
+MIDDLE_M = DISTANCE_M * (1.0 + START_SHARE) / 2.0
+"""Distance at which a steady turn has its mean."""
 BEND = "path_bend_deg_m"
 
 CHANNELS = (
@@ -73,25 +73,25 @@ PARAMETERS = (
         0.04,
         0.005,
         0.3,
-        "way over which slip builds up at the start",
+        "distance over which slip builds up at the start",
     ),
     parameter("sinkage_zero_mm", "mm", 0.0, 0.2, -5.0, 5.0, "zero of the gauge of the ruts"),
     parameter("torque_scale", "1", 1.0, 0.01, 0.8, 1.2, "measured over true torque"),
 )
-LATE_WAY_M = np.linspace(START_SHARE * WAY_M, WAY_M, 36)
+LATE_DISTANCE_M = np.linspace(START_SHARE * DISTANCE_M, DISTANCE_M, 36)
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
 class _Seen(NamedTuple):
-    """What comes after the steady state.
+    """Changes of the measured path after the steady state.
 
     Attributes:
         flow_down: Downhill speed of the failing soil, over r omega.
         flow_back: Its speed backward.
-        creep_deg: Turn uphill of the path that the body does not make.
-        camera_yaw_deg: Turn of the seen path, uphill.
+        creep_deg: Turn of the path uphill without a turn of the body.
+        camera_yaw_deg: Turn of the measured path, uphill.
         camera_slip_share: Share of that which enters the speed along the traverse.
-        late: Mean of slip and side speed over the way that counts, in parts of their steady values.
+        late: Mean of slip and side speed after the start, over their steady values.
     """
 
     flow_down: float
@@ -180,18 +180,18 @@ def _seen(base: Values, active: Mapping[str, Values], site: Site) -> _Seen:
 
 
 def late_mean(length_m: float) -> float:
-    """Return the mean of 1 - exp(-x / length) over the way that counts."""
-    return float(np.mean(1.0 - np.exp(-LATE_WAY_M / length_m)))
+    """Return the mean of 1 - exp(-x / length) after the start."""
+    return float(np.mean(1.0 - np.exp(-LATE_DISTANCE_M / length_m)))
 
 
 def late_bend(length_m: float) -> float:
-    """Return the slope per metre of a straight line through 1 - exp(-x / length) over the way that counts."""
-    offset = LATE_WAY_M - LATE_WAY_M.mean()
-    return float(offset @ -np.exp(-LATE_WAY_M / length_m) / (offset @ offset))
+    """Return the slope per metre of a straight line through 1 - exp(-x / length) after the start."""
+    offset = LATE_DISTANCE_M - LATE_DISTANCE_M.mean()
+    return float(offset @ -np.exp(-LATE_DISTANCE_M / length_m) / (offset @ offset))
 
 
 def _path(state: State, build: Build, seen: _Seen) -> tuple[float, float]:
-    """Return slip and slip angle (deg) as the camera sees them in the frame of the slope."""
+    """Return slip and slip angle (deg) as measured by the camera in the frame of the slope."""
     heading, yaw = math.radians(build.heading_deg), math.radians(seen.camera_yaw_deg)
     forward = 1.0 - (1.0 - state.forward) * seen.late
     sideways = state.sideways * seen.late + forward * math.tan(math.radians(seen.creep_deg))

@@ -12,7 +12,7 @@ LUGS = EffectCard(
     sentence="Lugs shear the soil outside the rim, soil on soil.",
     place="shearing radius and friction of the rim (paper 002, eq 8)",
     parameters=(parameter("height", "m", 0.0, 0.003, 0.0, 0.02, "shearing radius less rim radius"),),
-    claims=("drawbar grows at every positive slip", "none on a smooth rim: look at it"),
+    claims=("drawbar grows at every positive slip", "none on a smooth rim"),
     experiment="the same wheel with and without lugs",
     source="Longitudinal Slip versus Skid of Planetary Rovers' Wheels, eq 8",
 )
@@ -94,7 +94,7 @@ TRENCH_FLOW = EffectCard(
 )
 RIG_YAW = EffectCard(
     name="rig_yaw",
-    sentence="The wheel stands turned in the test bed against the slip angle that was set.",
+    sentence="The wheel is mounted at another slip angle than was set.",
     place="slip angle",
     parameters=(parameter("offset", "deg", 0.0, 1.0, -10.0, 10.0, "true less set slip angle"),),
     claims=("side force straight ahead", "changes sign with the slip angle's"),

@@ -1,7 +1,7 @@
 """A single wheel in a test bed, steady, at any slip and slip angle, with the effects that may be missing.
 
-Base: `sim_backends.terramechanics.soil.any_angle_wheel` with the numbers that plates and books give
-(`cmu_sand_blind`); no wheel test went into them, and their priors say so. Another wheel or soil:
+Base: `sim_backends.terramechanics.soil.any_angle_wheel` with the numbers from plate tests and books
+(`cmu_sand_blind`); they were not fitted to wheel tests, and their priors are wide. Another wheel or soil:
 `SingleWheel(wheel, soil)`.
 """
 
