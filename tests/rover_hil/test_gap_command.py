@@ -127,7 +127,7 @@ def test_an_extended_model_predicts_what_was_fitted(found: Path) -> None:
         ("[parameters.rolling]", "[parameters.rollin]", "no such parameter"),
         ('unit = "deg/deg"', 'unit = "rad"', "unit is rad"),
         ("seed = 0", "seed = 0\nspeed = 3", "speed"),
-        ("[parameters.rolling]", "[parameters.rolling", "no TOML"),
+        ("[parameters.rolling]", "[parameters.rolling", "not a TOML"),
     ],
 )
 def test_a_wrong_model_file_is_told(found: Path, tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -222,7 +222,7 @@ def test_one_file_per_run(tmp_path: Path) -> None:
     ("name", "words"),
     [
         ("no-such-model", "there is no model"),
-        ("nowhere.py:make", "is the path right"),
+        ("nowhere.py:make", "check the path"),
         (CART.replace("make_cart", "make_cat"), "no function 'make_cat'"),
     ],
 )

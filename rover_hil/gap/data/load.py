@@ -1,4 +1,4 @@
-"""Models by name, and models in files of a user's own."""
+"""Models by name or from a user's file, and their measured runs."""
 
 import importlib
 import importlib.util
@@ -26,10 +26,10 @@ NULL_TOLERANCE = 1e-9
 
 
 def load_model(name: str) -> Model:
-    """Return a shipped model, or what `file.py:factory` makes.
+    """Return a shipped model, or the result of `file.py:factory`.
 
     Raises:
-        ConfigError: There is no such model, or it is none.
+        ConfigError: There is no such model, or it lacks a part.
     """
     if name in SHIPPED:
         factory_name = FACTORY
@@ -41,19 +41,19 @@ def load_model(name: str) -> Model:
         module = _load_file(Path(file))
     factory = getattr(module, factory_name, None)
     if not callable(factory):
-        raise ConfigError(f"{name}: there is no function '{factory_name}' that makes the model")
+        raise ConfigError(f"{name}: there is no function '{factory_name}' to make the model")
     with name_model_errors(Path(name.rpartition(":")[0])):
         model = factory()
     missing = [part for part in PARTS if not hasattr(model, part)]
     if missing:
-        raise ConfigError(f"{name}: what {factory_name}() returns has no '{missing[0]}'")
+        raise ConfigError(f"{name}: the result of {factory_name}() has no '{missing[0]}'")
     return cast("Model", model)
 
 
 def _load_file(path: Path) -> object:
     spec = importlib.util.spec_from_file_location(f"_user_model_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise ConfigError(f"cannot read the model file {path}: is the path right?")
+        raise ConfigError(f"cannot read the model file {path}: check the path")
     module = importlib.util.module_from_spec(spec)
     # Dataclasses look their module up by name.
     sys.modules[spec.name] = module
@@ -89,12 +89,12 @@ def name_model_errors(path: Path) -> Iterator[None]:
 
 
 def read_runs(model: Model, path: Path) -> list[Run]:
-    """Return measured runs: from logs, by the model's own reader, or from a table.
+    """Return measured runs from logs, files of the model, or tables.
 
-    Drives that are too few to split are cut into stretches, where the model can begin in the middle of one.
+    Where there are too few drives to split, they are cut into stretches if the model can start in the middle.
 
     Raises:
-        ConfigError, LogError: The data is not what it should be.
+        ConfigError, LogError: The data is unusable.
     """
     reader = reader_of(model)
     if not find_logs(path):
@@ -109,10 +109,10 @@ def read_runs(model: Model, path: Path) -> list[Run]:
 
 
 def check_model(model: Model, runs: Sequence[Run]) -> None:
-    """Try a model on a few runs: every effect at its null must change nothing.
+    """Check on a few runs that effects at their null change nothing.
 
     Raises:
-        ConfigError: A card is wrong.
+        ConfigError: An effect changes a prediction at its null, or fails.
     """
     some = list(runs[:3])
     base = model.predict(some, {}, {})

@@ -1,4 +1,4 @@
-"""The report: one page that needs nothing else."""
+"""The report: one self-contained page."""
 
 from collections.abc import Sequence
 from importlib import resources
@@ -25,8 +25,8 @@ TAGS = {
     Answer.NAMED: "named",
     Answer.NAMED_SET: "named, with alternatives",
     Answer.PARTLY_NAMED: "partly named",
-    Answer.UNNAMED: "gap without a name",
-    Answer.NOT_IDENTIFIABLE: "these runs cannot tell",
+    Answer.UNNAMED: "unexplained gap",
+    Answer.NOT_IDENTIFIABLE: "not identifiable",
     Answer.BAD_DATA: "bad data",
 }
 

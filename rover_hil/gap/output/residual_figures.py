@@ -1,4 +1,4 @@
-"""Measured beside simulated, before and after, for a gap report."""
+"""Measured and simulated values, before and after, for a gap report."""
 
 import math
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ def draw_maps(analysis: Analysis, findings: Findings) -> Figure | None:
 
 
 def _shown(analysis: Analysis) -> list[Run]:
-    """Return the runs to draw: those that stayed locked are not looked at."""
+    """Return the runs to draw, without those that stayed locked."""
     locked = set(analysis.plan.confirm) if analysis.plan is not None else set()
     opened = analysis.findings is not None and analysis.findings.validation is not None
     return [run for run in analysis.runs if opened or run.name not in locked]

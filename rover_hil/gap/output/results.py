@@ -1,4 +1,4 @@
-"""What an analysis leaves behind: verdict, plan, model and report, in one folder."""
+"""Files of an analysis: verdict, plan, model and report, in one folder."""
 
 import json
 from pathlib import Path
@@ -35,9 +35,9 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
     The plan itself is written before the analysis.
 
     Args:
-        folder: Where to.
-        analysis: What was found.
-        base: The model as it was named.
+        folder: Target folder.
+        analysis: Result of the workflow.
+        base: Name of the model on the command line.
         date: For the model's provenance.
 
     Raises:
