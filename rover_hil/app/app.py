@@ -3,6 +3,7 @@
 Heavy modules are imported inside the commands, so that `--help` answers at once.
 """
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -391,6 +392,8 @@ def _spread(arguments: list[str], option: str) -> list[str]:
 
 def main() -> None:
     """Run the command line; our own errors become one sentence and exit code 2."""
+    # Our matrices are small: more threads of numpy's linear algebra only spin, and take the loop's processor.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app(_spread(sys.argv[1:], "--test"))
     except RoverHilError as error:
