@@ -12,13 +12,14 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[fit,tune]" --group dev
+	$(BIN)/python .ci/compile_simulators.py
 	touch $@
 
 run: setup
 	$(BIN)/rover-hil run robotino --virtual
 
 test: setup
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 safety-coverage: setup
 	$(BIN)/python -m coverage run -m pytest -q -n 0 tests/controllers/safety tests/controllers/test_limits.py \

@@ -3,6 +3,7 @@
 Heavy modules are imported inside the commands, so that `--help` answers at once.
 """
 
+import os
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -480,6 +481,8 @@ def _spread(arguments: list[str], option: str) -> list[str]:
 
 def main() -> None:
     """Run the command line; our own errors become one sentence and exit code 2."""
+    # Our matrices are small: more threads of numpy's linear algebra only spin, and take the loop's processor.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app(_spread(sys.argv[1:], "--test"), prog_name="rover-hil")
     except RoverHilError as error:

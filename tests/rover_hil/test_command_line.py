@@ -1,6 +1,7 @@
 """The commands as a user meets them: exit codes, one-sentence errors, nothing half-done left behind."""
 
 import json
+import os
 import resource
 import signal
 import subprocess
@@ -122,6 +123,17 @@ def test_a_log_that_cannot_be_written_is_one_sentence(command: Command) -> None:
 )
 def test_one_option_may_take_several_values(typed: str, understood: str) -> None:
     assert _spread(typed.split(), "--test") == understood.split()
+
+
+@pytest.mark.parametrize(("chosen", "used"), [(None, "1"), ("3", "3")])
+def test_linear_algebra_has_one_thread_unless_the_user_wants_more(
+    command: Command, monkeypatch: pytest.MonkeyPatch, chosen: str | None, used: str
+) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    if chosen is not None:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", chosen)
+    assert command("--help") == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == used
 
 
 def test_usage_errors_exit_with_two(command: Command) -> None:

@@ -58,7 +58,7 @@ def test_wheels_without_side_walls_need_no_second_compilation() -> None:
         wheel_contact(WHEEL, SAND, camber_rad=0.1, cross_slope_rad=0.1, sidewall=sidewall)
         for sidewall in (True, False)
     )
-    assert numba.typeof(with_walls) == numba.typeof(without)
+    assert numba.typeof(with_walls) == numba.typeof(without)  # type: ignore[no-untyped-call]
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
