@@ -1,4 +1,4 @@
-"""What the configuration says about tuning: [tune]. Cheap to import: every configuration may have it."""
+"""Settings of tuning, [tune]. Cheap to import: every configuration may have it."""
 
 from typing import Annotated, Literal, Self
 
@@ -16,7 +16,7 @@ class TunableSettings(Settings):
     Attributes:
         low: Smallest value tried, in the unit of the key.
         high: Greatest value tried.
-        scale: `log` where a factor matters rather than a difference; `low` must then be positive.
+        scale: `log` for parameters whose ratio matters; `low` must then be positive.
         unit: For people to read.
     """
 
@@ -31,21 +31,21 @@ class TunableSettings(Settings):
             msg = f"low {self.low:g} is not below high {self.high:g}: swap or widen them"
             raise ValueError(msg)
         if self.scale == "log" and self.low <= 0.0:
-            msg = f"low {self.low:g} must be positive on a log scale: raise it or say scale = 'linear'"
+            msg = f"low {self.low:g} must be positive on a log scale: raise it or write scale = 'linear'"
             raise ValueError(msg)
         return self
 
 
 class ObjectiveSettings(Settings):
-    """What is made small: the sum of every measured value divided by its reference here.
+    """The cost: the sum of all measured values, each divided by its reference here.
 
-    A term left out does not count. Of all cases the given quantile counts, so that a good mean cannot hide
-    bad sites.
+    A term without reference does not count. Over the cases the given quantile counts, so that a good mean
+    does not hide bad scenarios.
 
     Attributes:
         path_rms_m: Reference of the distance between true and commanded path.
         closure_m: Reference of the distance between the true end and the commanded one.
-        heading_deg: Reference of the true heading error along the way.
+        heading_deg: Reference of the true heading error along the path.
         effort_rad_s2: Reference of the set-points' acceleration, root mean square.
         duration_s: Reference of the time the mission takes.
         quantile: Which quantile of the cases' costs counts, 0.5 (median) to 1 (worst).
@@ -61,7 +61,7 @@ class ObjectiveSettings(Settings):
     @model_validator(mode="after")
     def _check_terms(self) -> Self:
         if not self.references():
-            msg = "names nothing to make small: add path_rms_m, closure_m, heading_deg or effort_rad_s2"
+            msg = "has no term: add path_rms_m, closure_m, heading_deg or effort_rad_s2"
             raise ValueError(msg)
         return self
 
@@ -72,11 +72,11 @@ class ObjectiveSettings(Settings):
 
 
 class StabilitySettings(Settings):
-    """Which gains are refused, whatever their cost: unfinished missions always are, and oscillation.
+    """Which gains are rejected at any cost: those that oscillate; unfinished missions always are.
 
     Attributes:
-        reversal_rad_s: A wheel set-point turns round when it goes back by this much.
-        reversals_per_s: Most turns of one wheel within four seconds, per second. A corner takes two or three.
+        reversal_rad_s: A wheel set-point reverses when it goes back by this much.
+        reversals_per_s: Most reversals of a wheel within four seconds, per second; a corner has two or three.
     """
 
     reversal_rad_s: Annotated[float, Field(gt=0, le=50)] = 0.5
@@ -84,10 +84,10 @@ class StabilitySettings(Settings):
 
 
 class CaseSettings(Settings):
-    """How many sites, each with a seed of its own for all noise.
+    """How many scenarios, each with a seed of its own for all noise.
 
     Attributes:
-        train: The search sees these.
+        train: Used by the search.
         held_out: Old and new gains are compared on these; they have no seed in common with `train`.
     """
 
@@ -96,7 +96,7 @@ class CaseSettings(Settings):
 
 
 class ChangeRecord(Settings):
-    """What tuning made of one parameter."""
+    """Old and new value of one parameter."""
 
     before: float
     after: float
@@ -111,7 +111,7 @@ class ProvenanceRecord(Settings):
         date: Local time, as 20260102-030405.
         start: The configuration that it started from.
         trials: How many sets of values were tried.
-        objective: What was made small, in words.
+        objective: The cost as text.
         train_seeds, held_out_seeds: First and last.
         held_out_cost_before, held_out_cost_after: On the held-out cases; before is None where the start was
             refused.
@@ -131,7 +131,7 @@ class ProvenanceRecord(Settings):
 
 
 class TuneSettings(Settings):
-    """What may be tuned, and to what end.
+    """Parameters to tune, and the objective.
 
     Attributes:
         parameters: Ranges by dotted key, e.g. "mission.lookahead_m".

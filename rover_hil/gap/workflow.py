@@ -9,6 +9,7 @@ from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
 from rover_hil.gap import verdict_rules
 from rover_hil.gap.checks import missing_values, object_to
+from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.explain.alternative_models import find_alternative_terms
 from rover_hil.gap.explain.candidates import candidate_directions
 from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest, find_gap
@@ -52,6 +53,7 @@ def analyse(
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
+    model = ObservedModel(model, runs)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}

@@ -54,6 +54,7 @@ class Channel:
         unit: Its unit.
         sigma: Standard deviation of one value where the sensor's is known; None where replicates must tell.
         quantum: Step of the sensor; 0 where there is none.
+        is_optional: Data without this channel is compared without it.
         tolerance: Standard deviation of what the base model is known to be wrong by (formula, solver), the
             same whenever the conditions are the same. Steady experiments only.
     """
@@ -63,6 +64,7 @@ class Channel:
     sigma: float | None = None
     quantum: float = 0.0
     tolerance: float = 0.0
+    is_optional: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,3 +186,12 @@ class DrivenModel(Protocol):
     @property
     def input_units(self) -> Mapping[str, str]:
         """The inputs it needs and their units."""
+
+
+@runtime_checkable
+class EitherDriven(Protocol):
+    """A driven model of whose inputs some stand for each other."""
+
+    @property
+    def alternative_inputs(self) -> tuple[str, ...]:
+        """Inputs of which a data set has one: the last that all of its runs have, else the first."""

@@ -15,9 +15,9 @@ from rover_hil.gap.output.model_file import ModelFile, Number, Provenance, model
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from sim_backends.models.interface import Model
-from sim_backends.models.robotino_drive import make_model as make_drive
-from sim_backends.models.robotino_motor import make_model as make_motor
-from sim_backends.models.side_slope import make_model as make_side_slope
+from sim_backends.models.robotino_drive.model import make_model as make_drive
+from sim_backends.models.robotino_motor.model import make_model as make_motor
+from sim_backends.models.side_slope.model import make_model as make_side_slope
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 
 Effects = Mapping[str, Mapping[str, float]]

@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import pkgutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,11 +12,12 @@ import numpy as np
 
 from drivers.errors import ConfigError, RoverHilError
 from rover_hil.gap.data.logs import find_logs, read_logs
-from rover_hil.gap.data.table import read_table
+from rover_hil.gap.data.reader import reader_of
 from rover_hil.gap.plan import LEAST_RUNS
-from sim_backends.models.interface import Model, Run, RunReader, StretchReader
+from sim_backends import models
+from sim_backends.models.interface import Model, Run
 
-SHIPPED = ("side-slope", "single-wheel", "robotino-motor", "robotino-drive", "four-wheel-drive")
+SHIPPED = tuple(one.name.replace("_", "-") for one in pkgutil.iter_modules(models.__path__) if one.ispkg)
 FACTORY = "make_model"
 PARTS = ("name", "channels", "condition_units", "parameters", "effects", "predict")
 NULL_TOLERANCE = 1e-9
@@ -28,11 +30,8 @@ def load_model(name: str) -> Model:
         ConfigError: There is no such model, or it is none.
     """
     if name in SHIPPED:
-        module_name, factory_name = f"sim_backends.models.{name.replace('-', '_')}", FACTORY
-        try:
-            module: object = importlib.import_module(module_name)
-        except ModuleNotFoundError as error:
-            raise ConfigError(f"model {name} is not part of this installation") from error
+        factory_name = FACTORY
+        module: object = importlib.import_module(f"{models.__name__}.{name.replace('-', '_')}.model")
     else:
         file, _, factory_name = name.rpartition(":")
         if not file.endswith(".py"):
@@ -70,12 +69,15 @@ def read_runs(model: Model, path: Path) -> list[Run]:
     Raises:
         ConfigError, LogError: The data is not what it should be.
     """
-    if find_logs(path):
-        runs = read_logs(model, path)
+    reader = reader_of(model)
+    if not find_logs(path):
+        runs = reader.read(path)
+    elif reader.runs_of_log is not None:
+        runs = read_logs(reader.runs_of_log, path)
     else:
-        runs = model.read_runs(path) if isinstance(model, RunReader) else read_table(model, path)
-    if len(runs) < LEAST_RUNS[False] and isinstance(model, StretchReader):
-        runs = [part for run in runs for part in model.stretches_of(run)]
+        raise ConfigError(f"{path}: the model cannot be compared with logs; give its measurements as a table")
+    if len(runs) < LEAST_RUNS[False] and reader.cut is not None:
+        runs = [part for run in runs for part in reader.cut(run)]
     return runs
 
 

@@ -1,17 +1,17 @@
 """Logs of this software as columns, for models that are compared with recorded drives."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from controllers.settings import OmniRoverSettings, SkidSteerRoverSettings
-from drivers.errors import ConfigError, LogError
+from drivers.errors import LogError
 from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.config import Config
 from rover_hil.datasets.log import POSE, read_drive
+from rover_hil.gap.data.columns import DriveLog
 from sim_backends.models.interface import Run
-from sim_backends.models.log_columns import DriveLog, LogModel
 
 LEAST_ROWS = 30
 WHEELS = ("enc_rad", "speed_rad_s", "current_a", "voltage_v", "set_rad_s")
@@ -23,20 +23,22 @@ def find_logs(path: Path) -> list[Path]:
     return [path] if path.suffix == ".mcap" else sorted(path.rglob("*.mcap"))
 
 
-def read_logs(model: object, path: Path) -> list[Run]:
+def read_logs(runs_of_log: Callable[[DriveLog], list[Run]], path: Path) -> list[Run]:
     """Return the runs in the logs of a file or folder.
 
+    Args:
+        runs_of_log: Returns the runs in one log.
+        path: A log, or a folder of logs.
+
     Raises:
-        ConfigError: The model cannot be compared with logs, or a log lacks what it needs.
+        ConfigError: A log lacks what the model needs.
         LogError: A log cannot be read.
     """
-    if not isinstance(model, LogModel):
-        raise ConfigError(f"{path}: this model is not compared with logs; give its measurements as a table")
     files = find_logs(path)
     runs = []
     for file in files:
         name = file.stem if len(files) == 1 else file.relative_to(path).with_suffix("").as_posix()
-        runs += model.runs_of_log(read_log(file, name))
+        runs += runs_of_log(read_log(file, name))
     return runs
 
 

@@ -18,6 +18,7 @@ from sim_backends.models.interface import (
     Channel,
     DrivenModel,
     EffectCard,
+    EitherDriven,
     Model,
     Parameter,
     Run,
@@ -70,6 +71,7 @@ class ExtendedModel:
     """
 
     input_units: Mapping[str, str]
+    alternative_inputs: tuple[str, ...]
 
     def __init__(self, base: Model, file: ModelFile) -> None:
         self._base = base
@@ -95,6 +97,8 @@ class ExtendedModel:
         self._nominal = {item.name: item.nominal for item in self.parameters}
         if isinstance(base, DrivenModel):
             self.input_units = base.input_units
+        if isinstance(base, EitherDriven):
+            self.alternative_inputs = base.alternative_inputs
 
     @property
     def active(self) -> tuple[str, ...]:

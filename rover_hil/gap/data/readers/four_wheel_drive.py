@@ -8,14 +8,14 @@ or it is the only one of its folder. Truth in the same table, and logs of this s
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drivers.errors import ConfigError
-from sim_backends.models.interface import Array, Run
-from sim_backends.models.log_columns import (
+from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
     check_times,
@@ -25,9 +25,11 @@ from sim_backends.models.log_columns import (
     table_files,
     whole_rows,
 )
-from sim_backends.models.windows import LEAST_WINDOWS, Windows, body_rates, windows_over
+from rover_hil.gap.data.reader import Reader
+from rover_hil.gap.data.windows import LEAST_WINDOWS, Windows, body_rates, stretches, windows_over
+from sim_backends.models.four_wheel_drive.model import WHEELS
+from sim_backends.models.interface import Array, Run
 
-WHEELS = (1, 2, 3, 4)
 POSE = ("x_m", "y_m", "psi_rad")
 LABELS = ("wheel_radius_m", "track_m")
 TILT_WINDOWS = 5
@@ -71,7 +73,8 @@ def four_wheel_runs_of_log(log: DriveLog) -> list[Run]:
         raise ConfigError(
             f"{log.name} is of a {log.kind} rover: give the log of four wheels that do not steer"
         )
-    return [four_wheel_run(log.name, log.columns, log.columns, log.facts)]
+    # Sensors of a log have times of their own; before and after them nothing is missing.
+    return [replace(four_wheel_run(log.name, log.columns, log.columns, log.facts), missing={})]
 
 
 def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[str, float]) -> Run:
@@ -175,3 +178,6 @@ def _sensors(windows: Windows, columns: Columns, true_s: Array, heading: Array) 
         smooth[good] = np.degrees(np.unwrap(np.radians(wrapped[good])))
         found["compass_error_deg"] = windows.mean(t_s, smooth)
     return found
+
+
+READER = Reader(read=read_four_wheel_runs, runs_of_log=four_wheel_runs_of_log, cut=stretches)

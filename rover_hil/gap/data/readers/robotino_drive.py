@@ -18,8 +18,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drivers.errors import ConfigError
-from sim_backends.models.interface import Array, Run
-from sim_backends.models.log_columns import (
+from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
     check_times,
@@ -30,20 +29,15 @@ from sim_backends.models.log_columns import (
     table_files,
     whole_rows,
 )
-from sim_backends.models.windows import LEAST_WINDOWS, Windows, body_rates, windows_over
+from rover_hil.gap.data.reader import Reader
+from rover_hil.gap.data.windows import LEAST_WINDOWS, Windows, body_rates, stretches, windows_over
+from sim_backends.models.interface import Array, Run
+from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 
-WHEELS = (1, 2, 3)
 TICKS_PER_RAD = 2000.0 * 16.0 / math.tau
 NOMINAL_M_PER_PX = 1.84e-3
 MIDDLE_M = (1.45, -1.04)
 """About the middle of the ways in the picture."""
-RADIUS_M = 0.04
-BASE_M = 0.125
-ANGLES_RAD = np.radians([60.0, 180.0, 300.0])
-TO_BODY: Array = np.linalg.inv(
-    np.stack([-np.sin(ANGLES_RAD), np.cos(ANGLES_RAD), np.full(3, BASE_M)], axis=1)
-)
-"""From the ways of the three wheels to way forward, way to the left and turn."""
 ROW_S = 0.5
 CURRENT_WINDOWS = 5
 """Over which currents are smoothed."""
@@ -89,7 +83,8 @@ def drive_runs_of_log(log: DriveLog) -> list[Run]:
         raise ConfigError(
             f"{log.name} is of a {log.kind} rover: give the log of three omnidirectional wheels"
         )
-    return [_posed(log.name, 1.0, log.columns, log.facts)]
+    # Sensors of a log have times of their own; before and after them nothing is missing.
+    return [replace(_posed(log.name, 1.0, log.columns, log.facts), missing={})]
 
 
 def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
@@ -207,3 +202,6 @@ def _averages(path: Path, columns: Columns) -> list[Run]:
         name = f"{path.stem} {'turns' if value < 0.0 else f'{value:.0f} deg'}"
         runs.append(_run(name, 1.0, windows, inputs, _named(pose), {"is_averaged": 1.0}))
     return runs
+
+
+READER = Reader(read=read_drive_runs, runs_of_log=drive_runs_of_log, cut=stretches)

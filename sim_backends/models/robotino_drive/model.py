@@ -6,29 +6,28 @@ stays where it happened.
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
+from sim_backends.models.delay import earlier
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
-from sim_backends.models.log_columns import DriveLog
-from sim_backends.models.robotino_drive_data import (
-    BASE_M,
-    RADIUS_M,
-    TO_BODY,
-    WHEELS,
-    drive_runs_of_log,
-    read_drive_runs,
-)
-from sim_backends.models.robotino_drive_effects import EFFECTS
-from sim_backends.models.windows import earlier, stretches
+from sim_backends.models.nominal_values import NominalValues
+from sim_backends.models.robotino_drive.effects import EFFECTS
 
+WHEELS = (1, 2, 3)
+RADIUS_M = 0.04
+BASE_M = 0.125
+ANGLES_RAD = np.radians([60.0, 180.0, 300.0])
+TO_BODY: Array = np.linalg.inv(
+    np.stack([-np.sin(ANGLES_RAD), np.cos(ANGLES_RAD), np.full(3, BASE_M)], axis=1)
+)
+"""From the speeds of the three wheel rims to the velocity forward, to the left, and the turn."""
 GYRO = "gyro_rad_s"
 CHANNELS = (
     Channel(name="forward_m_s", unit="m/s"),
     Channel(name="left_m_s", unit="m/s"),
     Channel(name="turn_rad_s", unit="rad/s"),
-    Channel(name=GYRO, unit="rad/s"),
+    Channel(name=GYRO, unit="rad/s", is_optional=True),
 )
 MOST_SLIP = 0.98
 
@@ -57,8 +56,7 @@ PARAMETERS = (
     parameter("wheel_2_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 2 beside wheel 3"),
     parameter("idle_current_a", "A", 0.2, 0.03, 0.0, 2.0, "current of a wheel that pulls nothing"),
 )
-NOMINAL = {item.name: item.nominal for item in PARAMETERS}
-NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
 class RobotinoDrive:
@@ -67,12 +65,10 @@ class RobotinoDrive:
     Conditions: direction of travel as the encoders see it, mean speed, and number of the surface from 1.
     Labels of a run that the model heeds: `wheel_radius_m`, `base_radius_m`, `is_averaged` (no clock to be
     late by).
-
-    Attributes:
-        channels: What is predicted; the gyro is left out where the data read last have none.
     """
 
     name = "robotino-drive"
+    channels: tuple[Channel, ...] = CHANNELS
     condition_units: Mapping[str, str] = {"direction_deg": "deg", "speed_m_s": "m/s", "surface": "1"}
     input_units: Mapping[str, str] = {
         "t_s": "s",
@@ -84,33 +80,12 @@ class RobotinoDrive:
     parameters = PARAMETERS
     effects: tuple[EffectCard, ...] = EFFECTS
 
-    def __init__(self) -> None:
-        self.channels: tuple[Channel, ...] = CHANNELS
-
-    def read_runs(self, path: Path) -> list[Run]:
-        """Return the runs of a file or folder; see `read_drive_runs`."""
-        return self._taken(read_drive_runs(path))
-
-    def runs_of_log(self, log: DriveLog) -> list[Run]:
-        """Return the run in a log; see `drive_runs_of_log`."""
-        return self._taken(drive_runs_of_log(log))
-
-    def stretches_of(self, run: Run) -> list[Run]:
-        """Return stretches of a long drive; see `stretches`."""
-        return stretches(run)
-
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
         """Predict what the camera sees of every run. See `Model.predict`."""
-        base = {**NOMINAL, **parameters}
-        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        base, active = NOMINAL.fill(parameters, effects)
         return [_table(run, base, active) for run in runs]
-
-    def _taken(self, runs: list[Run]) -> list[Run]:
-        if not any(GYRO in run.measured for run in runs):
-            self.channels = tuple(one for one in CHANNELS if one.name != GYRO)
-        return runs
 
 
 def _table(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""Measures of a drive, random sites, and rehearsals on the simulated rover."""
+"""Measures of a drive, random scenarios, and missions on the simulated rover."""
 
 import math
 from pathlib import Path
@@ -12,24 +12,24 @@ from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.tracks import Track
 from rover_hil.tune.metrics import (
-    Way,
+    TruePath,
     closure_m,
     effort_rad_s2,
     heading_rms_rad,
     path_rms_m,
     reversals_per_s,
 )
-from rover_hil.tune.rehearsal import rehearse
-from rover_hil.tune.sites import at_site, held_out_seeds, train_seeds
+from rover_hil.tune.scenarios import held_out_seeds, train_seeds, with_scenario
+from rover_hil.tune.simulated_mission import simulate_mission
 from tests.rover_hil.tuning import TUNE, make_config
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
 PERIOD_S = 0.02
 
 
-def way_through(*points: tuple[float, float], yaw_rad: float = 0.0) -> Way:
+def way_through(*points: tuple[float, float], yaw_rad: float = 0.0) -> TruePath:
     rows = [(float(index), x_m, y_m, yaw_rad) for index, (x_m, y_m) in enumerate(points)]
-    return Way.of(Track.of(np.array(rows, dtype=np.float64)))
+    return TruePath.of(Track.of(np.array(rows, dtype=np.float64)))
 
 
 def with_plant(config: Config, **changes: object) -> Config:
@@ -45,10 +45,10 @@ def last_truth(log: Path) -> dict[str, float]:
 
 
 def test_the_path_itself_has_no_error() -> None:
-    way = way_through(*SQUARE)
-    assert path_rms_m(way, SQUARE) < 1e-9
-    assert closure_m(way, SQUARE) == 0.0
-    assert len(way.x_m) == 401
+    true_path = way_through(*SQUARE)
+    assert path_rms_m(true_path, SQUARE) < 1e-9
+    assert closure_m(true_path, SQUARE) == 0.0
+    assert len(true_path.x_m) == 401
 
 
 def test_a_shifted_line_is_off_by_the_shift() -> None:
@@ -58,24 +58,26 @@ def test_a_shifted_line_is_off_by_the_shift() -> None:
 
 def test_half_of_the_path_is_not_the_path() -> None:
     # Commanded points up to 1 m beyond the end: mean square 1/3 over half of the path, half of the weight.
-    way = way_through((0.0, 0.0), (1.0, 0.0))
-    assert path_rms_m(way, ((0.0, 0.0), (2.0, 0.0))) == pytest.approx(math.sqrt(0.5 * 0.5 / 3.0), rel=0.01)
-    assert closure_m(way, ((0.0, 0.0), (2.0, 0.0))) == pytest.approx(1.0)
+    true_path = way_through((0.0, 0.0), (1.0, 0.0))
+    assert path_rms_m(true_path, ((0.0, 0.0), (2.0, 0.0))) == pytest.approx(
+        math.sqrt(0.5 * 0.5 / 3.0), rel=0.01
+    )
+    assert closure_m(true_path, ((0.0, 0.0), (2.0, 0.0))) == pytest.approx(1.0)
 
 
 def test_a_rover_that_never_moved_has_measures_too() -> None:
-    way = way_through((0.0, 0.0), (0.0, 0.0))
-    assert path_rms_m(way, SQUARE) > 0.4
-    assert heading_rms_rad(way, SQUARE, along_path=False) == 0.0
+    true_path = way_through((0.0, 0.0), (0.0, 0.0))
+    assert path_rms_m(true_path, SQUARE) > 0.4
+    assert heading_rms_rad(true_path, SQUARE, along_path=False) == 0.0
     assert effort_rad_s2(np.array([]), PERIOD_S) == 0.0
     assert reversals_per_s(np.array([]), PERIOD_S, 0.5) == 0.0
 
 
 def test_heading_is_against_the_start_or_against_the_line() -> None:
-    way = way_through((0.0, 0.0), (0.0, 1.0), yaw_rad=math.pi / 2 - 0.1 + math.tau)
+    true_path = way_through((0.0, 0.0), (0.0, 1.0), yaw_rad=math.pi / 2 - 0.1 + math.tau)
     line = ((0.0, 0.0), (0.0, 1.0))
-    assert heading_rms_rad(way, line, along_path=True) == pytest.approx(0.1)
-    assert heading_rms_rad(way, line, along_path=False) == pytest.approx(math.pi / 2 - 0.1)
+    assert heading_rms_rad(true_path, line, along_path=True) == pytest.approx(0.1)
+    assert heading_rms_rad(true_path, line, along_path=False) == pytest.approx(math.pi / 2 - 0.1)
 
 
 def test_effort_does_not_depend_on_the_rate() -> None:
@@ -113,7 +115,7 @@ def test_training_and_held_out_seeds_never_overlap() -> None:
 
 def test_a_site_is_the_same_for_the_same_seed_and_other_ground_for_another(tmp_path: Path) -> None:
     config = make_config(tmp_path)
-    first, again, other = (at_site(config, seed).simulation for seed in (1, 1, 2))
+    first, again, other = (with_scenario(config, seed).simulation for seed in (1, 1, 2))
     assert first == again
     assert first is not None
     assert other is not None
@@ -122,20 +124,20 @@ def test_a_site_is_the_same_for_the_same_seed_and_other_ground_for_another(tmp_p
     assert config == make_config(tmp_path)
 
 
-def test_rehearsals_repeat_and_differ_between_sites(tmp_path: Path) -> None:
+def test_missions_repeat_and_differ_between_scenarios(tmp_path: Path) -> None:
     config = make_config(tmp_path)
-    first, again, other = (rehearse(config, seed) for seed in (1, 1, 2))
+    first, again, other = (simulate_mission(config, seed) for seed in (1, 1, 2))
     assert first.refused == ""
     assert first.terms == again.terms
     assert first.terms["path_rms_m"] != other.terms["path_rms_m"]
 
 
-def test_a_rehearsal_is_the_run_that_the_log_would_hold(tmp_path: Path) -> None:
+def test_a_simulated_mission_is_the_run_that_the_log_would_hold(tmp_path: Path) -> None:
     config = make_config(tmp_path)
-    run_virtual(at_site(config, 5), tmp_path / "run.mcap", 60.0, None)
+    run_virtual(with_scenario(config, 5), tmp_path / "run.mcap", 60.0, None)
     truth = last_truth(tmp_path / "run.mcap")
-    way = rehearse(config, 5).way
-    assert (way.x_m[-1], way.y_m[-1]) == (truth["x_m"], truth["y_m"])
+    true_path = simulate_mission(config, 5).true_path
+    assert (true_path.x_m[-1], true_path.y_m[-1]) == (truth["x_m"], truth["y_m"])
 
 
 def test_cameras_without_a_role_change_only_the_steps_of_the_integration(tmp_path: Path) -> None:
@@ -145,7 +147,7 @@ def test_cameras_without_a_role_change_only_the_steps_of_the_integration(tmp_pat
     table["trace_slip"] = table["roles"]["camera"] = None
     table["tune"] = make_config(tmp_path).model_dump(by_alias=True)["tune"]
     config = Config.model_validate(table)
-    slim = at_site(config, 3)
+    slim = with_scenario(config, 3)
     assert set(config.devices) - set(slim.devices) == {"camera"}
     full = slim.model_copy(update={"devices": config.devices})
     ends = []
@@ -161,22 +163,24 @@ def test_cameras_without_a_role_change_only_the_steps_of_the_integration(tmp_pat
 def test_the_camera_that_sees_the_trace_stays(tmp_path: Path) -> None:
     table = load_config("el-dorado").model_dump(by_alias=True)
     table["tune"] = make_config(tmp_path).model_dump(by_alias=True)["tune"]
-    assert "camera" in at_site(Config.model_validate(table), 3).devices
+    assert "camera" in with_scenario(Config.model_validate(table), 3).devices
 
 
 def test_unstable_gains_are_refused(tmp_path: Path) -> None:
     calm = make_config(tmp_path, TUNE, MISSION_FAST)
     wild = make_config(tmp_path, TUNE, MISSION_FAST.replace("lookahead_m = 0.2", "lookahead_m = 0.02"))
-    assert rehearse(calm, 1).refused == ""
-    assert "turned round" in rehearse(wild, 1).refused
+    assert simulate_mission(calm, 1).refused == ""
+    assert "a wheel set-point reversed" in simulate_mission(wild, 1).refused
 
 
 def test_an_unfinished_mission_is_refused(tmp_path: Path) -> None:
     config = make_config(tmp_path)
     late = config.model_copy(update={"loop": config.loop.model_copy(update={"time_limit_s": 2.0})})
-    assert rehearse(late, 1).refused == "the mission was not finished, the rover was running after 2 s"
+    assert (
+        simulate_mission(late, 1).refused == "the mission was not finished, the rover was running after 2 s"
+    )
     walled = with_plant(config, bumper_x_m=0.05)
-    assert "emergency_stop" in rehearse(walled, 1).refused
+    assert "emergency_stop" in simulate_mission(walled, 1).refused
 
 
 MISSION_FAST = """

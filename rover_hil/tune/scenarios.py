@@ -1,4 +1,4 @@
-"""Random test sites: other ground and other noise for every seed, the same for the same seed."""
+"""Random test scenarios: ground and noise are drawn from a seed."""
 
 import zlib
 
@@ -21,43 +21,43 @@ STEEPEST_DEG = 40.0
 
 
 def train_seeds(cases: CaseSettings) -> range:
-    """Return the seeds that the search sees."""
+    """Return the seeds of the search."""
     return range(FIRST_TRAIN_SEED, FIRST_TRAIN_SEED + cases.train)
 
 
 def held_out_seeds(cases: CaseSettings) -> range:
-    """Return the seeds of the comparison; none of them is ever a training seed, however many there are."""
+    """Return the seeds of the comparison; none of them is a training seed."""
     return range(FIRST_HELD_OUT_SEED, FIRST_HELD_OUT_SEED + cases.held_out)
 
 
-def at_site(config: Config, seed: int) -> Config:
-    """Return the configuration on the site of `seed`, with all noise seeded by it too.
+def with_scenario(config: Config, seed: int) -> Config:
+    """Return the configuration with the ground and all noise of `seed`.
 
-    Cameras without a role are left out: they steer nothing and cost most of the time.
+    Cameras without a role are left out: nothing depends on them, and they take most of the time.
 
     Raises:
         ConfigError: The configuration has no mission or no simulation.
     """
     simulation = config.simulation
     if simulation is None or config.mission is None:
-        raise ConfigError("a test site needs [mission] and [simulation]: add them")
+        raise ConfigError("a test scenario needs [mission] and [simulation]: add them")
     kept = {
         name: device
         for name, device in config.devices.items()
         if name in (*config.roles.names(), config.roles.camera) or not isinstance(device, FrameDeviceSettings)
     }
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(b"site"),)))
-    site = SimulationSettings(
+    scenario = SimulationSettings(
         seed=seed,
         plant=_random_ground(simulation.plant, rng),
         devices={name: errors for name, errors in simulation.devices.items() if name in kept},
         faults=tuple(fault for fault in simulation.faults if fault.device in kept),
     )
-    return config.model_copy(update={"devices": kept, "simulation": site})
+    return config.model_copy(update={"devices": kept, "simulation": scenario})
 
 
 def _random_ground(plant: PlantSettings, rng: np.random.Generator) -> PlantSettings:
-    """Return the same rover on other ground."""
+    """Return the plant on random ground."""
     match plant:
         case RobotinoPlantSettings():
             return plant.model_copy(update={"site": random_site(rng)})

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.columns import cell_number
+from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Run
-from sim_backends.models.log_columns import cell_number
 
 COLUMNS = (
     "beta_deg",
@@ -79,3 +80,6 @@ def _runs(key: tuple[float, float], members: Sequence[Row]) -> list[Run]:
         )
         for trial, row in enumerate(members, start=1)
     ]
+
+
+READER = Reader(read=read_single_wheel)

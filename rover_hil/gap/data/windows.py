@@ -3,10 +3,8 @@
 import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import Array, Run
@@ -71,7 +69,7 @@ def stretches(run: Run) -> list[Run]:
     """Return a run of windows cut into four or more of at least 64; itself where it is too short.
 
     What is late reaches back over a cut, and what is ahead of it over the other: values at both ends of each
-    are left out.
+    are left out. Missing values of the drive are counted with its first stretch.
     """
     size = run.inputs["t_s"].size
     count = size // LEAST_STRETCH
@@ -84,8 +82,9 @@ def stretches(run: Run) -> list[Run]:
         for values in measured.values():
             values[: OVERLAP[0]] = values[-OVERLAP[1] :] = np.nan
         inputs = {name: values[first:last] for name, values in run.inputs.items()}
-        name = f"{run.name} part {number}"
-        parts.append(replace(run, name=name, inputs=inputs, measured=measured, overlap=OVERLAP))
+        missing = run.missing if number == 1 else {}
+        part = replace(run, inputs=inputs, measured=measured, overlap=OVERLAP, missing=missing)
+        parts.append(replace(part, name=f"{run.name} part {number}"))
     return parts
 
 
@@ -99,41 +98,3 @@ def body_rates(
     forward = east * np.cos(middle) + north * np.sin(middle)
     left = north * np.cos(middle) - east * np.sin(middle)
     return forward, left, windows.rate(t_s, heading)
-
-
-def earlier(t_s: Array, rate: Array, latency_s: float) -> Array:
-    """Return the mean rates of windows that end earlier; nothing moved before the first.
-
-    Args:
-        t_s: Middles of windows of equal length.
-        rate: Mean rates in them.
-        latency_s: 0 or more.
-    """
-    if latency_s == 0.0 or t_s.size < 2:
-        return rate
-    width = float(t_s[1] - t_s[0])
-    total = np.concatenate(([0.0], np.cumsum(rate) * width))
-    late = latency_s / width
-    whole = math.ceil(late)
-    count = total.size - whole
-    reached = np.zeros(total.size)
-    if count > 0:
-        # Smooth, so that a small change of the latency changes the rates in proportion.
-        slope = _spline_slopes(total.size) @ total
-        here, after = slice(0, count), slice(1, count + 1)
-        near, far = whole - late, 1.0 - (whole - late)
-        reached[whole:] = (
-            (1.0 + 2.0 * near) * far**2 * total[here]
-            + (1.0 + 2.0 * far) * near**2 * total[after]
-            + near * far * (far * slope[here] - near * slope[after])
-        )
-    shifted: Array = np.diff(reached) / width
-    return shifted
-
-
-@cache
-def _spline_slopes(count: int) -> Array:
-    """Return what turns `count` values at equal steps into the slopes per step of their cubic spline."""
-    steps = np.arange(count, dtype=np.float64)
-    slopes: Array = CubicSpline(steps, np.eye(count))(steps, 1)
-    return slopes

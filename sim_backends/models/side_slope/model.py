@@ -7,31 +7,32 @@ path in the frame of the slope, so heading, soil that flows and a turned camera 
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
-from sim_backends.models.side_slope_data import (
-    BEND,
-    MIDDLE_M,
-    NOMINAL_RADIUS_M,
-    START_SHARE,
-    WAY_M,
-    read_side_slope,
-)
-from sim_backends.models.side_slope_effects import EFFECTS, REFERENCE_MASS_KG
-from sim_backends.models.slope_states import Build, Site, SlopeStates, State
+from sim_backends.models.nominal_values import NominalValues
+from sim_backends.models.side_slope.effects import EFFECTS, REFERENCE_MASS_KG
+from sim_backends.models.side_slope.states import Build, Site, SlopeStates, State
+
+NOMINAL_RADIUS_M = 0.097
+"""Radius with which encoder speeds were turned into r omega."""
+WAY_M = 1.0
+START_SHARE = 0.3
+"""Share of the way that counts as start."""
+MIDDLE_M = WAY_M * (1.0 + START_SHARE) / 2.0
+"""Way after which the mean of a steady turn is reached."""
+BEND = "path_bend_deg_m"
 
 CHANNELS = (
-    Channel(name="slip", unit="1", tolerance=0.001),
-    Channel(name="slip_angle_deg", unit="deg", tolerance=0.05),
-    Channel(name="sinkage_up_mm", unit="mm", tolerance=0.1),
-    Channel(name="sinkage_down_mm", unit="mm", tolerance=0.1),
-    Channel(name="torque_up_Nm", unit="N m", tolerance=0.01),
-    Channel(name="torque_down_Nm", unit="N m", tolerance=0.02),
-    Channel(name=BEND, unit="deg/m", tolerance=0.1),
+    Channel(name="slip", unit="1", tolerance=0.001, is_optional=True),
+    Channel(name="slip_angle_deg", unit="deg", tolerance=0.05, is_optional=True),
+    Channel(name="sinkage_up_mm", unit="mm", tolerance=0.1, is_optional=True),
+    Channel(name="sinkage_down_mm", unit="mm", tolerance=0.1, is_optional=True),
+    Channel(name="torque_up_Nm", unit="N m", tolerance=0.01, is_optional=True),
+    Channel(name="torque_down_Nm", unit="N m", tolerance=0.02, is_optional=True),
+    Channel(name=BEND, unit="deg/m", tolerance=0.1, is_optional=True),
 )
 
 
@@ -73,8 +74,7 @@ PARAMETERS = (
 )
 USUAL_SLIP = 0.1
 LATE_WAY_M = np.linspace(START_SHARE * WAY_M, WAY_M, 36)
-NOMINAL = {item.name: item.nominal for item in PARAMETERS}
-NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
 class _Seen(NamedTuple):
@@ -98,33 +98,22 @@ class _Seen(NamedTuple):
 
 
 class SideSlope:
-    """A `Model` of a four-wheeled rover on a side slope.
-
-    Attributes:
-        channels: What is predicted; those that the data read last do not have are left out.
-    """
+    """A `Model` of a four-wheeled rover on a side slope."""
 
     name = "side-slope"
+    channels: tuple[Channel, ...] = CHANNELS
     condition_units: Mapping[str, str] = {"slope_deg": "deg", "roll_deg": "deg", "mass_kg": "kg"}
     parameters: tuple[Parameter, ...] = PARAMETERS
     effects: tuple[EffectCard, ...] = EFFECTS
 
     def __init__(self) -> None:
-        self.channels: tuple[Channel, ...] = CHANNELS
         self._states = SlopeStates()
-
-    def read_runs(self, path: Path) -> list[Run]:
-        """Return the runs of a folder with summary.csv and paths.csv; see `read_side_slope`."""
-        runs = read_side_slope(path)
-        self.channels = tuple(one for one in CHANNELS if any(one.name in run.measured for run in runs))
-        return runs
 
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
         """Predict every channel of every run; NaN where no steady state exists. See `Model.predict`."""
-        base = {**NOMINAL, **parameters}
-        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        base, active = NOMINAL.fill(parameters, effects)
         build = _build(base, active)
         tables: list[dict[str, Array]] = []
         for run in runs:

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
-from sim_backends.models.interface import Array, Run
-from sim_backends.models.log_columns import (
+from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
     check_times,
@@ -21,13 +20,14 @@ from sim_backends.models.log_columns import (
     table_files,
     whole_rows,
 )
+from rover_hil.gap.data.reader import Reader
+from sim_backends.models.interface import Array, Run
+from sim_backends.models.robotino_motor.model import CURRENT_STEP_A, SPEED_STEP_RAD_S
 
 MOTORS = (1, 2, 3)
-BOARD_STEP_RAD_S = 27.0 * np.pi / 30.0
-BOARD_STEP_A = 4.0 / 156.0
 WITHOUT_INTEGRAL = "without_integral"
 WITH_INTEGRAL = "with_integral"
-BOARD = {"speed_step_rad_s": BOARD_STEP_RAD_S, "current_step_a": BOARD_STEP_A, "is_unsigned": 1.0}
+BOARD = {"speed_step_rad_s": SPEED_STEP_RAD_S, "current_step_a": CURRENT_STEP_A, "is_unsigned": 1.0}
 
 
 def read_motor_runs(path: Path) -> list[Run]:
@@ -128,3 +128,6 @@ def _tabled(path: Path, name: str, columns: Columns) -> Run:
         inputs={"t_s": columns["t_s"], drive: columns[drive], "others_current_a": others},
         measured={"speed_rad_s": columns["speed_rad_s"], "current_a": current},
     )
+
+
+READER = Reader(read=read_motor_runs, runs_of_log=motor_runs_of_log)

@@ -7,14 +7,13 @@ Base: `sim_backends.terramechanics.soil.any_angle_wheel` with the numbers that p
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from drivers.errors import ModelError
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
-from sim_backends.models.single_wheel_data import read_single_wheel
-from sim_backends.models.single_wheel_effects import EFFECTS
+from sim_backends.models.nominal_values import NominalValues
+from sim_backends.models.single_wheel.effects import EFFECTS
 from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleForces,
     AnyAngleSoil,
@@ -84,20 +83,13 @@ class SingleWheel:
         self._wheel = wheel or load_wheel("cmu_smooth")
         self._soil = soil or load_any_angle_soil("cmu_sand_blind")
         self.parameters: tuple[Parameter, ...] = tuple(_parameter(name, self._soil) for name in PRIORS)
-
-    def read_runs(self, path: Path) -> list[Run]:
-        """Return the steady trials of the CMU test bed; see `read_single_wheel`."""
-        return read_single_wheel(path)
+        self._nominal = NominalValues(self.parameters, EFFECTS)
 
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
         """Predict every channel of every run; NaN where the soil cannot carry the load; see `Model`."""
-        active = {
-            card.name: {item.name: item.nominal for item in card.parameters}
-            | dict(effects.get(card.name, {}))
-            for card in EFFECTS
-        }
+        base, active = self._nominal.fill(parameters, effects)
         rim, travel, angle, load = (
             np.array([run.conditions[name] for run in runs], dtype=np.float64)
             for name in self.condition_units
@@ -111,7 +103,7 @@ class SingleWheel:
             np.maximum(travel * np.cos(angle), 0.0) / 1000.0,
             (1.0 - carried) * travel * np.sin(angle) / 1000.0,
         )
-        soil = self._changed(parameters, active)
+        soil = self._changed(base, active)
         wheel = self._wheel.model_copy(update={"radius_m": self._wheel.radius_m + lugs})
         try:
             sinkage, forces = any_angle_at_load(wheel, soil, motion, load)
@@ -126,8 +118,8 @@ class SingleWheel:
         }
         return [{name: row[index : index + 1] for name, row in values.items()} for index in range(len(runs))]
 
-    def _changed(self, parameters: Values, active: Mapping[str, Values]) -> AnyAngleSoil:
-        update = {name: float(parameters.get(name, getattr(self._soil, name))) for name in PRIORS}
+    def _changed(self, base: Values, active: Mapping[str, Values]) -> AnyAngleSoil:
+        update = {name: float(base[name]) for name in PRIORS}
         for card in EFFECTS:
             if card.releases is not None:
                 update[card.releases] += active[card.name]["change"]

@@ -6,33 +6,28 @@ early error stays where it happened.
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
-from sim_backends.models.four_wheel_drive_data import (
-    WHEELS,
-    four_wheel_runs_of_log,
-    read_four_wheel_runs,
-)
-from sim_backends.models.four_wheel_drive_effects import EFFECTS
+from sim_backends.models.delay import earlier
+from sim_backends.models.four_wheel_drive.effects import EFFECTS
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
-from sim_backends.models.log_columns import DriveLog
-from sim_backends.models.windows import earlier, stretches
+from sim_backends.models.nominal_values import NominalValues
 
+WHEELS = (1, 2, 3, 4)
 RADIUS_M = 0.092
 TRACK_M = 0.44
 MOST_SLIP = 0.98
 TURN_WINDOWS = 5
 
 CHANNELS = (
-    Channel(name="forward_m_s", unit="m/s"),
-    Channel(name="left_m_s", unit="m/s"),
-    Channel(name="turn_rad_s", unit="rad/s"),
-    Channel(name="gyro_deg_s", unit="deg/s"),
-    Channel(name="compass_error_deg", unit="deg"),
+    Channel(name="forward_m_s", unit="m/s", is_optional=True),
+    Channel(name="left_m_s", unit="m/s", is_optional=True),
+    Channel(name="turn_rad_s", unit="rad/s", is_optional=True),
+    Channel(name="gyro_deg_s", unit="deg/s", is_optional=True),
+    Channel(name="compass_error_deg", unit="deg", is_optional=True),
 )
 
 
@@ -46,8 +41,7 @@ PARAMETERS = (
     parameter("pitch_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "pitch told on the level"),
     parameter("roll_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "roll told on the level"),
 )
-NOMINAL = {item.name: item.nominal for item in PARAMETERS}
-NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
 class FourWheelDrive:
@@ -55,12 +49,10 @@ class FourWheelDrive:
 
     Conditions: mean climb, roll and speed of a drive. Labels of a run that the model heeds: `wheel_radius_m`,
     `track_m`; else 92 mm and 440 mm.
-
-    Attributes:
-        channels: What is predicted; sensors that the data read last do not have are left out.
     """
 
     name = "four-wheel-drive"
+    channels: tuple[Channel, ...] = CHANNELS
     condition_units: Mapping[str, str] = {"climb_deg": "deg", "roll_deg": "deg", "speed_m_s": "m/s"}
     input_units: Mapping[str, str] = {
         "t_s": "s",
@@ -73,32 +65,12 @@ class FourWheelDrive:
     parameters = PARAMETERS
     effects: tuple[EffectCard, ...] = EFFECTS
 
-    def __init__(self) -> None:
-        self.channels: tuple[Channel, ...] = CHANNELS
-
-    def read_runs(self, path: Path) -> list[Run]:
-        """Return one run per log of a file or folder; see `read_four_wheel_runs`."""
-        return self._taken(read_four_wheel_runs(path))
-
-    def runs_of_log(self, log: DriveLog) -> list[Run]:
-        """Return the run in a log; see `four_wheel_runs_of_log`."""
-        return self._taken(four_wheel_runs_of_log(log))
-
-    def stretches_of(self, run: Run) -> list[Run]:
-        """Return stretches of a long drive; see `stretches`."""
-        return stretches(run)
-
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
         """Predict the motion of every run and what its sensors say. See `Model.predict`."""
-        base = {**NOMINAL, **parameters}
-        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        base, active = NOMINAL.fill(parameters, effects)
         return [_motion(run, base, active) | _sensors(run, base, active) for run in runs]
-
-    def _taken(self, runs: list[Run]) -> list[Run]:
-        self.channels = tuple(one for one in CHANNELS if any(one.name in run.measured for run in runs))
-        return runs
 
 
 def _motion(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:

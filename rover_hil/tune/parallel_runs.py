@@ -1,4 +1,4 @@
-"""Rehearsals on all cores."""
+"""Simulated missions on all cores."""
 
 import os
 import signal
@@ -12,15 +12,15 @@ from types import TracebackType
 from typing import Self
 
 from rover_hil.config import Config
-from rover_hil.tune.rehearsal import Rehearsal, rehearse
+from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
 
 
-class Bench:
-    """A pool of processes, one per core that this process may use."""
+class ParallelRuns:
+    """A pool of processes, one per available core."""
 
     def __init__(self) -> None:
         self._pool = ProcessPoolExecutor(
-            len(os.sched_getaffinity(0)), mp_context=get_context("spawn"), initializer=_obey_the_parent
+            len(os.sched_getaffinity(0)), mp_context=get_context("spawn"), initializer=_end_with_the_parent
         )
 
     def __enter__(self) -> Self:
@@ -31,15 +31,15 @@ class Bench:
     ) -> None:
         self._pool.shutdown(cancel_futures=True)
 
-    def drive(self, config: Config, seeds: Sequence[int]) -> Generator[Rehearsal, None, None]:
-        """Drive the mission on the sites of `seeds`; closing the iterator leaves out those not begun."""
-        with _ctrl_c_held_back():
-            results = self._pool.map(rehearse, repeat(config), seeds)
+    def drive(self, config: Config, seeds: Sequence[int]) -> Generator[SimulatedMission, None, None]:
+        """Drive the mission on the scenarios of `seeds`; closing the iterator cancels those not started."""
+        with _interrupts_blocked():
+            results = self._pool.map(simulate_mission, repeat(config), seeds)
         yield from results
 
 
 @contextmanager
-def _ctrl_c_held_back() -> Iterator[None]:
+def _interrupts_blocked() -> Iterator[None]:
     """Block SIGINT, which workers that start meanwhile inherit: a terminal sends ctrl-C to every process.
 
     The parent receives it afterwards; a worker never does, as its own handler would come too late.
@@ -51,12 +51,12 @@ def _ctrl_c_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _obey_the_parent() -> None:
-    """End when the parent is killed."""
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
-
-
 def _end_with_the_parent() -> None:
+    """End when the parent is killed."""
+    threading.Thread(target=_wait_for_the_parent, daemon=True).start()
+
+
+def _wait_for_the_parent() -> None:
     parent = parent_process()
     if parent is not None:
         parent.join()

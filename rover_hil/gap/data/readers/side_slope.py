@@ -12,18 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.columns import cell_number
+from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Array, Run
-from sim_backends.models.log_columns import cell_number
+from sim_backends.models.side_slope.model import BEND, START_SHARE
 
-NOMINAL_RADIUS_M = 0.097
-"""Radius with which encoder speeds were turned into r omega."""
-WAY_M = 1.0
-START_SHARE = 0.3
-"""Share of the way that counts as start."""
-MIDDLE_M = WAY_M * (1.0 + START_SHARE) / 2.0
-"""Way after which the mean of a steady turn is reached."""
 LEAST_POINTS = 12
-BEND = "path_bend_deg_m"
 CONDITIONS = ("slope_deg", "roll_deg", "mass_kg")
 LABELS = ("condition", "rep", "romega_mm_s")
 MEASURED = ("slip", "slip_angle_deg", "sinkage_up_mm", "sinkage_down_mm", "torque_up_Nm", "torque_down_Nm")
@@ -107,3 +101,6 @@ def path_bend_deg_m(points: Array) -> float:
     tangent = float(curve[1]) / forward
     turn = 2.0 * float(curve[0]) / forward**2 * 1000.0
     return math.degrees(turn / (1.0 + tangent**2))
+
+
+READER = Reader(read=read_side_slope)

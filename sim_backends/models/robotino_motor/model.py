@@ -14,15 +14,13 @@ of accelerations that last; an isolated jump shows none.
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from numba import njit
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
-from sim_backends.models.log_columns import DriveLog
-from sim_backends.models.robotino_motor_data import motor_runs_of_log, read_motor_runs
-from sim_backends.models.robotino_motor_effects import COPPER_PER_K, EFFECTS
+from sim_backends.models.nominal_values import NominalValues
+from sim_backends.models.robotino_motor.effects import COPPER_PER_K, EFFECTS
 
 SUBSTEPS = 6
 MOST_STRETCHES = 4
@@ -38,7 +36,6 @@ CHANNELS = (
     Channel(name="speed_rad_s", unit="rad/s", quantum=SPEED_STEP_RAD_S),
     Channel(name="current_a", unit="A", quantum=CURRENT_STEP_A),
 )
-INPUTS = {"t_s": "s", "set_point_rad_s": "rad/s", "others_current_a": "A"}
 
 
 PARAMETERS = (
@@ -71,8 +68,7 @@ PARAMETERS = (
     ),
     parameter("supply_v", "V", 24.0, 0.5, 5.0, 60.0, "voltage of the supply"),
 )
-NOMINAL = {item.name: item.nominal for item in PARAMETERS}
-NULLS = {card.name: {item.name: item.nominal for item in card.parameters} for card in EFFECTS}
+NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
 class RobotinoMotor:
@@ -82,38 +78,28 @@ class RobotinoMotor:
     heeds where they are there: `speed_step_rad_s` (of the set-point), `current_step_a`, `is_unsigned`.
 
     Attributes:
-        input_units: With `voltage_v` in place of the set-point where the data read last have it.
+        alternative_inputs: A run has set-points or, where they were measured, voltages.
     """
 
     name = "robotino-motor"
     channels: tuple[Channel, ...] = CHANNELS
     condition_units: Mapping[str, str] = {"integral": "1"}
+    input_units: Mapping[str, str] = {
+        "t_s": "s",
+        "set_point_rad_s": "rad/s",
+        "voltage_v": "V",
+        "others_current_a": "A",
+    }
+    alternative_inputs = ("set_point_rad_s", "voltage_v")
     parameters = PARAMETERS
     effects: tuple[EffectCard, ...] = EFFECTS
-
-    def __init__(self) -> None:
-        self.input_units: Mapping[str, str] = INPUTS
-
-    def read_runs(self, path: Path) -> list[Run]:
-        """Return one run per motor and record; see `read_motor_runs`."""
-        return self._taken(read_motor_runs(path))
-
-    def runs_of_log(self, log: DriveLog) -> list[Run]:
-        """Return one run per wheel; see `motor_runs_of_log`."""
-        return self._taken(motor_runs_of_log(log))
 
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
         """Predict speed and current of every run. See `Model.predict`."""
-        base = {**NOMINAL, **parameters}
-        active = {name: {**NULLS[name], **effects.get(name, {})} for name in NULLS}
+        base, active = NOMINAL.fill(parameters, effects)
         return [self._table(run, base, active) for run in runs]
-
-    def _taken(self, runs: list[Run]) -> list[Run]:
-        if runs and all("voltage_v" in run.inputs for run in runs):
-            self.input_units = {"t_s": "s", "voltage_v": "V", "others_current_a": "A"}
-        return runs
 
     def _table(self, run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:
         t_s = run.inputs["t_s"]

@@ -1,4 +1,4 @@
-"""One mission on the simulated rover, as fast as the machine allows: no log, only what it came to."""
+"""One mission on the simulated rover, as fast as possible and without a log."""
 
 import math
 from collections.abc import Mapping
@@ -18,47 +18,47 @@ from rover_hil.datasets.arrays import Array
 from rover_hil.report.tracks import Track
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.tune.metrics import (
-    Way,
+    TruePath,
     closure_m,
     effort_rad_s2,
     heading_rms_rad,
     path_rms_m,
     reversals_per_s,
 )
-from rover_hil.tune.sites import at_site
+from rover_hil.tune.scenarios import with_scenario
 
 CONNECT_TIMEOUT_S = 1.0
 OVER = (Mode.FINISHED, Mode.EMERGENCY_STOP)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rehearsal:
-    """What one mission came to.
+class SimulatedMission:
+    """Result of one mission.
 
     Attributes:
-        seed: Of site and noise.
-        refused: Why gains that do this are not acceptable; empty when they are.
-        terms: What the objective may count, by its names there.
-        reversals_per_s: How often the busiest wheel's set-point turned round.
-        way: Where the rover really was.
+        seed: Of scenario and noise.
+        refused: Why the gains are rejected; empty when they are acceptable.
+        terms: Measured values by the names of the objective.
+        reversals_per_s: Reversals of the set-point of the busiest wheel.
+        true_path: True poses.
     """
 
     seed: int
     refused: str
     terms: Mapping[str, float]
     reversals_per_s: float
-    way: Way
+    true_path: TruePath
 
 
-def rehearse(config: Config, seed: int) -> Rehearsal:
-    """Drive the mission of `config` once on the site of `seed`; the same arguments give the same result.
+def simulate_mission(config: Config, seed: int) -> SimulatedMission:
+    """Drive the mission of `config` on the scenario of `seed`; the same arguments give the same result.
 
     Raises:
         ConfigError: The configuration has no [mission], no [simulation] or no [tune], or they do not fit.
     """
     if config.mission is None or config.tune is None:
-        raise ConfigError("a rehearsal needs [mission] and [tune]: add them")
-    driven = drive(at_site(config, seed))
+        raise ConfigError("a simulated mission needs [mission] and [tune]: add them")
+    driven = drive(with_scenario(config, seed))
     mode, truth, set_points_rad_s = driven.mode, driven.truth, driven.set_points_rad_s
     stability = config.tune.stability
     period_s = 1.0 / config.loop.rate_hz
@@ -67,24 +67,26 @@ def rehearse(config: Config, seed: int) -> Rehearsal:
     if mode is not Mode.FINISHED:
         refused = f"the mission was not finished, the rover was {mode.value} after {truth.t_s[-1]:.0f} s"
     elif reversals > stability.reversals_per_s:
-        refused = f"a wheel set-point turned round {reversals:.2f} times per second"
-    corners, way = corner_points(config.mission), Way.of(truth)
+        refused = f"a wheel set-point reversed {reversals:.2f} times per second"
+    corners, true_path = corner_points(config.mission), TruePath.of(truth)
     along_path = config.mission.heading == "along_path"
     terms = {
-        "path_rms_m": path_rms_m(way, corners),
-        "closure_m": closure_m(way, corners),
-        "heading_deg": math.degrees(heading_rms_rad(way, corners, along_path=along_path)),
+        "path_rms_m": path_rms_m(true_path, corners),
+        "closure_m": closure_m(true_path, corners),
+        "heading_deg": math.degrees(heading_rms_rad(true_path, corners, along_path=along_path)),
         "effort_rad_s2": effort_rad_s2(set_points_rad_s, period_s),
         "duration_s": float(truth.t_s[-1]),
     }
-    return Rehearsal(seed=seed, refused=refused, terms=terms, reversals_per_s=reversals, way=way)
+    return SimulatedMission(
+        seed=seed, refused=refused, terms=terms, reversals_per_s=reversals, true_path=true_path
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
-    """One run of the loop: last mode, tracks from their own first pose, set-points while driving.
+class DrivenMission:
+    """One run of the loop: last mode, tracks relative to their first pose, set-points while driving.
 
-    The shake of a yaw probe is averaged out of the set-points: it is wanted, and no sign of bad gains.
+    The yaw excitation of a probe is averaged out of the set-points: it is intended, not an oscillation.
     """
 
     mode: Mode
@@ -93,7 +95,7 @@ class Drive:
     set_points_rad_s: Array
 
 
-def drive(config: Config) -> Drive:
+def drive(config: Config) -> DrivenMission:
     """Run the loop on the simulated rover of `config` to its end.
 
     Raises:
@@ -120,16 +122,16 @@ def drive(config: Config) -> Drive:
             t_s, truth, estimate = seconds(now_ns - start_ns), world.plant.truth(), output.estimate
             true_poses.append((t_s, truth.x_m, truth.y_m, truth.yaw_rad))
             estimates.append((t_s, estimate.x_m, estimate.y_m, estimate.yaw_rad))
-    return Drive(
+    return DrivenMission(
         mode=mode,
         truth=Track.of(np.array(true_poses)).from_first_pose(),
         estimate=Track.of(np.array(estimates)),
-        set_points_rad_s=_without_shake(config, np.array(set_points)),
+        set_points_rad_s=_without_yaw_excitation(config, np.array(set_points)),
     )
 
 
-def _without_shake(config: Config, set_points_rad_s: Array) -> Array:
-    """Return the set-points averaged over one period of the yaw probe's shake where there is one."""
+def _without_yaw_excitation(config: Config, set_points_rad_s: Array) -> Array:
+    """Return the set-points averaged over one period of the yaw excitation where there is one."""
     slip = config.slip
     if slip is None or slip.use != YAW_PROBE or slip.maps.yaw_probe is None:
         return set_points_rad_s
