@@ -15,6 +15,8 @@ from drivers.errors import LogError, RoverHilError
 from rover_hil.datasets.arrays import Array
 
 WORDS = {"": math.nan, "true": 1.0, "false": 0.0}
+DELIMITERS = "\t;,"
+MOST_HEADER_LINES = 3
 NAME_AND_UNIT = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?$")
 """`current [A]` or `current (A)`."""
 
@@ -107,48 +109,65 @@ def read_csv(
     path: Path,
     error: type[RoverHilError] = LogError,
     *,
-    delimiter: str = ",",
-    header_lines: int = 1,
+    delimiter: str | None = ",",
+    header_lines: int | None = 1,
 ) -> CsvTable:
     """Return the table in a `.csv` or `.csv.gz` file; blank lines are left out.
 
     Args:
         path: The file.
         error: What to raise, here and from the table.
-        delimiter: Between cells; one at the end of every line is left out.
-        header_lines: 1, with units in brackets behind the names, or 3: long names, units, names.
+        delimiter: Between cells, None for the first of tab, semicolon and comma in the file's first line; one
+            at the end of every line is left out.
+        header_lines: 1, with units in brackets behind the names; 3: long names, units, names; None: all above
+            the first number, the last holds the names.
 
     Raises:
         RoverHilError: The file cannot be read, or is shorter than its header.
     """
-    reader = csv.reader(_read_text(path, error).splitlines(), delimiter=delimiter, skipinitialspace=True)
+    lines = _read_text(path, error).splitlines()
+    if delimiter is None:
+        delimiter = next((one for one in DELIMITERS if lines and one in lines[0]), ",")
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     try:
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
     except csv.Error as problem:
         raise error(f"cannot read {path} as a table: {problem}") from problem
-    if len(rows) < header_lines > 1:
-        raise error(f"{path} has {len(rows)} lines, no header of {header_lines}: is it such a file?")
-    header = [cells for _, cells in rows[:header_lines]] or [[]]
-    if header[-1][-1:] == [""] and len(header[-1]) > 1:
+    if lines and lines[0].rstrip().endswith(delimiter):
         rows = [(line, cells[:-1] if cells[-1:] == [""] else cells) for line, cells in rows]
-        header = [cells for _, cells in rows[:header_lines]]
-    if header_lines > 1:
-        names = header[-1]
-        units = dict(zip(names, header[-2], strict=False))
-    else:
-        named = [_name_and_unit(cell) for cell in header[0]]
-        names = [name for name, _ in named]
-        units = {name: unit for name, unit in named if unit is not None}
-    body = rows[header_lines:]
+    count = _header_lines([cells for _, cells in rows]) if header_lines is None else header_lines
+    if len(rows) < count > 1:
+        raise error(f"{path} has {len(rows)} lines, no header of {count}: is it such a file?")
+    header, body = [cells for _, cells in rows[:count]] or [[]], rows[count:]
+    named = [_name_and_unit(cell) for cell in header[-1]]
+    units = {name: unit for name, unit in named if unit is not None}
+    if count > 1:
+        units |= dict(zip((name for name, _ in named), header[-2], strict=False))
     return CsvTable(
         path=path,
-        names=names,
+        names=[name for name, _ in named],
         units=units,
-        header_line=rows[header_lines - 1][0] if rows else 1,
+        header_line=rows[count - 1][0] if count and rows else 1,
         lines=[line for line, _ in body],
         rows=[cells for _, cells in body],
         error=error,
     )
+
+
+def _header_lines(rows: Sequence[Sequence[str]]) -> int:
+    """Return how many rows stand above the first number."""
+    for count, cells in enumerate(rows[: MOST_HEADER_LINES + 1]):
+        if any(_is_number(cell) for cell in cells):
+            return count
+    return len(rows)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def first_line(path: Path) -> str:

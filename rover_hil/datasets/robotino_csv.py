@@ -161,9 +161,9 @@ def board_counts(record: RobotinoRecord) -> BoardCounts:
     )
 
 
-def camera_poses(record: RobotinoRecord) -> CameraPoses:
-    """Return what the camera saw."""
-    x_px, y_px, angle_deg = (record.columns[name] for name in CAMERA_UNITS)
+def camera_poses(columns: Mapping[str, Array]) -> CameraPoses:
+    """Return the poses in the camera's columns of a record."""
+    x_px, y_px, angle_deg = (columns[name] for name in CAMERA_UNITS)
     changes = (np.diff(values, prepend=np.inf) != 0.0 for values in (x_px, y_px, angle_deg))
     return CameraPoses(
         x_px=x_px,

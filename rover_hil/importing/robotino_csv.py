@@ -66,7 +66,7 @@ def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
         )
         raise ConfigError(msg)
     record = read_record(path, with_camera=True)
-    counts, camera = board_counts(record), camera_poses(record)
+    counts, camera = board_counts(record), camera_poses(record.columns)
     m_per_px = millimetres_per_pixel / 1000.0
     set_speeds = record.of_motors("setvel") / ROBOTINO_BOARD.gear_ratio
     times_ms = record.columns["t"]

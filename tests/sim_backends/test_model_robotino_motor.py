@@ -200,7 +200,7 @@ def test_reads_a_table_with_voltages(tmp_path: Path) -> None:
     [
         ("t_s,speed_rad_s,current_a\n0,1,1\n1,1,1\n", "set_point_rad_s"),
         ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,1\n0,1,1,1\n", "time"),
-        ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,x\n", "not a number"),
+        ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,x\n", "is not a number"),
         ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1\n", "cells"),
         ("nothing here\n", "not a table"),
     ],

@@ -252,7 +252,7 @@ def test_reader_says_what_is_wrong(model: SideSlope, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no column 'mass_kg'"):
         read_side_slope(tmp_path)
     summary.write_text("run,slope_deg,roll_deg,mass_kg,slip\na,10,0,23.8,much\n")
-    with pytest.raises(ConfigError, match="line 2: slip is 'much'"):
+    with pytest.raises(ConfigError, match="line 2, column 'slip': 'much' is not a number"):
         read_side_slope(tmp_path)
 
 

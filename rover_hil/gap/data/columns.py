@@ -1,9 +1,5 @@
 """Measured series as named columns of tables and logs."""
 
-import csv
-import gzip
-import math
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,12 +8,11 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.datasets.csv_table import CsvTable, read_csv
 from sim_backends.models.interface import Array, Run
 
 Columns: TypeAlias = Mapping[str, Array]
 
-DELIMITERS = "\t;,"
-HEADER_LINES = 3
 RUN_COLUMN = "run"
 
 
@@ -78,25 +73,9 @@ def read_columns(path: Path) -> dict[str, Array]:
     out.
 
     Raises:
-        ConfigError: The file cannot be read, or has rows of different lengths.
+        ConfigError: The file cannot be read, has rows of different lengths, or a cell holds no number.
     """
-    rows = _rows(path)
-    start = _first_numbers(rows)
-    if start == 0 or start >= len(rows):
-        raise ConfigError(f"{path} is not a table of measurements: it needs a header and rows of numbers")
-    names = [cell.split("[")[0].strip() for cell in rows[start - 1]]
-    body = rows[start:]
-    wrong = next((place for place, row in enumerate(body) if len(row) != len(names)), None)
-    if wrong is not None:
-        raise ConfigError(
-            f"{path}, line {start + wrong + 1} has {len(body[wrong])} cells, its header {len(names)}"
-        )
-    columns = {}
-    for place, name in enumerate(names):
-        if name and name != RUN_COLUMN:
-            where = f"{path}: a cell of column '{name}'"
-            columns[name] = np.array([cell_number(row[place], where) for row in body])
-    return columns
+    return _columns(_read(path))
 
 
 def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
@@ -105,17 +84,27 @@ def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
     Raises:
         ConfigError: See `read_columns`.
     """
-    columns = read_columns(path)
-    rows = _rows(path)
-    start = _first_numbers(rows)
-    header = [cell.strip() for cell in rows[start - 1]]
-    if RUN_COLUMN not in header:
+    table = _read(path)
+    columns = _columns(table)
+    if RUN_COLUMN not in table.names:
         return {path.name.split(".csv")[0]: columns}
-    names = np.array([row[header.index(RUN_COLUMN)].strip() for row in rows[start:]])
+    names = np.array(table.text(RUN_COLUMN))
     return {
         str(name): {key: values[names == name] for key, values in columns.items()}
         for name in dict.fromkeys(names)
     }
+
+
+def _read(path: Path) -> CsvTable:
+    table = read_csv(path, ConfigError, delimiter=None, header_lines=None)
+    if not table.names or not table.rows:
+        raise ConfigError(f"{path} is not a table of measurements: it needs a header and rows of numbers")
+    table.check_shape("repair the line")
+    return table
+
+
+def _columns(table: CsvTable) -> dict[str, Array]:
+    return {name: table.numbers(name) for name in table.names if name and name != RUN_COLUMN}
 
 
 def need(columns: Columns, names: Sequence[str], where: str, why: str) -> None:
@@ -176,46 +165,4 @@ def check_times(t_s: Array, where: str) -> None:
         raise ConfigError(f"{where} has {t_s.size} rows: a series needs two or more")
     wrong = np.flatnonzero(~(np.diff(t_s) > 0.0))
     if wrong.size:
-        raise ConfigError(f"{where}: the time does not rise or is missing after {t_s[wrong[0]]:g} s")
-
-
-def _rows(path: Path) -> list[list[str]]:
-    try:
-        raw = path.read_bytes()
-        text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode("utf-8-sig")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read {path} as a table: {error}") from error
-    lines = text.splitlines()
-    first = lines[0] if lines else ""
-    delimiter = next((one for one in DELIMITERS if one in first), ",")
-    rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter) if row]
-    # The Robotino files end each line with a delimiter.
-    return [row[:-1] if len(row) > 1 and not row[-1] and first.endswith(delimiter) else row for row in rows]
-
-
-def _first_numbers(rows: Sequence[Sequence[str]]) -> int:
-    for index, row in enumerate(rows[: HEADER_LINES + 1]):
-        if any(_is_number(cell) for cell in row):
-            return index
-    return len(rows)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def cell_number(cell: str, where: str) -> float:
-    """Return the number in a cell of a table; NaN where it is empty.
-
-    Raises:
-        ConfigError: It is no number.
-    """
-    text = cell.strip()
-    try:
-        return float(text) if text else math.nan
-    except ValueError as error:
-        raise ConfigError(f"{where} is '{text}', not a number") from error
+        raise ConfigError(f"{where}: the time does not increase or is missing after {t_s[wrong[0]]:g} s")

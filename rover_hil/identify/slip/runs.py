@@ -110,7 +110,7 @@ def log_notes(runs: Sequence[MeasuredRun | RunWindows], rejected: Mapping[str, i
 
 def _read_csv_run(path: Path, surface: str) -> MeasuredRun:
     record = read_record(path, with_camera=True)
-    counts, camera = board_counts(record), camera_poses(record)
+    counts, camera = board_counts(record), camera_poses(record.columns)
     t_ns = np.round(record.columns["t"] * 1e6)
     t_s = (t_ns - t_ns[0]) / 1e9
     poses = np.column_stack((camera.x_px, camera.y_px, camera.yaw_rad))

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numba import njit
 
+from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.nominal_values import NominalValues
 from sim_backends.models.robotino_motor.effects import (
@@ -33,9 +34,9 @@ MOST_STRETCHES = 4
 LASTING_ROWS = 5
 LEAST_OHM = 0.1
 """Below which a small base value and a large change together do not go."""
-SPEED_STEP_RAD_S = 27.0 * math.tau / 60.0
+SPEED_STEP_RAD_S = ROBOTINO_SCALES.speed_rad_s * ROBOTINO_BOARD.gear_ratio
 """Step of the board's speeds at the motor: 27 rpm."""
-CURRENT_STEP_A = 4.0 / 156.0
+CURRENT_STEP_A = ROBOTINO_SCALES.current_step_a
 
 CHANNELS = (
     Channel(name="speed_rad_s", unit="rad/s", quantum=SPEED_STEP_RAD_S),

@@ -1,8 +1,7 @@
 """Measured drives of a Robotino under an overhead camera, as runs of windows.
 
 - Robotino 2 runs (BrOleg5/research-wheel-slippage): ticks and current per motor, pose of a marker in pixels.
-  In the image y points down, the robot's x axis to `ang` + 90 degrees. The camera repeats
-  some poses; such rows are left out.
+  The camera repeats some poses; such rows are left out.
 - Averages of the paper (BrOleg5/Slippage-compensation): one row per half second, motor speeds in rpm, steps
   of the camera in mm; rows of one direction of drive, joined, are a run.
 - Tables: `t_s`, `enc1_rad..enc3_rad` at the wheels, `x_m`, `y_m`, `psi_rad`, perhaps `current1_a..`,
@@ -18,6 +17,18 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drivers.errors import ConfigError
+from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
+from rover_hil.datasets.robotino_csv import (
+    AVERAGE_S,
+    AVERAGES_BEGIN,
+    CAMERA_UNITS,
+    COMMANDS,
+    CURRENTS,
+    IS_RECORD,
+    SPEEDS,
+    STEPS,
+    camera_poses,
+)
 from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
@@ -34,17 +45,15 @@ from rover_hil.gap.data.windows import LEAST_WINDOWS, Windows, body_rates, stret
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 
-TICKS_PER_RAD = 2000.0 * 16.0 / math.tau
+TICKS_PER_RAD = ROBOTINO_BOARD.ticks_per_motor_turn * ROBOTINO_BOARD.gear_ratio / math.tau
 NOMINAL_M_PER_PX = 1.84e-3
 MIDDLE_M = (1.45, -1.04)
 """Approximate middle of the paths in the picture."""
-ROW_S = 0.5
 CURRENT_WINDOWS = 5
 """Over which currents are smoothed."""
-RPM_TO_WHEEL = math.tau / 60.0 / 16.0
+RPM_TO_WHEEL = math.tau / 60.0 / ROBOTINO_BOARD.gear_ratio
 DIRECTION_STEP_DEG = 5.0
 LABELS = ("wheel_radius_m", "base_radius_m", "is_averaged")
-AVERAGES = "X axis speed, mm/s"
 
 
 def read_drive_runs(path: Path) -> list[Run]:
@@ -62,7 +71,7 @@ def read_drive_runs(path: Path) -> list[Run]:
         surface = float(surfaces[file.parent])
         columns = read_columns(file)
         prefix = f"{file.parent.name} " if len(surfaces) > 1 else ""
-        if AVERAGES in columns:
+        if AVERAGES_BEGIN in columns:
             runs += _averages(file, columns)
         elif "m1pos" in columns:
             runs.append(_pixels(file, prefix, surface, columns))
@@ -87,15 +96,12 @@ def drive_runs_of_log(log: DriveLog) -> list[Run]:
 
 def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
     names = [f"m{wheel}{kind}" for wheel in WHEELS for kind in ("pos", "cur")]
-    need(columns, ("t", "xpos", "ypos", "ang", *names), str(path), "use a run of the Robotino 2 data set")
-    gaps = missing_values(columns, ("xpos", "ypos", "ang", *names), str(path))
+    need(columns, ("t", *CAMERA_UNITS, *names), str(path), IS_RECORD)
+    gaps = missing_values(columns, (*CAMERA_UNITS, *names), str(path))
     t_s = columns["t"] / 1000.0
     check_times(t_s, str(path))
-    x_m, y_m = NOMINAL_M_PER_PX * columns["xpos"], -NOMINAL_M_PER_PX * columns["ypos"]
-    psi_rad = np.unwrap(np.radians(columns["ang"])) + 0.5 * math.pi
-    has_pose = np.concatenate(
-        ([True], (np.diff(x_m) != 0.0) | (np.diff(y_m) != 0.0) | (np.diff(psi_rad) != 0.0))
-    )
+    x_px, y_px, psi_rad, has_pose = camera_poses(columns)
+    x_m, y_m = NOMINAL_M_PER_PX * x_px, NOMINAL_M_PER_PX * y_px
     windows = windows_over(float(t_s[0]), float(t_s[has_pose][-1]), str(path))
     turned = [columns[f"m{wheel}pos"] / TICKS_PER_RAD for wheel in WHEELS]
     current = [columns[f"m{wheel}cur"] for wheel in WHEELS]
@@ -180,25 +186,22 @@ def _run(
 
 
 def _averages(path: Path, columns: Columns) -> list[Run]:
-    speeds = [f"Motor {wheel} velocity, rpm" for wheel in WHEELS]
-    currents = [f"Motor {wheel} current, A" for wheel in WHEELS]
-    steps = ("Delta X, mm", "Delta Y, mm", "Delta angle, deg")
-    commands = (AVERAGES, "Y axis speed, mm/s", "Rotational speed, deg/s")
-    need(columns, (*speeds, *currents, *steps, *commands), str(path), "use the published file of averages")
-    along, across, turning = (columns[name] for name in commands)
+    needed = (*SPEEDS, *CURRENTS, *STEPS, *COMMANDS)
+    need(columns, needed, str(path), "give the file of averages as published")
+    along, across, turning = (columns[name] for name in COMMANDS)
     key = np.where(turning != 0.0, -1.0, np.round(np.degrees(np.arctan2(across, along))) % 360.0)
     runs = []
     for value in np.unique(key):
         rows = np.flatnonzero(key == value)
         if rows.size < LEAST_WINDOWS:
             continue
-        windows = Windows(ROW_S * np.arange(rows.size + 1, dtype=np.float64))
-        inputs = {f"wheel_{w}_rad_s": columns[speeds[w - 1]][rows] * RPM_TO_WHEEL for w in WHEELS}
-        inputs |= {f"current_{w}_a": np.abs(columns[currents[w - 1]][rows]) for w in WHEELS}
+        windows = Windows(AVERAGE_S * np.arange(rows.size + 1, dtype=np.float64))
+        inputs = {f"wheel_{w}_rad_s": columns[SPEEDS[w - 1]][rows] * RPM_TO_WHEEL for w in WHEELS}
+        inputs |= {f"current_{w}_a": np.abs(columns[CURRENTS[w - 1]][rows]) for w in WHEELS}
         pose = (
-            columns[steps[0]][rows] / 1000.0 / ROW_S,
-            columns[steps[1]][rows] / 1000.0 / ROW_S,
-            np.radians(columns[steps[2]][rows]) / ROW_S,
+            columns[STEPS[0]][rows] / 1000.0 / AVERAGE_S,
+            columns[STEPS[1]][rows] / 1000.0 / AVERAGE_S,
+            np.radians(columns[STEPS[2]][rows]) / AVERAGE_S,
         )
         name = f"{path.stem} {'turns' if value < 0.0 else f'{value:.0f} deg'}"
         runs.append(_run(name, 1.0, windows, inputs, _named(pose), {"is_averaged": 1.0}))

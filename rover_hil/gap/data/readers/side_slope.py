@@ -4,7 +4,6 @@ The bend of the path, the turn of its direction over the last 70 % of the distan
 paths.csv; the start of the rover is excluded.
 """
 
-import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.data.columns import cell_number
+from rover_hil.datasets.csv_table import CsvTable, read_csv
 from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.side_slope.model import BEND, START_SHARE
@@ -35,51 +34,36 @@ def read_side_slope(path: Path) -> list[Run]:
         ConfigError: A file cannot be read, a column is missing, or a cell holds no number.
     """
     summary = path / "summary.csv" if path.is_dir() else path
-    rows = _rows(summary, ("run", *CONDITIONS))
-    present = [name for name in MEASURED if name in rows[0]]
+    table = _read(summary, CONDITIONS)
+    present = [name for name in MEASURED if name in table.names]
     if not present:
         raise ConfigError(f"{summary} has none of the columns {', '.join(MEASURED)}")
     paths = summary.parent / "paths.csv"
     bends = _bends(paths) if paths.exists() else {}
-    runs = []
-    for line, row in enumerate(rows, start=2):
-        name = row["run"].strip()
-        measured = {
-            key: np.array([cell_number(row[key], f"{summary}, line {line}: {key}")]) for key in present
-        }
-        if name in bends:
-            measured[BEND] = np.array([bends[name]])
-        labels = [key for key in LABELS if key in row]
-        conditions = {
-            key: cell_number(row[key], f"{summary}, line {line}: {key}") for key in (*CONDITIONS, *labels)
-        }
-        runs.append(Run(name=name, conditions=conditions, measured=measured))
-    return runs
+    conditions = {name: table.numbers(name) for name in (*CONDITIONS, *LABELS) if name in table.names}
+    measured = {name: table.numbers(name) for name in present}
+    return [
+        Run(
+            name=name,
+            conditions={key: float(values[row]) for key, values in conditions.items()},
+            measured={key: values[[row]] for key, values in measured.items()}
+            | ({BEND: np.array([bends[name]])} if name in bends else {}),
+        )
+        for row, name in enumerate(table.text("run"))
+    ]
 
 
-def _rows(path: Path, needed: Sequence[str]) -> list[dict[str, str]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [
-                {key.strip(): value or "" for key, value in row.items() if key}
-                for row in csv.DictReader(stream)
-            ]
-    except (OSError, UnicodeDecodeError, csv.Error, AttributeError) as error:
-        raise ConfigError(f"cannot read {path} as a table: {error}") from error
-    if not rows:
-        raise ConfigError(f"{path} holds no runs: a header line and one row per run are needed")
-    missing = [name for name in needed if name not in rows[0]]
-    if missing:
-        raise ConfigError(f"{path} has no column '{missing[0]}'")
-    return rows
+def _read(path: Path, needed: Sequence[str]) -> CsvTable:
+    table = read_csv(path, ConfigError)
+    table.require(("run", *needed), "a header line and one row per run are needed")
+    return table
 
 
 def _bends(path: Path) -> dict[str, float]:
-    points: dict[str, list[list[float]]] = {}
-    for line, row in enumerate(_rows(path, ("run", *PATH_COLUMNS)), start=2):
-        point = [cell_number(row[key], f"{path}, line {line}: {key}") for key in PATH_COLUMNS]
-        points.setdefault(row["run"].strip(), []).append(point)
-    bends = {name: path_bend_deg_m(np.array(rows)) for name, rows in points.items()}
+    table = _read(path, PATH_COLUMNS)
+    points = np.column_stack([table.numbers(name) for name in PATH_COLUMNS])
+    names = np.array(table.text("run"))
+    bends = {name: path_bend_deg_m(points[names == name]) for name in dict.fromkeys(names.tolist())}
     return {name: bend for name, bend in bends.items() if math.isfinite(bend)}
 
 

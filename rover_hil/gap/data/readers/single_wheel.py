@@ -6,14 +6,13 @@ forces are scaled to the mean load of the group; sinkages are not changed.
 Source: GitHub robomechanics/3d-terramechanics @ 55a6e92 (MIT-style licence).
 """
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.data.columns import cell_number
+from rover_hil.datasets.csv_table import read_csv
 from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Run
 
@@ -38,20 +37,10 @@ def read_single_wheel(path: Path) -> list[Run]:
         ConfigError: The file cannot be read, a column is missing, or a cell holds no number.
     """
     file = path / FILE if path.is_dir() else path
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            cells = list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"cannot read {file} as a table: {error}") from error
-    if not cells:
-        raise ConfigError(f"{file} holds no trials: a header line and one row per trial are needed")
-    missing = [name for name in COLUMNS if name not in cells[0]]
-    if missing:
-        raise ConfigError(f"{file} has no column '{missing[0]}'")
-    rows = [
-        {name: cell_number(row[name] or "", f"{file}, line {line}: {name}") for name in COLUMNS}
-        for line, row in enumerate(cells, start=2)
-    ]
+    table = read_csv(file, ConfigError)
+    table.require(COLUMNS, "a header line and one row per trial are needed")
+    columns = [table.numbers(name).tolist() for name in COLUMNS]
+    rows = [dict(zip(COLUMNS, values, strict=True)) for values in zip(*columns, strict=True)]
     groups: dict[tuple[float, float], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["beta_deg"], row["Vry_cmd_mm_s"]), []).append(row)
