@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-from sim_backends.soil.library import ReeceLaw, SoilSettings, WheelSettings
+from sim_backends.terramechanics.soil.library import ReeceLaw, SoilSettings, WheelSettings
 
 
 @dataclass(frozen=True)

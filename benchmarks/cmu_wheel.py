@@ -16,10 +16,14 @@ from benchmarks.cmu_peers import PUBLISHED, predict, retuned
 from rover_hil.terrain.fit import FREE, SoilFit, fit_soil
 from rover_hil.terrain.fit_data import WheelTests
 from rover_hil.terrain.fit_files import read_cmu_plates, read_cmu_wheel
-from sim_backends.soil.any_angle_wheel import AnyAngleSoil, any_angle_at_load, load_any_angle_soil
-from sim_backends.soil.library import load_soil, load_wheel
-from sim_backends.soil.pressure_sinkage import PlateTest, fit_plates
-from sim_backends.soil.wheel_forces import wheel_at_load
+from sim_backends.terramechanics.soil.any_angle_wheel import (
+    AnyAngleSoil,
+    any_angle_at_load,
+    load_any_angle_soil,
+)
+from sim_backends.terramechanics.soil.library import load_soil, load_wheel
+from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest, fit_plates
+from sim_backends.terramechanics.soil.wheel_forces import wheel_at_load
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "cmu_single_wheel"

@@ -4,7 +4,7 @@
 
 The rover of each seed of `benchmarks.field_tests` drives the sites of both tests along their x axis, on the
 same ground by three drivers: nobody steers; all wheels are steered by the heading alone; all wheels are
-steered against the slip angle that the trace tells, too (`controllers/crab_steering.py`). The hinge that
+steered against the slip angle that the trace tells, too (`benchmarks/crab_steering.py`). The hinge that
 tells its slip is from test 1 of the same seed, driven without steering.
 
 Prints as JSON for each test and driver, over the seeds: median and greatest distance from the line at the
@@ -23,6 +23,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from benchmarks.crab_steering import CrabGains, CrabSteering
 from benchmarks.field_drives import (
     FRAME_RATE_HZ,
     LONGEST_S,
@@ -41,18 +42,16 @@ from benchmarks.field_drives import (
     wheel_speed_rad_s,
 )
 from benchmarks.field_tests import FIRST_SEED, SITES, parameters_of, see
-from controllers.crab_steering import CrabGains, CrabSteering
 from controllers.ftrace.estimator import TraceEstimator, TraceSettings
 from controllers.ftrace.rig import RigFile
-from controllers.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image
-from sim_backends.el_dorado.plant import ElDoradoPlant
-from sim_backends.plant import Truth
-from sim_backends.rear_scene.draws import wander
-from sim_backends.rear_scene.motion import rotations
-from sim_backends.rear_scene.scene import Pose, RearScene
-from sim_backends.sensor_errors import DirectionLag
+from sim_backends.plants.el_dorado.plant import ElDoradoPlant
+from sim_backends.rear_scene.scene import Pose, RearScene, rotations
+from sim_backends.world.plant import Truth
+from sim_backends.world.sensor_errors import DirectionLag
+from tests.rear_scene.draws import wander
 
 PRESSES_PER_FRAME = 4
 PRESS_S = 1.0 / FRAME_RATE_HZ / PRESSES_PER_FRAME

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from controllers.scomp.drive import Track
 from rover_hil.report.style import ENCODERS, ESTIMATE, GYRO, HEADINGS, STYLE, TRUTH, WIDTH_IN
+from rover_hil.scomp.drive import Track
 
 Floats = NDArray[np.float64]
 NAMES = {

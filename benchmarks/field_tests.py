@@ -36,13 +36,13 @@ from benchmarks.field_drives import (
 from benchmarks.field_pictures import draw_test
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
 from controllers.ftrace.rig import RigFile
-from controllers.scomp.drive import Drive, Track, TruePath, final_error_m
-from controllers.scomp.identify import identify
-from controllers.scomp.odometry import compass_track, estimate_track, paper_track, plain_track
-from controllers.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image
+from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
+from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
+from rover_hil.scomp.odometry import compass_track, estimate_track, paper_track, plain_track
 
 SITES = {"test_1": SIDEWAYS, "test_2": MOUNDS}
 BARS_M = {"test_1": 0.12, "test_2": 0.25}

@@ -28,15 +28,15 @@ from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, Tra
 from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
 from drivers.samples import Image
-from rover_hil.trace.overlay import draw
-from sim_backends.rear_scene.motion import RATE_HZ
-from sim_backends.rear_scene.rig import Rig
-from sim_backends.rear_scene.sequence import FrameSequence
-from sim_backends.rear_scene.sets import FIRST_HELD_OUT_SEED, SET_NAMES, make_sequence
-from sim_backends.rear_scene.truth import Telemetry, centre_line
+from rover_hil.ftrace.overlay import draw
+from tests.rear_scene.motion import RATE_HZ
+from tests.rear_scene.rig_file import CalibratedRig
+from tests.rear_scene.sequence import FrameSequence
+from tests.rear_scene.sets import FIRST_HELD_OUT_SEED, SET_NAMES, make_sequence
+from tests.rear_scene.truth import Telemetry, centre_line
 
 METHODS: tuple[Method, ...] = get_args(Method)
-PEERS: Mapping[str, Callable[[Rig], Peer]] = {
+PEERS: Mapping[str, Callable[[CalibratedRig], Peer]] = {
     "canny+hough": CannyHough,
     "flow": lambda rig: PlanarFlow(rig, gyro=False),
     "flow+gyro": lambda rig: PlanarFlow(rig, gyro=True),

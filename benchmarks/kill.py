@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import replay
 
 PROGRAM = str(Path(sys.executable).with_name("rover-hil"))

@@ -22,14 +22,14 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from controllers.mission import corner_points
+from controllers.motion.mission import corner_points
 from controllers.safety import Mode
-from rover_hil.command_line.run import run_virtual
+from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config, load_slip_map
 from rover_hil.tune.metrics import Way, closure_m, path_rms_m
 from rover_hil.tune.rehearsal import drive
-from sim_backends.robotino.settings import RobotinoPlantSettings
-from sim_backends.robotino.site import random_site
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.site import random_site
 
 FIRST_TEST_SITE = 1000
 FIRST_DRIVE_SITE = 7000

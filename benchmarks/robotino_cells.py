@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
-from sim_backends.robotino.plant import RobotinoPlant
-from sim_backends.robotino.settings import RobotinoPlantSettings
-from sim_backends.robotino.site import RectanglePatch, Site
-from sim_backends.robotino.surfaces import Surface
+from sim_backends.plants.robotino.plant import RobotinoPlant
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.site import RectanglePatch, Site
+from sim_backends.plants.robotino.surfaces import Surface
 
 Floats = NDArray[np.float64]
 

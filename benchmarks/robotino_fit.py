@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
 from benchmarks.robotino_cells import Cell, measured_cells, measured_cells_2021, simulated
-from sim_backends.robotino.surfaces import Surface, shipped_surfaces
+from sim_backends.plants.robotino.surfaces import Surface, shipped_surfaces
 
 Floats = NDArray[np.float64]
 Simulate = Callable[[Cell, Floats], Cell]

@@ -28,10 +28,10 @@ from benchmarks.robotino_cells import Cell, measured_cells, measured_cells_2021,
 from benchmarks.robotino_fit import CENTRE_OF_MASS_2021_M, RED_SINKAGE_M, used_for_fitting
 from benchmarks.robotino_peer import run_peer
 from drivers.clock import NANOSECONDS_PER_SECOND, seconds, stopwatch_ns
-from sim_backends.robotino.plant import RobotinoPlant
-from sim_backends.robotino.settings import RobotinoPlantSettings
-from sim_backends.robotino.site import load_site
-from sim_backends.robotino.surfaces import shipped_surfaces
+from sim_backends.plants.robotino.plant import RobotinoPlant
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.site import load_site
+from sim_backends.plants.robotino.surfaces import shipped_surfaces
 
 TOLERANCE = 0.15
 SHARE_BAR = 0.80

@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.scomp.drive import Drive, Track, TruePath, final_error_m
-from controllers.scomp.identify import identify
-from controllers.scomp.odometry import Result, compass_track, estimate_track, paper_track, plain_track
-from controllers.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import ScompParameters
+from rover_hil.identify.scomp.fit import identify
 from rover_hil.report.write import write_all
 from rover_hil.scomp.columns import drive_of
+from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
+from rover_hil.scomp.odometry import Result, compass_track, estimate_track, paper_track, plain_track
 from rover_hil.scomp.pictures import drive_pictures, model_pictures
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, Site, field_test
 

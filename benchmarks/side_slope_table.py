@@ -2,9 +2,9 @@
 
 import math
 
-from sim_backends.slope.rover import Conditions, paper_rover
-from sim_backends.slope.steady_state import solve_steady_state
-from sim_backends.soil.library import load_soil
+from sim_backends.terramechanics.slope.rover import Conditions, paper_rover
+from sim_backends.terramechanics.slope.steady_state import solve_steady_state
+from sim_backends.terramechanics.soil.library import load_soil
 
 EXPECTED = {
     (1, 0): (0.0695, -6.289),

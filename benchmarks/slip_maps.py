@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from controllers.motor_model import MotorSettings
+from controllers.slip.effort.motor_model import MotorSettings
 from rover_hil.identify.camera_scale import find_scale
 from rover_hil.identify.run_data import RunWindows
 from rover_hil.identify.runs import find_runs

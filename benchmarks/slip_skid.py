@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sim_backends.soil import skid_from_slip as skid
-from sim_backends.soil import slip_skid_model as model
+from sim_backends.terramechanics.soil import skid_from_slip as skid
+from sim_backends.terramechanics.soil import slip_skid_model as model
 
 
 def main() -> None:

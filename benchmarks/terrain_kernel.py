@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.adaptive_wheel import AdaptiveWheel
-from sim_backends.slope.rover import Conditions, paper_rover
-from sim_backends.slope.steady_state import solve_steady_state
-from sim_backends.soil.compiled import load_compiled
-from sim_backends.soil.library import load_soil, load_wheel
-from sim_backends.soil.numpy_kernel import numpy_kernel
-from sim_backends.soil.quadrature import rule_for
-from sim_backends.soil.wheel_contact import Kernel, wheel_contact
+from sim_backends.terramechanics.slope.rover import Conditions, paper_rover
+from sim_backends.terramechanics.slope.steady_state import solve_steady_state
+from sim_backends.terramechanics.soil.compiled import load_compiled
+from sim_backends.terramechanics.soil.library import load_soil, load_wheel
+from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
+from sim_backends.terramechanics.soil.quadrature import rule_for
+from sim_backends.terramechanics.soil.wheel_contact import Kernel, wheel_contact
 
 Floats = NDArray[np.float64]
 CAMBER_RAD = math.radians(10.0)
@@ -129,7 +129,7 @@ def steady_states(kernel: Kernel, bound: float) -> dict[str, float]:
 def import_seconds() -> float:
     """Return how long a new interpreter takes to import rover and solver."""
     code = "import time; t = time.process_time(); import {0}; print(time.process_time() - t)"
-    command = [sys.executable, "-c", code.format("sim_backends.slope.drive")]
+    command = [sys.executable, "-c", code.format("sim_backends.terramechanics.slope.steady_state")]
     spent = [subprocess.run(command, capture_output=True, check=True) for _ in range(5)]
     return min(float(one.stdout) for one in spent)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from drivers.clock import seconds, stopwatch_ns
 from drivers.errors import ConfigError
-from rover_hil.command_line.tune import tune
+from rover_hil.app.tune import tune
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.tune.bench import Bench
 from rover_hil.tune.objective import evaluate

@@ -13,10 +13,10 @@ import tempfile
 from pathlib import Path
 
 from drivers.clock import seconds, stopwatch_ns
-from rover_hil.command_line.run import run_virtual
+from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import replay
 
 

@@ -1,15 +1,15 @@
 """From samples to the estimated pose."""
 
-from controllers.fixes import FixQueue, late
-from controllers.guarded_filter import Innovation
-from controllers.gyro import GyroIntegrator
-from controllers.kinematics import BodyMotion, Kinematics
-from controllers.odometry import BodyIncrement, WheelOdometry
-from controllers.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.gyro import GyroIntegrator
+from controllers.estimation.odometry import BodyIncrement, WheelOdometry
+from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.estimation.pose_fixes import FixQueue, late
+from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.roles import DeviceRoles
 from controllers.settings import FilterSettings
-from controllers.slip_compensator import SlipCompensator
-from controllers.trace_slip import TraceSlipCompensator
+from controllers.slip.effort.compensator import SlipCompensator
+from controllers.slip.scomp.compensator import TraceSlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
     HeadingReference,

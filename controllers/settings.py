@@ -7,8 +7,9 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from controllers.slip_settings import SlipSettings
-from controllers.trace_slip_settings import TraceSlipSettings
+from controllers.safety.settings import SafetySettings
+from controllers.slip.effort.settings import SlipSettings
+from controllers.slip.scomp.settings import TraceSlipSettings
 from drivers.settings import Settings
 
 WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
@@ -169,22 +170,6 @@ class LimitSettings(Settings):
 
     wheel_speed_rad_s: Annotated[float, Field(ge=0.1, le=200.0)]
     wheel_acceleration_rad_s2: Annotated[float, Field(ge=0.1, le=2000.0)]
-
-
-class SafetySettings(Settings):
-    """When the rover stands still.
-
-    Attributes:
-        expiry_s: A command holds for this long after its cycle.
-        settle_s: All required devices must be heard for this long before the first motion.
-        recover_s: And for this long before motion resumes after a stop.
-        bumper_stops: A pressed bumper stops the rover until restart.
-    """
-
-    expiry_s: Annotated[float, Field(ge=0.01, le=1.0)] = 0.15
-    settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
-    recover_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
-    bumper_stops: bool = True
 
 
 class ControlSettings(Settings):

@@ -16,18 +16,20 @@ from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
 from drivers.witmotion.settings import WitMotionSettings
-from sim_backends.camera import CameraEmulatorSettings, make_camera
-from sim_backends.can_node import CanNodeSettings, make_can_node
-from sim_backends.compass import CompassEmulatorSettings, make_compass
-from sim_backends.el_dorado.settings import ElDoradoPlantSettings
-from sim_backends.faults import flip_bit, grey_lower_half, schedule_faults
-from sim_backends.imu import ImuEmulatorSettings, make_imu
-from sim_backends.overhead_camera import OverheadCameraEmulatorSettings, make_overhead_camera
-from sim_backends.plant import Plant
-from sim_backends.robotino.settings import RobotinoPlantSettings
-from sim_backends.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
+from sim_backends.devices.camera import make_camera
+from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
+from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
+from sim_backends.devices.overhead_camera import make_overhead_camera
+from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
+from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
+from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
+from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import SimulationSettings
-from sim_backends.world import EmulatedDevice, World
+from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
+from sim_backends.world.plant import Plant
+from sim_backends.world.world import EmulatedDevice, World
 
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
 ByteDevice: TypeAlias = CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | WitMotionSettings
@@ -78,7 +80,7 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
 def find_simulation_conflicts(
     devices: Mapping[str, AnyDeviceSettings | None], simulation: SimulationSettings
 ) -> Iterator[str]:
-    """Yield entries of the simulation for devices that do not exist or have another type, with the fix.
+    """Yield what the simulation says of devices that do not exist or have another type, with the fix.
 
     Args:
         devices: The devices of the configuration by name; None for one whose settings are not valid.
@@ -99,11 +101,11 @@ def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
     rng = _generator(simulation.seed, "plant")
     match simulation.plant:
         case RobotinoPlantSettings() as dynamic:
-            from sim_backends.robotino.plant import RobotinoPlant  # numba takes a second to load
+            from sim_backends.plants.robotino.plant import RobotinoPlant  # it takes numba a second to load
 
             return RobotinoPlant(dynamic, rng, start_ns)
         case ElDoradoPlantSettings() as four_wheels:
-            from sim_backends.el_dorado.plant import ElDoradoPlant
+            from sim_backends.plants.el_dorado.plant import ElDoradoPlant
 
             return ElDoradoPlant(four_wheels, rng, start_ns)
 

@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from controllers.ftrace.frame import Frame, is_usable
-from controllers.ftrace.geometry import Floats, GroundPatch
-from controllers.ftrace.hough_tracker import HoughTracker
+from controllers.ftrace.ground.frame import Frame, is_usable
+from controllers.ftrace.hough.tracker import HoughTracker
 from controllers.ftrace.rig import RigGeometry
-from controllers.ftrace.rut_tracker import RutTracker
+from controllers.ftrace.rig_geometry import Floats, GroundPatch
+from controllers.ftrace.rut.tracker import RutTracker
 from drivers.clock import seconds
 from drivers.errors import ModelError
 from drivers.samples import Image

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings, find_slip_conflicts
-from controllers.slip_settings import SURFACES, YAW_PROBE
+from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.device_settings import ByteDeviceSettings, DeviceSettings, DriveSettings
 from drivers.errors import ConfigError

@@ -3,7 +3,7 @@
 import os
 
 from rover_hil.doctor.finding import Finding, SystemPaths, ok, read_text, warning
-from rover_hil.run.realtime import PRIORITY
+from rover_hil.run.real_time import PRIORITY
 
 CHECK = "scheduling"
 GOOD_GOVERNORS = frozenset({"performance", "schedutil"})

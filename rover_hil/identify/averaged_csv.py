@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.motor_model import SLOWEST_RAD_S, MotorSettings, paper_torque, wheel_torque
+from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings, paper_torque, wheel_torque
 from drivers.errors import LogError
 from rover_hil.identify.run_data import ROBOTINO, WHEELS, Array, Flags, RunWindows, to_wheels
 

@@ -13,7 +13,7 @@ from drivers.samples import RateSample, WheelSample
 from rover_hil.config import RoleSettings
 from rover_hil.identify.run_data import WHEELS, Array, Flags, MeasuredRun
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogMessage, LogReader
+from rover_hil.recording.reader import LogMessage, LogReader
 
 LONGEST_GAP_S = 0.15
 """Between readings of a wheel further away than this nothing is made up."""

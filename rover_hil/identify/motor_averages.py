@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import t as student
 
-from controllers.motor_model import MotorSettings
+from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.identify.averaged_csv import COMMANDS, CURRENTS, SPEEDS, read_columns
 from rover_hil.identify.motor_report import UNITS, Estimate, MotorReport, estimate

@@ -13,7 +13,7 @@ from rover_hil.config import Config
 from rover_hil.identify.motor_record import MotorRecord, Scale, Series, check_times
 from rover_hil.identify.motor_table import cut_set_point
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 
 FIELDS = ("position_rad", "speed_rad_s", "current_a", "voltage_v")
 SET_POINT_TOPICS = ("/command", "/set_point")

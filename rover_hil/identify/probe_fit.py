@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.yaw_probe import LEAST_WAY_M, WINDOW_S, YawProbe, YawProbeMap, slip_of
+from controllers.slip.effort.yaw_excitation import LEAST_WAY_M, WINDOW_S, YawProbe, YawProbeMap, slip_of
 from drivers.errors import LogError
 from rover_hil.identify.run_data import Array, MeasuredRun, to_wheels
 from rover_hil.identify.slip_fit import fit_rising_table

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.kinematics import OmniKinematics
+from controllers.motion.kinematics import OmniKinematics
 from controllers.settings import OmniRoverSettings
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.motor_model import SLOWEST_RAD_S, MotorSettings
+from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings
 from drivers.errors import LogError
 from drivers.robotino_board.codec import MAX_RAW, parse_reply, scales
 from drivers.robotino_board.settings import RobotinoBoardSettings

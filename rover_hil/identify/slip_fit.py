@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.motor_model import SLOWEST_RAD_S
-from controllers.slip_map import Feature, MonotoneMap, PolynomialMap, TractionMap, WheelMap
+from controllers.slip.effort.motor_model import SLOWEST_RAD_S
+from controllers.slip.effort.slip_map import Feature, MonotoneMap, PolynomialMap, TractionMap, WheelMap
 from drivers.errors import ConfigError, LogError
 from rover_hil.identify.run_data import Array, RunWindows
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from controllers.motor_model import MotorSettings
+from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.identify.camera_scale import CameraScale, find_scale
 from rover_hil.identify.run_data import RunWindows

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from controllers.motor_model import MotorSettings
-from controllers.slip_map import MapScore, SlipMapFile, WheelMap
+from controllers.slip.effort.motor_model import MotorSettings
+from controllers.slip.effort.slip_map import MapScore, SlipMapFile, WheelMap
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.config import describe_validation_error, load_slip_map

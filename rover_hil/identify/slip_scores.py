@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.slip_map import WheelMap, slip_at
-from controllers.surface_classifier import NO_TRAVEL, SurfaceMap, SurfaceTracker, Travel
-from controllers.travel_range import direction_problem
+from controllers.slip.effort.slip_map import WheelMap, slip_at
+from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceMap, SurfaceTracker, Travel
+from controllers.slip.effort.travel_range import direction_problem
 from rover_hil.identify.run_data import WHEELS, Array, RunWindows, to_wheels
 from rover_hil.identify.runs import surface_parts
 from rover_hil.identify.surface_fit import travel_direction_rad, travel_work_j

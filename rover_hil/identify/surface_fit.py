@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.surface_classifier import DirectionCurve, SurfaceMap, SurfaceModel
+from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
 from drivers.errors import LogError
 from rover_hil.identify.run_data import Array, Flags, RunWindows
 

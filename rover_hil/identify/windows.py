@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.motor_model import EffortObserver, MotorSettings, WheelEffort
+from controllers.slip.effort.motor_model import EffortObserver, MotorSettings, WheelEffort
 from drivers.errors import LogError
 from rover_hil.identify.run_data import WHEELS, Array, Flags, MeasuredRun, RunWindows, to_wheels
 

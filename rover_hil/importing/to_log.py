@@ -9,7 +9,7 @@ from drivers.link import Received
 from rover_hil.config import Config, RoleSettings
 from rover_hil.importing.robotino_csv import RobotinoRun
 from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_replay_rig
 
 

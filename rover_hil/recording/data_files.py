@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config, describe_validation_error
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 
 FOLDER = "data"
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from typer import Typer
 from typer.models import ArgumentInfo, OptionInfo
 
-from rover_hil.command_line.app import app
+from rover_hil.app.app import app
 
 INTRODUCTION = """# Commands
 

@@ -10,11 +10,11 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from controllers.ftrace.rig import RigFile
-from controllers.scomp.parameters import ScompParameters
-from controllers.slip_map import SlipMapFile
+from controllers.slip.effort.slip_map import SlipMapFile
+from controllers.slip.scomp.parameters import ScompParameters
 from drivers.settings import Settings
 from rover_hil.config import Config
-from sim_backends.robotino.site import Site
+from sim_backends.plants.robotino.site import Site
 
 INTRODUCTION = """# Keys of a configuration
 

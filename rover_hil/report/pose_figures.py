@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
-from controllers.mission import corner_points
+from controllers.motion.mission import corner_points
 from rover_hil.report import style
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, TrackError, position_error_m

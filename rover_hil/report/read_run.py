@@ -1,18 +1,18 @@
 """Reads a log into arrays."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from controllers.control_loop import StepOutput
-from controllers.kinematics import make_kinematics
-from controllers.limits import Limit
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from controllers.settings import SkidSteerRoverSettings
-from controllers.slip_compensator import SlipReport
-from controllers.trace_slip import DriftReport
+from controllers.slip.effort.compensator import SlipReport
+from controllers.slip.scomp.compensator import DriftReport
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
@@ -20,7 +20,7 @@ from drivers.link import LinkChange
 from drivers.samples import HeadingSample, RateSample, WheelSample
 from rover_hil.config import Config
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogMessage, LogReader
+from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.report.run_data import (
     Cycles,
     DriftData,
@@ -113,6 +113,7 @@ class _Collector:
         self._rows: defaultdict[tuple[str, int | str], list[tuple[float, ...]]] = defaultdict(list)
         self._slips: list[tuple[float, SlipReport]] = []
         self._drift_reasons: list[str] = []
+        self._uncompared: Counter[str] = Counter()
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._limits: list[Limit] = []
@@ -184,6 +185,7 @@ class _Collector:
             headings=self._headings(first_motion_s),
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
             innovations=self._innovations(),
+            uncompared=dict(self._uncompared),
             wheels=self._wheels(),
             slip=self._slip(),
             drift=self._drift(),
@@ -220,6 +222,8 @@ class _Collector:
             if innovation.residual is not None and innovation.variance is not None:
                 row = (t_s, innovation.residual, innovation.variance**0.5, float(innovation.accepted))
                 self._rows["innovation", innovation.name].append(row)
+            else:
+                self._uncompared[innovation.name] += 1
 
     def _take_drift(self, t_s: float, drift: DriftReport) -> None:
         self._rows["drift_slip", ""].append((t_s, drift.slip))

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from controllers.limits import Limit
+from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from rover_hil.report import style
 from rover_hil.report.run_data import InnovationData, RunData

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.odometry import ARRIVAL_JITTER_S, PLAUSIBLE_SPEED_FACTOR
+from controllers.estimation.odometry import ARRIVAL_JITTER_S, PLAUSIBLE_SPEED_FACTOR
 
 Array = NDArray[np.float64]
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from controllers.kinematics import make_kinematics
-from controllers.path_control import find_mission_conflicts
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.path_following import find_mission_conflicts
 from drivers.device_settings import DriveSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Draft, Rule
@@ -63,7 +63,7 @@ def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
     if trace_slip is None or trace_slip.rig is None:
         return
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
-    from controllers.ftrace.geometry import GroundPatch
+    from controllers.ftrace.rig_geometry import GroundPatch
 
     try:
         GroundPatch(trace_slip.rig.geometry())

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.kinematics import make_kinematics
+from controllers.motion.kinematics import make_kinematics
 from controllers.settings import RoverSettings
-from controllers.trace_slip import TraceFinder
+from controllers.slip.scomp.compensator import TraceFinder
 from drivers.camera.settings import CameraSettings
 from drivers.clock import Clock, VirtualClock
 from drivers.device_settings import FrameDeviceSettings
@@ -16,8 +16,8 @@ from drivers.samples import Sample, SentCommand
 from rover_hil.config import Config
 from rover_hil.run.replay_link import ReplayLink
 from sim_backends.build import build_world
-from sim_backends.loopback import LoopbackLink
-from sim_backends.world import World
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
 from drivers.driver import DeviceState
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
 from rover_hil.run.watchdog import Watchdog
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from controllers.ftrace.estimator import TraceEstimator, TraceSettings
 from controllers.ftrace.rig import RigFile
-from controllers.trace_slip import Rates, TraceReading
+from controllers.slip.scomp.compensator import Rates, TraceReading
 from drivers.camera.settings import CameraSettings
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample

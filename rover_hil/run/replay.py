@@ -12,8 +12,8 @@ from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
-from rover_hil.recording.log_reader import LogMessage, LogReader
-from rover_hil.recording.log_writer import samples_record
+from rover_hil.recording.reader import LogMessage, LogReader
+from rover_hil.recording.writer import samples_record
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.scomp.drive import Drive
 from drivers.errors import LogError
+from rover_hil.scomp.drive import Drive
 
 Array = NDArray[np.float64]
 

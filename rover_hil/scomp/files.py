@@ -8,11 +8,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from controllers.scomp.drive import Drive, Track
-from controllers.scomp.parameters import RoverGeometry, ScompParameters
+from controllers.slip.scomp.parameters import RoverGeometry, ScompParameters
 from drivers.errors import ConfigError
 from rover_hil.config import describe_validation_error
 from rover_hil.scomp.columns import KNOWN, drive_of
+from rover_hil.scomp.drive import Drive, Track
 from rover_hil.scomp.read_csv import read_columns
 from rover_hil.scomp.read_log import read_log_columns
 

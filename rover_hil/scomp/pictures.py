@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from controllers.scomp.bed_tuning import BedData
-from controllers.scomp.combined_slip import CombinedSlip
-from controllers.scomp.drive import Track, TruePath
-from controllers.scomp.hinge import hinge_of_model
-from controllers.scomp.identify import Identification
-from controllers.scomp.windows import true_velocity
+from controllers.slip.scomp.combined_slip import CombinedSlip
+from controllers.slip.scomp.two_segment_slip_law import hinge_of_model
+from rover_hil.identify.scomp.fit import Identification
+from rover_hil.identify.scomp.single_wheel_data import BedData
 from rover_hil.report.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
+from rover_hil.scomp.drive import Track, TruePath
+from rover_hil.scomp.windows import true_velocity
 
 ANGLES_DEG = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 SLOPE_DEG = 12.0

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.scomp.drive import TruePath
 from drivers.errors import LogError
+from rover_hil.scomp.drive import TruePath
 
 Array = NDArray[np.float64]
 

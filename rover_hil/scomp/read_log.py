@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
-from controllers.scomp.parameters import RoverGeometry
 from controllers.settings import SkidSteerRoverSettings
-from controllers.trace_slip import TraceReading
+from controllers.slip.scomp.compensator import TraceReading
+from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError
 from drivers.samples import AttitudeSample, HeadingSample, RateSample, WheelSample
 from rover_hil.config import Config
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 
 Array = NDArray[np.float64]
 Rows = dict[str, list[tuple[float, float]]]

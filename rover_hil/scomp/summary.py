@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from controllers.scomp.odometry import Result
+from rover_hil.scomp.odometry import Result
 
 
 def summary_of(result: Result) -> dict[str, float]:

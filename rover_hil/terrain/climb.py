@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from rover_hil.terrain.table import Cell, Table, number
-from sim_backends.slope.rover import Conditions, SlopeRover
-from sim_backends.slope.steady_state import SteadyState, solve_steady_state
-from sim_backends.soil.library import SoilSettings
-from sim_backends.soil.slip_skid_model import shipped_wheels, slip_ratio_on_slope, slope_rad
-from sim_backends.soil.wheel_contact import Kernel
+from sim_backends.terramechanics.slope.rover import Conditions, SlopeRover
+from sim_backends.terramechanics.slope.steady_state import SteadyState, solve_steady_state
+from sim_backends.terramechanics.soil.library import SoilSettings
+from sim_backends.terramechanics.soil.slip_skid_model import shipped_wheels, slip_ratio_on_slope, slope_rad
+from sim_backends.terramechanics.soil.wheel_contact import Kernel
 
 UPHILL_RAD = math.pi / 2.0
 STEEPEST_DEG = 45.0

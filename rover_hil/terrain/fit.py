@@ -9,14 +9,14 @@ from scipy import optimize, stats
 
 from drivers.errors import ModelError
 from rover_hil.terrain.fit_data import WheelTests
-from sim_backends.soil.any_angle_wheel import (
+from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleSoil,
     any_angle_at_load,
     any_angle_forces,
     deepest_sinkage_m,
 )
-from sim_backends.soil.library import WheelSettings
-from sim_backends.soil.pressure_sinkage import Interval, PlateFit, PlateTest, fit_plates
+from sim_backends.terramechanics.soil.library import WheelSettings
+from sim_backends.terramechanics.soil.pressure_sinkage import Interval, PlateFit, PlateTest, fit_plates
 
 Array = NDArray[np.float64]
 FORCE_ERROR_N = 2.0

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.soil.any_angle_wheel import Motion
+from sim_backends.terramechanics.soil.any_angle_wheel import Motion
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from drivers.errors import LogError
 from rover_hil.terrain.fit_data import WheelTests
-from sim_backends.soil.any_angle_wheel import Motion
-from sim_backends.soil.pressure_sinkage import PlateTest
+from sim_backends.terramechanics.soil.any_angle_wheel import Motion
+from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest
 
 Array = NDArray[np.float64]
 PLATE_DIAMETERS_M = {1: 0.06, 2: 0.06, 3: 0.06, 4: 0.1, 5: 0.1, 6: 0.1, 7: 0.08, 8: 0.08, 9: 0.08}

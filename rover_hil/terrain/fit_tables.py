@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from drivers.errors import LogError
 from rover_hil.terrain.fit_data import WheelTests
-from sim_backends.soil.any_angle_wheel import Motion
-from sim_backends.soil.pressure_sinkage import PlateTest
+from sim_backends.terramechanics.soil.any_angle_wheel import Motion
+from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest
 
 Array = NDArray[np.float64]
 PLATE_TABLE = "plates.csv"

@@ -3,7 +3,7 @@
 from decimal import Decimal, InvalidOperation
 
 from drivers.errors import ConfigError
-from sim_backends.soil.quantity import check_range
+from sim_backends.terramechanics.soil.quantity import check_range
 
 LONGEST = 10_000
 

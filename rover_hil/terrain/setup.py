@@ -11,10 +11,10 @@ from rich.progress import Progress
 
 from drivers.errors import ConfigError
 from rover_hil.terrain.table import Table
-from sim_backends.slope.rover import SlopeRover, paper_rover
-from sim_backends.soil.library import SoilSettings, load_soil, load_wheel, parse_settings
-from sim_backends.soil.numpy_kernel import numpy_kernel
-from sim_backends.soil.wheel_contact import Kernel
+from sim_backends.terramechanics.slope.rover import SlopeRover, paper_rover
+from sim_backends.terramechanics.soil.library import SoilSettings, load_soil, load_wheel, parse_settings
+from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
+from sim_backends.terramechanics.soil.wheel_contact import Kernel
 
 PAPER_ROVER = "paper_001"
 COMPILE_FROM = 100
@@ -87,7 +87,7 @@ def choose_kernel(states: int) -> Kernel:
     """
     if states < COMPILE_FROM:
         return numpy_kernel
-    from sim_backends.soil.compiled import load_compiled
+    from sim_backends.terramechanics.soil.compiled import load_compiled
 
     return load_compiled(say)
 

@@ -6,9 +6,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rover_hil.terrain.figures import COLOURS, legend, plots
-from sim_backends.soil.library import load_soil, load_wheel
-from sim_backends.soil.skid_from_slip import drawbar_pull_in_skid_n, resistance_moment_in_skid_nm
-from sim_backends.soil.slip_skid_model import (
+from sim_backends.terramechanics.soil.library import load_soil, load_wheel
+from sim_backends.terramechanics.soil.skid_from_slip import (
+    drawbar_pull_in_skid_n,
+    resistance_moment_in_skid_nm,
+)
+from sim_backends.terramechanics.soil.slip_skid_model import (
     RESISTANCE_LIMIT,
     TESTED_LOAD_N,
     drawbar_pull_n,
@@ -16,7 +19,7 @@ from sim_backends.soil.slip_skid_model import (
     shipped_wheels,
     sinkage_m,
 )
-from sim_backends.soil.wheel_forces import wheel_at_load
+from sim_backends.terramechanics.soil.wheel_forces import wheel_at_load
 
 Floats = NDArray[np.float64]
 TESTED_SLIP = (-1.0, 0.6)

@@ -10,9 +10,9 @@ from rover_hil.terrain.fit import SoilFit
 from rover_hil.terrain.fit_data import WheelTests
 from rover_hil.terrain.pages import Drawing
 from rover_hil.terrain.table import Cell, Table, number
-from sim_backends.soil.any_angle_wheel import AnyAngleSoil, any_angle_at_load
-from sim_backends.soil.library import WheelSettings
-from sim_backends.soil.pressure_sinkage import PlateTest, power_pressure_pa
+from sim_backends.terramechanics.soil.any_angle_wheel import AnyAngleSoil, any_angle_at_load
+from sim_backends.terramechanics.soil.library import WheelSettings
+from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest, power_pressure_pa
 
 FIT_COLUMNS = ("name", "value", "lower", "upper", "at_bound")
 CELL_COLUMNS = (

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from rover_hil.terrain.table import Cell, Table, number
-from sim_backends.slope.rover import Conditions, SlopeRover
-from sim_backends.slope.steady_state import solve_steady_state
-from sim_backends.soil.library import SoilSettings
-from sim_backends.soil.wheel_contact import Kernel
+from sim_backends.terramechanics.slope.rover import Conditions, SlopeRover
+from sim_backends.terramechanics.slope.steady_state import solve_steady_state
+from sim_backends.terramechanics.soil.library import SoilSettings
+from sim_backends.terramechanics.soil.wheel_contact import Kernel
 
 COLUMNS = (
     "slope_deg",

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_hil.terrain.table import Table, number
-from sim_backends.soil.library import SoilSettings, WheelSettings
-from sim_backends.soil.wheel_forces import wheel_at_load
+from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
+from sim_backends.terramechanics.soil.wheel_forces import wheel_at_load
 
 COLUMNS = ("load_n", "slip", "slip_angle_deg", "sinkage_m", "drawbar_n", "side_n", "torque_nm")
 

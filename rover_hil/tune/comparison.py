@@ -29,7 +29,7 @@ class Comparison:
         start: The old values.
         tuned: The new ones; the same as `start` unless the verdict is IMPROVED.
         values: The new values by key.
-        declined: Candidates that did better in the search and were not taken, with the reason.
+        declined: Candidates that were not taken, with the reason.
     """
 
     verdict: Verdict

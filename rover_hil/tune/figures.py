@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from controllers.mission import Point
+from controllers.motion.mission import Point
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.report import style
 from rover_hil.report.figures import Picture

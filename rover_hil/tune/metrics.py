@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.mission import Point
+from controllers.motion.mission import Point
 from rover_hil.report.tracks import Array, Track
 
 WAY_STEP_M = 0.01

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pydantic import ValidationError
 
 from controllers.control_loop import ControlLoop
-from controllers.mission import Point, corner_points
+from controllers.motion.mission import Point, corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config, Draft, Rule, describe_validation_error
 from rover_hil.config.tune_settings import TunableSettings, TuneSettings

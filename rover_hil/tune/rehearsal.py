@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.mission import corner_points
+from controllers.motion.mission import corner_points
 from controllers.safety import Mode
-from controllers.slip_settings import YAW_PROBE
+from controllers.slip.effort.settings import YAW_PROBE
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.link import NoTap

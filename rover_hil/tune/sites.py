@@ -8,9 +8,9 @@ from drivers.device_settings import FrameDeviceSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
-from sim_backends.el_dorado.settings import ElDoradoPlantSettings
-from sim_backends.robotino.settings import RobotinoPlantSettings
-from sim_backends.robotino.site import random_site
+from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.site import random_site
 from sim_backends.settings import PlantSettings, SimulationSettings
 
 FIRST_TRAIN_SEED = 1

@@ -1,7 +1,8 @@
 """A single wheel in a test bed, steady, at any slip and slip angle, with the effects that may be missing.
 
-Base: `sim_backends.soil.any_angle_wheel` with the numbers that plates and books give (`cmu_sand_blind`); no
-wheel test went into them, and their priors say so. Another wheel or soil: `SingleWheel(wheel, soil)`.
+Base: `sim_backends.terramechanics.soil.any_angle_wheel` with the numbers that plates and books give
+(`cmu_sand_blind`); no wheel test went into them, and their priors say so. Another wheel or soil:
+`SingleWheel(wheel, soil)`.
 """
 
 import math
@@ -14,14 +15,14 @@ from drivers.errors import ModelError
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
 from sim_backends.models.single_wheel_data import read_single_wheel
 from sim_backends.models.single_wheel_effects import EFFECTS
-from sim_backends.soil.any_angle_wheel import (
+from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleForces,
     AnyAngleSoil,
     Motion,
     any_angle_at_load,
     load_any_angle_soil,
 )
-from sim_backends.soil.library import WheelSettings, load_wheel
+from sim_backends.terramechanics.soil.library import WheelSettings, load_wheel
 
 CHANNELS = (
     Channel(name="drawbar_N", unit="N", tolerance=0.1),

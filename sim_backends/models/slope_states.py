@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ModelError
-from sim_backends.slope.balance import Balance, kinds_of_wheels
-from sim_backends.slope.load_transfer import demand
-from sim_backends.slope.rover import Conditions, Effects, SlopeRover, paper_rover
-from sim_backends.slope.search import search
-from sim_backends.slope.steady_state import SteadyState, solve_steady_state
-from sim_backends.soil.library import ReeceLaw, SoilSettings, load_soil
-from sim_backends.soil.quadrature import rule_for
-from sim_backends.soil.sidewall import wall_polynomials
-from sim_backends.soil.slip import speed_ratio
-from sim_backends.soil.wheel_contact import Kernel, WheelContact, wheel_contact
+from sim_backends.terramechanics.slope.balance import Balance, kinds_of_wheels
+from sim_backends.terramechanics.slope.load_transfer import demand
+from sim_backends.terramechanics.slope.rover import Conditions, Effects, SlopeRover, paper_rover
+from sim_backends.terramechanics.slope.search import search
+from sim_backends.terramechanics.slope.steady_state import SteadyState, solve_steady_state
+from sim_backends.terramechanics.soil.library import ReeceLaw, SoilSettings, load_soil
+from sim_backends.terramechanics.soil.quadrature import rule_for
+from sim_backends.terramechanics.soil.sidewall import wall_polynomials
+from sim_backends.terramechanics.soil.slip import speed_ratio
+from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact, wheel_contact
 
 Floats = NDArray[np.float64]
 
@@ -237,6 +237,6 @@ def _announce(line: str) -> None:
 
 
 def _compiled(announce: Callable[[str], None]) -> Kernel:
-    from sim_backends.soil.compiled import load_compiled
+    from sim_backends.terramechanics.soil.compiled import load_compiled
 
     return load_compiled(announce)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from drivers.errors import NotConnectedError
 from drivers.link import CameraImage
-from sim_backends.live_folder import LiveFolderWriter
 from sim_backends.serving.made_folders import MadeFolders
 from sim_backends.serving.port import Port
+from sim_backends.world.live_folder import LiveFolderWriter
 
 
 class FramePort(Port[CameraImage]):

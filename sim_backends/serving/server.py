@@ -15,7 +15,7 @@ from sim_backends.serving.frame_port import FramePort
 from sim_backends.serving.port import Port
 from sim_backends.serving.pty_port import PtyPort
 from sim_backends.serving.slcan_port import SlcanPort
-from sim_backends.world import EmulatedDevice, World
+from sim_backends.world.world import EmulatedDevice, World
 
 CYCLE_NS = 1_000_000
 

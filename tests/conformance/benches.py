@@ -24,10 +24,10 @@ from drivers.samples import (
     WheelSample,
 )
 from sim_backends.build import build_world
-from sim_backends.loopback import LoopbackLink
 from sim_backends.serving.server import Server, put_on_ports
 from sim_backends.settings import SimulationSettings
-from sim_backends.world import World
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.world import World
 
 ADAPTER: TypeAdapter[AnyDeviceSettings] = TypeAdapter(AnyDeviceSettings)
 NAME = "device"

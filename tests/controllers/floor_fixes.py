@@ -3,7 +3,7 @@
 import cmath
 from dataclasses import replace
 
-from controllers.planar import Pose, wrap_angle
+from controllers.motion.planar import Pose, wrap_angle
 from drivers.samples import PoseFixSample
 
 FIX = PoseFixSample(

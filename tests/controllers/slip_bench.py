@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from controllers.kinematics import OmniKinematics
-from controllers.motor_model import SLOWEST_RAD_S
-from controllers.odometry import BodyIncrement
-from controllers.slip_compensator import SlipCompensator, SlipReport
-from controllers.slip_settings import SlipSettings
+from controllers.estimation.odometry import BodyIncrement
+from controllers.motion.kinematics import OmniKinematics
+from controllers.slip.effort.compensator import SlipCompensator, SlipReport
+from controllers.slip.effort.motor_model import SLOWEST_RAD_S
+from controllers.slip.effort.settings import SlipSettings
 from drivers.samples import WheelSample
 from tests.controllers.simulated import OMNI
 from tests.controllers.slip_maps import ALL_AROUND, make_maps

@@ -3,10 +3,10 @@
 import math
 from datetime import date
 
-from controllers.motor_model import MotorSettings
-from controllers.slip_map import PolynomialMap, SlipMapFile
-from controllers.surface_classifier import DirectionCurve, SurfaceMap, SurfaceModel
-from controllers.yaw_probe import YawProbeMap
+from controllers.slip.effort.motor_model import MotorSettings
+from controllers.slip.effort.slip_map import PolynomialMap, SlipMapFile
+from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
+from controllers.slip.effort.yaw_excitation import YawProbeMap
 
 ALL_AROUND = tuple(math.radians(degrees) for degrees in range(-180, 180, 20))
 PROBE = YawProbeMap(

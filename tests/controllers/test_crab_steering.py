@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from controllers.crab_steering import STEEPEST_RETURN_RAD, CrabGains, CrabSteering
+from benchmarks.crab_steering import STEEPEST_RETURN_RAD, CrabGains, CrabSteering
 
 STEP_S = 0.2
 SPEED_M_S = 0.07

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.guarded_filter import Innovation
-from controllers.pose_filter import YawSource
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.pose_filter import YawSource
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from controllers.settings import (

@@ -9,13 +9,13 @@ import pytest
 from scipy.stats import chi2
 
 from controllers.control_loop import ControlLoop
+from controllers.estimation.guarded_filter import Array, Innovation
+from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.pose_fixes import FixQueue, WayBack
 from controllers.estimator import Estimator
-from controllers.fixes import FixQueue, WayBack
-from controllers.guarded_filter import Array, Innovation
-from controllers.kinematics import make_kinematics
-from controllers.odometry import BodyIncrement
-from controllers.planar import Pose, wrap_angle
-from controllers.pose_filter import PoseFilter, Turn, YawSource
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.planar import Pose, wrap_angle
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from controllers.settings import FilterSettings

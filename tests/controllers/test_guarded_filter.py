@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from controllers.guarded_filter import GuardedFilter
+from controllers.estimation.guarded_filter import GuardedFilter
 
 NOTHING = np.zeros((2, 2))
 SAME = np.eye(2)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from controllers.gyro import GyroIntegrator
+from controllers.estimation.gyro import GyroIntegrator
 
 MS = 1_000_000
 

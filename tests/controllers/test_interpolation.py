@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.interpolation import check_rising, interpolate
+from controllers.slip.interpolation import check_rising, interpolate
 
 numbers = st.floats(-1e3, 1e3)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.kinematics import Kinematics, make_kinematics
+from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.settings import OmniRoverSettings
 from tests.controllers.simulated import OMNI, SKID, Geometry, omni_geometry, skid_geometry
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.limits import Limit, WheelLimiter
+from controllers.motion.limits import Limit, WheelLimiter
 from controllers.settings import LimitSettings
 
 SETTINGS = LimitSettings(wheel_speed_rad_s=10.0, wheel_acceleration_rad_s2=20.0)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.motor_model import (
+from controllers.slip.effort.motor_model import (
     SIGN_SETTLE_S,
     SLOWEST_RAD_S,
     EffortFlag,

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.kinematics import make_kinematics
-from controllers.odometry import WheelOdometry
-from controllers.planar import wrap_angle
+from controllers.estimation.odometry import WheelOdometry
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.planar import wrap_angle
 from controllers.settings import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.samples import WheelSample
 from tests.controllers.simulated import (

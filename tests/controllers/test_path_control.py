@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import pytest
 from pydantic import TypeAdapter
 
-from controllers.mission import corner_points
-from controllers.path_control import Guidance, PathFollower
-from controllers.planar import Pose, move
+from controllers.motion.mission import corner_points
+from controllers.motion.path_following import Guidance, PathFollower
+from controllers.motion.planar import Pose, move
 from controllers.settings import MissionSettings, PathSettings
 from drivers.errors import ConfigError
 

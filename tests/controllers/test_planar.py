@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.planar import Pose, move, wrap_angle
+from controllers.motion.planar import Pose, move, wrap_angle
 
 
 @given(angle=st.floats(-1e6, 1e6))

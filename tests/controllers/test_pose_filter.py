@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from controllers.odometry import BodyIncrement
-from controllers.planar import wrap_angle
-from controllers.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.motion.planar import wrap_angle
 from controllers.settings import FilterSettings
 from drivers.samples import HeadingReference
 

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from controllers.interpolation import interpolate
-from controllers.motor_model import EffortFlag, WheelEffort
-from controllers.slip_map import (
+from controllers.slip.effort.motor_model import EffortFlag, WheelEffort
+from controllers.slip.effort.slip_map import (
     Feature,
     MonotoneMap,
     PolynomialMap,
@@ -17,6 +16,7 @@ from controllers.slip_map import (
     slip_at,
     wheel_slip,
 )
+from controllers.slip.interpolation import interpolate
 
 LINE = PolynomialMap(feature="paper_torque_nm", valid_from=0.02, valid_to=0.4, coefficients=(0.1, 1.5))
 PARABOLA = PolynomialMap(feature="current_a", valid_from=0.0, valid_to=1.5, coefficients=(-0.05, 0.2, 0.1))

@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.kinematics import BodyMotion, OmniKinematics
-from controllers.slip_sharing import share_slip
+from controllers.motion.kinematics import BodyMotion, OmniKinematics
+from controllers.slip.effort.slip_sharing import share_slip
 from tests.controllers.simulated import OMNI
 
 KINEMATICS = OmniKinematics(OMNI)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from controllers.surface_classifier import (
+from controllers.slip.effort.surface_map import (
     DirectionCurve,
     SurfaceEstimate,
     SurfaceMap,

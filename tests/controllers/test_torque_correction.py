@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from controllers.slip_settings import TorqueCorrectionSettings
-from controllers.torque_correction import TorqueCorrection
+from controllers.slip.effort.settings import TorqueCorrectionSettings
+from controllers.slip.effort.torque_correction import TorqueCorrection
 from tests.controllers.simulated import OMNI
 
 RADIUS_M, BASE_M = 0.04, 0.125

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from controllers.control_loop import ControlLoop
-from controllers.kinematics import SkidSteerKinematics
-from controllers.odometry import BodyIncrement
-from controllers.path_control import PathFollower
-from controllers.planar import Pose
+from controllers.estimation.odometry import BodyIncrement
+from controllers.motion.kinematics import SkidSteerKinematics
+from controllers.motion.path_following import PathFollower
+from controllers.motion.planar import Pose
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings, LineMission, SkidSteerRoverSettings
-from controllers.trace_slip import Rates, TraceReading, TraceSlipCompensator
-from controllers.trace_slip_settings import TraceSlipSettings
+from controllers.slip.scomp.compensator import Rates, TraceReading, TraceSlipCompensator
+from controllers.slip.scomp.settings import TraceSlipSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample, WheelSample
 from tests.controllers.simulated import LIMITS, OMNI, ROLES, SKID

@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from controllers.yaw_probe import WINDOW_S, Shake, YawProbe, YawProbeMap, range_problem, slip_of
+from controllers.slip.effort.yaw_excitation import (
+    WINDOW_S,
+    Shake,
+    YawProbe,
+    YawProbeMap,
+    range_problem,
+    slip_of,
+)
 from tests.controllers.slip_maps import PROBE
 
 PERIOD_S = 0.02

@@ -158,5 +158,5 @@ def test_settings_survive_being_written_out_with_their_defaults() -> None:
 
 
 def test_reading_a_configuration_does_not_load_opencv() -> None:
-    code = "import sys, drivers.camera.settings, sim_backends.camera; sys.exit('cv2' in sys.modules)"
+    code = "import sys, drivers.camera.settings, sim_backends.devices.camera; sys.exit('cv2' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.command_line.app import _spread, main
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.app.app import _spread, main
+from rover_hil.recording.reader import LogReader
 
 SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 RUN_LIMIT_S = 60.0
@@ -128,7 +128,7 @@ def test_a_missing_data_file_leaves_nothing(command: Command, tmp_path: Path) ->
 def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     """A limit on the size of files stands for a full disk."""
     words = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
-    program = f"{words}from rover_hil.command_line.app import _spread, main; main()"
+    program = f"{words}from rover_hil.app.app import _spread, main; main()"
     arguments = ["run", "robotino", "--virtual", "--duration", "5", "--out", "a"]
     done = subprocess.run(
         [sys.executable, "-c", program, *arguments], cwd=tmp_path, check=False, capture_output=True, text=True

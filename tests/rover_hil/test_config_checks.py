@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.command_line.doctor import examine
-from rover_hil.command_line.run import run_rover
-from rover_hil.command_line.simulate import simulate
-from rover_hil.command_line.tune import tune
+from rover_hil.app.doctor import examine
+from rover_hil.app.run import run_rover
+from rover_hil.app.simulate import simulate
+from rover_hil.app.tune import tune
 from rover_hil.config import load_config, read_config_text
 from rover_hil.run.checks import ROVER_CHECKS
 

@@ -19,7 +19,7 @@ from drivers.errors import ConfigError
 from drivers.nmea_compass.codec import encode_sentence
 from drivers.robotino_board.codec import REQUEST_SIZE, BoardReply, build_reply, parse_request
 from drivers.witmotion.codec import encode_rate
-from rover_hil.command_line.doctor import examine, is_ready, print_findings
+from rover_hil.app.doctor import examine, is_ready, print_findings
 from rover_hil.config import Config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem

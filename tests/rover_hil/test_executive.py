@@ -12,9 +12,9 @@ from drivers.can_frame import unpack_can_frame
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
 from drivers.link import LinkChange
-from rover_hil.command_line.run import _execute
+from rover_hil.app.run import _execute
 from rover_hil.config import load_config
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.executive import End, Executive
 from rover_hil.run.replay_link import ReplayLink

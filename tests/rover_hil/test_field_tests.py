@@ -13,10 +13,10 @@ from benchmarks.field_crab import crab_drive, distances
 from benchmarks.field_drives import SIDEWAYS, FieldDrive, Rover, compass_error_deg, draw_rover, field_drive
 from benchmarks.field_pictures import draw_test
 from benchmarks.field_tests import ODOMETRIES, path_of, score, see, trace_quality, with_traces
-from controllers.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.scomp.columns import drive_of
-from sim_backends.el_dorado.plant import table_of
-from sim_backends.el_dorado.settings import ElDoradoPlantSettings
+from sim_backends.plants.el_dorado.plant import table_of
+from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 
 SEED = 3
 SHORT = replace(SIDEWAYS, way_m=0.45)

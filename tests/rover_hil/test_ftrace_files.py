@@ -11,9 +11,9 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import read_rig
-from rover_hil.trace.frames import FrameFile, FrameSource, to_grey
-from rover_hil.trace.run import longest_gap
-from rover_hil.trace.telemetry import read_telemetry
+from rover_hil.ftrace.frames import FrameFile, FrameSource, to_grey
+from rover_hil.ftrace.run import longest_gap
+from rover_hil.ftrace.telemetry import read_telemetry
 from tests.rover_hil.ftrace_files import rig_table, write_rig
 
 Table = dict[str, Any]

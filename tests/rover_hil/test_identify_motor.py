@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError, LogError
-from rover_hil.command_line.identify_motor import identify_motor
+from rover_hil.app.identify_motor import identify_motor
 from rover_hil.config import load_config
 from rover_hil.identify.motor import find_logs, read_records
 from rover_hil.identify.motor_log import read_log

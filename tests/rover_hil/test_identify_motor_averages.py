@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import LogError
-from rover_hil.command_line.identify_motor import identify_motor
+from rover_hil.app.identify_motor import identify_motor
 from rover_hil.identify.averaged_csv import COMMANDS, CURRENTS, SPEEDS
 from rover_hil.identify.motor_averages import read_drives, report_drives
 from rover_hil.identify.run_data import ROBOTINO, to_wheels

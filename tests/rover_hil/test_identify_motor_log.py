@@ -9,7 +9,7 @@ from rover_hil.config import load_config
 from rover_hil.identify.motor import read_records
 from rover_hil.identify.motor_log import read_log
 from rover_hil.importing.to_log import observing_config
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 
 START_NS = 1_000_000_000
 PERIOD_NS = 20_000_000

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from controllers.kinematics import OmniKinematics
-from controllers.yaw_probe import slip_of
+from controllers.motion.kinematics import OmniKinematics
+from controllers.slip.effort.yaw_excitation import slip_of
 from drivers.errors import ConfigError, LogError
 from drivers.samples import RateSample, Sample, WheelSample
-from rover_hil.command_line.app import app
-from rover_hil.command_line.identify_probe import identify_probe
+from rover_hil.app.app import app
+from rover_hil.app.identify_probe import identify_probe
 from rover_hil.config import load_config
 from rover_hil.identify.run_data import ROBOTINO
 from rover_hil.identify.slip_map_file import read_slip_map
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 
 PERIOD_S = 0.02
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.4)

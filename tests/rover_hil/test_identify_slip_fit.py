@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from controllers.slip_map import PolynomialMap, TractionMap, slip_at
+from controllers.slip.effort.slip_map import PolynomialMap, TractionMap, slip_at
 from drivers.errors import ConfigError, LogError
 from rover_hil.identify.camera_scale import CALIBRATED_MM_PER_PX, NOMINAL_MM_PER_PX, find_scale
 from rover_hil.identify.run_data import RunWindows

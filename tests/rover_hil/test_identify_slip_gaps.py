@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.kinematics import OmniKinematics
-from controllers.motor_model import MotorSettings
+from controllers.motion.kinematics import OmniKinematics
+from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from drivers.samples import SentCommand, WheelSample
 from rover_hil.config import load_config
@@ -18,7 +18,7 @@ from rover_hil.identify.run_data import ROBOTINO, RunWindows
 from rover_hil.identify.slip_scores import told_by_surface
 from rover_hil.identify.surface_fit import fit_surface_map
 from rover_hil.identify.windows import form_windows
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.slip_runs import windows
 
 PERIOD_S = 0.02

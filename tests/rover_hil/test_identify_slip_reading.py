@@ -3,13 +3,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.motor_model import MotorSettings
+from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.config import load_config
 from rover_hil.identify.runs import find_runs, read_windows, surface_of, surface_parts
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.slip_runs import NAMES, write_drive, write_rows
 
 MOTOR = MotorSettings()

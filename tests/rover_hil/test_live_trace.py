@@ -11,9 +11,9 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample
-from rover_hil.command_line.run import run_virtual
+from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, describe_validation_error, load_config
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts

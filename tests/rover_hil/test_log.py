@@ -9,8 +9,8 @@ from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, Received
 from drivers.samples import FrameSample, PowerSample
 from rover_hil.recording.images import decode_image, encode_image
-from rover_hil.recording.log_reader import LogMessage, LogReader
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.reader import LogMessage, LogReader
+from rover_hil.recording.writer import LogWriter
 
 START_NS = 1_000_000_000
 CONFIG = b'{"a": 1}'

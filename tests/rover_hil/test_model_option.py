@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.command_line.app import main
-from rover_hil.command_line.extended_simulation import extend_simulation
+from rover_hil.app.app import main
+from rover_hil.app.extended_simulation import extend_simulation
 from rover_hil.config import load_config
-from rover_hil.gap.model_file import ModelFile, Number, Provenance, model_file_text
+from rover_hil.gap.output.model_file import ModelFile, Number, Provenance, model_file_text
 from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 from sim_backends.models.interface import Model
 from sim_backends.models.robotino_drive import make_model as make_drive
 from sim_backends.models.robotino_motor import make_model as make_motor
 from sim_backends.models.side_slope import make_model as make_side_slope
-from sim_backends.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 
 Effects = Mapping[str, Mapping[str, float]]
 BASES: Mapping[str, Callable[[], Model]] = {

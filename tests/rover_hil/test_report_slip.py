@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from controllers.control_loop import StepOutput
-from controllers.slip_compensator import SlipReport, WheelSlip
+from controllers.slip.effort.compensator import SlipReport, WheelSlip
 from rover_hil.report.read_run import read_run
 from rover_hil.report.slip_figures import draw_slip
 from rover_hil.report.summary import SlipSummary, summarise

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from controllers.scomp.drive import Drive
-from controllers.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ConfigError, LogError, ModelError
-from rover_hil.command_line.app import app
-from rover_hil.command_line.identify_scomp import identify_scomp
-from rover_hil.command_line.scomp import run_scomp
+from rover_hil.app.app import app
+from rover_hil.app.identify_scomp import identify_scomp
+from rover_hil.app.scomp import run_scomp
 from rover_hil.scomp.columns import drive_of
+from rover_hil.scomp.drive import Drive
 from rover_hil.scomp.files import HEADER, parameters_text, read_drive, read_parameters, write_text
 from rover_hil.scomp.pictures import model_pictures
 from rover_hil.scomp.read_csv import read_truth

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.scomp.odometry import estimate_track
-from controllers.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import LogError
-from rover_hil.command_line.run import run_virtual
+from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
-from rover_hil.recording.log_reader import LogReader
+from rover_hil.recording.reader import LogReader
 from rover_hil.scomp.files import ReadDrive, read_drive
+from rover_hil.scomp.odometry import estimate_track
 
 DRIVE_S = 12.0
 

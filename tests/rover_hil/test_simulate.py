@@ -14,11 +14,11 @@ from drivers.driver import WheelDrive
 from drivers.errors import ConfigError, NotConnectedError
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import WheelCommand, WheelSample
-from rover_hil.command_line.simulate import simulate
+from rover_hil.app.simulate import simulate
 from rover_hil.config import read_config_text
 
 START_LIMIT_S = 30.0
-COMMAND = "from rover_hil.command_line.app import main; main()"
+COMMAND = "from rover_hil.app.app import main; main()"
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controllers.safety import Mode
-from rover_hil.command_line.run import run_virtual
+from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.tune.metrics import reversals_per_s
 from rover_hil.tune.rehearsal import drive

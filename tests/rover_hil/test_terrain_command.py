@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, seconds
-from rover_hil.command_line.app import main
+from rover_hil.app.app import main
 
 KEYS = [
     "slope_deg",
@@ -260,7 +260,7 @@ def test_wheel_tests_tell_chosen_numbers(terrain: Terrain, shared_data: Path, tm
 def test_default_traverse_takes_less_than_two_seconds_and_no_compiler() -> None:
     words = "import sys; sys.argv = ['rover-hil', 'terrain', 'traverse', '--json']\n"
     program = (
-        f"{words}from rover_hil.command_line.app import main\n"
+        f"{words}from rover_hil.app.app import main\n"
         "try:\n    main()\n"
         "finally:\n    assert not {'numba', 'matplotlib'} & set(sys.modules)\n"
     )

@@ -7,7 +7,7 @@ import pytest
 
 from rover_hil.terrain.setup import Choice
 from rover_hil.terrain.traverse import Traverse, solve_traverses
-from sim_backends.soil.numpy_kernel import numpy_kernel
+from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from tests.rover_hil import terrain_reference
 
 CONDITIONS = [

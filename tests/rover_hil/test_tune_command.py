@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.command_line import tune as command
-from rover_hil.command_line.tune import tune
+from rover_hil.app import tune as command
+from rover_hil.app.tune import tune
 from rover_hil.config import load_config
 from tests.rover_hil.tuning import MISSION, TUNE, FakeBench, write_config
 
@@ -154,6 +154,23 @@ def test_the_best_start_is_confirmed(bench: FakeBench, run: Callable[..., int], 
     assert tuned.tune is not None
     assert tuned.tune.provenance is not None
     assert tuned.tune.provenance.changes == {}
+
+
+def test_trials_that_cost_more_than_the_start_are_not_called_better(
+    bench: FakeBench, run: Callable[..., int], tmp_path: Path
+) -> None:
+    write_config(tmp_path, mission=MISSION.replace("lookahead_m = 0.5", "lookahead_m = 0.1"))
+    assert run() == 0
+    declined = result_in(tmp_path)["declined"]
+    assert isinstance(declined, list)
+    assert len(declined) == 5
+    for line in declined:
+        found = re.fullmatch(r"trial \d+: cost (\S+) in the search, start (\S+): not better than .*", line)
+        assert found is not None, line
+        assert float(found[1]) >= float(found[2])
+    page = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
+    assert "better in the search" not in page.lower()
+    assert "Driven on the held-out sites, and not taken" in page
 
 
 def test_no_acceptable_values_is_a_no_and_leaves_no_configuration(

@@ -14,8 +14,8 @@ from drivers.errors import LogError
 from drivers.samples import Sample
 from rover_hil.config import load_config
 from rover_hil.recording.data_files import collect_data_files, restore_config
-from rover_hil.recording.log_reader import LogReader
-from rover_hil.recording.log_writer import LogWriter
+from rover_hil.recording.reader import LogReader
+from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import Executive
 from rover_hil.run.replay import replay

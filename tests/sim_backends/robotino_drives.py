@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from drivers.clock import nanoseconds
-from sim_backends.plant import Truth
-from sim_backends.robotino.plant import RobotinoPlant
-from sim_backends.robotino.settings import RobotinoPlantSettings
-from sim_backends.robotino.site import Site
+from sim_backends.plants.robotino.plant import RobotinoPlant
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.site import Site
+from sim_backends.world.plant import Truth
 
 START_NS = 1_000_000_000
 RADIUS_M = 0.040

@@ -14,9 +14,9 @@ from drivers.registry import AnyDeviceSettings
 from drivers.samples import FrameSample, HeadingSample, RateSample, Sample, WheelCommand, WheelSample
 from sim_backends import build
 from sim_backends.build import build_world
-from sim_backends.loopback import LoopbackLink
 from sim_backends.settings import SimulationSettings
-from sim_backends.world import World
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.world import World
 
 START_NS = 1_000_000_000
 

@@ -16,10 +16,10 @@ from drivers.driver import Rejection, WheelDrive
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.samples import FaultSample, PowerSample, Sample, WheelCommand, WheelSample
-from sim_backends.can_node import CanNodeSettings, make_can_node
-from sim_backends.loopback import LoopbackLink
-from sim_backends.plant import Truth
-from sim_backends.world import EmulatedDevice, World
+from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.plant import Truth
+from sim_backends.world.world import EmulatedDevice, World
 
 SHIPPED = ("generic_wheel", "odrive_0_5", "odrive_0_6")
 START_NS = 1_000_000_000

@@ -16,10 +16,10 @@ from drivers.link import Received
 from drivers.nmea_compass.codec import NmeaCompassCodec
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.samples import HeadingReference, HeadingSample
-from sim_backends.compass import CompassEmulatorSettings, make_compass
-from sim_backends.loopback import LoopbackLink
-from sim_backends.sensor_errors import DirectionLag
-from sim_backends.world import World
+from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.sensor_errors import DirectionLag
+from sim_backends.world.world import World
 from tests.sim_backends.turning_plant import TurningPlant, decode, run
 
 DEVICE = NmeaCompassSettings(port="simulated")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from drivers.errors import ModelError
-from sim_backends.el_dorado import wheel_table
-from sim_backends.el_dorado.dynamics import look_up, wheel_shares
-from sim_backends.el_dorado.wheel_table import WheelTable, build_table, load_table
-from sim_backends.soil.library import SoilSettings, load_soil, load_wheel
-from sim_backends.soil.wheel_forces import wheel_at_load
+from sim_backends.plants.el_dorado import wheel_table
+from sim_backends.plants.el_dorado.dynamics import look_up, wheel_shares
+from sim_backends.plants.el_dorado.wheel_table import WheelTable, build_table, load_table
+from sim_backends.terramechanics.soil.library import SoilSettings, load_soil, load_wheel
+from sim_backends.terramechanics.soil.wheel_forces import wheel_at_load
 
 LOAD_N = 64.75
 WHEEL = load_wheel("el_dorado")

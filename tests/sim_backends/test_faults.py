@@ -8,11 +8,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from drivers.clock import VirtualClock, nanoseconds
 from drivers.link import CameraImage, LinkChange, Received
-from sim_backends.faults import FaultSettings, flip_bit, grey_lower_half, schedule_faults
-from sim_backends.line import Line
-from sim_backends.loopback import LoopbackLink
-from sim_backends.plant import Plant
-from sim_backends.world import EmulatedDevice, World
+from sim_backends.world.faults import FaultSettings, flip_bit, grey_lower_half, schedule_faults
+from sim_backends.world.line import Line
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.plant import Plant
+from sim_backends.world.world import EmulatedDevice, World
 from tests.sim_backends.turning_plant import TurningPlant
 
 START_NS = 1_000_000_000

@@ -1,5 +1,5 @@
 from drivers.link import Received
-from sim_backends.line import NEVER_NS, Line, serial_bits
+from sim_backends.world.line import NEVER_NS, Line, serial_bits
 
 MS = 1_000_000
 

@@ -8,8 +8,8 @@ from sim_backends.models.interface import EffectCard, Model, Run
 from sim_backends.models.single_wheel import SingleWheel, make_model
 from sim_backends.models.single_wheel_data import FILE
 from sim_backends.models.single_wheel_effects import EFFECTS
-from sim_backends.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
-from sim_backends.soil.library import load_wheel
+from sim_backends.terramechanics.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
+from sim_backends.terramechanics.soil.library import load_wheel
 
 ROLLING = (20.0, 10.0, 0.0, 23.0)
 SKIDDING = (3.0, 10.0, 45.0, 22.0)

@@ -9,13 +9,14 @@ from drivers.clock import VirtualClock, nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.robotino_board.codec import REPLY_SIZE, BoardReply, RobotinoBoardCodec, parse_reply
-from drivers.robotino_board.settings import Board, RobotinoBoardSettings
+from drivers.robotino_board.parameters import Board
+from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import BumperSample, PowerSample, WheelCommand, WheelSample
-from sim_backends.line import NEVER_NS
-from sim_backends.loopback import LoopbackLink
-from sim_backends.plant import Truth
-from sim_backends.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
-from sim_backends.world import EmulatedDevice, World
+from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
+from sim_backends.world.line import NEVER_NS
+from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.plant import Truth
+from sim_backends.world.world import EmulatedDevice, World
 
 START_NS = 1_000_000_000
 BIT_NS = 1e9 / 115_200

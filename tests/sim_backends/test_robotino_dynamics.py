@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from drivers.clock import nanoseconds
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from sim_backends.build import build_world
-from sim_backends.plant import Truth
-from sim_backends.robotino.plant import RobotinoPlant, slip_ratio
-from sim_backends.robotino.settings import MotorSettings, RobotinoPlantSettings, SpeedLoopSettings
-from sim_backends.robotino.site import Site
-from sim_backends.robotino.surfaces import Surface, shipped_surfaces
+from sim_backends.plants.robotino.plant import RobotinoPlant, slip_ratio
+from sim_backends.plants.robotino.settings import MotorSettings, RobotinoPlantSettings, SpeedLoopSettings
+from sim_backends.plants.robotino.site import Site
+from sim_backends.plants.robotino.surfaces import Surface, shipped_surfaces
 from sim_backends.settings import SimulationSettings
+from sim_backends.world.plant import Truth
 from tests.sim_backends.robotino_drives import (
     OFFSET_M,
     RADIUS_M,

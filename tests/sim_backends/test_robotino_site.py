@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError
-from sim_backends.robotino.ground import Ground, lay_out
-from sim_backends.robotino.site import PolygonPatch, RectanglePatch, Site, load_site, random_site
-from sim_backends.robotino.surfaces import Surface, immersion, shipped_surfaces
+from sim_backends.plants.robotino.ground import Ground, lay_out
+from sim_backends.plants.robotino.site import PolygonPatch, RectanglePatch, Site, load_site, random_site
+from sim_backends.plants.robotino.surfaces import Surface, immersion, shipped_surfaces
 
 RADIUS_M = 0.04
 

@@ -12,14 +12,14 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import LinkSample, RateSample, WheelCommand, WheelSample
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.build import build_world
-from sim_backends.line import Line
 from sim_backends.serving.can_bus_port import CanBusPort
 from sim_backends.serving.frame_port import FramePort
 from sim_backends.serving.port import Port
 from sim_backends.serving.server import ServedDevice, Server, put_on_ports
 from sim_backends.serving.slcan_port import SlcanPort
 from sim_backends.settings import SimulationSettings
-from sim_backends.world import EmulatedDevice, World
+from sim_backends.world.line import Line
+from sim_backends.world.world import EmulatedDevice, World
 from tests.sim_backends.turning_plant import TurningPlant
 
 DEADLINE_S = 10.0

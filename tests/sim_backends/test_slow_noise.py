@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import nanoseconds
-from sim_backends.slow_noise import SlowNoise
+from sim_backends.world.coloured_noise import SlowNoise
 
 
 def test_it_has_unit_variance_and_the_correlation_time_asked_for() -> None:

@@ -8,14 +8,14 @@ import pytest
 
 from benchmarks.adaptive_wheel import AdaptiveWheel
 from drivers.errors import ModelError
-from sim_backends.slope.rover import Conditions, paper_rover
-from sim_backends.slope.steady_state import solve_steady_state
-from sim_backends.soil.compiled import compiled_kernel, load_compiled
-from sim_backends.soil.library import SoilSettings, load_wheel
-from sim_backends.soil.numpy_kernel import numpy_kernel
-from sim_backends.soil.quadrature import TIERS, rule_for
-from sim_backends.soil.slip import speed_ratio
-from sim_backends.soil.wheel_contact import Kernel, wheel_contact
+from sim_backends.terramechanics.slope.rover import Conditions, paper_rover
+from sim_backends.terramechanics.slope.steady_state import solve_steady_state
+from sim_backends.terramechanics.soil.compiled import compiled_kernel, load_compiled
+from sim_backends.terramechanics.soil.library import SoilSettings, load_wheel
+from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
+from sim_backends.terramechanics.soil.quadrature import TIERS, rule_for
+from sim_backends.terramechanics.soil.slip import speed_ratio
+from sim_backends.terramechanics.soil.wheel_contact import Kernel, wheel_contact
 from tests.sim_backends.wheel_cases import SAND, random_motion, random_soil
 
 WHEEL = load_wheel("paper_001")
@@ -145,7 +145,7 @@ def test_the_first_use_says_that_it_compiles(monkeypatch: pytest.MonkeyPatch, tm
     heard.clear()
     load_compiled(heard.append)
     assert heard == [], "the compiled code is in the cache now"
-    monkeypatch.setattr("sim_backends.soil.compiled.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("sim_backends.terramechanics.soil.compiled.cache_folder", lambda: tmp_path)
     load_compiled(heard.append)
     assert len(heard) == 1
     assert "compiling" in heard[0]

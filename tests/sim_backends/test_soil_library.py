@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError, ModelError
-from sim_backends.soil.library import (
+from sim_backends.terramechanics.soil.library import (
     SoilSettings,
     WheelSettings,
     library_names,
@@ -13,7 +13,7 @@ from sim_backends.soil.library import (
     load_wheel,
     parse_settings,
 )
-from sim_backends.soil.quantity import check_range
+from sim_backends.terramechanics.soil.quantity import check_range
 
 WHEEL = 'source = "test"\nradius_m = 0.1\nwidth_m = 0.05\n'
 SOIL = """source = "test"

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ModelError
-from sim_backends.soil.library import SoilSettings, load_soil
-from sim_backends.soil.sidewall import (
+from sim_backends.terramechanics.soil.library import SoilSettings, load_soil
+from sim_backends.terramechanics.soil.sidewall import (
     Wall,
     active_factors,
     active_resistance,

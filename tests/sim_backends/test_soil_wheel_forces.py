@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ModelError
-from sim_backends.soil.library import load_soil, load_wheel
-from sim_backends.soil.wheel_forces import wheel_at_load, wheel_forces
+from sim_backends.terramechanics.soil.library import load_soil, load_wheel
+from sim_backends.terramechanics.soil.wheel_forces import wheel_at_load, wheel_forces
 
 WHEEL, SAND = load_wheel("paper_001"), load_soil("toyoura")
 SLIPS = st.floats(-0.9, 0.9)

@@ -6,8 +6,8 @@ from drivers.clock import seconds
 from drivers.driver import Codec, Rejection
 from drivers.link import Received
 from drivers.samples import Sample
-from sim_backends.plant import Truth
-from sim_backends.world import EmulatedDevice, World
+from sim_backends.world.plant import Truth
+from sim_backends.world.world import EmulatedDevice, World
 
 
 class TurningPlant:

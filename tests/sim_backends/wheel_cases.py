@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.soil.library import ReeceLaw, SoilSettings, load_soil
+from sim_backends.terramechanics.soil.library import ReeceLaw, SoilSettings, load_soil
 
 Floats = NDArray[np.float64]
 SAND = load_soil("toyoura")

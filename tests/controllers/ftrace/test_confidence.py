@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from controllers.ftrace.confidence import RutMethod, Signs, confidence
+from controllers.ftrace.rut.confidence import RutMethod, Signs, confidence
 
 CLEAR = Signs(spread_m=0.004, residual_m=0.001, bend_rad=0.02)
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.ftrace.fuzzy import Candidate, confidence, falls
+from controllers.ftrace.hough.fuzzy import Candidate, confidence, falls
 
 WIDTH_M = 0.1
 MOST_RAD = math.radians(35)

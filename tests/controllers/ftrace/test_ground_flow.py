@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from controllers.ftrace.frame import Frame
-from controllers.ftrace.geometry import RESOLUTION_M, GroundPatch
-from controllers.ftrace.ground_flow import GroundFlow
+from controllers.ftrace.ground.flow import GroundFlow
+from controllers.ftrace.ground.frame import Frame
+from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import geometry
 

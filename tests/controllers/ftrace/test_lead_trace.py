@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.ftrace.geometry import Floats
-from controllers.ftrace.lead_trace import LeadTrace
+from controllers.ftrace.rig_geometry import Floats
+from controllers.ftrace.rut.front_wheel_trace import LeadTrace
 from tests.controllers.ftrace.rigs import geometry
 
 BLOCK_M = 0.04

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from controllers.ftrace.path_memory import PathMemory
+from controllers.ftrace.rut.path_filter import PathMemory
 
 STEP_M = 0.016
 SEEN_M = np.arange(0.08, 0.6, 0.04)

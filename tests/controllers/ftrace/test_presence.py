@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from controllers.ftrace.frame import is_usable
-from controllers.ftrace.presence import Evidence, Presence
-from controllers.ftrace.rut import floor_evidence
+from controllers.ftrace.ground.frame import is_usable
+from controllers.ftrace.rut.presence import Evidence, Presence
+from controllers.ftrace.rut.rut import floor_evidence
 
 START_M, STEP_M, BLOCKS = 0.3, 0.016, 14
 LOOK = np.array([-2.0, 1.0, -2.0, 3.0, 3.0, -2.0, -1.0, -2.0, 3.0, 3.0]) / np.sqrt(54.0)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from controllers.ftrace.geometry import GroundPatch
-from controllers.ftrace.rut import CrossSections, Roughness, RutFinder
+from controllers.ftrace.rig_geometry import GroundPatch
+from controllers.ftrace.rut.rut import CrossSections, Roughness, RutFinder
 from tests.controllers.ftrace.rigs import geometry
 
 

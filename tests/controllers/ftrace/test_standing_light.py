@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from controllers.ftrace.geometry import RESOLUTION_M, Patch
-from controllers.ftrace.ground_flow import Motion
-from controllers.ftrace.standing_light import StandingLight
+from controllers.ftrace.ground.flow import Motion
+from controllers.ftrace.ground.static_shading import StandingLight
+from controllers.ftrace.rig_geometry import RESOLUTION_M, Patch
 
 ROWS, COLUMNS, FRAMES, STEP = 140, 161, 90, 4
 SHADOW = -0.5

@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 
-from controllers.scomp.drive import Drive, TruePath
-from controllers.scomp.identify import Identification, identify
-from controllers.scomp.odometry import Result, estimate_track
+from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.scomp.columns import drive_of
+from rover_hil.scomp.drive import Drive, TruePath
+from rover_hil.scomp.odometry import Result, estimate_track
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, field_test
 
 SEED = 11

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.scomp.bed_tuning import BedData, tune
-from controllers.scomp.combined_slip import CombinedSlip
-from controllers.scomp.hinge import fit_hinge, hinge_of_model
+from controllers.slip.scomp.combined_slip import CombinedSlip
+from controllers.slip.scomp.two_segment_slip_law import fit_hinge, hinge_of_model
 from drivers.errors import ModelError
+from rover_hil.identify.scomp.single_wheel_data import BedData, tune
 
 TABLE_3 = CombinedSlip()
 SLOPE = math.radians(12.0)

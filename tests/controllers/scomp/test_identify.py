@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.scomp.drive import Drive, TruePath
-from controllers.scomp.identify import _checked, fit_gyro, fit_pitch, identify
-from controllers.scomp.parameters import ScompParameters
-from controllers.scomp.windows import Windows, cut, true_velocity
+from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ModelError
+from rover_hil.identify.scomp.fit import _checked, fit_gyro, fit_pitch, identify
+from rover_hil.scomp.drive import Drive, TruePath
+from rover_hil.scomp.windows import Windows, cut, true_velocity
 from tests.controllers.scomp.drives import fitted, read, sideways
 
 

@@ -4,17 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.scomp.drive import Drive, TruePath, final_error_m
-from controllers.scomp.hinge import Hinge
-from controllers.scomp.odometry import (
+from controllers.slip.scomp.parameters import CompassModel, ScompParameters
+from controllers.slip.scomp.two_segment_slip_law import Hinge
+from drivers.errors import ModelError
+from rover_hil.scomp.drive import Drive, TruePath, final_error_m
+from rover_hil.scomp.odometry import (
     compass_track,
     estimate_track,
     paper_track,
     plain_track,
     start_heading,
 )
-from controllers.scomp.parameters import CompassModel, ScompParameters
-from drivers.errors import ModelError
 from tests.controllers.scomp.drives import estimated, fitted, mounds, read, rms, sideways
 
 HINGE = Hinge(slip_0=0.2, k_per_rad=0.5, beta_0_rad=0.1, fit_range_rad=(0.0, 0.5))

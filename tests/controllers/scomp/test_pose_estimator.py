@@ -3,9 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from controllers.guarded_filter import Innovation
-from controllers.scomp.motion_model import BIAS, GAIN, OFFSET, REST, YAW, Motion, X, Y
-from controllers.scomp.parameters import (
+from controllers.estimation.guarded_filter import Innovation
+from controllers.slip.scomp.filter import PoseEstimator, StartHeading
+from controllers.slip.scomp.motion_model import BIAS, GAIN, OFFSET, REST, YAW, Motion, X, Y
+from controllers.slip.scomp.parameters import (
     CompassModel,
     DriftFromRoll,
     GyroModel,
@@ -14,8 +15,7 @@ from controllers.scomp.parameters import (
     SlipFromPitch,
     TraceModel,
 )
-from controllers.scomp.pose_estimator import PoseEstimator, StartHeading
-from controllers.scomp.slip_laws import HingeLaw, PitchLaw, slopes
+from controllers.slip.scomp.slip_laws import HingeLaw, PitchLaw, slopes
 
 STEP_S = 0.1
 RIM_M_S = 0.1

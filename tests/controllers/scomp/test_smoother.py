@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from controllers.scomp.smoother import FilterStep, smooth
+from controllers.slip.scomp.filter import FilterStep
+from rover_hil.scomp.smoother import smooth
 
 
 def walk_filter(readings: np.ndarray, process2: float, noise2: float) -> list[FilterStep]:

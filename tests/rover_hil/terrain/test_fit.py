@@ -7,9 +7,14 @@ from drivers.errors import LogError, ModelError
 from rover_hil.terrain.fit import FREE, fit_soil, soil_of_plates
 from rover_hil.terrain.fit_data import WheelTests
 from rover_hil.terrain.fit_files import read_cmu_plates, read_cmu_wheel
-from sim_backends.soil.any_angle_wheel import AnyAngleSoil, Motion, any_angle_at_load, load_any_angle_soil
-from sim_backends.soil.library import load_wheel
-from sim_backends.soil.pressure_sinkage import PlateTest, fit_plates
+from sim_backends.terramechanics.soil.any_angle_wheel import (
+    AnyAngleSoil,
+    Motion,
+    any_angle_at_load,
+    load_any_angle_soil,
+)
+from sim_backends.terramechanics.soil.library import load_wheel
+from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest, fit_plates
 
 WHEEL = load_wheel("cmu_smooth")
 START = load_any_angle_soil("cmu_sand_blind")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import LogError
-from rover_hil.command_line.terrain_fit import fit
+from rover_hil.app.terrain_fit import fit
 from rover_hil.terrain.fit_tables import (
     PLATE_COLUMNS,
     WHEEL_COLUMNS,
@@ -14,8 +14,8 @@ from rover_hil.terrain.fit_tables import (
     read_wheel_table,
 )
 from rover_hil.terrain.setup import Output
-from sim_backends.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
-from sim_backends.soil.library import load_wheel
+from sim_backends.terramechanics.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
+from sim_backends.terramechanics.soil.library import load_wheel
 
 WHEEL = load_wheel("cmu_smooth")
 START = load_any_angle_soil("cmu_sand_blind")

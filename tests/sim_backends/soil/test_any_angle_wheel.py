@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, ModelError
-from sim_backends.soil.any_angle_wheel import (
+from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleForces,
     Motion,
     _Rim,
@@ -12,7 +12,7 @@ from sim_backends.soil.any_angle_wheel import (
     any_angle_forces,
     load_any_angle_soil,
 )
-from sim_backends.soil.library import load_wheel
+from sim_backends.terramechanics.soil.library import load_wheel
 
 WHEEL = load_wheel("cmu_smooth")
 LUGS = load_wheel("cmu_grousered")

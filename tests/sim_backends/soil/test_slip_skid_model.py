@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ModelError
-from sim_backends.soil import skid_from_slip as skid
-from sim_backends.soil import slip_skid_model as model
-from sim_backends.soil.library import load_wheel
+from sim_backends.terramechanics.soil import skid_from_slip as skid
+from sim_backends.terramechanics.soil import slip_skid_model as model
+from sim_backends.terramechanics.soil.library import load_wheel
 
 WHEELS = model.shipped_wheels()
 LINES = [

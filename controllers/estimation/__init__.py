@@ -1,0 +1,1 @@
+"""Where the rover is: odometry, gyro, pose fixes and the pose filter."""

@@ -1,0 +1,175 @@
+"""How far the wheels say the rover has moved."""
+
+import math
+from dataclasses import dataclass
+
+from controllers.motion.kinematics import Kinematics
+from controllers.motion.planar import Pose, move
+from drivers.clock import nanoseconds, seconds
+
+VELOCITY_TIME_CONSTANT_S = 0.05
+PLAUSIBLE_SPEED_FACTOR = 1.5
+ARRIVAL_JITTER_S = 0.05
+STILL_RAD = 0.005
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyIncrement:
+    """What the wheels turned since the last increment, as motion in the body frame: m, m, rad, s.
+
+    Attributes:
+        turned_rad: Angle of each wheel.
+        is_sure: False where the wheels slip and how much is not known.
+    """
+
+    x_m: float
+    y_m: float
+    turn_rad: float
+    duration_s: float
+    turned_rad: tuple[float, ...] = ()
+    is_sure: bool = True
+
+
+@dataclass(slots=True)
+class _Track:
+    """The last two positions of one wheel; the same one twice after a restart."""
+
+    before_ns: int
+    before_rad: float
+    newest_ns: int
+    newest_rad: float
+
+    def add(self, t_ns: int, position_rad: float) -> None:
+        """Append a newer position."""
+        self.before_ns, self.before_rad = self.newest_ns, self.newest_rad
+        self.newest_ns, self.newest_rad = t_ns, position_rad
+
+    def position_at(self, t_ns: int) -> float:
+        """Return the position at `t_ns`, interpolated, never beyond the two."""
+        if t_ns >= self.newest_ns:
+            return self.newest_rad
+        if t_ns <= self.before_ns:
+            return self.before_rad
+        share = (t_ns - self.before_ns) / (self.newest_ns - self.before_ns)
+        return self.before_rad + share * (self.newest_rad - self.before_rad)
+
+
+class WheelOdometry:
+    """Turns wheel positions into body increments, velocities and a pose of its own.
+
+    The wheels report one by one. An increment is taken when all of them have, between positions interpolated
+    to one common time: positions of different times would look like a turn.
+
+    Args:
+        kinematics: Geometry of the wheels.
+        wheel_speed_limit_rad_s: Greatest set-point. A position that differs from the one before by more than
+            1.5 times what it allows in the elapsed time (plus 0.05 s of arrival jitter) is not motion: the
+            device has restarted or its counter was reset. The odometry then rebases.
+
+    Attributes:
+        t_ns: Time up to which the motion is known; None while there is no base.
+        pose: The integral of the increments: pure wheel odometry.
+        velocity: Body velocity in m/s, m/s, rad/s, smoothed over 0.05 s; from zero after a rebase.
+        wheel_speed_rad_s: Speed of each wheel, smoothed alike.
+        rebases: How often the base was lost, each time with the motion meanwhile.
+    """
+
+    def __init__(self, kinematics: Kinematics, wheel_speed_limit_rad_s: float) -> None:
+        count = kinematics.wheel_count
+        self._kinematics = kinematics
+        self._plausible_rad_s = PLAUSIBLE_SPEED_FACTOR * wheel_speed_limit_rad_s
+        self._tracks: list[_Track | None] = [None] * count
+        self._unheard = set(range(count))
+        self._base_rad = [0.0] * count
+        self._still_rad = [0.0] * count
+        self._moved_ns = 0
+        self.t_ns: int | None = None
+        self.pose = Pose()
+        self.velocity = (0.0, 0.0, 0.0)
+        self.wheel_speed_rad_s = (0.0,) * count
+        self.rebases = 0
+
+    def feed(self, wheel: int, t_ns: int, position_rad: float) -> bool:
+        """Take the position of one wheel; False when it is not finite, not newer, or of no such wheel."""
+        if not 0 <= wheel < len(self._tracks) or not math.isfinite(position_rad):
+            return False
+        track = self._tracks[wheel]
+        if track is not None and t_ns <= track.newest_ns:
+            return False
+        if track is not None and self._is_current(wheel) and self._is_jump(track, t_ns, position_rad):
+            self.rebase()
+        if track is not None and self._is_current(wheel):
+            track.add(t_ns, position_rad)
+        else:
+            self._tracks[wheel] = _Track(t_ns, position_rad, t_ns, position_rad)
+        self._unheard.discard(wheel)
+        return True
+
+    def take(self) -> BodyIncrement | None:
+        """Return the motion since the last increment; None until all wheels have reported anew."""
+        if self._unheard:
+            return None
+        tracks = [track for track in self._tracks if track is not None]
+        before_ns, self.t_ns = self.t_ns, min(track.newest_ns for track in tracks)
+        before_rad, self._base_rad = self._base_rad, [track.position_at(self.t_ns) for track in tracks]
+        self._unheard.update(range(len(tracks)))
+        self._watch_standstill(is_new_base=before_ns is None)
+        if before_ns is None:
+            return None
+        turned_rad = [new - old for new, old in zip(self._base_rad, before_rad, strict=True)]
+        return self._integrate(turned_rad, seconds(self.t_ns - before_ns))
+
+    def rebase(self) -> None:
+        """Forget the base, as after a broken link: what the wheels turned meanwhile is unknown."""
+        if self.t_ns is not None:
+            self.rebases += 1
+        self.t_ns = None
+        self._unheard.update(range(len(self._tracks)))
+        self.velocity = (0.0, 0.0, 0.0)
+        self.wheel_speed_rad_s = (0.0,) * len(self._tracks)
+
+    def is_still(self, now_ns: int, for_s: float) -> bool:
+        """Say whether all wheels are heard of and have not moved for `for_s` seconds."""
+        if self.t_ns is None:
+            return False
+        for_ns = nanoseconds(for_s)
+        return self.t_ns - self._moved_ns >= for_ns and now_ns - self.t_ns <= for_ns
+
+    def _is_current(self, wheel: int) -> bool:
+        """Say whether the wheel's track is not from before the base was lost."""
+        return self.t_ns is not None or wheel not in self._unheard
+
+    def _is_jump(self, track: _Track, t_ns: int, position_rad: float) -> bool:
+        elapsed_s = seconds(t_ns - track.newest_ns) + ARRIVAL_JITTER_S
+        return abs(position_rad - track.newest_rad) > self._plausible_rad_s * elapsed_s
+
+    def _integrate(self, turned_rad: list[float], elapsed_s: float) -> BodyIncrement:
+        x_m, y_m, turn_rad = self._kinematics.body_motion(turned_rad)
+        self.pose = move(self.pose, x_m, y_m, turn_rad)
+        velocity_x, velocity_y, yaw_rate = self.velocity
+        self.velocity = (
+            _smooth(velocity_x, x_m, elapsed_s),
+            _smooth(velocity_y, y_m, elapsed_s),
+            _smooth(yaw_rate, turn_rad, elapsed_s),
+        )
+        self.wheel_speed_rad_s = tuple(
+            _smooth(speed, turned, elapsed_s)
+            for speed, turned in zip(self.wheel_speed_rad_s, turned_rad, strict=True)
+        )
+        return BodyIncrement(
+            x_m=x_m, y_m=y_m, turn_rad=turn_rad, duration_s=elapsed_s, turned_rad=tuple(turned_rad)
+        )
+
+    def _watch_standstill(self, is_new_base: bool) -> None:
+        if is_new_base or any(
+            abs(position - still) > STILL_RAD
+            for position, still in zip(self._base_rad, self._still_rad, strict=True)
+        ):
+            self._still_rad = self._base_rad
+            self._moved_ns = self.t_ns or 0
+
+
+def _smooth(rate: float, increment: float, elapsed_s: float) -> float:
+    # Low-pass fed with the increment, not with increment / time: two messages that arrive in one burst
+    # would otherwise divide by almost nothing.
+    return (VELOCITY_TIME_CONSTANT_S * rate + increment) / (VELOCITY_TIME_CONSTANT_S + elapsed_s)

@@ -1,0 +1,277 @@
+"""Where the rover is: an extended Kalman filter over pose, gyro bias and what ties other frames to it."""
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from controllers.estimation.guarded_filter import GuardedFilter, Innovation
+from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.pose_fixes import Step, WayBack
+from controllers.motion.planar import Pose, move, wrap_angle
+from controllers.settings import FilterSettings
+from drivers.samples import HeadingReference, PoseFixSample
+
+X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
+CERTAIN = 1e-12
+UNKNOWN_ANGLE_RAD2 = 10.0
+UNKNOWN_POSITION_M2 = 1e4
+MOST_REFUSALS = 2
+
+
+class YawSource(StrEnum):
+    """What turns the estimate: the gyro, or the wheels while there is no fresh gyro or the rover stands."""
+
+    GYRO = "gyro"
+    WHEELS = "wheels"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """How far the rover turned.
+
+    Attributes:
+        angle_rad: As measured, the gyro's bias included.
+        source: Who measured it.
+        covered_s: The time over which the gyro's bias entered; 0 for the wheels.
+    """
+
+    angle_rad: float
+    source: YawSource
+    covered_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseEstimate:
+    """The estimated motion in the local frame: origin and x axis are the pose at start, y to the left.
+
+    Attributes:
+        t_ns: Time of the wheel positions that the pose stands on.
+        velocity_x_m_s: In the body frame, as are `velocity_y_m_s` and `yaw_rate_rad_s`.
+        gyro_bias_rad_s: Reading of the gyro at rest.
+        covariance: Upper triangle over (x, y, yaw) by rows: xx, xy, x yaw, yy, y yaw, yaw yaw.
+        yaw_source: What turned the estimate last.
+    """
+
+    t_ns: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    velocity_x_m_s: float
+    velocity_y_m_s: float
+    yaw_rate_rad_s: float
+    gyro_bias_rad_s: float
+    covariance: tuple[float, float, float, float, float, float]
+    yaw_source: YawSource
+
+    @property
+    def is_finite(self) -> bool:
+        """Say whether every number is finite."""
+        return math.isfinite(
+            self.x_m
+            + self.y_m
+            + self.yaw_rad
+            + self.velocity_x_m_s
+            + self.velocity_y_m_s
+            + self.yaw_rate_rad_s
+            + self.gyro_bias_rad_s
+            + sum(self.covariance)
+        )
+
+
+class PoseFilter:
+    """State [x, y, yaw, gyro bias, offsets, origins]: one offset per heading device and reference.
+
+    An offset is what a heading reads when the yaw is zero. It starts unknown; while the rover settles the yaw
+    is certain, so the first headings teach the offset, and later ones correct the yaw only as far as the
+    offset is known. Magnetic and true headings have offsets of their own and are never mixed.
+
+    An origin is the pose of the local frame on the floor of a device that gives fixes, three states. It is
+    learnt in the same way: the first fix ties the frames together, best while the rover still stands, and the
+    later ones correct pose and origin as far as each is known. The mission stays in the local frame.
+
+    Args:
+        settings: Noise.
+        heading_devices: Names of the devices that give headings.
+        fix_devices: Names of the devices that give absolute fixes.
+    """
+
+    def __init__(
+        self, settings: FilterSettings, heading_devices: Sequence[str], fix_devices: Sequence[str] = ()
+    ) -> None:
+        sources = [(device, reference) for device in heading_devices for reference in HeadingReference]
+        self._settings = settings
+        self._offset_index = {source: FIRST_OFFSET + i for i, source in enumerate(sources)}
+        first_origin = FIRST_OFFSET + len(sources)
+        self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
+        self._refusals: dict[str, int] = {}
+        size = first_origin + 3 * len(fix_devices)
+        self._filter = GuardedFilter(
+            state=[0.0] * size,
+            variances=[CERTAIN] * BIAS
+            + [settings.gyro_bias_rad_s**2]
+            + [UNKNOWN_ANGLE_RAD2] * len(sources)
+            + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices),
+            angles=[YAW, *self._offset_index.values(), *(i + YAW for i in self._origin_index.values())],
+            gate_probability=settings.gate_probability,
+        )
+        self._transition = np.eye(size)
+        self._noise = np.zeros((size, size))
+        self._bias_row = np.eye(size)[BIAS]
+        self._heading_rows = {
+            source: np.eye(size)[YAW] + np.eye(size)[i] for source, i in self._offset_index.items()
+        }
+
+    @property
+    def pose(self) -> Pose:
+        """The estimated pose."""
+        x_m, y_m, yaw_rad = self._filter.state[:BIAS]
+        return Pose(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+
+    @property
+    def gyro_bias_rad_s(self) -> float:
+        """The estimated bias of the gyro."""
+        return self._filter.state[BIAS]
+
+    @property
+    def covariance(self) -> tuple[float, float, float, float, float, float]:
+        """Upper triangle of the covariance over (x, y, yaw), by rows."""
+        x_row, y_row, yaw_row = self._filter.covariance[:BIAS]
+        return (x_row[X], x_row[Y], x_row[YAW], y_row[Y], y_row[YAW], yaw_row[YAW])
+
+    def predict(self, increment: BodyIncrement, turn: Turn) -> Step:
+        """Move by the wheels' increment, turned by the mid heading; `turn` replaces the increment's own.
+
+        Returns:
+            The step as it was taken.
+        """
+        state = self._filter.state
+        before = Pose(x_m=state[X], y_m=state[Y], yaw_rad=state[YAW])
+        turn_rad = turn.angle_rad - state[BIAS] * turn.covered_s
+        after = move(before, increment.x_m, increment.y_m, turn_rad)
+        state[:BIAS] = after.x_m, after.y_m, after.yaw_rad
+        moved_x_m, moved_y_m = after.x_m - before.x_m, after.y_m - before.y_m
+        transition = self._transition
+        transition[X, YAW] = -moved_y_m
+        transition[Y, YAW] = moved_x_m
+        transition[X, BIAS] = 0.5 * moved_y_m * turn.covered_s
+        transition[Y, BIAS] = -0.5 * moved_x_m * turn.covered_s
+        transition[YAW, BIAS] = -turn.covered_s
+        self._set_noise(increment, turn)
+        self._filter.predict(increment.duration_s, state, transition, self._noise)
+        return Step(
+            x_m=increment.x_m,
+            y_m=increment.y_m,
+            turn_rad=turn_rad,
+            duration_s=increment.duration_s,
+            position_m2=float(self._noise[X, X]),
+            yaw_rad2=float(self._noise[YAW, YAW]),
+        )
+
+    def correct_heading(
+        self, device: str, reference: HeadingReference, heading_rad: float, turned_since_rad: float
+    ) -> Innovation:
+        """Correct by a heading; `turned_since_rad` is how far the rover has turned since it was true."""
+        source = (device, reference)
+        state = self._filter.state
+        expected_rad = state[YAW] - turned_since_rad + state[self._offset_index[source]]
+        return self._filter.update(
+            f"{device} {reference}",
+            wrap_angle(heading_rad - expected_rad),
+            self._heading_rows[source],
+            self._settings.heading_noise_rad**2,
+        )
+
+    def correct_bias(self, device: str, rate_rad_s: float) -> Innovation:
+        """Correct by a gyro reading at standstill: it is the bias."""
+        return self._filter.update(
+            f"{device} standstill",
+            rate_rad_s - self._filter.state[BIAS],
+            self._bias_row,
+            self._settings.gyro_rate_noise_rad_s**2,
+        )
+
+    def correct_pose(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
+        """Correct by a fix of the pose; `way_back` leads from the present pose to that in the picture.
+
+        A fix is accepted or refused as a whole. After two refusals in a row the rover has evidently been
+        moved, or has slipped more than the noise allows: the pose then becomes as uncertain as the next fix
+        differs from it.
+        """
+        origin = self._origin_index[fix.device]
+        if fix.device not in self._refusals and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
+            self._refusals[fix.device] = 0
+            self._assign_origin(origin, fix, way_back)
+        innovations = self._update_pose(origin, fix, way_back)
+        if innovations[0].accepted:
+            self._refusals[fix.device] = 0
+            return innovations
+        off = [innovation.residual for innovation in innovations if innovation.residual is not None]
+        if len(off) < len(innovations):
+            return innovations
+        self._refusals[fix.device] += 1
+        if self._refusals[fix.device] <= MOST_REFUSALS:
+            return innovations
+        # The axes of the floor are not those of the local frame: widen both by the distance.
+        distance_m2 = off[X] ** 2 + off[Y] ** 2
+        for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, off[YAW] ** 2)):
+            self._filter.widen(index, variance)
+        return self._update_pose(origin, fix, way_back)
+
+    def _then(self, way_back: WayBack) -> tuple[complex, float]:
+        """Return place and yaw of the rover in the local frame when the picture was taken."""
+        x_m, y_m, yaw_rad = self._filter.state[:BIAS]
+        arm_m = complex(way_back.x_m, way_back.y_m) * cmath.rect(1.0, yaw_rad)
+        return complex(x_m, y_m) + arm_m, yaw_rad - way_back.turned_rad
+
+    def _assign_origin(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> None:
+        """Put the origin where the first fix wants it; nothing is known of it yet."""
+        then_m, then_rad = self._then(way_back)
+        origin_rad = wrap_angle(fix.yaw_rad - then_rad)
+        origin_m = complex(fix.x_m, fix.y_m) - then_m * cmath.rect(1.0, origin_rad)
+        for index, value in zip((X, Y, YAW), (origin_m.real, origin_m.imag, origin_rad), strict=True):
+            self._filter.assign(origin + index, value)
+
+    def _update_pose(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
+        state = self._filter.state
+        then_m, then_rad = self._then(way_back)
+        frame = cmath.rect(1.0, state[origin + YAW])
+        seen_m = complex(state[origin + X], state[origin + Y]) + frame * then_m
+        off_m = complex(fix.x_m, fix.y_m) - seen_m
+        # How the place that is seen moves with each state; x is the real part, y the imaginary one.
+        slopes = np.zeros(len(state), dtype=complex)
+        slopes[X], slopes[Y] = frame, 1j * frame
+        slopes[YAW] = 1j * frame * (then_m - complex(state[X], state[Y]))
+        slopes[origin + X], slopes[origin + Y] = 1.0, 1j
+        slopes[origin + YAW] = 1j * frame * then_m
+        yaw_row = np.zeros(len(state))
+        yaw_row[YAW] = yaw_row[origin + YAW] = 1.0
+        position_m2 = fix.position_std_m**2 + way_back.position_m2
+        yaw_rad2 = fix.yaw_std_rad**2 + way_back.yaw_rad2
+        return self._filter.update_together(
+            [f"{fix.device} {part}" for part in ("x", "y", "yaw")],
+            np.array([off_m.real, off_m.imag, wrap_angle(fix.yaw_rad - then_rad - state[origin + YAW])]),
+            np.array([slopes.real, slopes.imag, yaw_row]),
+            np.array([position_m2, position_m2, yaw_rad2]),
+        )
+
+    def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
+        settings = self._settings
+        distance_m = math.hypot(increment.x_m, increment.y_m)
+        noise_m_sqrt_m = (
+            settings.position_noise_m_sqrt_m if increment.is_sure else settings.unsure_position_noise_m_sqrt_m
+        )
+        position_m2 = noise_m_sqrt_m**2 * distance_m
+        if turn.source is YawSource.GYRO:
+            yaw_rad2 = settings.gyro_noise_rad_sqrt_s**2 * turn.covered_s
+        else:
+            yaw_rad2 = (
+                settings.wheel_yaw_noise_rad_sqrt_rad**2 * abs(turn.angle_rad)
+                + settings.wheel_yaw_noise_rad_sqrt_m**2 * distance_m
+            )
+        bias_rad2_s2 = settings.gyro_bias_walk_rad_s_sqrt_s**2 * increment.duration_s
+        for index, variance in enumerate((position_m2, position_m2, yaw_rad2, bias_rad2_s2)):
+            self._noise[index, index] = variance

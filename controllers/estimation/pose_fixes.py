@@ -1,0 +1,154 @@
+"""Absolute fixes arrive late: each gets the way back from the present pose to the one in its picture."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from controllers.estimation.guarded_filter import Innovation
+from controllers.motion.planar import Pose, move, wrap_angle
+from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
+from drivers.samples import PoseFixSample
+
+HISTORY_NS = 2 * NANOSECONDS_PER_SECOND
+MOST_WAITING = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One step of the motion model: an increment in the body frame and the variances it adds.
+
+    Attributes:
+        x_m: Forward.
+        y_m: To the left.
+        turn_rad: Free of the gyro's bias.
+        position_m2: Variance added to x and to y.
+        yaw_rad2: Variance added to the yaw.
+    """
+
+    x_m: float
+    y_m: float
+    turn_rad: float
+    duration_s: float
+    position_m2: float
+    yaw_rad2: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WayBack:
+    """Where the rover was, in its present body frame, and the variances of the motion since."""
+
+    x_m: float
+    y_m: float
+    turned_rad: float
+    position_m2: float
+    yaw_rad2: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Mark:
+    """Sums of the motion up to a time: the pose of pure dead reckoning, and the variances."""
+
+    t_ns: int
+    pose: Pose
+    position_m2: float
+    yaw_rad2: float
+
+
+class FixQueue:
+    """Waiting fixes, and the motion of the last two seconds.
+
+    Dead reckoning is kept apart from the estimate, so that what other measurements correct meanwhile does not
+    pass for motion.
+
+    Args:
+        devices: Names of the devices that give fixes; others are ignored.
+    """
+
+    def __init__(self, devices: Sequence[str]) -> None:
+        self._newest_ns: dict[str, int | None] = dict.fromkeys(devices)
+        self._waiting: deque[tuple[int, PoseFixSample]] = deque(maxlen=MOST_WAITING)
+        self._marks: deque[_Mark] = deque()
+
+    def add(self, fix: PoseFixSample, t_ns: int) -> None:
+        """Take a fix that arrived at `t_ns`; one that is not newer than the last has no effect."""
+        if fix.device not in self._newest_ns:
+            return
+        capture_ns = min(fix.t_capture_ns, t_ns)
+        newest_ns = self._newest_ns[fix.device]
+        if newest_ns is None or capture_ns > newest_ns:
+            self._newest_ns[fix.device] = capture_ns
+            self._waiting.append((capture_ns, fix))
+
+    def move(self, t_ns: int, step: Step) -> None:
+        """Note the step that ended at `t_ns`; after a gap the motion starts anew."""
+        start_ns = t_ns - nanoseconds(step.duration_s)
+        marks = self._marks
+        # Durations are rounded to less than a microsecond.
+        if not marks or abs(marks[-1].t_ns - start_ns) > 1000:
+            marks.clear()
+            marks.append(_Mark(t_ns=start_ns, pose=Pose(), position_m2=0.0, yaw_rad2=0.0))
+        last = marks[-1]
+        marks.append(
+            _Mark(
+                t_ns=t_ns,
+                pose=move(last.pose, step.x_m, step.y_m, step.turn_rad),
+                position_m2=last.position_m2 + step.position_m2,
+                yaw_rad2=last.yaw_rad2 + step.yaw_rad2,
+            )
+        )
+        while marks[0].t_ns < t_ns - HISTORY_NS:
+            marks.popleft()
+
+    def take(self) -> list[tuple[PoseFixSample, WayBack | None]]:
+        """Return the fixes up to whose picture the motion is known, with the way back to it.
+
+        The way back is None for a fix from before the motion that is remembered.
+        """
+        if not self._marks:
+            return []
+        known_ns = self._marks[-1].t_ns
+        ready = [(capture_ns, fix) for capture_ns, fix in self._waiting if capture_ns <= known_ns]
+        for item in ready:
+            self._waiting.remove(item)
+        return [(fix, self._way_back(capture_ns)) for capture_ns, fix in ready]
+
+    def _way_back(self, then_ns: int) -> WayBack | None:
+        marks = self._marks
+        if then_ns < marks[0].t_ns:
+            return None
+        index = len(marks) - 1
+        while index > 0 and marks[index - 1].t_ns >= then_ns:
+            index -= 1
+        then, now = _between(marks[max(index - 1, 0)], marks[index], then_ns), marks[-1]
+        x_m, y_m = then.pose.x_m - now.pose.x_m, then.pose.y_m - now.pose.y_m
+        cosine, sine = math.cos(now.pose.yaw_rad), math.sin(now.pose.yaw_rad)
+        return WayBack(
+            x_m=cosine * x_m + sine * y_m,
+            y_m=cosine * y_m - sine * x_m,
+            turned_rad=wrap_angle(now.pose.yaw_rad - then.pose.yaw_rad),
+            position_m2=now.position_m2 - then.position_m2,
+            yaw_rad2=now.yaw_rad2 - then.yaw_rad2,
+        )
+
+
+def late(fix: PoseFixSample) -> Innovation:
+    """Return the report of a fix whose picture is too old to be compared with anything."""
+    return Innovation(name=f"{fix.device} too late", residual=None, variance=None, nis=None, accepted=False)
+
+
+def _between(before: _Mark, after: _Mark, t_ns: int) -> _Mark:
+    """Return the mark at `t_ns`, on the straight line between two."""
+    span_ns = after.t_ns - before.t_ns
+    share = 1.0 if span_ns == 0 else (t_ns - before.t_ns) / span_ns
+    start, end = before.pose, after.pose
+    return _Mark(
+        t_ns=t_ns,
+        pose=Pose(
+            x_m=start.x_m + share * (end.x_m - start.x_m),
+            y_m=start.y_m + share * (end.y_m - start.y_m),
+            yaw_rad=wrap_angle(start.yaw_rad + share * wrap_angle(end.yaw_rad - start.yaw_rad)),
+        ),
+        position_m2=before.position_m2 + share * (after.position_m2 - before.position_m2),
+        yaw_rad2=before.yaw_rad2 + share * (after.yaw_rad2 - before.yaw_rad2),
+    )

@@ -1,0 +1,161 @@
+"""How the rover moved between two frames, from how the rectified ground moved.
+
+Points of the ground are followed from patch to patch (pyramidal Lucas-Kanade); motion of the contact, turn,
+and change of roll and pitch are solved for together, with the gyro's angles as prior knowledge, and points
+that do not move with the ground are left out.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.ftrace.ground.frame import Frame
+from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch, Mask
+from drivers.samples import Image
+
+SPACING_M = 0.056
+WINDOW = 15
+LEAST_POINTS = 14
+POINT_SD_M = 0.0006
+STANDING_M = 0.008
+STANDING_SHARE = 0.3
+"""Points that move less than this share of what the ground should stand still in the image."""
+ROUNDS = 4
+CUT = 3.0
+MOST_SCALE_M = 0.0025
+"""Points that scatter more than this follow nothing."""
+INLIER_WEIGHT = 0.2
+COVARIANCE_FACTOR = 2.0
+"""Neighbouring windows overlap: the points are fewer than they look."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """Motion of the wheel's contact in the wheel's axes of the later frame.
+
+    Attributes:
+        forward_m: Along the wheel's axis.
+        left_m: Across it.
+        turn_rad: Counter-clockwise.
+        left_sd_m: Standard deviation of `left_m`.
+        turn_sd_rad: Standard deviation of `turn_rad`.
+        share: Share of the points in both views that moved with the ground.
+    """
+
+    forward_m: float
+    left_m: float
+    turn_rad: float
+    left_sd_m: float
+    turn_sd_rad: float
+    share: float
+
+
+class GroundFlow:
+    """Measures motion between patches of one rig."""
+
+    def __init__(self, ground: GroundPatch) -> None:
+        step = round(SPACING_M / RESOLUTION_M)
+        rows, columns = np.mgrid[step // 2 : ground.shape[0] : step, step // 2 : ground.shape[1] : step]
+        margin = cv2.erode(
+            ground.visible.astype(np.uint8), np.ones((WINDOW, WINDOW), np.uint8), borderValue=0
+        )
+        keep = margin[rows, columns] > 0
+        self._pixels = np.stack([columns[keep], rows[keep]], axis=1).astype(np.float32)
+        self._seen = ground.visible
+        self._ground = ground
+        self._design = self._design_for(self._pixels)
+
+    def measure(
+        self,
+        before: Image,
+        after: Image,
+        expected_m: tuple[float, float],
+        frame: Frame,
+    ) -> Motion | None:
+        """Return the motion between two patches, or None where too few points could be followed.
+
+        Args:
+            before: Earlier ground, slow light removed.
+            after: Later ground.
+            expected_m: Motion forward and left to begin with.
+            frame: The later frame, for what the gyro says.
+        """
+        roll, pitch, yaw = frame.turn_rad
+        roll_sd, pitch_sd, yaw_sd = frame.turn_sd_rad
+        prior = np.array([*expected_m, yaw, roll, pitch])
+        guess = (self._design @ prior).reshape(2, -1).T
+        first = (self._pixels + guess / RESOLUTION_M).astype(np.float32)
+        found, status, _ = cv2.calcOpticalFlowPyrLK(
+            before, after, self._pixels, first, winSize=(WINDOW, WINDOW), maxLevel=1,
+            criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.02),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=2e-4,
+        )  # fmt: skip
+        moved = (np.asarray(found, np.float64) - self._pixels) * RESOLUTION_M
+        overlapping = int(self._is_visible(np.asarray(first, np.float64)).sum())
+        usable = (status.ravel() > 0) & self._is_visible(np.asarray(found, np.float64))
+        length = float(np.linalg.norm(guess, axis=1).mean())
+        if length > STANDING_M:
+            usable &= np.linalg.norm(moved, axis=1) > STANDING_SHARE * length
+        if usable.sum() < LEAST_POINTS:
+            return None
+        free = 0.5 * max(length, RESOLUTION_M)
+        return self._solve(
+            moved, usable, overlapping, prior, np.array([free, free, yaw_sd, roll_sd, pitch_sd])
+        )
+
+    def _solve(
+        self, moved: Floats, usable: Mask, overlapping: int, prior: Floats, prior_sd: Floats
+    ) -> Motion | None:
+        """Fit the motion to the points with Tukey weights."""
+        target = moved.T.reshape(-1)
+        information = np.diag(1 / prior_sd**2)
+        x, scale = prior, RESOLUTION_M / 2
+        normal: Floats = information
+        weight: Floats = usable.astype(np.float64)
+        for _ in range(ROUNDS):
+            error = np.hypot(*np.asarray(target - self._design @ x, np.float64).reshape(2, -1))
+            scale = max(POINT_SD_M, 1.2 * float(np.median(error[usable])))
+            bent = np.clip(1 - (error / (CUT * scale)) ** 2, 0.0, 1.0) ** 2
+            weight = np.asarray(np.where(usable, bent, 0.0), np.float64)
+            both = np.asarray(np.concatenate([weight, weight]) / scale**2, np.float64)
+            normal = np.asarray(self._design.T @ (both[:, None] * self._design) + information, np.float64)
+            pulled = self._design.T @ (both * target) + information @ prior
+            x = np.asarray(np.linalg.solve(normal, pulled), np.float64)
+        inliers = int((weight > INLIER_WEIGHT).sum())
+        if inliers < LEAST_POINTS or scale > MOST_SCALE_M:
+            return None
+        sd = np.sqrt(COVARIANCE_FACTOR * np.diag(np.linalg.inv(normal)))
+        return Motion(
+            forward_m=float(x[0]),
+            left_m=float(x[1]),
+            turn_rad=float(x[2]),
+            left_sd_m=float(sd[1]),
+            turn_sd_rad=float(sd[2]),
+            share=min(inliers / max(overlapping, 1), 1.0),
+        )
+
+    def _design_for(self, pixels: NDArray[np.float32]) -> Floats:
+        """Return displacements of ground points (left of all, then behind) for unit motions."""
+        rig = self._ground.rig
+        (back, left), (origin_back, origin_left) = self._ground.to_patch(
+            np.stack([rig.position_m, np.zeros(3)])
+        )
+        camera_x, camera_y, height = -back, left, rig.position_m[2]
+        y = (pixels[:, 0] - self._ground.centre) * RESOLUTION_M
+        x = -(pixels[:, 1] + 0.5) * RESOLUTION_M
+        one, none = np.ones_like(y), np.zeros_like(y)
+        # Turned by small angles about the vehicle's origin, a ground point (x, y) stands out of the plane by
+        # pitch x - roll y, and is seen that share of the camera's height further away from its foot.
+        roll, pitch = -(y - origin_left) / height, (x + origin_back) / height
+        to_left = [none, -one, -x, (y - camera_y) * roll, (y - camera_y) * pitch]
+        ahead = [-one, none, y, (x - camera_x) * roll, (x - camera_x) * pitch]
+        return np.concatenate([np.stack(to_left, axis=1), -np.stack(ahead, axis=1)]).astype(np.float64)
+
+    def _is_visible(self, pixels: Floats) -> Mask:
+        place = np.round(pixels).astype(np.intp)
+        rows, columns = self._seen.shape
+        inside = (place >= 0).all(axis=1) & (place < (columns, rows)).all(axis=1)
+        place = np.clip(place, 0, (columns - 1, rows - 1))
+        return np.asarray(inside & self._seen[place[:, 1], place[:, 0]], np.bool_)

@@ -1,0 +1,1 @@
+"""The wheel's rut in the rear camera's frames."""

@@ -1,0 +1,1 @@
+"""Where the rover shall go: kinematics, path following, mission, limits."""

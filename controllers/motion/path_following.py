@@ -1,0 +1,134 @@
+"""Steers along straight lines from corner to corner."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from controllers.motion.mission import Point, corner_points
+from controllers.motion.planar import Pose, wrap_angle
+from controllers.settings import MissionSettings
+from drivers.errors import ConfigError
+
+SLOWEST_SHARE = 0.2
+SPOT_TURN_RAD = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guidance:
+    """The body velocity that leads along the path.
+
+    Attributes:
+        cross_track_m: Distance from the line, positive to its left.
+        finished: The end is reached; the velocities are zero.
+    """
+
+    velocity_x_m_s: float
+    velocity_y_m_s: float
+    yaw_rate_rad_s: float
+    cross_track_m: float
+    finished: bool
+
+
+class PathFollower:
+    """Follows a mission.
+
+    The course points to the line `lookahead_m` ahead, so a deviation decays over that distance whatever the
+    speed. Speed falls in proportion to the distance left to the corner, but not below a fifth: coarse drives
+    do not turn at all below one step of theirs.
+
+    Args:
+        mission: Path, speed and gains.
+        moves_sideways: Whether the rover can move in any direction at any heading.
+
+    Raises:
+        ConfigError: A rover that cannot move sideways is to hold its heading, or two corners are within the
+            position tolerance of each other.
+    """
+
+    def __init__(self, mission: MissionSettings, moves_sideways: bool) -> None:
+        for conflict in find_mission_conflicts(mission, moves_sideways):
+            raise ConfigError(conflict)
+        self._mission = mission
+        self._moves_sideways = moves_sideways
+        self._lines = list(pairwise(corner_points(mission)))
+        self._index = 0
+
+    def guide(self, pose: Pose, drift_rad: float = 0.0) -> Guidance:
+        """Return the velocity for `pose`, after going on to the next line where this one's end is reached.
+
+        Args:
+            pose: Of the rover.
+            drift_rad: Angle from the rover's axis to the direction in which it really moves; a rover that
+                cannot move sideways is turned against it.
+        """
+        cross_m, remaining_m = _locate(pose, self._lines[self._index])
+        while remaining_m <= self._mission.position_tolerance_m:
+            if self._index == len(self._lines) - 1:
+                return Guidance(
+                    velocity_x_m_s=0.0,
+                    velocity_y_m_s=0.0,
+                    yaw_rate_rad_s=0.0,
+                    cross_track_m=cross_m,
+                    finished=True,
+                )
+            self._index += 1
+            cross_m, remaining_m = _locate(pose, self._lines[self._index])
+        return self._steer(pose, drift_rad, cross_m, remaining_m)
+
+    def _steer(self, pose: Pose, drift_rad: float, cross_m: float, remaining_m: float) -> Guidance:
+        mission = self._mission
+        line_rad = _direction(self._lines[self._index])
+        course_rad = line_rad - math.atan2(cross_m, mission.lookahead_m)
+        speed_m_s = min(
+            mission.speed_m_s,
+            max(mission.approach_gain_per_s * remaining_m, SLOWEST_SHARE * mission.speed_m_s),
+        )
+        off_course_rad = wrap_angle(course_rad - pose.yaw_rad)
+        if self._moves_sideways:
+            facing_rad = 0.0 if mission.heading == "hold" else line_rad
+            turn_rad = wrap_angle(facing_rad - pose.yaw_rad)
+            sideways_m_s = speed_m_s * math.sin(off_course_rad)
+        else:
+            turn_rad, sideways_m_s = wrap_angle(off_course_rad - drift_rad), 0.0
+            if abs(off_course_rad) > SPOT_TURN_RAD:
+                speed_m_s = 0.0
+        limit_rad_s = mission.yaw_rate_limit_rad_s
+        return Guidance(
+            velocity_x_m_s=speed_m_s * math.cos(off_course_rad),
+            velocity_y_m_s=sideways_m_s,
+            yaw_rate_rad_s=min(limit_rad_s, max(-limit_rad_s, mission.heading_gain_per_s * turn_rad)),
+            cross_track_m=cross_m,
+            finished=False,
+        )
+
+
+def find_mission_conflicts(mission: MissionSettings, moves_sideways: bool) -> Iterator[str]:
+    """Yield why a rover cannot follow a mission, with the fix.
+
+    Args:
+        mission: Path, speed and gains.
+        moves_sideways: Whether the rover can move in any direction at any heading.
+    """
+    if mission.heading == "hold" and not moves_sideways:
+        yield 'mission.heading: a skid-steer rover cannot hold its heading, set it to "along_path"'
+    for start, end in pairwise(corner_points(mission)):
+        if math.dist(start, end) <= mission.position_tolerance_m:
+            yield (
+                f"mission: the line from {start} to {end} is not longer than position_tolerance_m "
+                f"({mission.position_tolerance_m:g}), leave the point out or lower the tolerance"
+            )
+
+
+def _direction(line: tuple[Point, Point]) -> float:
+    (start_x, start_y), (end_x, end_y) = line
+    return math.atan2(end_y - start_y, end_x - start_x)
+
+
+def _locate(pose: Pose, line: tuple[Point, Point]) -> tuple[float, float]:
+    """Return the distance to the left of the line and the distance left along it."""
+    (start_x, start_y), (end_x, end_y) = line
+    length_m = math.dist(*line)
+    unit_x, unit_y = (end_x - start_x) / length_m, (end_y - start_y) / length_m
+    cross_m = unit_x * (pose.y_m - start_y) - unit_y * (pose.x_m - start_x)
+    return cross_m, unit_x * (end_x - pose.x_m) + unit_y * (end_y - pose.y_m)

@@ -1,0 +1,1 @@
+"""Slip compensators: from effort (motor current) and from the wheel trace (sComp)."""

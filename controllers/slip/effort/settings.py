@@ -1,0 +1,55 @@
+"""Settings of slip compensation."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from controllers.slip.effort.slip_map import SlipMapFile
+from drivers.settings import Settings
+
+SURFACES = "surfaces"
+YAW_PROBE = "yaw_probe"
+
+
+class TorqueCorrectionSettings(Settings):
+    """Strength of the torque correction of paper 003. It is positive feedback, so it is bounded.
+
+    Attributes:
+        matrix: `dual` is R J^-T, the inverse of the statics; `as_printed` is the matrix of paper 003, which
+            counts the yaw twice and exists for comparison only.
+        gain_rad_s_nm: Change of a set-point per torque.
+        bound_rad_s: Greatest change of a set-point.
+    """
+
+    matrix: Literal["dual", "as_printed"] = "dual"
+    gain_rad_s_nm: Annotated[float, Field(ge=0.0, le=50.0)] = 1.0
+    bound_rad_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.5
+
+
+class SlipSettings(Settings):
+    """How wheel slip is estimated and compensated.
+
+    Attributes:
+        maps: Fitted maps: name of a shipped file or path of one.
+        use: `yaw_probe` excites the yaw a little and measures how much of the motion is lost; `surfaces` uses
+            the map of the recognised surface; the name of a wheel map uses that one.
+        known_surfaces: Where the ground is known: only these surfaces are considered.
+        torque_correction: Also corrects the set-points; without it they stay as they are.
+    """
+
+    maps: SlipMapFile
+    use: str = SURFACES
+    known_surfaces: tuple[str, ...] = ()
+    torque_correction: TorqueCorrectionSettings | None = None
+
+    @model_validator(mode="after")
+    def _check_names(self) -> Self:
+        probe = () if self.maps.yaw_probe is None else (YAW_PROBE,)
+        if self.use not in (SURFACES, *probe, *self.maps.wheel_maps):
+            names = ", ".join((SURFACES, *probe, *self.maps.wheel_maps))
+            raise ValueError(f"use is '{self.use}', but the maps hold {names}: name one of these")
+        shipped = [surface.name for surface in self.maps.surfaces.surfaces]
+        for name in self.known_surfaces:
+            if name not in shipped:
+                raise ValueError(f"known_surfaces has '{name}', but the map knows {', '.join(shipped)}")
+        return self

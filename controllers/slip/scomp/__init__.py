@@ -1,0 +1,1 @@
+"""Slip-compensated odometry of a four-wheel rover, online (paper 000)."""

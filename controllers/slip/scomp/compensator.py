@@ -1,0 +1,258 @@
+"""Slip and slip angle while driving: tilt, gyro and the rear wheel's trace, by the sComp estimator."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from controllers.estimation.gyro import GREATEST_RATE_RAD_S
+from controllers.estimation.odometry import BodyIncrement
+from controllers.motion.kinematics import BodyMotion, Kinematics
+from controllers.roles import DeviceRoles
+from controllers.slip.scomp.filter import START_CERTAIN_RAD, TILT_MEMORY_S, PoseEstimator, StartHeading
+from controllers.slip.scomp.motion_model import Motion, expected_drift
+from controllers.slip.scomp.settings import TraceSlipSettings
+from controllers.slip.scomp.slip_laws import PitchLaw
+from drivers.clock import nanoseconds, seconds
+from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
+
+STEP_S = 0.05
+"""The estimator moves on in steps of at least this: its states change slowly, and a step has its price."""
+
+Rates = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraceReading:
+    """What one frame says.
+
+    Attributes:
+        t_ns: When it was exposed.
+        detected: The trace is in it.
+        theta_rad: Direction of the rear left wheel's velocity in the body, left positive; None where unknown.
+        confidence: 0..1, how sure it is that `theta_rad` is right within 5 deg.
+    """
+
+    t_ns: int
+    detected: bool
+    theta_rad: float | None
+    confidence: float
+
+
+class TraceFinder(Protocol):
+    """Finds the trace of the rear left wheel in frames, one after the other."""
+
+    def find(
+        self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
+    ) -> TraceReading | None:
+        """Return what a frame says; None for a frame that cannot be looked at.
+
+        Args:
+            frame: Newer than the one before.
+            wheel_speed_m_s: Of the rim.
+            rates_rad_s: Turn rates of the body about x, y, z; None where unknown.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftReport:
+    """How the rover slips.
+
+    Attributes:
+        slip: Slip ratio of the rover, eq 3 of paper 000.
+        slip_angle_rad: Angle of its velocity from its axis, left positive, eq 1.
+        trace: What the frame said that was looked at in this cycle; None when there was none.
+        reason: Why slip and slip angle are not sure; empty where they are.
+    """
+
+    slip: float
+    slip_angle_rad: float
+    trace: TraceReading | None
+    reason: str
+
+
+class TraceSlipCompensator:
+    """Turns the wheels' increments into those of a rover that slips and drifts.
+
+    Args:
+        settings: Parameters of the estimator.
+        roles: Which device is gyro (and tells the tilt), and which the rearward camera.
+        kinematics: Of the wheels.
+        finder: Of the trace; None without a camera.
+    """
+
+    def __init__(
+        self,
+        settings: TraceSlipSettings,
+        roles: DeviceRoles,
+        kinematics: Kinematics,
+        finder: TraceFinder | None,
+    ) -> None:
+        self._report: DriftReport | None = None
+        self._settings = settings
+        self._roles = roles
+        self._kinematics = kinematics
+        self._finder = finder
+        start = StartHeading(heading_rad=0.0, standard_deviation_rad=START_CERTAIN_RAD)
+        parameters = settings.parameters
+        self._estimator = PoseEstimator(parameters, PitchLaw(parameters), start, follows_roll=True)
+        self._tilt = _Tilt()
+        self._frame: FrameSample | None = None
+        self._frame_ns: int | None = None
+        self._rates: Rates | None = None
+        self._readings_rad_s: list[float] = []
+        self._since_trace_s = math.inf
+        self._slip = self._drift_rad = 0.0
+        self._pending = _Pending()
+
+    @property
+    def drift_rad(self) -> float:
+        """The slip angle."""
+        return self._drift_rad
+
+    def feed(self, sample: Sample, t_ns: int) -> None:
+        """Take what gyro and camera say as of `t_ns`; other samples have no effect."""
+        if isinstance(sample, FrameSample):
+            if self._finder is not None and sample.device == self._roles.camera:
+                self._take_frame(sample)
+        elif sample.device != self._roles.gyro:
+            return
+        elif isinstance(sample, AttitudeSample):
+            self._tilt.feed(sample, t_ns)
+        elif isinstance(sample, RateSample) and abs(sample.rate_z_rad_s) <= GREATEST_RATE_RAD_S:
+            self._readings_rad_s.append(sample.rate_z_rad_s)
+            x, y = sample.rate_x_rad_s, sample.rate_y_rad_s
+            known = x is not None and y is not None and abs(x) + abs(y) <= GREATEST_RATE_RAD_S
+            self._rates = (x or 0.0, y or 0.0, sample.rate_z_rad_s) if known else None
+
+    def take_report(self) -> DriftReport | None:
+        """Return how the rover slips; None before the first increment. A frame is told once."""
+        report = self._report
+        if report is not None:
+            self._report = replace(report, trace=None)
+        return report
+
+    def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
+        """Return the body's motion for wheel speeds or angles, by the newest slip."""
+        rolled, _, turn = self._kinematics.body_motion(wheel_values)
+        ahead = rolled * (1.0 - self._slip)
+        return ahead, ahead * math.tan(self._drift_rad), turn
+
+    def compensate(
+        self, increment: BodyIncrement, set_speed_rad_s: Sequence[float], gyro_rate_rad_s: float | None
+    ) -> BodyIncrement:
+        """Return what is left of an increment of rolling wheels.
+
+        Args:
+            increment: Of the wheels, as if they rolled.
+            set_speed_rad_s: Has no effect.
+            gyro_rate_rad_s: Has no effect; the gyro's samples are taken by `feed`.
+        """
+        trace = None
+        self._pending.add(increment)
+        if self._pending.duration_s >= STEP_S:
+            trace = self._step()
+        x_m, y_m, _ = self.body_motion(increment.turned_rad)
+        reason = self._doubt()
+        self._report = DriftReport(
+            slip=self._slip, slip_angle_rad=self._drift_rad, trace=trace, reason=reason
+        )
+        return replace(increment, x_m=x_m, y_m=y_m, is_sure=not reason)
+
+    def _take_frame(self, sample: FrameSample) -> None:
+        exposed_ns = _exposed_ns(sample)
+        if self._frame_ns is None or exposed_ns - self._frame_ns >= nanoseconds(
+            self._settings.frame_period_s
+        ):
+            self._frame = sample
+
+    def _step(self) -> TraceReading | None:
+        """Move the estimator on, and look at the newest frame."""
+        pending, self._pending = self._pending, _Pending()
+        readings, self._readings_rad_s = self._readings_rad_s, []
+        parameters = self._settings.parameters
+        pitch_rad, roll_rad = self._tilt.pitch_rad, self._tilt.roll_rad
+        estimator = self._estimator
+        estimator.move(
+            Motion(
+                duration_s=pending.duration_s,
+                wheel_rad=pending.rim_m / parameters.rover.wheel_radius_m,
+                rate_rad_s=sum(readings) / len(readings)
+                if readings
+                else pending.turn_rad / pending.duration_s,
+                is_gyro=bool(readings),
+                pitch_rad=pitch_rad,
+                expected_drift_rad=expected_drift(parameters, pitch_rad, roll_rad),
+            )
+        )
+        estimator.correct_standstill()
+        self._since_trace_s += pending.duration_s
+        trace = self._look(pending.rim_m / pending.duration_s)
+        state = estimator.step.estimate[0]
+        self._slip = estimator.model.slip(state, estimator.motion)
+        self._drift_rad = estimator.model.drift(state, estimator.motion)
+        return trace
+
+    def _look(self, rim_m_s: float) -> TraceReading | None:
+        """Find the trace in the newest frame and take it as a measurement."""
+        frame, self._frame = self._frame, None
+        if frame is None or self._finder is None:
+            return None
+        self._frame_ns = _exposed_ns(frame)
+        reading = self._finder.find(frame, rim_m_s, self._rates)
+        if reading is not None and reading.detected and reading.theta_rad is not None:
+            innovation = self._estimator.correct_trace(reading.theta_rad)
+            if innovation is not None and innovation.accepted:
+                self._since_trace_s = 0.0
+        return reading
+
+    def _doubt(self) -> str:
+        if not self._tilt.is_known:
+            return "no tilt"
+        if self._finder is not None and self._since_trace_s > self._settings.trace_age_s:
+            return "no trace"
+        return ""
+
+
+@dataclass(slots=True)
+class _Pending:
+    """What the wheels told since the last step."""
+
+    duration_s: float = 0.0
+    rim_m: float = 0.0
+    turn_rad: float = 0.0
+
+    def add(self, increment: BodyIncrement) -> None:
+        self.duration_s += increment.duration_s
+        self.rim_m += increment.x_m
+        self.turn_rad += increment.turn_rad
+
+
+class _Tilt:
+    """Pitch, raised nose positive, and roll, raised left side positive, through a low-pass."""
+
+    def __init__(self) -> None:
+        self.pitch_rad = self.roll_rad = 0.0
+        self._t_ns: int | None = None
+
+    @property
+    def is_known(self) -> bool:
+        return self._t_ns is not None
+
+    def feed(self, sample: AttitudeSample, t_ns: int) -> None:
+        if sample.pitch_rad is None or sample.roll_rad is None:
+            return
+        pitch_rad, roll_rad = -sample.pitch_rad, sample.roll_rad
+        if not abs(pitch_rad) + abs(roll_rad) <= math.pi:
+            return
+        share = 1.0
+        if self._t_ns is not None:
+            share = -math.expm1(-max(0.0, seconds(t_ns - self._t_ns)) / TILT_MEMORY_S)
+        self.pitch_rad += share * (pitch_rad - self.pitch_rad)
+        self.roll_rad += share * (roll_rad - self.roll_rad)
+        self._t_ns = t_ns
+
+
+def _exposed_ns(frame: FrameSample) -> int:
+    return frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns

@@ -1,0 +1,240 @@
+"""Where a slipping rover is: wheels, gyro, compass, trace and tilt in one extended Kalman filter."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.estimation.guarded_filter import GuardedFilter, Innovation
+from controllers.motion.planar import wrap_angle
+from controllers.slip.scomp.motion_model import (
+    ANGLES,
+    BIAS,
+    DEVIATION,
+    FIRST,
+    GAIN,
+    LAGGED,
+    OFFSET,
+    REST,
+    REST_RATE,
+    SECOND,
+    STATES,
+    TRACE_NOISE,
+    TRACE_OFFSET,
+    WHEEL_WALK_RAD_SQRT_S,
+    YAW,
+    Motion,
+    MotionModel,
+    X,
+    Y,
+)
+from controllers.slip.scomp.parameters import ScompParameters
+from controllers.slip.scomp.slip_laws import SlipLaw
+
+Array = NDArray[np.float64]
+
+CERTAIN = 1e-10
+UNKNOWN_RAD2 = 10.0
+SLOWEST_M_S = 0.01
+STANDSTILL_RAD_S = 0.02
+RATE_MEMORY_S = 0.3
+TRACE_GRAIN_RAD = math.radians(0.3)
+MOST_TRACE_REFUSALS = 2
+MOST_COMPASS_REFUSALS = 20
+WIDENED_BIAS_RAD_S = math.radians(0.1)
+GATE = 0.9995
+TILT_MEMORY_S = 0.5
+START_CERTAIN_RAD = math.radians(0.05)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FilterStep:
+    """One step of a filter; n states.
+
+    Attributes:
+        transition: From the estimate of the step before to the prediction, (n, n).
+        predicted: State before the corrections of this step, and its covariance.
+        estimate: State after them, and its covariance.
+    """
+
+    transition: Array
+    predicted: tuple[Array, Array]
+    estimate: tuple[Array, Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartHeading:
+    """How the heading at start is known; `standard_deviation_rad` None: by the compass alone."""
+
+    heading_rad: float
+    standard_deviation_rad: float | None
+
+
+class PoseEstimator:
+    """The filter; its state is described at `motion_model.STATES`. It starts at the origin.
+
+    The trace is alpha_r = beta - b r / V_x (eq 2, no steering). A position fix corrects everything that has
+    led there, the parameters of the slip law among it: that is their on-line adaptation.
+
+    Args:
+        parameters: Rover, ground and sensors.
+        law: Slip over slip angle and pitch.
+        start: Heading at the start.
+        follows_roll: False when there is no roll.
+    """
+
+    def __init__(
+        self, parameters: ScompParameters, law: SlipLaw, start: StartHeading, *, follows_roll: bool
+    ) -> None:
+        self._parameters = parameters
+        self._compass_sign = parameters.compass.sign or 1
+        self._reference_waves = _waves(parameters.compass.reference_rad)
+        self._heading_is_open = start.standard_deviation_rad is None
+        self._offset_is_open = not self._heading_is_open
+        self.model = MotionModel(parameters, law, follows_roll=follows_roll)
+        self.motion = Motion(duration_s=1.0, wheel_rad=0.0, rate_rad_s=0.0, is_gyro=False)
+        self._velocity_x_m_s = self._yaw_rate_rad_s = 0.0
+        self._trace_refusals = self._compass_refusals = 0
+        state, variances = self._start(law, start, follows_roll=follows_roll)
+        self._filter = GuardedFilter(state.tolist(), variances.tolist(), ANGLES, GATE)
+        # Heading and lagged heading are equal, however little is known of them.
+        self._transition = np.eye(STATES)
+        self._transition[LAGGED, [LAGGED, YAW]] = 0.0, 1.0
+        self._filter.predict(0.0, state.tolist(), self._transition, np.diag([CERTAIN] * STATES))
+        self._predicted = self._snapshot()
+
+    @property
+    def step(self) -> FilterStep:
+        """State and covariance before and after the corrections since the last `move`."""
+        return FilterStep(transition=self._transition, predicted=self._predicted, estimate=self._snapshot())
+
+    def move(self, motion: Motion) -> None:
+        """Predict to the end of a step."""
+        self.motion = motion
+        prediction = self.model.predict(self._filter.state, motion)
+        self._velocity_x_m_s = prediction.velocity_x_m_s
+        share = -math.expm1(-motion.duration_s / RATE_MEMORY_S)
+        self._yaw_rate_rad_s += share * (prediction.yaw_rate_rad_s - self._yaw_rate_rad_s)
+        self._filter.predict(motion.duration_s, prediction.state, prediction.transition, prediction.noise)
+        self._transition, self._predicted = prediction.transition, self._snapshot()
+
+    def correct_standstill(self) -> Innovation | None:
+        """Correct the gyro's bias by its reading while the wheels stand; None while they turn."""
+        motion = self.motion
+        if not motion.is_gyro or abs(motion.wheel_rad) > STANDSTILL_RAD_S * motion.duration_s:
+            return None
+        row = np.zeros(STATES)
+        row[BIAS] = 1.0
+        # The rate is the mean of two readings.
+        noise_rad_s = self._parameters.gyro.walk_rad_sqrt_s / math.sqrt(2.0 * motion.duration_s)
+        residual = motion.rate_rad_s - self._filter.state[BIAS]
+        return self._filter.update("gyro standstill", residual, row, noise_rad_s**2)
+
+    def correct_compass(self, reading_rad: float) -> Innovation:
+        """Correct by a compass reading, in the compass' own sense of rotation.
+
+        After twenty refusals in a row the gyro's bias is taken for less certain than it was.
+        """
+        reading_rad *= self._compass_sign
+        if math.isfinite(reading_rad):
+            self._open(reading_rad)
+        state = self._filter.state
+        heading = state[LAGGED]
+        waves = _waves(heading) - self._reference_waves
+        row = np.zeros(STATES)
+        row[LAGGED] = row[OFFSET] = 1.0
+        row[DEVIATION : DEVIATION + 4] = waves
+        deviation = float(waves @ np.array(state[DEVIATION : DEVIATION + 4]))
+        residual = wrap_angle(reading_rad - heading - state[OFFSET] - deviation)
+        innovation = self._filter.update("compass", residual, row, self._parameters.compass.noise_rad**2)
+        self._compass_refusals = 0 if innovation.accepted else self._compass_refusals + 1
+        if self._compass_refusals > MOST_COMPASS_REFUSALS:
+            self._widen(BIAS, WIDENED_BIAS_RAD_S**2)
+            self._compass_refusals = 0
+        return innovation
+
+    def correct_trace(self, angle_rad: float) -> Innovation | None:
+        """Correct by a new trace angle; None at a standstill, where a trace tells no velocity.
+
+        After two refusals in a row the ground has evidently changed: the slip angle then becomes as
+        uncertain as the reading differs from it.
+        """
+        if abs(self._velocity_x_m_s) < SLOWEST_M_S:
+            return None
+        settings, state = self._parameters.trace, self._filter.state
+        arm_s = self._parameters.rover.rear_axle_m / self._velocity_x_m_s
+        drift = self.model.drift(state, self.motion)
+        expected = math.atan(math.tan(drift) - arm_s * self._yaw_rate_rad_s)
+        error_rad = state[TRACE_NOISE] + state[TRACE_OFFSET]
+        residual = wrap_angle(settings.sign * angle_rad - expected - error_rad)
+        row = np.zeros(STATES)
+        row[[REST, TRACE_NOISE, TRACE_OFFSET]] = 1.0
+        row[GAIN] = self.motion.expected_drift_rad
+        rate_sd_rad_s = WHEEL_WALK_RAD_SQRT_S
+        if self.motion.is_gyro:
+            row[BIAS] = arm_s
+            rate_sd_rad_s = self._parameters.gyro.walk_rad_sqrt_s / math.sqrt(RATE_MEMORY_S)
+        variance = TRACE_GRAIN_RAD**2 + (arm_s * rate_sd_rad_s) ** 2
+        innovation = self._filter.update("trace", residual, row, variance)
+        self._trace_refusals = 0 if innovation.accepted else self._trace_refusals + 1
+        if self._trace_refusals > MOST_TRACE_REFUSALS and math.isfinite(residual):
+            self._widen(REST, residual**2)
+            self._trace_refusals = 0
+            innovation = self._filter.update("trace", residual, row, variance)
+        return innovation
+
+    def correct_position(self, x_m: float, y_m: float, standard_deviation_m: float) -> tuple[Innovation, ...]:
+        """Correct by an absolute position in the frame of the pose at start."""
+        state = self._filter.state
+        rows = np.zeros((2, STATES))
+        rows[0, X] = rows[1, Y] = 1.0
+        away = np.array([x_m - state[X], y_m - state[Y]])
+        return self._filter.update_together(
+            ("fix x", "fix y"), away, rows, np.full(2, standard_deviation_m**2)
+        )
+
+    def _start(self, law: SlipLaw, start: StartHeading, *, follows_roll: bool) -> tuple[Array, Array]:
+        """Return the first state and its variances."""
+        parameters = self._parameters
+        compass, trace, spread = parameters.compass, parameters.trace, start.standard_deviation_rad
+        state, variances = np.zeros(STATES), np.full(STATES, CERTAIN)
+        state[[YAW, LAGGED]] = start.heading_rad
+        variances[YAW] = UNKNOWN_RAD2 if spread is None else spread**2
+        variances[BIAS] = parameters.gyro.bias_rad_s**2
+        state[OFFSET] = compass.offset_rad or 0.0
+        variances[OFFSET] = UNKNOWN_RAD2 if self._offset_is_open else compass.offset_sd_rad**2
+        variances[DEVIATION : DEVIATION + 4] = compass.deviation_rad**2
+        variances[REST : REST_RATE + 1] = self.model.rest_variances()
+        variances[TRACE_NOISE] = trace.noise_rad**2
+        state[TRACE_OFFSET], variances[TRACE_OFFSET] = trace.offset_rad, trace.offset_sd_rad**2
+        if follows_roll:
+            state[GAIN], variances[GAIN] = parameters.roll.gain, parameters.roll.gain_sd**2 + CERTAIN
+        state[FIRST], variances[FIRST] = law.first, law.first_sd**2 + CERTAIN
+        state[SECOND], variances[SECOND] = law.second, law.second_sd**2 + CERTAIN
+        return state, variances
+
+    def _open(self, reading_rad: float) -> None:
+        """Give what is not known yet the value that the first reading tells."""
+        state = self._filter.state
+        if self._offset_is_open:
+            self._filter.assign(OFFSET, wrap_angle(reading_rad - state[LAGGED]))
+        elif self._heading_is_open:
+            for index in (YAW, LAGGED):
+                self._filter.assign(index, wrap_angle(reading_rad - state[OFFSET]))
+        self._offset_is_open = self._heading_is_open = False
+
+    def _snapshot(self) -> tuple[Array, Array]:
+        return np.array(self._filter.state), np.array(self._filter.covariance)
+
+    def _widen(self, index: int, variance: float) -> None:
+        """Make a state less certain, as if the last step had done so."""
+        self._filter.widen(index, variance)
+        self._predicted[1][index, index] += variance
+
+
+def _waves(heading_rad: float) -> Array:
+    angles = np.array([heading_rad, heading_rad, 2.0 * heading_rad, 2.0 * heading_rad])
+    angles[[1, 3]] += 0.5 * math.pi
+    waves: Array = np.sin(angles)
+    return waves

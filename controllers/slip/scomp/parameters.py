@@ -1,0 +1,162 @@
+"""What the odometry knows about rover, ground and sensors; `identify` fits it to a drive."""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from controllers.slip.scomp.combined_slip import CombinedSlip
+from controllers.slip.scomp.two_segment_slip_law import Hinge
+from drivers.settings import Settings
+
+Share = Annotated[float, Field(ge=0.0, le=2.0)]
+Spread = Annotated[float, Field(gt=0.0, le=3.2)]
+Seconds = Annotated[float, Field(ge=0.01, le=100.0)]
+Angle = Annotated[float, Field(ge=-math.tau, le=math.tau)]
+Sign = Literal[-1, 1]
+
+PAPER_HINGE = Hinge(
+    slip_0=0.3118, k_per_rad=0.186, beta_0_rad=math.radians(6.4), fit_range_rad=(0.0, math.radians(25.0))
+)
+
+
+class RoverGeometry(Settings):
+    """The rover El-Dorado of paper 000; what the paper does not tell is marked.
+
+    Attributes:
+        wheel_radius_m: r^w, that of the single-wheel tests.
+        rear_axle_m: b, from the rear axle to the centre of mass; not in the paper, chosen.
+        track_m: Between left and right wheels; not in the paper, chosen. Plain odometry alone uses it.
+    """
+
+    wheel_radius_m: Annotated[float, Field(ge=0.005, le=1.0)] = 0.092
+    rear_axle_m: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.30
+    track_m: Annotated[float, Field(ge=0.05, le=5.0)] = 0.44
+
+
+class SlipFromPitch(Settings):
+    """Slip by eqs 5-9 from the traction R_x = W (sin(pitch) + c_rr).
+
+    Attributes:
+        model: The ground under a wheel.
+        rolling_resistance: c_rr.
+        rolling_resistance_sd: How well c_rr is known.
+        stiffness_sd: How well the logarithm of `model.c_x_n` is known when c_rr is right.
+        stiffness_follows: By how much that logarithm grows with c_rr when the slip of the fitted drive is
+            kept: a drive determines the two together better than each.
+        fluctuation: Standard deviation of the slip about the model.
+        fluctuation_time_s: Its correlation time.
+        pitch_sign: 1 when the log counts a raised nose as positive, -1 when it counts it as negative.
+    """
+
+    model: CombinedSlip = CombinedSlip()
+    rolling_resistance: Annotated[float, Field(ge=-0.2, le=0.6)] = 0.05
+    rolling_resistance_sd: Spread = 0.04
+    stiffness_sd: Spread = 0.4
+    stiffness_follows: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
+    fluctuation: Share = 0.06
+    fluctuation_time_s: Seconds = 3.0
+    pitch_sign: Sign = 1
+
+
+class DriftFromRoll(Settings):
+    """Slip angle expected from the roll: `gain` times that of eqs 5-9 for the weight's sideways part.
+
+    Attributes:
+        gain: 0 when the roll tells nothing.
+        gain_sd: How well the gain is known on other ground.
+        rest: Standard deviation of the slip angle about the expected one, rad.
+        rest_time_s: How long that stays alike.
+        alone: Standard deviation of the whole slip angle, for drives without roll, rad.
+        alone_time_s: How long that stays alike.
+    """
+
+    gain: Annotated[float, Field(ge=-10.0, le=10.0)] = 1.0
+    gain_sd: Share = 0.7
+    rest: Spread = math.radians(5.0)
+    rest_time_s: Seconds = 4.0
+    alone: Spread = math.radians(6.0)
+    alone_time_s: Seconds = 8.0
+
+
+class CompassModel(Settings):
+    """How the compass reads: offset + heading (or minus it), lagged, with a deviation over the heading.
+
+    Attributes:
+        sign: 1 when readings grow counter-clockwise, as yaw does; -1 for clockwise ones.
+        offset_rad: Reading at heading zero in the frame of the truth; None when nobody knows.
+        offset_sd_rad: How well.
+        reference_rad: The heading near which that was measured; the deviation counts from there.
+        lag_s: First-order lag.
+        noise_rad: White noise of a reading.
+        deviation_rad: Size of each of the harmonics sin, cos, sin 2, cos 2 of the deviation over the heading.
+    """
+
+    sign: Sign | None = None
+    offset_rad: Angle | None = None
+    offset_sd_rad: Spread = math.radians(2.0)
+    reference_rad: Angle = 0.0
+    lag_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.45
+    noise_rad: Spread = math.radians(0.5)
+    deviation_rad: Spread = math.radians(1.0)
+
+
+class GyroModel(Settings):
+    """Noise of the yaw gyro.
+
+    Attributes:
+        bias_rad_s: Standard deviation of the bias at start.
+        walk_rad_sqrt_s: Of the integrated rate after one second.
+        bias_walk_rad_s_sqrt_s: Of the bias' change within one second.
+    """
+
+    bias_rad_s: Spread = math.radians(0.5)
+    walk_rad_sqrt_s: Spread = math.radians(0.05)
+    bias_walk_rad_s_sqrt_s: Spread = math.radians(0.002)
+
+
+class TraceModel(Settings):
+    """How the trace angle of the rear left wheel is measured.
+
+    Attributes:
+        sign: 1 when a velocity to the left of the wheel's axis is positive.
+        offset_rad: Constant error, from the camera's mounting.
+        offset_sd_rad: How well that is known.
+        noise_rad: Standard deviation of the correlated noise.
+        noise_time_s: Its correlation time.
+    """
+
+    sign: Sign = 1
+    offset_rad: Angle = 0.0
+    offset_sd_rad: Spread = math.radians(0.5)
+    noise_rad: Spread = math.radians(1.5)
+    noise_time_s: Seconds = 0.4
+
+
+class Provenance(Settings):
+    """Where the parameters are from: names of log and truth, and the day of the fit."""
+
+    log: str = "defaults"
+    truth: str = ""
+    fitted_on: str = ""
+
+
+class ScompParameters(Settings):
+    """All of it; the file that `rover-hil identify scomp` writes.
+
+    Attributes:
+        starts_along_x: The frame of the truth began at the rover's start with x ahead; a compass that agrees
+            within its offset then takes nothing away from that.
+        hinge: Eq 12; used where there is no pitch, and by the paper's own odometry.
+    """
+
+    schema_name: Annotated[Literal["rover-hil-scomp/1"], Field(alias="schema")] = "rover-hil-scomp/1"
+    starts_along_x: bool = True
+    provenance: Provenance = Provenance()
+    rover: RoverGeometry = RoverGeometry()
+    hinge: Hinge = PAPER_HINGE
+    pitch: SlipFromPitch = SlipFromPitch()
+    roll: DriftFromRoll = DriftFromRoll()
+    compass: CompassModel = CompassModel()
+    gyro: GyroModel = GyroModel()
+    trace: TraceModel = TraceModel()

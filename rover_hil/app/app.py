@@ -1,0 +1,398 @@
+"""The `rover-hil` command: arguments, help and exit codes; each command's work is in its own module.
+
+Heavy modules are imported inside the commands, so that `--help` answers at once.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from drivers.errors import RoverHilError
+from rover_hil.app.terrain_app import terrain_app
+
+EXIT_OK = 0
+EXIT_NO = 1
+EXIT_BAD_INPUT = 2
+
+app = typer.Typer(
+    help="Drive a slipping rover and know where it really is.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+
+ConfigArgument = Annotated[
+    str, typer.Argument(help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+PlantModelOption = Annotated[
+    Path | None,
+    typer.Option("--model", help="Give the simulated Robotino the effects in this model.toml of `gap`."),
+]
+
+
+@app.command()
+def run(
+    config: ConfigArgument,
+    virtual: Annotated[bool, typer.Option("--virtual", help="Drive the embedded simulated rover.")] = False,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, help="End after this many seconds instead of with the mission.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for log, summary and report [default: runs/NAME-DATE].")
+    ] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Use the SCHED_FIFO scheduler; needs the right to.")
+    ] = False,
+    model: PlantModelOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Run the loop, on real devices or on the simulated rover, and write log, summary and report.
+
+    Exit code 1: the rover could not finish the mission, or drive until you or --duration ended the run.
+
+    Example: `rover-hil run robotino --virtual`
+    """
+    from rover_hil.app.run import run_rover
+
+    sys.exit(
+        run_rover(
+            config,
+            virtual=virtual,
+            duration_s=duration,
+            out=out,
+            realtime=realtime,
+            as_json=json,
+            model=model,
+        )
+    )
+
+
+@app.command()
+def simulate(
+    config: ConfigArgument,
+    duration: Annotated[float | None, typer.Option(min=0.1, help="End after this many seconds.")] = None,
+    model: PlantModelOption = None,
+) -> None:
+    """Serve the simulated rover on the ports that the configuration names, until ctrl-C.
+
+    Example: `rover-hil simulate robotino`, and in another terminal `rover-hil run robotino`
+    """
+    from rover_hil.app.simulate import simulate as simulate_rover
+
+    sys.exit(simulate_rover(config, duration, model))
+
+
+@app.command()
+def replay(
+    log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`.")],
+    config: Annotated[
+        str | None,
+        typer.Option(
+            help="Replay with rover, filter, limits, safety, slip and mission of this configuration."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Also write summary and report of the recorded run into this folder.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Run a log again and compare every output.
+
+    Exit code 1: something came out different; the fields are listed.
+
+    Example: `rover-hil replay runs/first/run.mcap`
+    """
+    from rover_hil.app.replay import replay_log
+
+    sys.exit(replay_log(log, config_name=config, out=out, as_json=json))
+
+
+@app.command()
+def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
+    """Check devices, permissions, rates, clocks and calibration; say cause and fix.
+
+    Exit code 1: something needs a fix.
+
+    Example: `rover-hil doctor robotino`
+    """
+    from rover_hil.app.doctor import examine
+
+    sys.exit(examine(config, as_json=json))
+
+
+@app.command()
+def tune(
+    config: ConfigArgument,
+    study: Annotated[str, typer.Option(help="Name of the study; an existing one is continued.")],
+    trials: Annotated[int, typer.Option(min=1, help="Trials in all, earlier sessions included.")] = 60,
+    minutes: Annotated[float | None, typer.Option(min=0.01, help="End the search after this time.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the study [default: tuning/STUDY].")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Search for better gains on the simulated rover; compare them with the old on sites not searched.
+
+    Exit code 1: no values were acceptable, the old ones included.
+
+    Example: `rover-hil tune my_rover.toml --study gains`
+    """
+    from rover_hil.app.tune import tune as tune_rover
+
+    sys.exit(tune_rover(config, study=study, trials=trials, minutes=minutes, out=out, as_json=json))
+
+
+@app.command()
+def scomp(
+    log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
+    out: Annotated[Path, typer.Option(help="Write the path to this CSV file.")],
+    params: Annotated[Path | None, typer.Option(help="Parameters by `identify scomp`.")] = None,
+    online: Annotated[
+        bool, typer.Option("--online", help="Each row as the rover knew it then, not by the whole drive.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Tell where a slipping rover was: slip-compensated odometry of a recorded drive.
+
+    Example: `rover-hil scomp drive.csv --params sand.toml --out path.csv`
+    """
+    from rover_hil.app.scomp import run_scomp
+
+    sys.exit(run_scomp(log, params=params, out=out, online=online, as_json=json))
+
+
+@app.command()
+def gap(
+    model: Annotated[
+        str,
+        typer.Argument(
+            help="`side-slope`, `single-wheel`, `robotino-motor`, `robotino-drive`, `four-wheel-drive`, or "
+            "`file.py:factory` for a model of your own."
+        ),
+    ],
+    data: Annotated[Path, typer.Argument(help="Measured runs: a folder, CSV or log.")],
+    out: Annotated[Path, typer.Option(help="Folder for verdict, model, plan and report.")],
+    extended: Annotated[
+        Path | None, typer.Option("--model", help="The model.toml of an earlier analysis.")
+    ] = None,
+    confirm: Annotated[
+        str, typer.Option(help="Runs to lock for the proof, like 'slope_deg >= 20' [default: drawn].")
+    ] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
+    json: JsonOption = False,
+) -> None:
+    """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
+
+    Exit code 1: the data cannot be used; the verdict says why.
+
+    Example: `rover-hil gap side-slope measured/ --out gap`
+    """
+    from rover_hil.app.gap import find_gap
+
+    sys.exit(find_gap(model, data, out=out, extended=extended, confirm=confirm, seed=seed, as_json=json))
+
+
+@app.command()
+def ftrace(
+    frames: Annotated[Path, typer.Argument(help="A folder of pictures, or a video.")],
+    rig: Annotated[Path, typer.Option(help="Rig file, JSON, schema rear-camera-rig/1.")],
+    out: Annotated[Path, typer.Option(help="CSV file to write: one row per frame.")],
+    telemetry: Annotated[
+        Path | None, typer.Option(help="CSV file: frame, t, wheel speed, compass, gyro; see docs/ftrace.md.")
+    ] = None,
+    overlay: Annotated[
+        Path | None, typer.Option(help="Also draw the trace: a video (.mp4, .avi) or a folder.")
+    ] = None,
+    method: Annotated[
+        Literal["ftrace", "rut", "memory", "fused"],
+        typer.Option(help="`ftrace` is the paper's; `fused` the best."),
+    ] = "fused",
+    json: JsonOption = False,
+) -> None:
+    """Measure the slip angle from the trace that a rear wheel leaves, seen by a rearward camera.
+
+    Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`
+    """
+    from rover_hil.app.ftrace import trace_angles
+
+    sys.exit(
+        trace_angles(
+            frames,
+            rig_path=rig,
+            telemetry_path=telemetry,
+            out=out,
+            overlay=overlay,
+            method=method,
+            as_json=json,
+        )
+    )
+
+
+app.add_typer(terrain_app, name="terrain")
+
+identify_app = typer.Typer(no_args_is_help=True, help="Fit models from logs or measured data.")
+app.add_typer(identify_app, name="identify")
+
+
+@identify_app.command("slip")
+def identify_slip(
+    train: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders to learn from.")],
+    test: Annotated[list[Path] | None, typer.Option(help="Logs, files or folders to test on.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the best map to this TOML file.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Fit slip maps, how much each wheel slips for the effort it takes, and compare them.
+
+    Example: `rover-hil identify slip one_surface_type --test two_surface_types --out textiles.toml`
+    """
+    from rover_hil.app.identify_slip import identify_slip as identify
+
+    sys.exit(identify(train, test=test or [], as_json=json, out=out))
+
+
+@identify_app.command("probe")
+def identify_probe(
+    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a shake and a true pose.")],
+    out: Annotated[Path, typer.Option(help="Write the maps with the fitted probe to this TOML file.")],
+    maps: Annotated[
+        str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
+    ] = "robotino",
+    amplitude: Annotated[float, typer.Option(help="Of the shake in the logs, rad/s.")] = 0.35,
+    frequency: Annotated[float, typer.Option(help="Of the shake in the logs, Hz.")] = 5.0,
+    json: JsonOption = False,
+) -> None:
+    """Fit what the lost share of a small shake of the yaw tells about slip.
+
+    Example: `rover-hil identify probe runs/ --out my_ground.toml`
+    """
+    from rover_hil.app.identify_probe import identify_probe as identify
+
+    sys.exit(
+        identify(logs, maps=maps, amplitude_rad_s=amplitude, frequency_hz=frequency, out=out, as_json=json)
+    )
+
+
+@identify_app.command("motor")
+def identify_motor(
+    logs: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders.")],
+    out: Annotated[Path | None, typer.Option(help="Write the parameters to this TOML file.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Fit motor, friction and speed loop, with intervals, and say what the data cannot determine.
+
+    Exit code 1: nothing was determined.
+
+    Example: `rover-hil identify motor data_for_identification_without_integral.csv.gz`
+    """
+    from rover_hil.app.identify_motor import identify_motor as identify
+
+    sys.exit(identify(logs, out=out, as_json=json))
+
+
+@identify_app.command("scomp")
+def identify_scomp(
+    log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
+    truth: Annotated[Path, typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Write the parameters to this TOML file, not to standard output.")
+    ] = None,
+    pictures: Annotated[Path | None, typer.Option(help="Folder for pictures of the fit.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Fit the slip-compensated odometry to a drive whose true path is known.
+
+    Example: `rover-hil identify scomp drive.csv --truth tracker.csv --out sand.toml`
+    """
+    from rover_hil.app.identify_scomp import identify_scomp as identify
+
+    sys.exit(identify(log, truth=truth, out=out, pictures=pictures, as_json=json))
+
+
+calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrate sensors.")
+app.add_typer(calibrate_app, name="calibrate")
+
+
+@calibrate_app.command("camera")
+def calibrate_camera(
+    pictures: Annotated[Path, typer.Argument(help="Folder or video of the board in many poses.")],
+    ground: Annotated[Path, typer.Option(help="Picture of the board lying on the ground behind the wheel.")],
+    rover: Annotated[Path, typer.Option(help="JSON with the rig's keys that are not the camera's.")],
+    out: Annotated[Path, typer.Option(help="Rig file to write.")],
+    columns: Annotated[int, typer.Option(min=3, help="Squares along the board's x axis.")],
+    rows: Annotated[int, typer.Option(min=3, help="Squares along its y axis.")],
+    square: Annotated[float, typer.Option(min=0.001, help="Side of a square, m.")],
+    ground_x: Annotated[float, typer.Option(help="First inner corner on the ground, vehicle frame, m.")],
+    ground_y: Annotated[float, typer.Option(help="First inner corner on the ground, vehicle frame, m.")],
+    ground_yaw: Annotated[float, typer.Option(help="Direction of the board's columns from x, deg.")] = 0.0,
+    board: Annotated[Literal["chessboard", "charuco"], typer.Option()] = "charuco",
+    fps: Annotated[float, typer.Option(min=0.01, help="Frames per second.")] = 5.0,
+) -> None:
+    """Make the rig file of a rearward camera: lens, and pose above the ground.
+
+    Exit code 1: the board fits worse than 1 pixel; nothing is written.
+
+    Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
+    --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
+    """
+    from math import radians
+
+    from rover_hil.app.calibrate import calibrate_camera as calibrate
+    from rover_hil.ftrace.calibration import Board, GroundTarget
+
+    sys.exit(
+        calibrate(
+            pictures,
+            ground=ground,
+            board=Board(kind=board, columns=columns, rows=rows, square_m=square),
+            target=GroundTarget(x_m=ground_x, y_m=ground_y, yaw_rad=radians(ground_yaw)),
+            rover=rover,
+            fps=fps,
+            out=out,
+        )
+    )
+
+
+import_app = typer.Typer(no_args_is_help=True, help="Turn measured data of others into logs.")
+app.add_typer(import_app, name="import")
+
+
+@import_app.command("robotino")
+def import_robotino(
+    file: Annotated[Path, typer.Argument(help="A measured run, .csv or .csv.gz.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The log to write.")],
+    millimetres_per_pixel: Annotated[
+        float, typer.Option(help="Scale of the overhead camera; the data set's own file says 1.84.")
+    ] = 1.84,
+    config: Annotated[str, typer.Option(help="The rover it was measured on.")] = "robotino",
+) -> None:
+    """Turn a measured Robotino run into a log, through the board's own byte frames.
+
+    Example: `rover-hil import robotino exp00.csv.gz -o exp00.mcap`
+    """
+    from rover_hil.app.import_robotino import import_run
+
+    sys.exit(import_run(file, out=out, millimetres_per_pixel=millimetres_per_pixel, config_name=config))
+
+
+def _spread(arguments: list[str], option: str) -> list[str]:
+    """Let `--test A B` stand for `--test A --test B`, which is all that the library understands."""
+    spread: list[str] = []
+    is_open = False
+    for argument in arguments:
+        if is_open and not argument.startswith("-") and spread[-1] != option:
+            spread.append(option)
+        if argument.startswith("-"):
+            is_open = argument == option
+        spread.append(argument)
+    return spread
+
+
+def main() -> None:
+    """Run the command line; our own errors become one sentence and exit code 2."""
+    try:
+        app(_spread(sys.argv[1:], "--test"))
+    except RoverHilError as error:
+        print(f"rover-hil: {error}", file=sys.stderr)  # noqa: T201 - the one place that reports errors
+        sys.exit(EXIT_BAD_INPUT)

@@ -1,0 +1,70 @@
+"""`rover-hil identify probe`: what a shake of the yaw tells about slip, from drives with known truth."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+from rich.console import Console
+from rich.progress import track
+
+from controllers.slip.effort.yaw_excitation import YawProbeMap
+from drivers.errors import ConfigError
+from rover_hil.identify.log_runs import read_log_run
+from rover_hil.identify.probe_fit import fit_probe
+from rover_hil.identify.runs import find_runs
+from rover_hil.identify.slip_map_file import read_slip_map, write_slip_map
+
+
+def identify_probe(
+    logs: Sequence[Path], *, maps: str, amplitude_rad_s: float, frequency_hz: float, out: Path, as_json: bool
+) -> int:
+    """Fit the probe to `logs` and write `maps` with it to `out`; returns the exit code.
+
+    Raises:
+        ConfigError: `out` exists, the shake is out of range, `maps` cannot be read, or scikit-learn is not
+            installed.
+        LogError: A log cannot be used, or there is too little shaking in all of them.
+    """
+    if out.exists():
+        msg = f"{out} exists and a map is never overwritten: choose another --out"
+        raise ConfigError(msg)
+    shake = _shake(logs, amplitude_rad_s, frequency_hz)
+    content = read_slip_map(maps)
+    files = find_runs(logs).files
+    console = Console(stderr=True)
+    runs = [
+        read_log_run(path, path.parent.name)
+        for path in track(files, "reading", console=console, transient=True)
+    ]
+    probe = fit_probe(runs, shake)
+    write_slip_map(content.model_copy(update={"yaw_probe": probe}), out)
+    if as_json:
+        print(json.dumps({"logs": len(runs), **probe.model_dump()}, indent=2))  # noqa: T201 - read by scripts
+    else:
+        Console(highlight=False).print(
+            f"{len(runs)} logs: slip follows the lost share of the shake with a scatter of "
+            f"{probe.slip_sd:.3f}; written to {out}"
+        )
+    return 0
+
+
+def _shake(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawProbeMap:
+    """Return the shake of the logs, its table not yet fitted."""
+    source = f"drives in {', '.join(path.resolve().name for path in logs)}"
+    try:
+        return YawProbeMap(
+            source=source,
+            amplitude_rad_s=amplitude_rad_s,
+            frequency_hz=frequency_hz,
+            lost=(0, 1),
+            slips=(0, 1),
+            slip_sd=1.0,
+            directions_rad=(0.0,),
+            speed_range_m_s=(0.0, 0.0),
+        )
+    except ValidationError as error:
+        detail = error.errors()[0]
+        option = str(detail["loc"][0]).split("_")[0]
+        msg = f"--{option} {detail['input']:g}: {detail['msg']}"
+        raise ConfigError(msg) from error

@@ -1,0 +1,101 @@
+"""`rover-hil identify scomp`: parameters of the slip-compensated odometry from a drive with known truth."""
+
+import json
+import math
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from controllers.slip.scomp.parameters import Provenance, ScompParameters
+from drivers.clock import wall_time_text
+from drivers.errors import ConfigError
+from rover_hil.identify.scomp.fit import Identification, identify
+from rover_hil.report.write import write_all
+from rover_hil.scomp.drive import final_error_m
+from rover_hil.scomp.files import parameters_text, read_drive, write_text
+from rover_hil.scomp.odometry import estimate_track
+from rover_hil.scomp.pictures import fit_pictures
+from rover_hil.scomp.read_csv import read_truth
+
+EXIT_OK = 0
+
+
+def identify_scomp(log: Path, *, truth: Path, out: Path | None, pictures: Path | None, as_json: bool) -> int:
+    """Fit the parameters to the drive in `log`, print them and how well they fit; returns the exit code.
+
+    Args:
+        log: Our log or a CSV file.
+        truth: CSV file with the true path.
+        out: Parameter file; without it the file goes to standard output.
+        pictures: Folder for pictures of the fit.
+        as_json: Print JSON.
+
+    Raises:
+        ConfigError: `out` exists, or something cannot be written.
+        LogError: Log or truth cannot be read.
+        ModelError: They share too little.
+    """
+    if out is not None and out.exists():
+        msg = f"{out} exists and is not overwritten: choose another --out"
+        raise ConfigError(msg)
+    source, path = read_drive(log), read_truth(truth)
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("fitting", total=2)
+        found = identify(source.drive, path, source.rover)
+        progress.advance(task)
+        origin = Provenance(log=log.name, truth=truth.name, fitted_on=wall_time_text()[:8])
+        parameters = found.parameters.model_copy(update={"provenance": origin})
+        result = estimate_track(source.drive, parameters)
+    error_m = final_error_m(result.track, path)
+    notes = [*source.notes, *found.notes, *result.notes]
+    if out is not None:
+        write_text(parameters_text(parameters), out)
+    if pictures is not None:
+        write_all(pictures, fit_pictures(found, result.track, path))
+    if as_json:
+        record = parameters.model_dump(mode="json", by_alias=True)
+        fit = {"slip_rms": found.slip_rms, "final_error_m": error_m}
+        print(json.dumps({"parameters": record, **fit, "notes": notes}))  # noqa: T201 - what a script reads
+    else:
+        _print(found, parameters, error_m, notes, is_written=out is not None)
+    return EXIT_OK
+
+
+def _print(
+    found: Identification,
+    parameters: ScompParameters,
+    error_m: float,
+    notes: list[str],
+    *,
+    is_written: bool,
+) -> None:
+    """Print the fit; without a file, the parameters go to standard output and the rest to the other one."""
+    if not is_written:
+        print(parameters_text(parameters), end="")  # noqa: T201 - the file itself
+    console = Console(highlight=False, stderr=not is_written)
+    hinge, pitch, roll, trace = parameters.hinge, parameters.pitch, parameters.roll, parameters.trace
+    low, high = (math.degrees(angle) for angle in hinge.fit_range_rad)
+    table = Table(title=f"{len(found.windows.t_s)} windows of two seconds", title_justify="left")
+    for name in ("what", "value", "known to"):
+        table.add_column(name)
+    table.add_row("c_rr", f"{pitch.rolling_resistance:.4f}", f"{pitch.rolling_resistance_sd:.4f}")
+    table.add_row("C_x (N)", f"{pitch.model.c_x_n:.1f}", f"{100 * pitch.stiffness_sd:.0f} % for that c_rr")
+    table.add_row(
+        "hinge s_x0, k (/rad), beta0 (deg)",
+        f"{hinge.slip_0:.3f}, {hinge.k_per_rad:.3f}, {math.degrees(hinge.beta_0_rad):.1f}",
+        f"rms {hinge.rms:.3f} over |beta| of {low:.0f} to {high:.0f} deg",
+    )
+    table.add_row("drift from roll, gain", f"{roll.gain:.2f}", f"{roll.gain_sd:.2f}")
+    table.add_row("drift beside it, rms (deg)", f"{math.degrees(roll.rest):.2f}", "")
+    table.add_row(
+        "trace noise (deg), memory (s)", f"{math.degrees(trace.noise_rad):.2f}, {trace.noise_time_s:.2f}", ""
+    )
+    table.add_row("rear axle b (m)", f"{parameters.rover.rear_axle_m:.3f}", "")
+    console.print(table)
+    if found.slip_rms is not None:
+        console.print(f"slip from pitch: rms {found.slip_rms:.3f} over the windows")
+    console.print(f"end of this drive with these parameters: {error_m:.3f} m off (a fit, no test)")
+    for note in notes:
+        console.print(f"note: {note}", soft_wrap=True)

@@ -1,0 +1,82 @@
+"""`rover-hil identify slip`: slip maps from measured runs."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+
+from controllers.slip.effort.motor_model import MotorSettings
+from drivers.errors import ConfigError, LogError
+from rover_hil.identify.runs import RunFiles, find_runs
+from rover_hil.identify.slip_identification import (
+    FOLDS,
+    Errors,
+    SlipIdentification,
+    identify_slip_maps,
+    read_all,
+)
+from rover_hil.identify.slip_map_file import slip_map_file, write_slip_map
+from rover_hil.identify.slip_report import print_result, result_record
+from rover_hil.identify.slip_scores import score_runs
+
+
+def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None) -> int:
+    """Fit slip maps to the runs in `train`, judge them on each of `test`; returns the exit code.
+
+    Args:
+        train: Files and folders of runs.
+        test: Files and folders of runs, each judged by itself.
+        as_json: Print JSON instead of tables.
+        out: Data file for the maps.
+
+    Raises:
+        ConfigError: `out` exists or cannot be written, or scikit-learn is not installed.
+        LogError: A run cannot be used, there are too few, or a test tells pixels without a scale.
+    """
+    if out is not None and out.exists():
+        msg = f"{out} exists and a map is never overwritten: choose another --out"
+        raise ConfigError(msg)
+    motor = MotorSettings()
+    train_files = find_runs(train)
+    test_files = {str(path): find_runs([path]) for path in test}
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        count = len(train_files.files) + sum(len(found.files) for found in test_files.values())
+        task = progress.add_task("identifying", total=count + FOLDS + 1)
+
+        def advance() -> None:
+            progress.advance(task)
+
+        found = identify_slip_maps(read_all(train_files.files, motor, advance), advance)
+        tests: dict[str, Errors] = {}
+        for name, files in test_files.items():
+            runs = read_all(files.files, motor, advance)
+            if found.scale.mm_per_px is None and any(run.camera_in_pixels for run in runs):
+                msg = f"{name} tells pixels, but no training run gives a camera scale: train on such runs too"
+                raise LogError(msg)
+            tests[name] = score_runs(found.maps, runs, found.scale.m_per_px)
+    notes = _notes(found, train_files, test_files)
+    if as_json:
+        print(json.dumps(result_record(found, tests, notes), indent=2))  # noqa: T201 - what a script reads
+    else:
+        print_result(Console(highlight=False), found, tests, notes)
+    if out is not None:
+        write_slip_map(slip_map_file(found, motor, train), out)
+    return 0
+
+
+def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[str, RunFiles]) -> list[str]:
+    notes: list[str] = []
+    passed_over = [*train_files.passed_over, *(p for files in test_files.values() for p in files.passed_over)]
+    if passed_over:
+        names = ", ".join(sorted({path.name for path in passed_over}))
+        notes.append(f"passed over, no runs: {names}")
+    if found.left_out:
+        names = ", ".join(sorted({run.surface for run in found.left_out}))
+        notes.append(f"{len(found.left_out)} runs on several surfaces are not trained on: {names}")
+    for name, files in test_files.items():
+        both = len(set(files.files) & {run.path for run in found.trained_on})
+        if both:
+            notes.append(f"{both} of {len(files.files)} runs in {name} were also trained on: no fair test")
+    return notes

@@ -1,0 +1,83 @@
+"""`rover-hil replay`: run a log again and say what came out different."""
+
+from pathlib import Path
+
+from pydantic_core import to_json
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from drivers.clock import seconds
+from drivers.errors import LogError
+from rover_hil.config import load_config
+from rover_hil.recording.data_files import restore_config, with_controller_of
+from rover_hil.recording.reader import LogReader
+from rover_hil.report.write import write_report
+from rover_hil.run.replay import ReplayResult, replay
+
+ROWS_SHOWN = 25
+TEXT_SHOWN = 40
+
+
+def replay_log(path: Path, *, config_name: str | None, out: Path | None, as_json: bool) -> int:
+    """Replay the log at `path`, with the controller of another configuration if named; returns the exit code.
+
+    Raises:
+        LogError: The log cannot be read.
+        ConfigError: The configuration is wrong, or the folder for the report cannot be used.
+    """
+    log = LogReader(path)
+    controller = None if config_name is None else load_config(config_name)
+    with (
+        restore_config(log) as logged_config,
+        Progress(console=Console(stderr=True), transient=True) as progress,
+    ):
+        task = progress.add_task("replaying", total=path.stat().st_size)
+        config = logged_config if controller is None else with_controller_of(logged_config, controller)
+        result = replay(log, config, lambda: progress.update(task, completed=log.bytes_read))
+    if result.cycles == 0:
+        msg = f"log {path} holds no complete cycle"
+        raise LogError(msg)
+    if as_json:
+        Console().out(to_json({**_record(result), "log_is_complete": log.is_complete}).decode())
+    else:
+        _print_words(result, log)
+    if out is not None:
+        write_report(path, out)
+        if not as_json:
+            Console().print(f"report of the recorded run: {out / 'report.html'}", soft_wrap=True)
+    return 1 if result.differences else 0
+
+
+def _record(result: ReplayResult) -> dict[str, object]:
+    return {
+        "identical": not result.differences,
+        "cycles": result.cycles,
+        "differences": result.differences,
+    }
+
+
+def _print_words(result: ReplayResult, log: LogReader) -> None:
+    console = Console()
+    if not log.is_complete:
+        console.print(f"{log.path} was cut off; everything up to the cut was replayed")
+    if not result.differences:
+        console.print(f"{result.cycles} cycles replayed, every output identical")
+        return
+    table = Table("field", "cycles", "first at", "largest", "recorded last", "replayed last")
+    for difference in result.differences[:ROWS_SHOWN]:
+        table.add_row(
+            difference.field,
+            str(difference.count),
+            f"{seconds(difference.first_t_ns - log.start_ns):.3f} s",
+            "" if difference.largest is None else f"{difference.largest:.3g}",
+            _short(difference.recorded),
+            _short(difference.replayed),
+        )
+    console.print(table)
+    console.print(f"{len(result.differences)} fields came out different in {result.cycles} cycles")
+
+
+def _short(value: object) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= TEXT_SHOWN else f"{text[:TEXT_SHOWN]}..."

@@ -1,0 +1,223 @@
+"""`rover-hil run`: put the rover together, run the loop, write log, summary and report."""
+
+import gc
+import json
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from controllers.control_loop import StepOutput
+from controllers.safety import Mode
+from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
+from drivers.errors import ConfigError, NotConnectedError, RoverHilError
+from rover_hil.config import Config, load_config
+from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.writer import LogWriter
+from rover_hil.report.write import write_report
+from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.composition import build_real_rig, build_virtual_rig
+from rover_hil.run.executive import End, Executive, RunResult
+from rover_hil.run.real_time import enter_realtime
+from rover_hil.run.watchdog import Watchdog
+
+CONNECT_TIMEOUT_S = 2.0
+REALTIME_SPIN_S = 0.0006
+LOG_NAME = "run.mcap"
+
+StatusDisplay = Callable[[StepOutput], None]
+
+
+def run_rover(
+    config_name: str,
+    *,
+    virtual: bool,
+    duration_s: float | None,
+    out: Path | None,
+    realtime: bool,
+    as_json: bool,
+    model: Path | None = None,
+) -> int:
+    """Run a rover and write its results; returns the exit code.
+
+    Raises:
+        RoverHilError: Bad configuration, a device that cannot be opened, a folder that cannot be used.
+    """
+    config = load_config(config_name, VIRTUAL_RUN_CHECKS if virtual else RUN_CHECKS)
+    if virtual and realtime:
+        msg = "--virtual runs on simulated time: leave --realtime out"
+        raise ConfigError(msg)
+    messages = Console(stderr=True)
+    if model is not None:
+        config = _extended(config, model, messages, virtual=virtual)
+    folder = out or Path("runs") / f"{Path(config_name).stem}-{wall_time_text()}"
+    log_path = folder / LOG_NAME
+    if log_path.exists():
+        msg = f"{log_path} exists and a log is never overwritten: choose another --out"
+        raise ConfigError(msg)
+    limit_s = duration_s or config.loop.time_limit_s
+    with Live(console=messages, transient=True, auto_refresh=False) as live:
+
+        def show(output: StepOutput) -> None:
+            live.update(_status_line(output), refresh=True)
+
+        if virtual:
+            result = run_virtual(config, log_path, limit_s, show)
+        else:
+            result = _run_real(config, log_path, limit_s, show, realtime=realtime)
+    try:
+        with messages.status("writing report"):
+            summary_json = write_report(log_path, folder)
+    except KeyboardInterrupt:
+        messages.print(
+            f"no report yet: `rover-hil replay {log_path} --out {folder}` writes it", soft_wrap=True
+        )
+        return 1
+    if as_json:
+        Console().out(summary_json)
+    else:
+        console = Console(highlight=False, soft_wrap=True)
+        console.print(f"report: {folder / 'report.html'}")
+        console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
+    return 0 if _went_well(result, duration_s) else 1
+
+
+def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) -> Config:
+    if not virtual:
+        raise ConfigError(f"{model}: --model is for the simulated rover: add --virtual")
+    from rover_hil.app.extended_simulation import extend_simulation
+
+    simulation, told = extend_simulation(config, model)
+    for line in told:
+        messages.print(line, highlight=False)
+    return config.model_copy(update={"simulation": simulation})
+
+
+def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisplay | None) -> RunResult:
+    """Run the simulated rover of `config` on simulated time, into the log `log_path`.
+
+    Args:
+        config: A configuration with a mission and a simulation.
+        log_path: Must not exist.
+        limit_s: End after this much simulated time.
+        show: Called about ten times per second of real time, or None.
+
+    Raises:
+        ConfigError: The simulation is missing or does not fit the devices.
+    """
+    clock = VirtualClock()
+    with _open_log(log_path, config, clock.now_ns(), "virtual") as log:
+        rig, world = build_virtual_rig(config, clock, log)
+
+        def record_truth(now_ns: int) -> None:
+            log.write_json("/truth", now_ns, world.plant.truth())
+
+        rig.connect(CONNECT_TIMEOUT_S)
+        with closing(rig):
+            executive = Executive(rig, log, config.loop.rate_hz, on_cycle=record_truth, on_status=show)
+            return _execute(executive, log, limit_s)
+
+
+def _run_real(
+    config: Config, log_path: Path, limit_s: float, show: StatusDisplay, *, realtime: bool
+) -> RunResult:
+    clock = SystemClock(REALTIME_SPIN_S if realtime else 0.0)
+    if realtime:
+        enter_realtime()
+    with _open_log(log_path, config, clock.now_ns(), "real") as log:
+        rig = build_real_rig(config, clock, log)
+        try:
+            rig.connect(CONNECT_TIMEOUT_S)
+        except NotConnectedError as error:
+            msg = f"{error}; `rover-hil doctor` says more, `rover-hil simulate` serves a simulated rover"
+            raise NotConnectedError(msg) from error
+        with closing(rig):
+            watchdog = Watchdog(
+                rig.drive,
+                clock,
+                nanoseconds(config.safety.expiry_s),
+                lambda t_ns: log.write_json("/watchdog", t_ns, None),
+            )
+            executive = Executive(rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog)
+            gc.collect()
+            gc.freeze()  # what start-up made need not be looked at again in every collection
+            watchdog.start()
+            try:
+                return _execute(executive, log, limit_s)
+            finally:
+                watchdog.end()
+
+
+@contextmanager
+def _open_log(path: Path, config: Config, start_ns: int, origin: str) -> Iterator[LogWriter]:
+    """Give a log, in a new folder if need be, that vanishes again when the run fails before it begins."""
+    config_json = config.model_dump_json(by_alias=True).encode()
+    data_files = collect_data_files(config)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        log = LogWriter(path, start_ns, config_json, data_files, origin)
+    except OSError as error:
+        msg = f"cannot write {path}: {error.strerror}; choose another --out"
+        raise ConfigError(msg) from error
+    try:
+        yield log
+    except (RoverHilError, KeyboardInterrupt):
+        if log.is_empty:
+            path.unlink()
+            with suppress(OSError):
+                path.parent.rmdir()
+        raise
+    finally:
+        log.close()
+
+
+def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
+    def on_signal(signal_number: int, frame: FrameType | None) -> None:
+        executive.request_stop()
+
+    previous = {number: signal.signal(number, on_signal) for number in _end_signals()}
+    try:
+        result = executive.run(limit_s)
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    log.write_json("/end", executive.now_ns(), result.record())
+    return result
+
+
+def _end_signals() -> tuple[signal.Signals, ...]:
+    """Return what ends a run: ctrl-C, a request to end, and a lost terminal or network connection.
+
+    Under nohup the last of them is ignored and stays so.
+    """
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        return (signal.SIGINT, signal.SIGTERM)
+    return (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def _result_line(result: RunResult, stops: int) -> str:
+    parts = [result.reason, f"{result.duration_s:.1f} s"]
+    if stops:
+        parts.append(f"{stops} safety stop{'s' if stops > 1 else ''}")
+    if result.skipped:
+        parts.append(f"{result.skipped} of {result.cycles + result.skipped} cycles skipped")
+    return ", ".join(parts)
+
+
+def _went_well(result: RunResult, duration_s: float | None) -> bool:
+    if result.end is End.TIME_OVER:
+        return duration_s is not None and result.mode is Mode.RUNNING
+    return result.end in (End.FINISHED, End.STOPPED_BY_USER)
+
+
+def _status_line(output: StepOutput) -> Text:
+    estimate = output.estimate
+    return Text(
+        f"{output.mode.value:<15} x {estimate.x_m:+7.3f} m  y {estimate.y_m:+7.3f} m  "
+        f"yaw {estimate.yaw_rad:+6.3f} rad  {output.reason}"
+    )

@@ -1,0 +1,66 @@
+"""`rover-hil scomp`: slip-compensated odometry of a recorded drive."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+
+from controllers.slip.scomp.parameters import ScompParameters
+from rover_hil.scomp.files import read_drive, read_parameters, track_text, write_text
+from rover_hil.scomp.odometry import estimate_track
+from rover_hil.scomp.summary import summary_of
+
+EXIT_OK = 0
+
+
+def run_scomp(log: Path, *, params: Path | None, out: Path, online: bool, as_json: bool) -> int:
+    """Estimate the path of `log`, write it to `out`, and say what was done without; returns the exit code.
+
+    Args:
+        log: Our log or a CSV file.
+        params: File by `rover-hil identify scomp`; defaults without.
+        out: CSV file; an earlier one is replaced.
+        online: Each row as the rover knew it then.
+        as_json: Print the summary as JSON.
+
+    Raises:
+        ConfigError: Parameters cannot be read, or `out` cannot be written.
+        LogError: The log cannot be read.
+        ModelError: It is too short.
+    """
+    source = read_drive(log)
+    notes = list(source.notes)
+    parameters = ScompParameters() if params is None else read_parameters(params)
+    if params is None:
+        notes.append("no --params: lunar soil simulant and the rover of the paper are assumed")
+        if source.rover is not None:
+            parameters = parameters.model_copy(update={"rover": source.rover})
+    console = Console(stderr=True, highlight=False)
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("estimating", total=len(source.drive.t_s))
+        result = estimate_track(
+            source.drive,
+            parameters,
+            lambda rows: progress.update(task, completed=rows),
+            online=online,
+        )
+    write_text(track_text(result.track), out)
+    notes += result.notes
+    summary = summary_of(result)
+    if as_json:
+        print(json.dumps({**summary, "notes": notes, "out": str(out)}))  # noqa: T201 - what a script reads
+    else:
+        _print(summary, notes)
+    return EXIT_OK
+
+
+def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:
+    console = Console(highlight=False)
+    console.print(
+        f"end x {summary['x_m']:.3f} m, y {summary['y_m']:.3f} m, sigma {summary['sigma_x_m']:.3f} and "
+        f"{summary['sigma_y_m']:.3f} m; way {summary['way_m']:.2f} m; mean slip {summary['mean_slip']:.3f}"
+    )
+    for note in notes:
+        console.print(f"note: {note}", soft_wrap=True)

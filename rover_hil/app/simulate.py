@@ -1,0 +1,86 @@
+"""`rover-hil simulate`: serve the simulated rover on its ports in real time."""
+
+import math
+import signal
+from pathlib import Path
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from drivers.clock import Clock, SystemClock, seconds
+from rover_hil.config import load_config
+from rover_hil.run.checks import SIMULATE_CHECKS
+from sim_backends.build import build_world
+from sim_backends.serving.server import Server, put_on_ports
+from sim_backends.settings import SimulationSettings
+
+STATUS_PERIOD_S = 0.25
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def simulate(config_name: str, duration_s: float | None, model: Path | None = None) -> int:
+    """Serve the simulated rover of a configuration until ctrl-C, or for `duration_s`; returns 0.
+
+    Args:
+        config_name: Shipped configuration or TOML file.
+        duration_s: None: until ctrl-C.
+        model: Model file whose effects the simulated rover is to have, or None.
+
+    Raises:
+        ConfigError: The configuration is wrong, or has no simulation that can be served, or the rover cannot
+            have the effects.
+        NotConnectedError: A port cannot be made.
+    """
+    config = load_config(config_name, SIMULATE_CHECKS)
+    simulation = config.require_simulation()
+    console = Console(highlight=False)
+    if model is not None:
+        from rover_hil.app.extended_simulation import extend_simulation
+
+        simulation, told = extend_simulation(config, model)
+        for line in told:
+            console.print(line)
+    clock = SystemClock()
+    world = build_world(config.devices, simulation, clock.now_ns())
+    previous = {number: signal.signal(number, signal.default_int_handler) for number in END_SIGNALS}
+    try:
+        with Server(world, put_on_ports(world, config.devices), clock) as server:
+            _announce(console, server, config_name, simulation)
+            _serve(console, server, clock, math.inf if duration_s is None else duration_s)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    return 0
+
+
+def _announce(console: Console, server: Server, config_name: str, simulation: SimulationSettings) -> None:
+    for device in server.served:
+        console.print(f"{device.name:<12} {device.port.where}", soft_wrap=True)
+    for fault in simulation.faults:
+        end_s = fault.start_s + fault.duration_s
+        console.print(f"{fault.device:<12} {fault.type} from {fault.start_s:g} s to {end_s:g} s from now")
+    console.print(f"In another terminal, in {Path.cwd()}:", soft_wrap=True)
+    console.print(f"  rover-hil run {config_name}", soft_wrap=True)
+    console.print("End with ctrl-C.")
+
+
+def _serve(console: Console, server: Server, clock: Clock, duration_s: float) -> None:
+    start_ns = clock.now_ns()
+    with Live(console=console, auto_refresh=False) as live:
+        while (time_s := seconds(clock.now_ns() - start_ns)) < duration_s:
+            server.run(min(STATUS_PERIOD_S, duration_s - time_s))
+            live.update(_status(server, time_s), refresh=True)
+
+
+def _status(server: Server, time_s: float) -> Text:
+    truth = server.world.plant.truth()
+    wheels = " ".join(f"{speed:+.2f}" for speed in truth.wheel_speed_rad_s)
+    ports = "  ".join(f"{device.name} {device.sent} sent {device.dropped} lost" for device in server.served)
+    return Text(
+        f"{time_s:7.1f} s  x {truth.x_m:+.3f} m  y {truth.y_m:+.3f} m  "
+        f"yaw {math.degrees(truth.yaw_rad):+.1f} deg\n"
+        f"wheels {wheels} rad/s  skipped cycles {server.skipped_cycles}\n{ports}"
+    )

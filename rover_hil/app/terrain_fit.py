@@ -1,0 +1,101 @@
+"""`rover-hil terrain fit`: a soil from plate and wheel tests."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from drivers.errors import LogError
+from rover_hil.report.write import write_all
+from rover_hil.terrain.fit import SoilFit, fit_soil
+from rover_hil.terrain.fit_data import WheelTests
+from rover_hil.terrain.fit_files import read_cmu_plates, read_cmu_wheel
+from rover_hil.terrain.fit_tables import PLATE_TABLE, WHEEL_TABLE, read_plate_table, read_wheel_table
+from rover_hil.terrain.setup import Output, waited_for
+from rover_hil.terrain.soil_result import (
+    cell_drawing,
+    cells_table,
+    fit_table,
+    plate_drawing,
+    soil_text,
+)
+from sim_backends.terramechanics.soil.any_angle_wheel import load_any_angle_soil
+from sim_backends.terramechanics.soil.library import WheelSettings, load_wheel
+from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest
+
+PLATE_FOLDER = "plate_penetration"
+WHEEL_FILES = "*_wheel_steady_state.csv"
+SOIL_FILE = "soil.toml"
+
+
+def fit(data: Path, *, wheel_name: str, soil_name: str, free: str, plates_only: bool, output: Output) -> int:
+    """Fit a soil to plate and wheel tests, print numbers with intervals; returns the exit code.
+
+    Args:
+        data: Folder with `plates.csv` and `wheel.csv`, or of the CMU single-wheel test bed, or one with its
+            plate tests alone.
+        wheel_name: Wheel of the library or TOML file.
+        soil_name: Start values: `cmu_sand_blind`, `cmu_sand`, or a TOML file.
+        free: Numbers to be fitted to the wheel tests, separated by commas.
+        plates_only: Leave out the wheel tests.
+        output: Where results go; the soil goes there too, as TOML.
+
+    Raises:
+        ConfigError: No such wheel or soil, or the folder cannot be written to.
+        LogError: The data cannot be read.
+        ModelError: Too few tests, or a number is out of range.
+    """
+    start, wheel = load_any_angle_soil(soil_name), load_wheel(wheel_name)
+    names = [name.strip() for name in free.split(",")]
+    plates = waited_for(lambda: _plates(data), "reading plate tests")
+    tests = None if plates_only else _wheel_tests(data, wheel_name)
+    found = waited_for(lambda: fit_soil(plates, tests, wheel, start, names), "fitting")
+    if output.folder is not None:
+        _write(output.folder, f"{data.name}, wheel {wheel_name}", found, wheel, plates, tests)
+    table = fit_table(found)
+    residual = None if math.isnan(found.residual) else found.residual
+    record = {"fitted": table.records(), "cells": found.cells, "weighted_residual": residual}
+    output.show([table], record)
+    return 0
+
+
+def _plates(data: Path) -> list[PlateTest]:
+    if (data / PLATE_TABLE).exists():
+        return read_plate_table(data / PLATE_TABLE)
+    inner = data / PLATE_FOLDER
+    return read_cmu_plates(inner if inner.is_dir() else data)
+
+
+def _wheel_tests(data: Path, wheel_name: str) -> WheelTests:
+    if (data / WHEEL_TABLE).exists():
+        return read_wheel_table(data / WHEEL_TABLE)
+    files = sorted(data.glob(WHEEL_FILES))
+    fitting = [file for file in files if file.name.split("_")[0] in wheel_name] if len(files) > 1 else files
+    if len(fitting) != 1:
+        names = ", ".join(file.name for file in files) or "none"
+        raise LogError(
+            f"{data}: holds no {WHEEL_TABLE}, and not one {WHEEL_FILES} for wheel {wheel_name} "
+            f"(found: {names}); give --wheel, or --plates-only."
+        )
+    return read_cmu_wheel(fitting[0])
+
+
+def _write(
+    folder: Path,
+    source: str,
+    found: SoilFit,
+    wheel: WheelSettings,
+    plates: Sequence[PlateTest],
+    tests: WheelTests | None,
+) -> None:
+    from rover_hil.terrain.pages import write_page
+
+    tables, drawings = [fit_table(found)], [plate_drawing(plates, found)]
+    if tests is not None:
+        cells = cells_table(found, wheel, tests)
+        tables.append(cells)
+        drawings.append(cell_drawing(tests, cells))
+    facts = [("plate tests", str(len(plates))), ("cells of wheel tests", str(found.cells))]
+    if tests is not None:
+        facts.append(("misfit in stated errors, rms", f"{found.residual:.3g}"))
+    write_page(folder, f"Soil fitted to {source}", facts, drawings, tables)
+    write_all(folder, {SOIL_FILE: soil_text(found.soil, found, f"fitted to {source}")})

@@ -1,0 +1,84 @@
+"""Runs the trace estimator over recorded frames."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from controllers.ftrace.estimator import TraceAngle, TraceEstimator
+from controllers.ftrace.rig import RigFile
+from drivers.clock import nanoseconds
+from drivers.errors import ConfigError
+from drivers.samples import Image
+from rover_hil.ftrace.frames import FrameSource, to_grey
+from rover_hil.ftrace.telemetry import TelemetryRow
+
+HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected"
+
+
+@dataclass(frozen=True, slots=True)
+class FrameAngle:
+    """A frame's number, time in s, grey pixels, and what was found."""
+
+    number: int
+    t_s: float
+    grey: Image
+    angle: TraceAngle
+
+
+def estimate(
+    source: FrameSource, rig: RigFile, telemetry: dict[int, TelemetryRow] | None, estimator: TraceEstimator
+) -> Iterator[FrameAngle]:
+    """Yield what the estimator finds, frame by frame.
+
+    Raises:
+        ConfigError: A frame has another size than the rig's, no row in the telemetry, or an earlier time.
+    """
+    before = -float("inf")
+    for frame in source:
+        row = TelemetryRow(frame.number / rig.image.fps, None, None)
+        if telemetry is not None:
+            if frame.number not in telemetry:
+                msg = f"the telemetry has no row for frame {frame.number}: it needs one for each frame"
+                raise ConfigError(msg)
+            row = telemetry[frame.number]
+        if row.t_s <= before:
+            msg = f"time goes backwards: frame {frame.number} is of {row.t_s:g} s, after one of {before:g} s"
+            raise ConfigError(msg)
+        before = row.t_s
+        grey = to_grey(frame, rig.image.width, rig.image.height)
+        angle = estimator.step(
+            nanoseconds(row.t_s), grey, wheel_speed_m_s=row.wheel_speed_m_s, rates_rad_s=row.rates_rad_s
+        )
+        yield FrameAngle(frame.number, row.t_s, grey, angle)
+
+
+def csv_row(item: FrameAngle) -> str:
+    """Return a line of the output; angles in degrees, `nan` where there is no trace."""
+    angle = item.angle
+    distance = float("nan") if angle.distance_m is None else angle.distance_m
+    found = f"{angle.theta_deg:.4f},{distance:.5f},{angle.confidence:.4f},{int(angle.detected)}"
+    return f"{item.number},{item.t_s:.6f},{found}"
+
+
+def write_csv(path: Path, rows: list[str]) -> None:
+    """Write the output, whole or not at all.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        msg = f"cannot write {path}: {error.strerror}; choose another --out"
+        raise ConfigError(msg) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def longest_gap(found: list[bool]) -> int:
+    """Return the longest run of frames without a trace, after the first and before the last with one."""
+    places = [place for place, is_found in enumerate(found) if is_found]
+    return max((after - before - 1 for before, after in pairwise(places)), default=0)

@@ -1,0 +1,1 @@
+"""Fit the slip-compensated odometry to a drive with known truth."""

@@ -1,0 +1,128 @@
+"""Read a log in the order it was written, also one that a killed run left unfinished."""
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, DataEnd, McapRecord, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader
+
+from drivers.errors import LogError
+from rover_hil.recording.writer import CONFIG_ATTACHMENT, LOG_SCHEMA
+
+RECORD_SIZE_LIMIT = 256 * 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class LogMessage:
+    """One message: its topic, monotonic time and bytes."""
+
+    topic: str
+    t_ns: int
+    data: bytes
+
+    def json(self) -> object:
+        """Return the message's content, for topics that hold JSON.
+
+        Raises:
+            LogError: The bytes are not JSON.
+        """
+        try:
+            return json.loads(self.data)
+        except ValueError as error:
+            msg = f"message on {self.topic} at {self.t_ns} ns is not valid JSON: the log is damaged"
+            raise LogError(msg) from error
+
+
+class LogReader:
+    """A log: header at once, messages on demand.
+
+    Args:
+        path: The file.
+
+    Attributes:
+        is_complete: After `messages` has ended, whether the log was closed properly. A killed run's log
+            is not, and holds everything up to its last flush.
+        bytes_read: How far `messages` has come in the file.
+
+    Raises:
+        LogError: The file is missing, is no MCAP file, or is not one of ours.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.is_complete = False
+        self.bytes_read = 0
+        self.attachments: Mapping[str, bytes]
+        self.attachments, metadata = self._read_header()
+        if metadata.get("schema") != LOG_SCHEMA:
+            msg = f"{path} is no log of this software: metadata 'schema' is not {LOG_SCHEMA}"
+            raise LogError(msg)
+        try:
+            self.start_ns = int(metadata["start_ns"])
+            self.origin = metadata["origin"]
+        except (KeyError, ValueError) as error:
+            msg = f"log {path} is damaged: its metadata lack a start time or an origin"
+            raise LogError(msg) from error
+        if CONFIG_ATTACHMENT not in self.attachments:
+            msg = f"{path} holds no configuration: it was cut off before the run began"
+            raise LogError(msg)
+        self.config_json = self.attachments[CONFIG_ATTACHMENT]
+
+    def messages(self) -> Iterator[LogMessage]:
+        """Yield every message in the order of writing.
+
+        Raises:
+            LogError: The file is damaged; messages before the damage have been yielded.
+        """
+        topics: dict[int, str] = {}
+        for record in self._records():
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                if record.channel_id not in topics:
+                    msg = f"{self.path} is damaged: a message on an unknown channel {record.channel_id}"
+                    raise LogError(msg)
+                yield LogMessage(topics[record.channel_id], record.publish_time, record.data)
+
+    def _read_header(self) -> tuple[dict[str, bytes], dict[str, str]]:
+        attachments: dict[str, bytes] = {}
+        metadata: dict[str, str] = {}
+        for record in self._records():
+            if isinstance(record, Attachment):
+                attachments[record.name] = record.data
+            elif isinstance(record, Metadata):
+                metadata = dict(record.metadata)
+            elif isinstance(record, Message):
+                break
+        return attachments, metadata
+
+    def _records(self) -> Iterator[McapRecord]:
+        try:
+            stream = self.path.open("rb")
+        except OSError as error:
+            msg = f"cannot read log {self.path}: {error.strerror}"
+            raise LogError(msg) from error
+        with stream:
+            reader = StreamReader(stream, validate_crcs=True, record_size_limit=RECORD_SIZE_LIMIT)
+            try:
+                for record in reader.records:
+                    self.bytes_read = stream.tell()
+                    if isinstance(record, DataEnd):
+                        self.is_complete = True
+                    yield record
+            except EndOfFile:
+                if stream.tell() == 0:
+                    msg = f"log {self.path} is empty"
+                    raise LogError(msg) from None
+            except CRCValidationError as error:
+                msg = f"log {self.path} is damaged: its checksum does not match its content"
+                raise LogError(msg) from error
+            except (McapError, struct.error, UnicodeDecodeError, ValueError, MemoryError) as error:
+                if self.is_complete or not stream.read(1):
+                    return  # only the index after the data is broken, or the last record was cut off
+                msg = f"log {self.path} is damaged or no MCAP file: {error}"
+                raise LogError(msg) from error

@@ -1,0 +1,36 @@
+"""What the rest of a drive tells about each moment of it: the backward pass of Rauch, Tung and Striebel."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.slip.scomp.filter import FilterStep
+
+Array = NDArray[np.float64]
+
+
+def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Array, Array]]:
+    """Return state and covariance of every step, given all measurements; the last one stays as it is.
+
+    Args:
+        steps: In order of time.
+        angles: Which states are angles in rad; the results are as continuous as the estimates.
+    """
+    state, covariance = steps[-1].estimate
+    smoothed = [(state, covariance)]
+    for after, step in zip(reversed(steps), reversed(steps[:-1]), strict=False):
+        filtered, spread = step.estimate
+        predicted, predicted_spread = after.predicted
+        # Scaled to correlations, so that certain states do not drown in doubtful ones.
+        scale = np.sqrt(np.diag(predicted_spread))
+        correlation = predicted_spread / np.outer(scale, scale)
+        gain = np.linalg.solve(correlation, (after.transition @ spread) / scale[:, None]).T / scale
+        off = state - predicted
+        off[list(angles)] = np.remainder(off[list(angles)] + np.pi, 2.0 * np.pi) - np.pi
+        state = filtered + gain @ off
+        covariance = spread + gain @ (covariance - predicted_spread) @ gain.T
+        covariance = 0.5 * (covariance + covariance.T)
+        smoothed.append((state, covariance))
+    smoothed.reverse()
+    return smoothed

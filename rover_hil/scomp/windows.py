@@ -1,0 +1,121 @@
+"""What truth and log say about slip, window by window."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.slip.scomp.filter import TILT_MEMORY_S
+from drivers.errors import ModelError
+from rover_hil.scomp.drive import Array, Drive, TruePath
+
+WINDOW_S = 2.0
+SLOWEST_RIM_M_S = 0.01
+FEWEST_WINDOWS = 8
+GRID_S = 0.1
+POINTS = 31
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Windows:
+    """A drive cut into windows in which the wheels turn; k windows.
+
+    Attributes:
+        t_s: Middle of each, shape (k,) as everything else.
+        slip: Eq 3, from the true way along the body over the wheels'.
+        slip_angle_rad: Eq 4, from the true way.
+        pitch_rad: Mean, as the log counts it; None without pitch. Likewise roll_rad.
+    """
+
+    t_s: Array
+    slip: Array
+    slip_angle_rad: Array
+    pitch_rad: Array | None
+    roll_rad: Array | None
+
+
+def smoothed(t_s: Array, values: Array, memory_s: float = TILT_MEMORY_S) -> Array:
+    """Return values through a first-order low-pass, as a filter on the rover would have them."""
+    result = np.empty_like(values)
+    state = float(values[0])
+    steps_s = np.diff(t_s, prepend=t_s[0])
+    for index, share in enumerate((-np.expm1(-steps_s / memory_s)).tolist()):
+        state += share * (float(values[index]) - state)
+        result[index] = state
+    return result
+
+
+def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
+    """Cut a drive into windows of two seconds and compare its wheels with the truth.
+
+    Raises:
+        ModelError: Log and truth overlap for less than eight windows in which the wheels turn.
+    """
+    start = max(float(drive.t_s[0]), float(truth.t_s[0]))
+    end = min(float(drive.t_s[-1]), float(truth.t_s[-1]))
+    edges = np.arange(start, end, WINDOW_S)
+    way_m = (
+        wheel_radius_m * np.diff(np.interp(edges, drive.t_s, drive.wheel_rad)) if len(edges) > 1 else edges
+    )
+    turns = way_m > SLOWEST_RIM_M_S * WINDOW_S
+    if np.count_nonzero(turns) < FEWEST_WINDOWS:
+        msg = (
+            f"log and truth share {np.count_nonzero(turns)} windows of {WINDOW_S:g} s with turning wheels, "
+            f"{FEWEST_WINDOWS} are needed: check that both use the same clock, and give a longer drive"
+        )
+        raise ModelError(msg)
+    ahead_m, aside_m = _body_way(truth, edges)
+    return Windows(
+        t_s=0.5 * (edges[1:] + edges[:-1])[turns],
+        slip=(1.0 - ahead_m[turns] / way_m[turns]),
+        slip_angle_rad=np.arctan2(aside_m, ahead_m)[turns],
+        pitch_rad=_means(drive.t_s, drive.pitch_rad, edges, turns),
+        roll_rad=_means(drive.t_s, drive.roll_rad, edges, turns),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrueVelocity:
+    """Motion by the truth at n times: slip angle in rad (any number at rest), speed, yaw rate."""
+
+    slip_angle_rad: Array
+    speed_m_s: Array
+    yaw_rate_rad_s: Array
+
+
+def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
+    """Return the true motion at times, by parabolas through three seconds of the truth around each."""
+    # Imported here because scipy takes a second that `--help` must not cost.
+    from scipy.signal import savgol_filter
+
+    grid_s = np.arange(truth.t_s[0], truth.t_s[-1], GRID_S)
+    points = min(POINTS, len(grid_s) - 1 + len(grid_s) % 2)
+    rates = [
+        np.interp(t_s, grid_s, savgol_filter(np.interp(grid_s, truth.t_s, values), points, 2, 1, GRID_S))
+        for values in (truth.x_m, truth.y_m, truth.psi_rad)
+    ]
+    psi = np.interp(t_s, truth.t_s, truth.psi_rad)
+    ahead = np.cos(psi) * rates[0] + np.sin(psi) * rates[1]
+    aside = np.cos(psi) * rates[1] - np.sin(psi) * rates[0]
+    return TrueVelocity(
+        slip_angle_rad=np.arctan2(aside, ahead), speed_m_s=np.hypot(ahead, aside), yaw_rate_rad_s=rates[2]
+    )
+
+
+def _body_way(truth: TruePath, edges: Array) -> tuple[Array, Array]:
+    """Return the way ahead and to the left in each window, turned by the heading in its middle."""
+    dx, dy = (np.diff(np.interp(edges, truth.t_s, way)) for way in (truth.x_m, truth.y_m))
+    psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.psi_rad)
+    return np.cos(psi) * dx + np.sin(psi) * dy, np.cos(psi) * dy - np.sin(psi) * dx
+
+
+def _means(t_s: Array, values: Array | None, edges: Array, use: np.ndarray) -> Array | None:
+    if values is None:
+        return None
+    index = np.digitize(t_s, edges) - 1
+    count = len(edges) - 1
+    inside = (index >= 0) & (index < count)
+    total = np.bincount(index[inside], values[inside], count)
+    rows = np.bincount(index[inside], minlength=count)
+    middle = np.interp(0.5 * (edges[1:] + edges[:-1]), t_s, values)
+    means: Array = np.where(rows > 0, total / np.maximum(rows, 1), middle)[use]
+    return means

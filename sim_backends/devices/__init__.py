@@ -1,0 +1,1 @@
+"""Device emulators, one file for each driver, with the driver's name."""

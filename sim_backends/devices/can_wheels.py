@@ -1,0 +1,322 @@
+"""The wheel drives of a simulated rover on their CAN bus, in the messages of a mapping and its DBC file.
+
+Left out: arbitration between the two directions (each is a wire of its own with the full bit rate), error
+frames, retransmission and bus-off; jitter of the sampling; the delay of the drives' own filters. Signals that
+the mapping does not name keep the DBC file's start value. The drives switch on together when all [[start]]
+messages have come, and off at any [[stop]] message; drives that need starting must be started anew after
+their watchdog has expired (an ODrive also wants its errors cleared).
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from heapq import heapify, heapreplace
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from cantools.database.can import Message
+from pydantic import Field
+
+from drivers.can_frame import EXTENDED_FLAG, CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
+from drivers.can_wheels.mapping import FixedFrame, Protection, SignalName, WheelMapping
+from drivers.can_wheels.mapping_file import BusDescription, load_mapping
+from drivers.can_wheels.messages import MessageReader, MessageWriter, bus_id, raw_values
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.can_wheels.signals import Scale
+from drivers.clock import nanoseconds
+from drivers.errors import ConfigError
+from drivers.settings import Settings
+from sim_backends.world.line import NEVER_NS, Line
+from sim_backends.world.plant import Plant, Truth
+from sim_backends.world.sensor_errors import standard_normals
+from sim_backends.world.world import EmulatedDevice
+
+RawSignal: TypeAlias = Callable[[Truth], float]
+"""Returns what stands in a signal for a given truth."""
+
+
+class CanNodeSettings(Settings):
+    """Rates, errors and watchdog of the drives; rounding to the resolution of the signals is added.
+
+    Attributes:
+        wheel_rate_hz: Messages about wheels, of each kind, per second; spread evenly over the period.
+        status_rate_hz: All other messages per second, of each kind.
+        encoder_ticks_per_revolution: Encoder counts per turn of the motor, where the mapping's unit is not
+            ticks.
+        speed_noise_rad_s: Standard deviation of each reported speed, at the wheel.
+        current_noise_a: Standard deviation of each motor current.
+        current_step_a: Resolution of the drive's current measurement; 0 for none.
+        voltage_noise_v: Standard deviation of each supply voltage.
+        watchdog_s: A wheel stops when it gets no set-point for this long.
+    """
+
+    type: Literal["can_wheels"] = "can_wheels"
+    wheel_rate_hz: Annotated[float, Field(gt=0, le=1000)] = 100.0
+    status_rate_hz: Annotated[float, Field(gt=0, le=100)] = 10.0
+    encoder_ticks_per_revolution: Annotated[float, Field(gt=0, le=1e8)] = 8192.0
+    speed_noise_rad_s: Annotated[float, Field(ge=0, le=10)] = 0.02
+    current_noise_a: Annotated[float, Field(ge=0, le=10)] = 0.02
+    current_step_a: Annotated[float, Field(ge=0, le=10)] = 0.008
+    voltage_noise_v: Annotated[float, Field(ge=0, le=10)] = 0.02
+    watchdog_s: Annotated[float, Field(gt=0, le=60)] = 0.2
+
+
+class _Outbox:
+    """One kind of message to the host, and how its signals come about."""
+
+    def __init__(self, message: Message, protection: Protection | None, rate_hz: float) -> None:
+        self.writer = MessageWriter(message, protection)
+        self.signals: dict[str, RawSignal] = {}
+        self.rate_hz = rate_hz
+        empty = CanFrame(message.frame_id, bytes(message.length), message.is_extended_frame)
+        self.bits = can_frame_bits(pack_can_frame(empty))
+
+
+class CanNodes:
+    """All wheel drives on one bus.
+
+    Args:
+        settings: Their rates and errors.
+        bus: Their messages.
+        plant: The rover whose wheels they turn and watch.
+        to_host: The wire they send on.
+        rng: Source of their noise.
+        start_ns: When they are switched on.
+    """
+
+    def __init__(
+        self,
+        settings: CanNodeSettings,
+        bus: BusDescription,
+        plant: Plant,
+        to_host: Line[bytes],
+        rng: np.random.Generator,
+        start_ns: int,
+    ) -> None:
+        self._settings = settings
+        self._bus = bus
+        self._plant = plant
+        self._to_host = to_host
+        self._noise = standard_normals(rng)
+        wheels = range(len(bus.mapping.wheel))
+        self._speeds_rad_s = [0.0 for _ in wheels]
+        self._deadlines_ns = [NEVER_NS for _ in wheels]
+        self._has_expired = [False for _ in wheels]
+        self._watchdog_ns = nanoseconds(settings.watchdog_s)
+        self._readers: dict[int, MessageReader] = {}
+        self._setpoints: dict[int, list[tuple[int, Scale]]] = {}
+        self._start = self._listen_for_frames(bus.mapping.start)
+        self._stop = self._listen_for_frames(bus.mapping.stop)
+        self._missing = set(range(len(self._start)))
+        self._listen_for_setpoints()
+        self._outboxes: dict[str, _Outbox] = {}
+        self._fill_outboxes()
+        self._due = self._schedule(start_ns)
+
+    @property
+    def next_event_ns(self) -> int:
+        """When the next message or the end of a watchdog is due."""
+        return min(self._due[0][0], *self._deadlines_ns)
+
+    @property
+    def load_bits_per_s(self) -> float:
+        """What the drives themselves send."""
+        return sum(outbox.bits * outbox.rate_hz for outbox in self._outboxes.values())
+
+    def act(self, t_ns: int) -> None:
+        """Stop wheels whose watchdog has expired, then send what is due."""
+        for wheel, deadline_ns in enumerate(self._deadlines_ns):
+            if deadline_ns <= t_ns:
+                self._expire(wheel)
+        truth = None
+        while self._due[0][0] <= t_ns:
+            due_ns, name = self._due[0]
+            outbox = self._outboxes[name]
+            heapreplace(self._due, (due_ns + nanoseconds(1.0 / outbox.rate_hz), name))
+            truth = truth or self._plant.truth()
+            values = {signal: raw_of(truth) for signal, raw_of in outbox.signals.items()}
+            self._to_host.put(t_ns, outbox.writer.write(values))
+
+    def hear(self, t_ns: int, payload: bytes) -> None:
+        """Take set-points and what switches the drives on and off."""
+        frame = unpack_can_frame(payload)
+        if frame is None or frame.is_remote or frame.is_error:
+            return
+        key = frame.can_id | (EXTENDED_FLAG if frame.is_extended else 0)
+        reader = self._readers.get(key)
+        values = None if reader is None else reader.read(frame.data)[0]
+        if values is None:
+            return
+        for index, (start_key, raw) in enumerate(self._start):
+            if start_key == key and raw.items() <= values.items():
+                self._missing.discard(index)
+        if any(stop_key == key and raw.items() <= values.items() for stop_key, raw in self._stop):
+            self._switch_off()
+        if key in self._setpoints and not self._missing:
+            self._take_setpoints(t_ns, self._setpoints[key], values)
+
+    def _take_setpoints(
+        self, t_ns: int, scales: Iterable[tuple[int, Scale]], values: Mapping[str, float]
+    ) -> None:
+        for wheel, scale in scales:
+            self._speeds_rad_s[wheel] = scale.to_si(values[scale.signal])
+            self._deadlines_ns[wheel] = t_ns + self._watchdog_ns
+            self._has_expired[wheel] = False
+        self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
+
+    def _expire(self, wheel: int) -> None:
+        self._has_expired[wheel] = True
+        if self._start:
+            self._switch_off()
+            return
+        self._speeds_rad_s[wheel] = 0.0
+        self._deadlines_ns[wheel] = NEVER_NS
+        self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
+
+    def _switch_off(self) -> None:
+        self._missing = set(range(len(self._start)))
+        self._speeds_rad_s = [0.0 for _ in self._speeds_rad_s]
+        self._deadlines_ns = [NEVER_NS for _ in self._deadlines_ns]
+        self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
+
+    def _listen_for_frames(self, frames: Iterable[FixedFrame]) -> list[tuple[int, dict[str, float]]]:
+        return [
+            (self._listen(frame.message), raw_values(self._bus.message(frame.message), frame.signals))
+            for frame in frames
+        ]
+
+    def _listen_for_setpoints(self) -> None:
+        for index, wheel in enumerate(self._bus.mapping.wheel):
+            if wheel.setpoint is not None:
+                key = self._listen(wheel.setpoint.message)
+                scale = self._bus.setpoint_scale(wheel, wheel.setpoint)
+                self._setpoints.setdefault(key, []).append((index, scale))
+
+    def _listen(self, name: str) -> int:
+        message = self._bus.message(name)
+        key = bus_id(message)
+        if key not in self._readers:
+            signals = [signal.name for signal in message.signals]
+            self._readers[key] = MessageReader(message, signals, self._bus.protection(name))
+        return key
+
+    def _fill_outboxes(self) -> None:
+        mapping, settings = self._bus.mapping, self._settings
+        for index, wheel in enumerate(mapping.wheel):
+            for quantity, scale in self._bus.wheel_scales(wheel).items():
+                outbox = self._outbox(scale.message, settings.wheel_rate_hz)
+                outbox.signals[scale.signal] = self._raw_signal(quantity, index, wheel, scale)
+        faults = [(index, name) for index, wheel in enumerate(mapping.wheel) for name in wheel.fault]
+        for fault_wheel, name in [*faults, *((None, name) for name in mapping.fault)]:
+            outbox = self._outbox(name.message, settings.status_rate_hz)
+            outbox.signals[name.signal] = self._raw_fault(fault_wheel, name)
+        if mapping.power is not None:
+            scale, _ = self._bus.power_scales(mapping.power)
+            outbox = self._outbox(scale.message, settings.status_rate_hz)
+            outbox.signals[scale.signal] = self._raw_supply(scale)
+
+    def _outbox(self, name: str, rate_hz: float) -> _Outbox:
+        if name not in self._outboxes:
+            self._outboxes[name] = _Outbox(self._bus.message(name), self._bus.protection(name), rate_hz)
+        return self._outboxes[name]
+
+    def _schedule(self, start_ns: int) -> list[tuple[int, str]]:
+        """Spread the messages of each rate evenly over their period."""
+        due = []
+        for rate_hz in {outbox.rate_hz for outbox in self._outboxes.values()}:
+            names = [name for name, outbox in self._outboxes.items() if outbox.rate_hz == rate_hz]
+            for index, name in enumerate(names):
+                due.append((start_ns + nanoseconds((index + 1) / len(names) / rate_hz), name))
+        heapify(due)
+        return due
+
+    def _raw_signal(self, quantity: str, index: int, wheel: WheelMapping, scale: Scale) -> RawSignal:
+        if quantity == "position":
+            return self._raw_position(index, wheel, scale)
+        if quantity == "speed":
+            return self._raw_speed(index, scale)
+        return self._raw_current(index, scale, is_signed=wheel.current_is_signed)
+
+    def _raw_position(self, index: int, wheel: WheelMapping, scale: Scale) -> RawSignal:
+        per_turn = wheel.position and wheel.position.ticks_per_revolution
+        ticks = per_turn or self._settings.encoder_ticks_per_revolution
+        rad_per_tick = 2.0 * math.pi / ticks / wheel.gear_ratio
+        span = self._bus.position_span(wheel)
+
+        def raw_of(truth: Truth) -> float:
+            position_rad = math.floor(truth.wheel_position_rad[index] / rad_per_tick) * rad_per_tick
+            if span is None:
+                return scale.to_raw(position_rad)
+            raw = round((position_rad - scale.si_offset) / scale.si_per_raw) % span
+            return raw if raw <= scale.high else raw - span
+
+        return raw_of
+
+    def _raw_speed(self, index: int, scale: Scale) -> RawSignal:
+        noise_rad_s = self._settings.speed_noise_rad_s
+        return lambda truth: scale.to_raw(truth.wheel_speed_rad_s[index] + noise_rad_s * next(self._noise))
+
+    def _raw_current(self, index: int, scale: Scale, *, is_signed: bool) -> RawSignal:
+        noise_a, step_a = self._settings.current_noise_a, self._settings.current_step_a
+
+        def raw_of(truth: Truth) -> float:
+            current_a = truth.motor_current_a[index] + noise_a * next(self._noise)
+            if step_a:
+                current_a = round(current_a / step_a) * step_a
+            return scale.to_raw(current_a if is_signed else abs(current_a))
+
+        return raw_of
+
+    def _raw_supply(self, scale: Scale) -> RawSignal:
+        noise_v = self._settings.voltage_noise_v
+        return lambda truth: scale.to_raw(truth.battery_v + noise_v * next(self._noise))
+
+    def _raw_fault(self, wheel: int | None, name: SignalName) -> RawSignal:
+        choices = self._bus.message(name.message).get_signal_by_name(name.signal).choices
+        codes = (value for value, text in (choices or {}).items() if "watchdog" in str(text).lower())
+        code = next(codes, 0)
+
+        def raw_of(truth: Truth) -> float:
+            expired = any(self._has_expired) if wheel is None else self._has_expired[wheel]
+            return code if expired else 0
+
+        return raw_of
+
+
+def make_can_node(
+    name: str,
+    device: CanWheelsSettings,
+    emulator: CanNodeSettings,
+    plant: Plant,
+    rng: np.random.Generator,
+    start_ns: int,
+) -> EmulatedDevice[bytes]:
+    """Build the emulated drives and the two directions of their bus.
+
+    Raises:
+        ConfigError: The mapping is wrong, does not fit the plant, or needs more than the bus can carry.
+    """
+    bus = load_mapping(device.mapping)
+    mapping = bus.mapping
+    if len(mapping.wheel) != plant.wheel_count:
+        msg = (
+            f"simulated bus '{name}' has {len(mapping.wheel)} wheels in {bus.mapping_file.name}, "
+            f"the simulated rover {plant.wheel_count}: choose a mapping that fits"
+        )
+        raise ConfigError(msg)
+    has_supply_current = mapping.power is not None and mapping.power.current is not None
+    if has_supply_current or any(wheel.voltage is not None for wheel in mapping.wheel):
+        msg = (
+            f"simulated bus '{name}': motor voltages and supply current are not simulated, "
+            f"but {bus.mapping_file.name} names them: simulate with a mapping without them"
+        )
+        raise ConfigError(msg)
+    to_host = Line(can_frame_bits, device.bit_rate)
+    to_device = Line(can_frame_bits, device.bit_rate)
+    nodes = CanNodes(emulator, bus, plant, to_host, rng, start_ns)
+    if nodes.load_bits_per_s > device.bit_rate:
+        msg = (
+            f"simulated bus '{name}' needs {nodes.load_bits_per_s:.0f} bit/s, it has {device.bit_rate}: "
+            "raise bit_rate or lower wheel_rate_hz"
+        )
+        raise ConfigError(msg)
+    return EmulatedDevice(name, nodes, to_host, to_device)

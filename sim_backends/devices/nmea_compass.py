@@ -1,0 +1,128 @@
+"""A fluxgate compass that speaks NMEA 0183.
+
+Left out: tilt error, magnetic disturbances by place, variation (the world's y axis points to magnetic north),
+jitter of the sampling, and commands from the host, which are ignored.
+"""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from drivers.angles import compass_deg_from_yaw
+from drivers.clock import nanoseconds
+from drivers.errors import ConfigError
+from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.settings import Settings
+from sim_backends.world.line import Line, serial_bits
+from sim_backends.world.plant import Plant
+from sim_backends.world.sensor_errors import DirectionLag, standard_normals
+from sim_backends.world.world import EmulatedDevice
+
+_BODY = {"HDG": "HCHDG,{:.1f},,,,", "HDM": "HCHDM,{:.1f},M"}
+
+Degrees = Annotated[float, Field(ge=-90, le=90)]
+
+
+class CompassEmulatorSettings(Settings):
+    """Errors of a fluxgate compass; headings and errors are clockwise positive.
+
+    Reading = lagged heading + bias + deviation error + noise, rounded to 0.1 deg.
+
+    Attributes:
+        rate_hz: Sentences per second.
+        sentence: Sentence that the compass sends.
+        lag_s: Time constant of the damping, first order.
+        bias_deg: Constant error.
+        deviation_error_deg: Factors of sin h, cos h, sin 2h, cos 2h of the lagged heading h. The nautical
+            deviation, which is added to a reading to correct it, has the opposite sign.
+        noise_deg: Standard deviation of the white noise of each reading.
+    """
+
+    type: Literal["nmea_compass"] = "nmea_compass"
+    rate_hz: Annotated[float, Field(gt=0, le=50)] = 10.0
+    sentence: Literal["HDG", "HDM"] = "HDG"
+    lag_s: Annotated[float, Field(ge=0, le=10)] = 0.45
+    bias_deg: Degrees = 0.5
+    deviation_error_deg: tuple[Degrees, Degrees, Degrees, Degrees] = (1.0, -0.6, 0.4, 0.3)
+    noise_deg: Annotated[float, Field(ge=0, le=90)] = 0.3
+
+
+class CompassEmulator:
+    """The compass: takes a reading and starts to send it every period.
+
+    Args:
+        settings: Its errors.
+        plant: Where the true heading comes from.
+        to_host: The wire it sends on.
+        rng: Source of its noise.
+        start_ns: When it is switched on; the first reading comes one period later.
+    """
+
+    def __init__(
+        self,
+        settings: CompassEmulatorSettings,
+        plant: Plant,
+        to_host: Line[bytes],
+        rng: np.random.Generator,
+        start_ns: int,
+    ) -> None:
+        self._settings = settings
+        self._plant = plant
+        self._to_host = to_host
+        self._noise = standard_normals(rng)
+        self._body = _BODY[settings.sentence]
+        self._period_ns = nanoseconds(1.0 / settings.rate_hz)
+        self._lag = DirectionLag(settings.lag_s, 1.0 / settings.rate_hz)
+        self._lag.settle(plant.truth().yaw_rad)
+        self.next_event_ns = start_ns + self._period_ns
+
+    def act(self, t_ns: int) -> None:
+        """Take a reading and start to send it."""
+        self.next_event_ns += self._period_ns
+        heading_deg = compass_deg_from_yaw(self._lag.step(self._plant.truth().yaw_rad))
+        noise_deg = self._settings.noise_deg * next(self._noise)
+        reading_deg = heading_deg + self._error_deg(heading_deg) + noise_deg
+        self._to_host.put(t_ns, encode_sentence(self._body.format(round(reading_deg * 10.0) % 3600 / 10.0)))
+
+    def hear(self, t_ns: int, payload: bytes) -> None:
+        """Ignore the host."""
+
+    def _error_deg(self, heading_deg: float) -> float:
+        heading_rad = math.radians(heading_deg)
+        sine, cosine, sine_2, cosine_2 = self._settings.deviation_error_deg
+        return (
+            self._settings.bias_deg
+            + sine * math.sin(heading_rad)
+            + cosine * math.cos(heading_rad)
+            + sine_2 * math.sin(2.0 * heading_rad)
+            + cosine_2 * math.cos(2.0 * heading_rad)
+        )
+
+
+def make_compass(
+    name: str,
+    device: NmeaCompassSettings,
+    emulator: CompassEmulatorSettings,
+    plant: Plant,
+    rng: np.random.Generator,
+    start_ns: int,
+) -> EmulatedDevice[bytes]:
+    """Build the emulated compass and its line.
+
+    Raises:
+        ConfigError: The line is too slow for the rate.
+    """
+    longest = encode_sentence(_BODY[emulator.sentence].format(359.9))
+    required_bits_s = serial_bits(longest) * emulator.rate_hz
+    if required_bits_s > device.baud_rate:
+        msg = (
+            f"simulated compass '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
+            "raise baud_rate or lower rate_hz"
+        )
+        raise ConfigError(msg)
+    to_host = Line(serial_bits, device.baud_rate)
+    to_device = Line(serial_bits, device.baud_rate)
+    return EmulatedDevice(name, CompassEmulator(emulator, plant, to_host, rng, start_ns), to_host, to_device)

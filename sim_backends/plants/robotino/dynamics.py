@@ -1,0 +1,272 @@
+"""The equations of motion, compiled: motors, speed loops, contacts and body.
+
+Each step is linearly implicit. A force that opposes a speed (traction, resistance) is written as coefficient
+times the new speed, the coefficient taken at the old state. Such a step is exact at rest and in steady state,
+can only dissipate, and stays stable where a stiff contact would need steps of microseconds. Eliminating the
+wheels leaves three equations for the body.
+
+All compiled functions stand in this one file: numba's cache does not notice changes in another.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backends.arrays import Array
+from sim_backends.jit import compiled
+from sim_backends.plants.robotino.ground import Ground
+
+BRIDGE_COUNTS = 255.0
+CREEP_M_S = 0.001
+"""Below this speed resistance and traction fade to nothing instead of changing sign at once."""
+
+_compiled = compiled()
+
+
+class Rover(NamedTuple):
+    """Constants; everything is seen at the wheel unless named otherwise.
+
+    Attributes:
+        steps_per_control: Steps in a period of the speed loop.
+        direction, radial: Of each wheel's rolling and of its axle, as rows (x, y, arm of yaw).
+        load_n: On each wheel.
+        mass: Matrix of inertia about the rover's centre.
+        current_step: Share of the way to its final value that the current goes in one step.
+        tick_rad: Encoder tick at the wheel.
+    """
+
+    step_s: float
+    steps_per_control: int
+    direction: Array
+    radial: Array
+    load_n: Array
+    mean_load_n: float
+    mass: Array
+    radius_m: float
+    wheel_inertia_kg_m2: float
+    resistance_ohm: float
+    current_step: float
+    torque_nm_per_a: float
+    back_emf_v_s: float
+    friction_nm: float
+    breakaway_nm: float
+    viscous_nm_s: float
+    gear_efficiency: float
+    tick_rad: float
+    gain: float
+    battery_v: float
+    battery_resistance_ohm: float
+    idle_current_a: float
+
+
+class State(NamedTuple):
+    """What changes; arrays are written in place.
+
+    Attributes:
+        pose: x, y, yaw in the world.
+        twist: Velocity x, y and yaw rate in the body.
+        set_ticks: Set-point of each wheel, ticks per period of the speed loop.
+        counted: Ticks of each wheel when the speed loop last looked.
+        supply: Battery voltage.
+        step: Number of steps done.
+    """
+
+    pose: Array
+    twist: Array
+    angle_rad: Array
+    speed_rad_s: Array
+    current_a: Array
+    voltage_v: Array
+    set_ticks: Array
+    counted: Array
+    supply: Array
+    step: NDArray[np.int64]
+
+
+@_compiled
+def advance(state: State, rover: Rover, ground: Ground, steps: int) -> None:
+    """Do a number of steps."""
+    along = np.empty(3)
+    across = np.empty(3)
+    grip = np.empty(3)
+    for _ in range(steps):
+        if state.step[0] % rover.steps_per_control == 0:
+            _control_speed(state, rover)
+        _feel_ground(state, rover, ground, grip, along, across)
+        _move(state, rover, grip, along, across)
+        state.step[0] += 1
+
+
+@_compiled
+def _control_speed(state: State, rover: Rover) -> None:
+    """Set each bridge from the ticks counted since the last call; let the battery sag."""
+    power_w = 0.0
+    for wheel in range(3):
+        power_w += state.voltage_v[wheel] * state.current_a[wheel]
+    supply_v = rover.battery_v - rover.battery_resistance_ohm * (
+        rover.idle_current_a + max(power_w, 0.0) / rover.battery_v
+    )
+    state.supply[0] = supply_v
+    for wheel in range(3):
+        ticks = math.floor(state.angle_rad[wheel] / rover.tick_rad)
+        measured = ticks - state.counted[wheel]
+        state.counted[wheel] = ticks
+        wanted = state.set_ticks[wheel]
+        counts = wanted + rover.gain * (wanted - measured)
+        counts = min(max(counts, -BRIDGE_COUNTS), BRIDGE_COUNTS)
+        state.voltage_v[wheel] = supply_v * counts / BRIDGE_COUNTS
+
+
+@_compiled
+def _feel_ground(
+    state: State, rover: Rover, ground: Ground, grip: Array, along: Array, across: Array
+) -> None:
+    """Find traction per sliding speed and resistance per speed, N s/m, of each wheel where it stands.
+
+    Traction over load follows s' / sqrt(1 + s'^2) with s' = stiffness * slip / friction. The slip is the
+    sliding speed over the speed at which the contact passes over the ground, sideways motion included: that
+    is how fast unstrained fibres arrive under the rollers.
+    """
+    cos_yaw = math.cos(state.pose[2])
+    sin_yaw = math.sin(state.pose[2])
+    for wheel in range(3):
+        row, rough = _ground_under(state, rover, ground, wheel, cos_yaw, sin_yaw)
+        friction = ground.rows[row, 0]
+        stiffness = ground.rows[row, 1]
+        load = rover.load_n[wheel]
+        deeper = math.pow(load / rover.mean_load_n, 1.0 / 3.0)
+        rolling = _dot(rover.direction, wheel, state.twist)
+        sideways = _dot(rover.radial, wheel, state.twist)
+        rim = rover.radius_m * state.speed_rad_s[wheel]
+        passing = math.sqrt(rim * rim + sideways * sideways + CREEP_M_S * CREEP_M_S)
+        strain = stiffness * (rim - rolling) / (friction * passing)
+        grip[wheel] = load * stiffness / (passing * math.sqrt(1.0 + strain * strain))
+        speed = math.sqrt(rolling * rolling + sideways * sideways + CREEP_M_S * CREEP_M_S)
+        along[wheel] = load * rough * (ground.rows[row, 2] + ground.rows[row, 4] * deeper) / speed
+        across[wheel] = load * rough * (ground.rows[row, 3] + ground.rows[row, 5] * deeper) / speed
+
+
+@_compiled
+def _ground_under(
+    state: State, rover: Rover, ground: Ground, wheel: int, cos_yaw: float, sin_yaw: float
+) -> tuple[int, float]:
+    """Return the row of the table of grounds and the roughness at a wheel's contact point."""
+    arm = rover.direction[wheel, 2]  # the wheel's distance; its axle points away from the centre
+    x = rover.radial[wheel, 0] * arm
+    y = rover.radial[wheel, 1] * arm
+    here_x = state.pose[0] + cos_yaw * x - sin_yaw * y
+    here_y = state.pose[1] + sin_yaw * x + cos_yaw * y
+    column = math.floor((here_x - ground.x_min_m) * ground.cells_per_m)
+    line = math.floor((here_y - ground.y_min_m) * ground.cells_per_m)
+    if 0 <= column < ground.row.shape[0] and 0 <= line < ground.row.shape[1]:
+        return int(ground.row[column, line]), float(ground.roughness[column, line])
+    return 0, 1.0
+
+
+@_compiled
+def _move(state: State, rover: Rover, grip: Array, along: Array, across: Array) -> None:
+    """Do one step of motors, wheels and body."""
+    step_s, radius_m = rover.step_s, rover.radius_m
+    sign = np.empty(3)
+    free = np.zeros(3)
+    follow = np.zeros(3)
+    matrix = rover.mass / step_s
+    right = _momentum(state.twist, rover.mass, step_s)
+    for wheel in range(3):
+        torque_nm = _motor_torque(state, rover, wheel)
+        sign[wheel] = _friction_sign(state, rover, wheel, torque_nm, grip[wheel])
+        # The new wheel speed is free + follow * (speed of the contact along the wheel); 0 for one at rest.
+        if sign[wheel] != 0.0:
+            held = rover.wheel_inertia_kg_m2 + step_s * radius_m * radius_m * grip[wheel]
+            pushed = step_s * (torque_nm - sign[wheel] * rover.friction_nm)
+            free[wheel] = (rover.wheel_inertia_kg_m2 * state.speed_rad_s[wheel] + pushed) / held
+            follow[wheel] = step_s * radius_m * grip[wheel] / held
+        drawn = grip[wheel] * (1.0 - radius_m * follow[wheel]) + along[wheel]
+        for i in range(3):
+            ahead = rover.direction[wheel, i]
+            aside = rover.radial[wheel, i]
+            right[i] += ahead * grip[wheel] * radius_m * free[wheel]
+            for j in range(3):
+                matrix[i, j] += (
+                    ahead * rover.direction[wheel, j] * drawn + aside * rover.radial[wheel, j] * across[wheel]
+                )
+    _solve(matrix, right, state.twist)
+    for wheel in range(3):
+        speed = free[wheel] + follow[wheel] * _dot(rover.direction, wheel, state.twist)
+        if speed * sign[wheel] < 0.0:
+            speed = 0.0  # friction stops a wheel, it does not turn it back
+        state.speed_rad_s[wheel] = speed
+        state.angle_rad[wheel] += step_s * speed
+    _carry(state, step_s)
+
+
+@_compiled
+def _carry(state: State, step_s: float) -> None:
+    """Move the pose on, along the heading in the middle of the step."""
+    middle_yaw = state.pose[2] + 0.5 * step_s * state.twist[2]
+    cos_yaw = math.cos(middle_yaw)
+    sin_yaw = math.sin(middle_yaw)
+    state.pose[0] += step_s * (cos_yaw * state.twist[0] - sin_yaw * state.twist[1])
+    state.pose[1] += step_s * (sin_yaw * state.twist[0] + cos_yaw * state.twist[1])
+    state.pose[2] += step_s * state.twist[2]
+
+
+@_compiled
+def _motor_torque(state: State, rover: Rover, wheel: int) -> float:
+    """Move the current on and return the torque behind the gear, Coulomb friction left out."""
+    speed = state.speed_rad_s[wheel]
+    final_a = (state.voltage_v[wheel] - rover.back_emf_v_s * speed) / rover.resistance_ohm
+    state.current_a[wheel] += rover.current_step * (final_a - state.current_a[wheel])
+    torque_nm: float = rover.torque_nm_per_a * state.current_a[wheel] - rover.viscous_nm_s * speed
+    if torque_nm * speed >= 0.0:
+        return torque_nm * rover.gear_efficiency
+    return torque_nm / rover.gear_efficiency
+
+
+@_compiled
+def _friction_sign(state: State, rover: Rover, wheel: int, torque_nm: float, grip: float) -> float:
+    """Return the direction that Coulomb friction opposes: that of motion; 0 where the wheel stays at rest."""
+    speed = state.speed_rad_s[wheel]
+    if speed == 0.0:
+        pull = torque_nm + rover.radius_m * grip * _dot(rover.direction, wheel, state.twist)
+        if abs(pull) <= rover.breakaway_nm:
+            return 0.0
+        return math.copysign(1.0, pull)
+    return math.copysign(1.0, speed)
+
+
+@_compiled
+def _momentum(twist: Array, mass: Array, step_s: float) -> Array:
+    """Return momentum over step, with what the turning of the frame makes of it."""
+    momentum = np.empty(3)
+    for i in range(3):
+        momentum[i] = mass[i, 0] * twist[0] + mass[i, 1] * twist[1] + mass[i, 2] * twist[2]
+    result = momentum / step_s
+    result[0] += twist[2] * momentum[1]
+    result[1] -= twist[2] * momentum[0]
+    result[2] -= twist[0] * momentum[1] - twist[1] * momentum[0]
+    return result
+
+
+@_compiled
+def _dot(rows: Array, row: int, vector: Array) -> float:
+    product: float = rows[row, 0] * vector[0] + rows[row, 1] * vector[1] + rows[row, 2] * vector[2]
+    return product
+
+
+@_compiled
+def _solve(matrix: Array, right: Array, solution: Array) -> None:
+    """Solve three equations by elimination, without pivots: the matrix is symmetric and positive definite."""
+    for k in range(3):
+        for i in range(k + 1, 3):
+            factor = matrix[i, k] / matrix[k, k]
+            right[i] -= factor * right[k]
+            for j in range(k, 3):
+                matrix[i, j] -= factor * matrix[k, j]
+    for i in range(2, -1, -1):
+        rest = right[i]
+        for j in range(i + 1, 3):
+            rest -= matrix[i, j] * solution[j]
+        solution[i] = rest / matrix[i, i]

@@ -1,0 +1,97 @@
+"""The site as the integrator reads it: per cell a row of a table of grounds, and a factor of roughness."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sim_backends.arrays import Array
+from sim_backends.plants.robotino.site import Site
+from sim_backends.plants.robotino.surfaces import immersion
+
+MARGIN_M = 0.1
+
+
+class Ground(NamedTuple):
+    """The ground in cells; outside them it is that of row 0, without roughness.
+
+    Attributes:
+        x_min_m, y_min_m: Corner of the first cell.
+        cells_per_m: One over the width of a cell.
+        row: By x and y: which row of `rows` a cell has.
+        roughness: By x and y: factor on the resistances.
+        rows: Per ground: friction, stiffness, drag along, drag across, immersion along, immersion across.
+    """
+
+    x_min_m: float
+    y_min_m: float
+    cells_per_m: float
+    row: NDArray[np.int16]
+    roughness: NDArray[np.float32]
+    rows: Array
+
+
+def lay_out(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Ground:
+    """Lay the patches of a site into cells and draw the roughness.
+
+    Args:
+        site: The site.
+        wheel_radius_m: Of the rover that sinks in.
+        rng: Source of the roughness; two calls with the same generator state give the same ground.
+    """
+    (x_min, x_max), (y_min, y_max) = _extent(site)
+    columns = max(1, math.ceil((x_max - x_min) / site.cell_m))
+    lines = max(1, math.ceil((y_max - y_min) / site.cell_m))
+    x_m = _centres(x_min, columns, site.cell_m)[:, None]
+    y_m = _centres(y_min, lines, site.cell_m)[None, :]
+    grounds = [(site.floor, 0.0)]
+    row = np.zeros((columns, lines), dtype=np.int16)
+    for patch in site.patches:
+        ground = (patch.surface, patch.sinkage_m if patch.inner == "soft" else 0.0)
+        if ground not in grounds:
+            grounds.append(ground)
+        row[patch.covers(x_m, y_m)] = grounds.index(ground)
+    rows = [_row(site, name, sinkage_m, wheel_radius_m) for name, sinkage_m in grounds]
+    return Ground(
+        x_min, y_min, 1.0 / site.cell_m, row, _roughness(site, (columns, lines), rng), np.array(rows)
+    )
+
+
+def _centres(first_edge_m: float, count: int, cell_m: float) -> Array:
+    return np.array([first_edge_m + (index + 0.5) * cell_m for index in range(count)])
+
+
+def _extent(site: Site) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the least and largest x and y of all patches, with a margin."""
+    xs: list[float] = []
+    ys: list[float] = []
+    for patch in site.patches:
+        match patch.type:
+            case "rectangle":
+                xs += [patch.x_min_m, patch.x_max_m]
+                ys += [patch.y_min_m, patch.y_max_m]
+            case "circle":
+                xs += [patch.x_m - patch.radius_m, patch.x_m + patch.radius_m]
+                ys += [patch.y_m - patch.radius_m, patch.y_m + patch.radius_m]
+            case "polygon":
+                xs += [x for x, _ in patch.corners_m]
+                ys += [y for _, y in patch.corners_m]
+    if not xs:
+        return (0.0, 0.0), (0.0, 0.0)
+    return (min(xs) - MARGIN_M, max(xs) + MARGIN_M), (min(ys) - MARGIN_M, max(ys) + MARGIN_M)
+
+
+def _row(site: Site, name: str, sinkage_m: float, wheel_radius_m: float) -> tuple[float, ...]:
+    surface = site.surfaces[name]
+    sinking = immersion(sinkage_m, wheel_radius_m)
+    return (surface.friction, surface.stiffness, surface.drag_along, surface.drag_across, *sinking)
+
+
+def _roughness(site: Site, shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return a smooth random factor per cell, mean 1, never below 0.1."""
+    noise: Array = ndimage.gaussian_filter(rng.standard_normal(shape), site.roughness_length_m / site.cell_m)
+    spread = float(noise.std())
+    factor = 1.0 + (site.roughness / spread if spread > 0 else 0.0) * noise
+    return np.maximum(factor, 0.1).astype(np.float32)

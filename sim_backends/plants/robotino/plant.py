@@ -1,0 +1,192 @@
+"""The dynamic Robotino: what the compiled equations make of set-points, at the times others ask for."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers.clock import nanoseconds, seconds
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.plants.robotino.dynamics import Rover, State, advance
+from sim_backends.plants.robotino.ground import lay_out
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.world.plant import Truth
+
+WHEEL_ANGLES_DEG = (60.0, 180.0, 300.0)
+SLIP_FLOOR_M_S = 0.02
+"""Slip fades to 0 where rim and ground are both slower: 1 - v / (r omega) has no meaning at rest."""
+
+
+class _Command(NamedTuple):
+    due_ns: int
+    speed_rad_s: tuple[float, ...]
+
+
+class RobotinoPlant:
+    """Three gear motors with the board's speed loop, omnidirectional wheels on a test site, a heavy body.
+
+    It integrates on a grid of its own: half the period of the speed loop, 0.56 ms, at a random phase. Between
+    two grid points `truth` moves on at constant speed, so that the result does not depend on when and how
+    often it is asked.
+
+    What it leaves out is on the page on simulators.
+
+    Args:
+        settings: The true rover and its ground.
+        rng: Source of the ground's roughness, of the phase and the rate of the speed loop and of the
+            encoders' zeros.
+        start_ns: Time at the start pose, at rest.
+    """
+
+    wheel_count = 3
+
+    def __init__(self, settings: RobotinoPlantSettings, rng: np.random.Generator, start_ns: int) -> None:
+        self._settings = settings
+        self._ground = lay_out(settings.site, settings.wheel_radius_m, rng)
+        loop = settings.speed_loop
+        rate_hz = loop.rate_hz * (1.0 + loop.rate_error * rng.standard_normal())
+        self._step_ns = nanoseconds(1.0 / rate_hz / loop.steps_per_period)
+        self._grid_ns = start_ns - round(rng.random() * loop.steps_per_period * self._step_ns)
+        self._t_ns = start_ns
+        self._rover = make_rover(settings, seconds(self._step_ns))
+        self._state = _at_rest(settings)
+        # As plain numbers: `truth` is asked several times in each control cycle.
+        self._radius_m = float(self._rover.radius_m)
+        self._directions: list[list[float]] = self._rover.direction.tolist()
+        self._zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
+        self._state.angle_rad[:] = self._zeros
+        self._ticks_per_rad_s = 1.0 / (self._rover.tick_rad * loop.rate_hz)
+        self._commands: deque[_Command] = deque()
+        self._truth: Truth | None = None
+
+    def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
+        """Give the inner speed loops new set-points, one per wheel (60, 180, 300 degrees)."""
+        delay_ns = nanoseconds(self._settings.speed_loop.set_point_delay_s)
+        self._commands.append(_Command(self._t_ns + delay_ns, tuple(speed_rad_s)))
+
+    def advance(self, t_ns: int) -> None:
+        """Go on to `t_ns`; does nothing for a time already reached. `truth` integrates when it is asked."""
+        if t_ns > self._t_ns:
+            self._t_ns = t_ns
+            self._truth = None
+
+    def _catch_up(self) -> None:
+        t_ns = self._t_ns
+        while self._commands and self._commands[0].due_ns <= t_ns:
+            command = self._commands.popleft()
+            self._integrate(command.due_ns)
+            self._state.set_ticks[:] = [speed * self._ticks_per_rad_s for speed in command.speed_rad_s]
+        self._integrate(t_ns)
+
+    def _integrate(self, t_ns: int) -> None:
+        steps = (t_ns - self._grid_ns) // self._step_ns
+        if steps > 0:
+            advance(self._state, self._rover, self._ground, steps)
+            self._grid_ns += steps * self._step_ns
+
+    def truth(self) -> Truth:
+        """Return the state at the time reached."""
+        if self._truth is None:
+            self._catch_up()
+            self._truth = self._state_now()
+        return self._truth
+
+    def _state_now(self) -> Truth:
+        state, settings = self._state, self._settings
+        since_s = seconds(self._t_ns - self._grid_ns)
+        x_m, y_m, yaw = state.pose.tolist()
+        velocity_x, velocity_y, yaw_rate = state.twist.tolist()
+        speeds = state.speed_rad_s.tolist()
+        angles = zip(state.angle_rad.tolist(), self._zeros, speeds, strict=True)
+        cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
+        x_m += since_s * (cos_yaw * velocity_x - sin_yaw * velocity_y)
+        return Truth(
+            t_ns=self._t_ns,
+            x_m=x_m,
+            y_m=y_m + since_s * (sin_yaw * velocity_x + cos_yaw * velocity_y),
+            yaw_rad=yaw + since_s * yaw_rate,
+            roll_rad=0.0,
+            pitch_rad=0.0,
+            velocity_x_m_s=velocity_x,
+            velocity_y_m_s=velocity_y,
+            yaw_rate_rad_s=yaw_rate,
+            wheel_position_rad=tuple(angle - zero + since_s * speed for angle, zero, speed in angles),
+            wheel_speed_rad_s=tuple(speeds),
+            motor_current_a=tuple(state.current_a.tolist()),
+            slip=tuple(
+                slip_ratio(self._radius_m * speed, x * velocity_x + y * velocity_y + turn * yaw_rate)
+                for speed, (x, y, turn) in zip(speeds, self._directions, strict=True)
+            ),
+            battery_v=float(state.supply[0]),
+            bumper_pressed=settings.bumper_x_m is not None and x_m > settings.bumper_x_m,
+        )
+
+
+def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
+    """Return 1 - v / (r omega) of a driving wheel, between 0 and 1; negative to -1 of a braking one.
+
+    The faster of the two speeds divides; where both are below `SLIP_FLOOR_M_S`, that does.
+    """
+    faster = max(abs(rim_m_s), abs(ground_m_s))
+    forward = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
+    slip = math.copysign(rim_m_s - ground_m_s, (rim_m_s - ground_m_s) * forward)
+    return min(max(slip / max(faster, SLIP_FLOOR_M_S), -1.0), 1.0)
+
+
+def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:
+    """Return the constants of the equations of motion for a step."""
+    motor, loop = settings.motor, settings.speed_loop
+    angles = np.radians(WHEEL_ANGLES_DEG)
+    offset_m, mass_kg, ahead_m = settings.wheel_offset_m, settings.mass_kg, settings.centre_of_mass_x_m
+    gear = motor.gear_ratio
+    friction_nm = gear * motor.gear_efficiency * motor.friction_nm
+    mean_load_n = mass_kg * STANDARD_GRAVITY_M_S2 / 3.0
+    inertia_kg_m2 = settings.yaw_inertia_kg_m2 + mass_kg * ahead_m**2
+    return Rover(
+        step_s=step_s,
+        steps_per_control=loop.steps_per_period,
+        direction=np.column_stack((-np.sin(angles), np.cos(angles), np.full(3, offset_m))),
+        radial=np.column_stack((np.cos(angles), np.sin(angles), np.zeros(3))),
+        load_n=mean_load_n * (1.0 + 2.0 * np.cos(angles) * ahead_m / offset_m),
+        mean_load_n=mean_load_n,
+        mass=np.array(
+            [
+                [mass_kg, 0.0, 0.0],
+                [0.0, mass_kg, mass_kg * ahead_m],
+                [0.0, mass_kg * ahead_m, inertia_kg_m2],
+            ]
+        ),
+        radius_m=settings.wheel_radius_m,
+        wheel_inertia_kg_m2=gear**2 * motor.inertia_kg_m2,
+        resistance_ohm=motor.resistance_ohm,
+        current_step=-math.expm1(-step_s * motor.resistance_ohm / motor.inductance_h),
+        torque_nm_per_a=gear * motor.torque_constant_nm_per_a,
+        back_emf_v_s=gear * motor.speed_constant_v_s_per_rad,
+        friction_nm=friction_nm,
+        breakaway_nm=motor.breakaway * friction_nm,
+        viscous_nm_s=gear**2 * motor.viscous_nm_s,
+        gear_efficiency=motor.gear_efficiency,
+        tick_rad=math.tau / loop.ticks_per_turn / gear,
+        gain=loop.gain,
+        battery_v=settings.battery_v,
+        battery_resistance_ohm=settings.battery_resistance_ohm,
+        idle_current_a=settings.idle_current_a,
+    )
+
+
+def _at_rest(settings: RobotinoPlantSettings) -> State:
+    idle_v = settings.battery_v - settings.battery_resistance_ohm * settings.idle_current_a
+    return State(
+        pose=np.array([settings.start_x_m, settings.start_y_m, math.radians(settings.start_yaw_deg)]),
+        twist=np.zeros(3),
+        angle_rad=np.zeros(3),
+        speed_rad_s=np.zeros(3),
+        current_a=np.zeros(3),
+        voltage_v=np.zeros(3),
+        set_ticks=np.zeros(3),
+        counted=np.zeros(3),
+        supply=np.array([idle_v]),
+        step=np.zeros(1, dtype=np.int64),
+    )

@@ -1,0 +1,1 @@
+"""Wheel-soil and slope models (papers 001 and 002)."""

@@ -1,0 +1,1 @@
+"""The simulated world: plant, lines between devices and host, faults, sensor errors."""
