@@ -130,10 +130,11 @@ def _check_rates(reception: Reception, streams: dict[Part, Stream], *, is_requir
     silent = max(streams, key=lambda part: streams[part].silence_s)
     rate_hz, silence_s = streams[slowest].rate_hz, streams[silent].silence_s
     max_age_s = reception.settings.max_age_s
-    is_distorted = streams[silent].is_burst or reception.pause_s > max_age_s
-    if silence_s > max_age_s and is_distorted:
+    if silence_s > max_age_s and streams[silent].is_burst:
         return [_silence(reception, silent.name, streams[silent])]
-    if rate_hz * max_age_s < 1:
+    listened_s = seconds(reception.end_ns - reception.start_ns)
+    # Samples of the time in which the doctor itself did not run may be lost, and are not missed.
+    if rate_hz * max_age_s * listened_s < listened_s - reception.pause_s:
         report = problem if is_required else warning
         return [
             report(
