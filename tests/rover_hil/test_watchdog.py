@@ -15,7 +15,7 @@ from drivers.samples import Sample
 from rover_hil.composition import build_virtual_rig
 from rover_hil.config import load_config
 from rover_hil.loop.executive import Executive
-from rover_hil.loop.watchdog import Watchdog
+from rover_hil.loop.watchdog import CHECK_PERIOD_S, Watchdog
 from rover_hil.recording.data_files import collect_data_files, restore_config
 from rover_hil.recording.log_reader import LogReader
 from rover_hil.recording.log_writer import LogWriter
@@ -71,6 +71,7 @@ def test_its_thread_has_a_name_and_keeps_no_program_alive() -> None:
     watchdog.start()
     (thread,) = [thread for thread in threading.enumerate() if thread.name == "watchdog"]
     assert thread.daemon
+    assert CHECK_PERIOD_S == 0.02
     watchdog.end()
     assert not thread.is_alive()
 

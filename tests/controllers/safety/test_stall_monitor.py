@@ -73,9 +73,11 @@ def test_a_wheel_that_neither_turns_nor_has_to_keeps_its_account() -> None:
     assert wheels.turn(0.2, (3.0,), (0.0,))
 
 
-def severities(times_ns: tuple[int, ...], commanded_rad_s: float = 3.0) -> list[Severity]:
+def severities(
+    times_ns: tuple[int, ...], commanded_rad_s: float = 3.0, stall_s: float = 1.0
+) -> list[Severity]:
     """Return the reasons' severities when a wheel at rest is checked at these times."""
-    monitor = StallMonitor(StallSettings(), 1)
+    monitor = StallMonitor(StallSettings(stall_s=stall_s), 1)
     return [
         reason.severity
         for now_ns in times_ns
@@ -91,6 +93,11 @@ def test_a_pause_of_the_loop_counts_for_half_of_a_stall_at_most() -> None:
         Severity.SIGN,
         Severity.STOP,
     ]
+
+
+def test_the_time_of_a_stall_can_be_set() -> None:
+    assert severities((0, 10**9, 2 * 10**9, 3 * 10**9, 4 * 10**9), stall_s=4.0)[-1] is Severity.STOP
+    assert severities((0, 10**9, 2 * 10**9, 3 * 10**9, 4 * 10**9 - 1), stall_s=4.0)[-1] is Severity.SIGN
 
 
 def test_nothing_counts_before_the_first_cycle() -> None:
