@@ -16,7 +16,7 @@ class StallSettings(Settings):
     Attributes:
         stall_s: The rover stops when a wheel has not followed its set-points for this long.
         stall_set_point_rad_s: Least set-point that every wheel follows under its greatest load. Friction and
-            the droop of the drive's speed loop may take up smaller ones, so they are no evidence. 288 runs of
+            the droop of the drive's speed loop may take up smaller ones, so they are no evidence. 306 runs of
             a Robotino on four surfaces: a set-point of 0.43 rad/s turns every wheel.
         stall_ratio: A wheel follows when it turns faster than this share of its set-point.
     """
