@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from controllers.estimator import Estimator
 from controllers.settings import FilterSettings
 from controllers.slip.effort.compensator import HOLD_S, SlipReport
-from controllers.stuck_wheels import STUCK_AFTER_S
+from controllers.slip.effort.stuck_wheels import STUCK_AFTER_S
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES
 from tests.controllers.slip_bench import KINEMATICS, PERIOD_S, PRIOR, Bench, wheel_speeds

@@ -13,10 +13,10 @@ from controllers.slip.effort.motor_model import SLOWEST_RAD_S, EffortFlag, Effor
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_map import wheel_slip
 from controllers.slip.effort.slip_sharing import share_slip
+from controllers.slip.effort.stuck_wheels import StuckWheels
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Travel
 from controllers.slip.effort.travel_range import direction_problem
 from controllers.slip.effort.yaw_excitation import YawProbe, range_problem, slip_of
-from controllers.stuck_wheels import StuckWheels
 from drivers.samples import WheelSample
 
 HOLD_S = 1.0
