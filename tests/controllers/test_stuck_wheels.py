@@ -18,7 +18,7 @@ def is_stuck_after(elapsed_s: float, held: WheelEffort, set_speed_rad_s: float =
 
 
 def test_a_wheel_is_stuck_when_it_has_been_held_for_long_enough() -> None:
-    assert STUCK_AFTER_S == 0.3
+    assert (STUCK_AFTER_S, STUCK_CURRENT, STANDING_RAD_S) == (0.3, 2.0, 0.02)
     assert not is_stuck_after(0.29, effort())
     assert is_stuck_after(0.3, effort())
 

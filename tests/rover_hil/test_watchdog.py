@@ -19,7 +19,7 @@ from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import Executive
 from rover_hil.run.replay import replay
-from rover_hil.run.watchdog import Watchdog
+from rover_hil.run.watchdog import CHECK_PERIOD_S, Watchdog
 from tests.drivers.test_driver import LetterCodec, ScriptedLink
 
 LIMIT_NS = nanoseconds(0.15)
@@ -73,6 +73,7 @@ def test_its_thread_has_a_name_and_keeps_no_program_alive() -> None:
     watchdog.start()
     (thread,) = [thread for thread in threading.enumerate() if thread.name == "watchdog"]
     assert thread.daemon
+    assert CHECK_PERIOD_S == 0.02
     watchdog.end()
     assert not thread.is_alive()
 

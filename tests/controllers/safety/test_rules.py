@@ -1,5 +1,6 @@
 """The stop rules about devices and the estimate, one by one: causes, texts and edges."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -75,7 +76,7 @@ def test_every_part_that_is_too_old_is_reported() -> None:
     "sample",
     [
         RateSample(device="imu", t_ns=CYCLE.now_ns, rate_z_rad_s=0.1),
-        RateSample(device="imu", t_ns=CYCLE.now_ns, rate_z_rad_s=float("nan")),
+        RateSample(device="imu", t_ns=CYCLE.now_ns, rate_z_rad_s=math.nan),
         WheelSample(device="imu", t_ns=CYCLE.now_ns, wheel=1, position_rad=0.1),
     ],
 )
@@ -85,9 +86,8 @@ def test_any_sample_keeps_a_device_without_a_role_of_its_own_fresh(sample: Sampl
     ]
 
 
-@pytest.mark.parametrize(("age_ms", "is_in_time"), [(0, True), (2000, True), (2001, False)])
-def test_a_fix_counts_as_long_as_the_motion_since_is_remembered(age_ms: int, is_in_time: bool) -> None:
-    fix = PoseFixSample(
+def fix(age_ms: int = 0) -> PoseFixSample:
+    return PoseFixSample(
         device="overhead",
         t_ns=CYCLE.now_ns,
         x_m=0.0,
@@ -97,8 +97,21 @@ def test_a_fix_counts_as_long_as_the_motion_since_is_remembered(age_ms: int, is_
         yaw_std_rad=0.01,
         t_capture_ns=CYCLE.now_ns - age_ms * MS,
     )
-    texts = [reason.text for reason in check(FreshnessRule(ROLES, 1), fix)]
-    assert ("overhead: no pose fix in time within 0.5 s" not in texts) == is_in_time
+
+
+def keeps_camera_fresh(sample: Sample) -> bool:
+    texts = [reason.text for reason in check(FreshnessRule(ROLES, 1), sample)]
+    return "overhead: no pose fix in time within 0.5 s" not in texts
+
+
+@pytest.mark.parametrize(("age_ms", "is_in_time"), [(0, True), (2000, True), (2001, False)])
+def test_a_fix_counts_as_long_as_the_motion_since_is_remembered(age_ms: int, is_in_time: bool) -> None:
+    assert keeps_camera_fresh(fix(age_ms)) == is_in_time
+
+
+@pytest.mark.parametrize("key", ["x_m", "y_m", "yaw_rad"])
+def test_every_number_of_a_fix_must_be_finite(key: str) -> None:
+    assert not keeps_camera_fresh(replace(fix(), **{key: math.nan}))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("motion_ms", "stops"), [(None, True), (9799, True), (9800, False), (10_000, False)])
