@@ -6,12 +6,12 @@ from pathlib import Path
 
 PACKAGES = {"drivers", "controllers", "sim_backends", "rover_hil"}
 DATA_FILES = {
-    "rover_hil/configs/robotino.toml",
-    "rover_hil/configs/el-dorado.toml",
+    "rover_hil/config/shipped/configs/robotino.toml",
+    "rover_hil/config/shipped/configs/el-dorado.toml",
     "rover_hil/report/report.html",
-    "rover_hil/rigs/el-dorado.json",
-    "rover_hil/scomp_parameters/el-dorado.toml",
-    "rover_hil/slip_maps/robotino.toml",
+    "rover_hil/config/shipped/rigs/el-dorado.json",
+    "rover_hil/config/shipped/scomp_parameters/el-dorado.toml",
+    "rover_hil/config/shipped/slip_maps/robotino.toml",
     "rover_hil/terrain/report.html",
     "rover_hil/tune/report.html",
     "sim_backends/rear_scene/photographs/grass.png",

@@ -43,16 +43,15 @@ from benchmarks.field_drives import (
 )
 from benchmarks.field_tests import FIRST_SEED, SITES, parameters_of, see
 from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image
-from rover_hil.ftrace.rig_file import RigFile
 from sim_backends.plants.el_dorado.plant import ElDoradoPlant
-from sim_backends.rear_scene.draws import wander
-from sim_backends.rear_scene.motion import rotations
-from sim_backends.rear_scene.scene import Pose, RearScene
+from sim_backends.rear_scene.scene import Pose, RearScene, rotations
 from sim_backends.world.plant import Truth
 from sim_backends.world.sensor_errors import DirectionLag
+from tests.rear_scene.draws import wander
 
 PRESSES_PER_FRAME = 4
 PRESS_S = 1.0 / FRAME_RATE_HZ / PRESSES_PER_FRAME

@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import nanoseconds
-from sim_backends.devices.camera import GroundKind
-from sim_backends.plants.el_dorado.dynamics import GRAVITY_M_S2
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.plants.el_dorado.plant import ElDoradoPlant
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
 from sim_backends.plants.el_dorado.wheel_table import WheelTable, build_table
-from sim_backends.rear_scene.draws import draw_errors, draw_rig, wander
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun, Terrain
-from sim_backends.rear_scene.motion import RATE_HZ, Motion, rotations
-from sim_backends.rear_scene.rig import Rig
-from sim_backends.rear_scene.scene import Lens, rocking
-from sim_backends.rear_scene.sequence import FrameSequence, Look
+from sim_backends.rear_scene.scene import Lens, rocking, rotations
+from sim_backends.rear_scene.settings import GroundKind
 from sim_backends.terramechanics.soil.library import load_soil, load_wheel
 from sim_backends.world.plant import Truth
 from sim_backends.world.sensor_errors import DirectionLag
+from tests.rear_scene.draws import draw_errors, draw_rig, wander
+from tests.rear_scene.motion import RATE_HZ, Motion
+from tests.rear_scene.rig_file import CalibratedRig
+from tests.rear_scene.sequence import FrameSequence, Look
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ class Rover:
 
     plant: ElDoradoPlantSettings
     table: WheelTable
-    rig: Rig
+    rig: CalibratedRig
     compass_bias_deg: float
     compass_deviation_deg: Floats
     wheel_scale: Floats
@@ -128,7 +128,7 @@ def draw_rover(seed: int) -> Rover:
     deviation = rng.normal(0, 0.8, 4) * [1, 1, 0.5, 0.5]
     return Rover(
         plant=plant,
-        table=build_table(wheel, soil, 0.25 * plant.mass_kg * GRAVITY_M_S2),
+        table=build_table(wheel, soil, 0.25 * plant.mass_kg * STANDARD_GRAVITY_M_S2),
         rig=rig,
         compass_bias_deg=float(rng.normal(0, 1.0)),
         compass_deviation_deg=deviation,
@@ -233,7 +233,7 @@ def motion_of(
     )
 
 
-def _height_m(rig: Rig, terrain: Terrain, x: Floats, y: Floats, yaw: Floats) -> Floats:
+def _height_m(rig: CalibratedRig, terrain: Terrain, x: Floats, y: Floats, yaw: Floats) -> Floats:
     """Return the mean height of the ground under the wheels."""
     heights = [
         terrain.height_m(

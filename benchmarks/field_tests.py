@@ -36,10 +36,10 @@ from benchmarks.field_drives import (
 from benchmarks.field_pictures import draw_test
 from benchmarks.scomp_peers import compass_track, paper_track, plain_track
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image
-from rover_hil.ftrace.rig_file import RigFile
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m

@@ -3,7 +3,7 @@
     python -m benchmarks.ftrace [--sets easy,curved] [--seeds 2] [--first-seed 1000] [--seconds S]
                                 [--methods fused,hough] [--pictures FOLDER]
 
-Every finder gets the same grey frames, wheel speed and gyro of the drives of `sim_backends/rear_scene`. Seeds
+Every finder gets the same grey frames, wheel speed and gyro of the drives of `tests/rear_scene`. Seeds
 from 1000 are held out: nothing was tuned on them. Prints one table per set, one for all but `sparse` (one
 image every 32 cm) together, and as JSON what misses a bar; exit code 1 when anything does. One seed of all
 sets takes about five minutes; `--sets easy,curved --seconds 20` one.
@@ -26,18 +26,18 @@ from benchmarks.ftrace_peers import BandFilter, CannyHough, Peer, PlanarFlow
 from benchmarks.ftrace_scores import Found, Judged, figures, judge, together
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, TraceSettings
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
+from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
 from drivers.samples import Image
 from rover_hil.ftrace.overlay import draw
-from rover_hil.ftrace.rig_file import RigFile
-from sim_backends.rear_scene.motion import RATE_HZ
-from sim_backends.rear_scene.rig import Rig
-from sim_backends.rear_scene.sequence import FrameSequence
-from sim_backends.rear_scene.sets import FIRST_HELD_OUT_SEED, SET_NAMES, make_sequence
-from sim_backends.rear_scene.truth import Telemetry, centre_line
+from tests.rear_scene.motion import RATE_HZ
+from tests.rear_scene.rig_file import CalibratedRig
+from tests.rear_scene.sequence import FrameSequence
+from tests.rear_scene.sets import FIRST_HELD_OUT_SEED, SET_NAMES, make_sequence
+from tests.rear_scene.truth import Telemetry, centre_line
 
 METHODS: tuple[Method, ...] = get_args(Method)
-PEERS: Mapping[str, Callable[[Rig], Peer]] = {
+PEERS: Mapping[str, Callable[[CalibratedRig], Peer]] = {
     "canny+hough": CannyHough,
     "flow": lambda rig: PlanarFlow(rig, gyro=False),
     "flow+gyro": lambda rig: PlanarFlow(rig, gyro=True),

@@ -21,15 +21,16 @@ import numpy as np
 from benchmarks.ftrace import COLUMNS, METHODS, drive_through
 from benchmarks.ftrace_scores import Judged, figures, together
 from drivers.samples import Image
-from sim_backends.rear_scene.motion import RATE_HZ, Motion
-from sim_backends.rear_scene.rig import Rig, Wheel
-from sim_backends.rear_scene.sequence import FrameSequence
-from sim_backends.rear_scene.truth import FrameTruth, Telemetry
+from sim_backends.rear_scene.rig import Wheel
 from tests.nature import trace_drive
 from tests.nature.trace_drive import SETS, Drive
 from tests.nature.trace_rut import LOOKS
 from tests.nature.trace_scene import TraceScene
 from tests.nature.trace_sets import make_drive
+from tests.rear_scene.motion import RATE_HZ, Motion
+from tests.rear_scene.rig_file import CalibratedRig
+from tests.rear_scene.sequence import FrameSequence
+from tests.rear_scene.truth import FrameTruth, Telemetry
 
 FIRST_HELD_OUT_SEED = 1000
 
@@ -100,7 +101,7 @@ def _report(name: str, parts: Mapping[str, Sequence[Judged]]) -> None:
     sys.stdout.flush()
 
 
-def _rig(drive: Drive) -> Rig:
+def _rig(drive: Drive) -> CalibratedRig:
     """Return the rig as the peers take it."""
     wheels = [
         Wheel(
@@ -115,7 +116,7 @@ def _rig(drive: Drive) -> Rig:
         )
         for wheel in drive.wheels
     ]
-    return Rig(
+    return CalibratedRig(
         width=trace_drive.WIDTH,
         height=trace_drive.HEIGHT,
         fps=drive.frames_hz,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.samples import Image
-from sim_backends.rear_scene.rig import Rig
+from tests.rear_scene.rig_file import CalibratedRig
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Peer(Protocol):
 class Rectified:
     """The ground behind the wheel from above: rows behind the contact, columns to its right."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: CalibratedRig) -> None:
         self._size = (round(2 * HALF_WIDTH_M / PIXEL_M) + 1, round(LENGTH_M / PIXEL_M))
         rows, columns = np.indices(self._size[::-1])
         right, back = (columns - self._size[0] // 2) * PIXEL_M, (rows + 0.5) * PIXEL_M
@@ -69,7 +69,7 @@ class Rectified:
 class CannyHough:
     """The strongest Hough line of the edges, half a wheel's width to its inner side."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: CalibratedRig) -> None:
         self._ground = Rectified(rig)
         self._inner = cv2.erode(self._ground.seen.astype(np.uint8), np.ones((9, 9), np.uint8))
         self._width_px = rig.wheel.width_m / PIXEL_M
@@ -107,7 +107,7 @@ class PlanarFlow:
         gyro: Take the turn from the gyro and only the shift from the picture.
     """
 
-    def __init__(self, rig: Rig, *, gyro: bool) -> None:
+    def __init__(self, rig: CalibratedRig, *, gyro: bool) -> None:
         self._ground = Rectified(rig)
         self._mask = cv2.erode(self._ground.seen.astype(np.uint8), np.ones((9, 9), np.uint8))
         self._gyro = gyro
@@ -151,7 +151,7 @@ class PlanarFlow:
 class BandFilter:
     """The straight band of the wheel's width that differs most in grey from the ground beside it."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: CalibratedRig) -> None:
         self._ground = Rectified(rig)
         shape = self._ground.seen.shape
         half = round(rig.wheel.width_m / 2 / PIXEL_M)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.rear_scene.truth import FrameTruth
+from tests.rear_scene.truth import FrameTruth
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gap_battery_table import share
-from rover_hil.gap.load import load_model, read_runs
-from rover_hil.gap.model_file import ExtendedModel, ModelFile, Number, Provenance
+from rover_hil.gap.data.load import load_model, read_runs
+from rover_hil.gap.output.model_file import ExtendedModel, ModelFile, Number, Provenance
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Model

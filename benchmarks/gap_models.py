@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_hil.gap.data.load import load_model, read_runs
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.load import load_model, read_runs
-from rover_hil.gap.model_file import ExtendedModel, read_model_file
-from rover_hil.gap.results import MODEL_NAME, write_results
+from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
+from rover_hil.gap.output.results import MODEL_NAME, write_results
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Model, Parameter, Run

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from benchmarks.gap_cases import Case
 from benchmarks.gap_peers import ask_peers
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.judge import explained_share
+from rover_hil.gap.verdict_rules import explained_share
 from tests.nature.side_slope import Nature
 
 FROZEN = (
@@ -87,8 +87,8 @@ class Outcome(BaseModel):
 def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
     """Return what is kept of an analysis."""
     verdict, findings = analysis.verdict, analysis.findings
-    proof = findings.proof if findings is not None else None
-    left = findings.left if findings is not None else None
+    validation = findings.validation if findings is not None else None
+    remaining_gap = findings.remaining_gap if findings is not None else None
     return Outcome(
         code=code_hash(),
         number=case.seed,
@@ -99,7 +99,7 @@ def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
         nature=asdict(nature),
         verdict=str(verdict.verdict),
         p_gap=verdict.p_gap,
-        p_left=left.p if left is not None else None,
+        p_left=remaining_gap.p if remaining_gap is not None else None,
         explained=explained_share(findings) if findings is not None else 0.0,
         confidence_set=tuple(tuple(one) for one in verdict.confidence_set),
         effects={
@@ -110,7 +110,7 @@ def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
             for effect in verdict.effects
         },
         channels={}
-        if proof is None
+        if validation is None
         else {
             name: Channel(
                 before=one.before,
@@ -119,9 +119,9 @@ def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
                 closure=one.closure,
                 is_worse=one.is_worse,
             )
-            for name, one in proof.channels.items()
+            for name, one in validation.channels.items()
         },
-        closure=proof.closure if proof is not None else None,
+        closure=validation.closure if validation is not None else None,
         peers=ask_peers(findings) if findings is not None else {},
         seconds=verdict.seconds,
     )

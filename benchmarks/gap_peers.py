@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_hil.gap.findings import Findings
-from rover_hil.gap.score import Projection
+from rover_hil.gap.statistics.score import Projection
 
 Floats = NDArray[np.float64]
 FOLDS = 5

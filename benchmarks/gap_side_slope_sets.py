@@ -8,8 +8,8 @@ import argparse
 from pathlib import Path
 
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.judge import interval_factor, is_named
-from rover_hil.gap.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.verdict_rules import intervals, is_named
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope import SideSlope, make_model
 
@@ -19,8 +19,8 @@ def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:
     if findings is None or findings.best is None or not is_named(analysis.verdict.verdict):
         return None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    fitted, factor = findings.best.fit, interval_factor(findings)
-    return ExtendedModel(model, describe_model(model, model.name, provenance, fitted, factor))
+    found = intervals(findings, findings.best)
+    return ExtendedModel(model, describe_model(model, model.name, provenance, findings.best.fit, found))
 
 
 def _show(folder: Path, seed: int) -> None:

@@ -19,8 +19,8 @@ import numpy as np
 
 from drivers.clock import NANOSECONDS_PER_SECOND, stopwatch_ns
 from drivers.samples import Image
-from sim_backends.rear_scene.sequence import FrameSequence
-from sim_backends.rear_scene.sets import FIRST_HELD_OUT_SEED, SET_NAMES, make_sequence
+from tests.rear_scene.sequence import FrameSequence
+from tests.rear_scene.sets import FIRST_HELD_OUT_SEED, SET_NAMES, make_sequence
 
 WARM_UP_FRAMES = 5
 FRAMES = 100

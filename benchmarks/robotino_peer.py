@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.robotino_cells import ANGLES, Cell
 from drivers.clock import seconds, stopwatch_ns
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.surfaces import Surface
 
@@ -34,7 +35,7 @@ class Peer:
         self.set_point = np.array(cell.set_speed_rad_s)
         ahead_m = settings.centre_of_mass_x_m
         behind = np.cos(ANGLES) * ahead_m / settings.wheel_offset_m
-        self.load_n = settings.mass_kg * 9.81 / 3.0 * (1.0 + 2.0 * behind)
+        self.load_n = settings.mass_kg * STANDARD_GRAVITY_M_S2 / 3.0 * (1.0 + 2.0 * behind)
         self.idle_v = settings.battery_v - settings.battery_resistance_ohm * settings.idle_current_a
 
     def rates(self, _t_s: float, state: Floats) -> Floats:

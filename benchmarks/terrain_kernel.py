@@ -129,7 +129,7 @@ def steady_states(kernel: Kernel, bound: float) -> dict[str, float]:
 def import_seconds() -> float:
     """Return how long a new interpreter takes to import rover and solver."""
     code = "import time; t = time.process_time(); import {0}; print(time.process_time() - t)"
-    command = [sys.executable, "-c", code.format("sim_backends.terramechanics.slope.drive")]
+    command = [sys.executable, "-c", code.format("sim_backends.terramechanics.slope.steady_state")]
     spent = [subprocess.run(command, capture_output=True, check=True) for _ in range(5)]
     return min(float(one.stdout) for one in spent)
 

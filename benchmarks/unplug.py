@@ -23,7 +23,7 @@ from rover_hil.config import Config, load_config
 from rover_hil.recording.reader import LogReader
 
 PROGRAM = str(Path(sys.executable).with_name("rover-hil"))
-CONFIGS = Path(__file__).parents[1] / "rover_hil" / "configs"
+CONFIGS = Path(__file__).parents[1] / "rover_hil" / "config" / "shipped" / "configs"
 FAULT_START_S = 4.0
 FAULT_DURATION_S = 1.0
 RUN_S = 8.0

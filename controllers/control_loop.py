@@ -1,10 +1,10 @@
 """One cycle of the controller: samples in, wheel set-points out. Pure: time is an argument."""
 
+import math
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from controllers.doubts import FollowMonitor, RefusalCounter
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.estimator import Estimator
@@ -14,6 +14,7 @@ from controllers.motion.path_following import Guidance, PathFollower
 from controllers.motion.planar import Pose
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
+from controllers.safety.reasons import Cycle
 from controllers.settings import ControlSettings, OmniRoverSettings
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
@@ -94,8 +95,7 @@ class ControlLoop:
         )
         self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
-        self._refusals = RefusalCounter()
-        self._follow_monitor = FollowMonitor(kinematics.wheel_count, settings.limits.wheel_speed_rad_s)
+        self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._follower = None if mission is None else PathFollower(mission, kinematics.moves_sideways)
 
@@ -107,9 +107,8 @@ class ControlLoop:
             self._supervisor.observe(sample, t_ns)
             self._estimator.take(sample, t_ns)
         innovations = self._estimator.advance(now_ns, self._commanded_rad_s)
-        self._refusals.note(innovations)
         estimate = self._estimator.estimate(now_ns)
-        guidance = self._guide(now_ns, estimate)
+        guidance = self._guide(now_ns, estimate, innovations)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
         odometry = self._estimator.odometry
@@ -133,15 +132,25 @@ class ControlLoop:
         motion_ns = self._estimator.motion_ns
         return motion_ns is not None and now_ns - motion_ns <= self._motion_age_ns
 
-    def _guide(self, now_ns: int, estimate: PoseEstimate) -> Guidance | None:
+    def _guide(
+        self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]
+    ) -> Guidance | None:
         if self._follower is None:
             return None
-        supervisor = self._supervisor
-        does_not_follow = self._follow_monitor.find_doubt(
-            now_ns, self._commanded_rad_s, self._estimator.odometry.wheel_speed_rad_s
+        supervisor, odometry = self._supervisor, self._estimator.odometry
+        driven_from, self._driven_to = self._driven_to, odometry.pose
+        distance_m = math.hypot(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
+        supervisor.update(
+            Cycle(
+                now_ns=now_ns,
+                estimate_is_finite=estimate.is_finite,
+                motion_ns=self._estimator.motion_ns,
+                innovations=innovations,
+                commanded_rad_s=self._commanded_rad_s,
+                measured_rad_s=odometry.wheel_speed_rad_s,
+                distance_m=distance_m,
+            )
         )
-        doubt = self._refusals.doubt or does_not_follow
-        supervisor.update(now_ns, estimate.is_finite, self._estimator.motion_ns, doubt)
         if supervisor.mode is not Mode.RUNNING:
             return None
         drift_rad = 0.0

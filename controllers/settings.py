@@ -1,11 +1,13 @@
 """Settings of estimation and control, with ranges that detect a wrong unit."""
 
 import math
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import AliasChoices, Field, model_validator
 
+from controllers.safety.settings import SafetySettings
 from controllers.slip.effort.settings import SlipSettings
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.settings import Settings
@@ -155,22 +157,6 @@ class LimitSettings(Settings):
     wheel_acceleration_rad_s2: Annotated[float, Field(ge=0.1, le=2000.0)]
 
 
-class SafetySettings(Settings):
-    """When the rover stands still.
-
-    Attributes:
-        expiry_s: A command holds for this long after its cycle.
-        settle_s: All required devices must be heard for this long before the first motion.
-        recover_s: And for this long before motion resumes after a stop.
-        bumper_stops: A pressed bumper stops the rover until restart.
-    """
-
-    expiry_s: Annotated[float, Field(ge=0.01, le=1.0)] = 0.15
-    settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
-    recover_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
-    bumper_stops: bool = True
-
-
 class ControlSettings(Settings):
     """The whole controller. Without a mission it only observes, with zero set-points.
 
@@ -189,14 +175,22 @@ class ControlSettings(Settings):
 
     @model_validator(mode="after")
     def _check_slip(self) -> Self:
-        if self.slip is not None and not isinstance(self.rover, OmniRoverSettings):
-            raise ValueError(
-                f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
-                f"'{self.rover.kinematics}': leave [slip] out"
-            )
-        if self.scomp is not None and not isinstance(self.rover, SkidSteerRoverSettings):
-            raise ValueError(
-                f"scomp: it is for a rover with four wheels, but rover.kinematics is "
-                f"'{self.rover.kinematics}': leave [scomp] out"
-            )
+        for conflict in find_slip_conflicts(self.rover, self.slip, self.scomp):
+            raise ValueError(conflict)
         return self
+
+
+def find_slip_conflicts(
+    rover: RoverSettings, slip: SlipSettings | None, scomp: ScompSettings | None
+) -> Iterator[str]:
+    """Yield which slip compensation is not for this kind of rover, with the fix."""
+    if slip is not None and not isinstance(rover, OmniRoverSettings):
+        yield (
+            f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
+            f"'{rover.kinematics}': leave [slip] out"
+        )
+    if scomp is not None and not isinstance(rover, SkidSteerRoverSettings):
+        yield (
+            f"scomp: it is for a rover with four wheels, but rover.kinematics is "
+            f"'{rover.kinematics}': leave [scomp] out"
+        )

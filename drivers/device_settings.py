@@ -35,6 +35,10 @@ class DeviceSettings(Settings):
         """
         return {}
 
+    def exclusive_port(self) -> tuple[str, str] | None:
+        """Return key and path of the port that only one device can open; None where devices may share it."""
+        return None
+
 
 class ByteDeviceSettings(DeviceSettings):
     """A device that talks in bytes: serial chunks or CAN frames."""
@@ -74,6 +78,10 @@ class SerialDeviceSettings(ByteDeviceSettings):
         from drivers.serial_link import SerialLink
 
         return SerialLink(self.port, self.baud_rate, clock, self.reconnect_limit_s)
+
+    def exclusive_port(self) -> tuple[str, str]:
+        """Return the serial port."""
+        return "port", self.port
 
 
 class DriveSettings(ByteDeviceSettings):

@@ -1,7 +1,7 @@
 """Builds a simulated world: a plant, and an emulator for every device of the configuration."""
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -16,14 +16,16 @@ from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
 from drivers.witmotion.settings import WitMotionSettings
-from sim_backends.devices.camera import CameraEmulatorSettings, make_camera
+from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
-from sim_backends.devices.overhead_camera import OverheadCameraEmulatorSettings, make_overhead_camera
+from sim_backends.devices.overhead_camera import make_overhead_camera
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
 from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
+from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import SimulationSettings
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
 from sim_backends.world.plant import Plant
@@ -46,9 +48,12 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
         start_ns: When the simulation starts.
 
     Raises:
-        ConfigError: The simulation speaks of devices that do not exist, or its rover does not fit them.
+        ConfigError: The simulation names devices that do not exist, or its rover does not fit them; one line
+            per mistake.
     """
-    _check_names(devices, simulation)
+    mistakes = list(find_simulation_conflicts(devices, simulation))
+    if mistakes:
+        raise ConfigError("\n".join(mistakes))
     plant = _make_plant(simulation, start_ns)
     byte_devices: dict[str, EmulatedDevice[bytes]] = {}
     image_devices: dict[str, EmulatedDevice[CameraImage]] = {}
@@ -56,24 +61,40 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
         rng = _generator(simulation.seed, f"device {name}")
         fault_rng = _generator(simulation.seed, f"faults {name}")
         faults = [fault for fault in simulation.faults if fault.device == name]
-        if isinstance(settings, CameraSettings | OverheadCameraSettings):
-            camera = _make_image_device(name, settings, simulation, plant, rng, start_ns)
-            schedule_faults(camera, faults, grey_lower_half, fault_rng, start_ns)
-            image_devices[name] = camera
-        else:
-            device = _make_byte_device(name, settings, simulation, plant, rng, start_ns)
-            schedule_faults(device, faults, flip_bit, fault_rng, start_ns)
-            byte_devices[name] = device
+        try:
+            if isinstance(settings, CameraSettings | OverheadCameraSettings):
+                camera = _make_image_device(name, settings, simulation, plant, rng, start_ns)
+                schedule_faults(camera, faults, grey_lower_half, fault_rng, start_ns)
+                image_devices[name] = camera
+            else:
+                device = _make_byte_device(name, settings, simulation, plant, rng, start_ns)
+                schedule_faults(device, faults, flip_bit, fault_rng, start_ns)
+                byte_devices[name] = device
+        except ConfigError as error:
+            mistakes.append(str(error))
+    if mistakes:
+        raise ConfigError("\n".join(mistakes))
     return World(plant, byte_devices, image_devices)
 
 
-def _check_names(devices: Devices, simulation: SimulationSettings) -> None:
+def find_simulation_conflicts(
+    devices: Mapping[str, AnyDeviceSettings | None], simulation: SimulationSettings
+) -> Iterator[str]:
+    """Yield what the simulation says of devices that do not exist or have another type, with the fix.
+
+    Args:
+        devices: The devices of the configuration by name; None for one whose settings are not valid.
+        simulation: The simulated rover.
+    """
     named = [(f"devices.{name}", name) for name in simulation.devices]
     named += [(f"faults.{index}.device", fault.device) for index, fault in enumerate(simulation.faults)]
     for key, name in named:
         if name not in devices:
-            msg = f"simulation.{key}: [devices] has no '{name}': name one of {', '.join(devices)}"
-            raise ConfigError(msg)
+            yield f"simulation.{key}: [devices] has no '{name}': name one of {', '.join(devices)}"
+    for name, emulator in simulation.devices.items():
+        device = devices.get(name)
+        if device is not None and device.type != emulator.type:
+            yield f"simulation.devices.{name}.type: must be '{device.type}', as in [devices]"
 
 
 def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
@@ -132,14 +153,8 @@ def _make_byte_device(
 def _errors_of(
     kind: type[EmulatorT], name: str, device: AnyDeviceSettings, simulation: SimulationSettings
 ) -> EmulatorT:
-    """Return how a device errs, by default where the configuration does not say."""
-    settings = simulation.devices.get(name)
-    if settings is None:
-        return kind.model_validate({"type": device.type})
-    if not isinstance(settings, kind):
-        msg = f"simulation.devices.{name}.type: must be '{device.type}', as in [devices]"
-        raise ConfigError(msg)
-    return settings
+    """Return the errors of a device, the default ones when the configuration has none."""
+    return kind.model_validate(simulation.devices.get(name) or {"type": device.type})
 
 
 def _generator(seed: int, name: str) -> np.random.Generator:

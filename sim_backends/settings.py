@@ -5,14 +5,14 @@ from typing import Annotated, TypeAlias
 from pydantic import Field
 
 from drivers.settings import Settings
-from sim_backends.devices.camera import CameraEmulatorSettings
 from sim_backends.devices.can_wheels import CanNodeSettings
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings
-from sim_backends.devices.overhead_camera import OverheadCameraEmulatorSettings
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
 from sim_backends.devices.witmotion import ImuEmulatorSettings
+from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.faults import FaultSettings
 
 PlantSettings: TypeAlias = Annotated[

@@ -1,7 +1,12 @@
 """Shared fixtures: measured data outside the repository, and the switch for tests on a real rover."""
 
+import os
 import signal
 from pathlib import Path
+
+# Set before numpy is first imported: the workers of pytest-xdist share the cores, and idle threads of numpy's
+# linear algebra spin on them. Programs that the tests start inherit it.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import pytest
 from hypothesis import settings

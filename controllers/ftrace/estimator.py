@@ -8,7 +8,8 @@ import numpy as np
 from controllers.ftrace.ground.frame import Frame, is_usable
 from controllers.ftrace.hough.tracker import HoughTracker
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
-from controllers.ftrace.rig_geometry import Floats, GroundPatch, RigGeometry
+from controllers.ftrace.rig import RigGeometry
+from controllers.ftrace.rig_geometry import Floats, GroundPatch
 from controllers.ftrace.rut.tracker import RutTracker
 from drivers.clock import seconds
 from drivers.errors import ModelError

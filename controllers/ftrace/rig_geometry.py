@@ -4,12 +4,11 @@ Ground coordinates here are the vehicle frame of the rig: origin at the projecti
 the wheel-contact plane, x forward, y left, z up, metres. The ground is taken as the plane z = 0.
 """
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.ftrace.rig import RigGeometry
 from drivers.errors import ConfigError
 from drivers.samples import Image
 
@@ -26,46 +25,6 @@ LEAST_LOOK_DOWN = 0.05
 LEAST_VISIBLE = 0.25
 """Least share of the ground view that the image must show."""
 ORTHONORMAL_TOLERANCE = 1e-3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigGeometry:
-    """Calibrated camera and the wheel whose trace it sees.
-
-    Attributes:
-        width: Image width in pixels.
-        height: Image height in pixels.
-        camera_matrix: 3 x 3 intrinsic matrix in pixels (OpenCV).
-        distortion: k1 k2 p1 p2 k3 (OpenCV).
-        rotation: 3 x 3, turns camera coordinates (x right, y down, z ahead) into vehicle coordinates.
-        position_m: Camera in the vehicle frame.
-        contact_m: Contact point of the wheel in the vehicle frame.
-        wheel_width_m: Width of the wheel.
-        wheel_radius_m: Radius of the wheel, grousers included.
-        lead_m: From that contact to the one of the next wheel ahead in about the same track, in the vehicle
-            frame: forward, left; None without one.
-        steer_rad: Angle of the wheel's longitudinal axis from x, counter-clockwise.
-        behind_m: Length of ground to use, from the contact backwards.
-        lateral_m: Ground to use to either side of the contact.
-        max_slip_rad: Largest angle of a trace from the wheel's axis, below 60 deg.
-        nominal_speed_m_s: Speed assumed where none is told.
-    """
-
-    width: int
-    height: int
-    camera_matrix: Floats
-    distortion: Floats
-    rotation: Floats
-    position_m: Floats
-    contact_m: Floats
-    wheel_width_m: float
-    wheel_radius_m: float
-    lead_m: tuple[float, float] | None
-    steer_rad: float
-    behind_m: float
-    lateral_m: float
-    max_slip_rad: float
-    nominal_speed_m_s: float
 
 
 class GroundPatch:

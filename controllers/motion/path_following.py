@@ -1,6 +1,7 @@
 """Steers along straight lines from corner to corner."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -49,19 +50,11 @@ class PathFollower:
     """
 
     def __init__(self, mission: MissionSettings, moves_sideways: bool) -> None:
-        if mission.heading == "hold" and not moves_sideways:
-            raise ConfigError(
-                'mission.heading: a skid-steer rover cannot hold its heading, set it to "along_path"'
-            )
+        for conflict in find_mission_conflicts(mission, moves_sideways):
+            raise ConfigError(conflict)
         self._mission = mission
         self._moves_sideways = moves_sideways
         self._lines = list(pairwise(corner_points(mission)))
-        for start, end in self._lines:
-            if math.dist(start, end) <= mission.position_tolerance_m:
-                raise ConfigError(
-                    f"mission: the line from {start} to {end} is not longer than position_tolerance_m "
-                    f"({mission.position_tolerance_m:g}), leave the point out or lower the tolerance"
-                )
         self._index = 0
 
     def guide(self, pose: Pose, drift_rad: float = 0.0) -> Guidance:
@@ -111,6 +104,23 @@ class PathFollower:
             cross_track_m=cross_m,
             finished=False,
         )
+
+
+def find_mission_conflicts(mission: MissionSettings, moves_sideways: bool) -> Iterator[str]:
+    """Yield why a rover cannot follow a mission, with the fix.
+
+    Args:
+        mission: Path, speed and gains.
+        moves_sideways: Whether the rover can move in any direction at any heading.
+    """
+    if mission.heading == "hold" and not moves_sideways:
+        yield 'mission.heading: a skid-steer rover cannot hold its heading, set it to "along_path"'
+    for start, end in pairwise(corner_points(mission)):
+        if math.dist(start, end) <= mission.position_tolerance_m:
+            yield (
+                f"mission: the line from {start} to {end} is not longer than position_tolerance_m "
+                f"({mission.position_tolerance_m:g}), leave the point out or lower the tolerance"
+            )
 
 
 def _direction(line: tuple[Point, Point]) -> float:

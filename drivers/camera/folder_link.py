@@ -6,8 +6,8 @@ from itertools import count
 from pathlib import Path
 
 from drivers.camera.images import read_image
+from drivers.camera.parameters import FrameSourceParameters
 from drivers.camera.playback_link import NEWEST_FRAMES, PlaybackLink, RecordedFrame
-from drivers.camera.settings import FrameSourceSettings
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock
 from drivers.errors import NotConnectedError
 from drivers.link import CameraImage, LinkChange, LinkItem, Received
@@ -59,7 +59,7 @@ class LiveFolderLink:
         dropped: Frames skipped because nobody received them in time.
     """
 
-    def __init__(self, settings: FrameSourceSettings, clock: Clock) -> None:
+    def __init__(self, settings: FrameSourceParameters, clock: Clock) -> None:
         self.dropped = 0
         self._folder = Path(settings.path)
         self._clock = clock

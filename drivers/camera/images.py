@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from cv2.typing import MatLike
 
-from drivers.camera.settings import FrameSourceSettings
+from drivers.camera.parameters import FrameSourceParameters
 from drivers.samples import Image
 
 RATE_TOLERANCE = 0.01
@@ -26,7 +26,7 @@ class FrameFormat(NamedTuple):
     def __str__(self) -> str:
         return f"{self.width:g} x {self.height:g} pixels at {self.rate_hz:g} Hz"
 
-    def matches(self, settings: FrameSourceSettings) -> bool:
+    def matches(self, settings: FrameSourceParameters) -> bool:
         """Return whether frames are as configured; the rate may differ by 1 % (29.97 for 30)."""
         wrong_by_hz = abs(self.rate_hz - settings.frame_rate_hz)
         return (self.width, self.height) == (settings.width, settings.height) and (

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from typing import NamedTuple
 
-from drivers.camera.settings import FrameSourceSettings
+from drivers.camera.parameters import FrameSourceParameters
 from drivers.clock import Clock, nanoseconds
 from drivers.link import CameraImage, LinkChange, LinkItem, Received
 from drivers.samples import Image
@@ -33,7 +33,7 @@ class PlaybackLink(ABC):
         dropped: Frames skipped because nobody received them in time.
     """
 
-    def __init__(self, settings: FrameSourceSettings, clock: Clock) -> None:
+    def __init__(self, settings: FrameSourceParameters, clock: Clock) -> None:
         self.dropped = 0
         self._settings = settings
         self._period_ns = nanoseconds(1 / settings.frame_rate_hz)

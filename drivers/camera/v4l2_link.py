@@ -14,7 +14,7 @@ os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 import cv2
 
 from drivers.camera.images import FrameFormat, format_of, retrieve
-from drivers.camera.settings import FrameSourceSettings
+from drivers.camera.parameters import FrameSourceParameters
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds
 from drivers.errors import NotConnectedError
 from drivers.link import CameraImage, Received
@@ -44,7 +44,7 @@ class V4l2Link(ThreadedLink[CameraImage]):
 
     queue_limit = 4
 
-    def __init__(self, settings: FrameSourceSettings, clock: Clock) -> None:
+    def __init__(self, settings: FrameSourceParameters, clock: Clock) -> None:
         super().__init__(f"camera {settings.path}", clock, settings.reconnect_limit_s)
         self._settings = settings
         self._period_ns = nanoseconds(1 / settings.frame_rate_hz)

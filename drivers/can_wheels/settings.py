@@ -53,6 +53,10 @@ class CanWheelsSettings(DriveSettings):
         bus = load_mapping(self.mapping)
         return {"mapping": (bus.mapping_file, bus.dbc_file)}
 
+    def exclusive_port(self) -> tuple[str, str] | None:
+        """Return the serial port of an slcan adapter; any number of programs can use a network interface."""
+        return ("channel", self.channel) if self.interface == "slcan" else None
+
     def make_link(self, clock: Clock) -> Link[bytes]:
         """Build the link to the bus; nothing is opened yet."""
         from drivers.can_link import CanLink

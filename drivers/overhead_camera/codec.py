@@ -19,7 +19,7 @@ from drivers.heading_calibration import load_calibration
 from drivers.link import CameraImage, Received
 from drivers.overhead_camera.floor import Floor, FloorCalibration
 from drivers.overhead_camera.markers import Corners, MarkerFinder
-from drivers.overhead_camera.settings import OverheadCameraSettings
+from drivers.overhead_camera.parameters import OverheadCameraParameters
 from drivers.samples import FrameSample, Image, PoseFixSample
 
 SQUARE = np.array([-1 + 1j, 1 + 1j, 1 - 1j, -1 - 1j])
@@ -49,7 +49,7 @@ class OverheadCameraCodec:
         ConfigError: The calibration is missing or wrong, or does not fit the frames or the marker.
     """
 
-    def __init__(self, name: str, settings: OverheadCameraSettings) -> None:
+    def __init__(self, name: str, settings: OverheadCameraParameters) -> None:
         self._name = name
         self._settings = settings
         self._frames = CameraCodec(name, settings.width, settings.height)
@@ -140,7 +140,7 @@ def _side_px(corners_px: Corners) -> float:
     return float(np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).mean())
 
 
-def _load_floor(name: str, settings: OverheadCameraSettings) -> Floor:
+def _load_floor(name: str, settings: OverheadCameraParameters) -> Floor:
     calibration = load_calibration(settings.calibration_file, FloorCalibration)
     if (calibration.width, calibration.height) != (settings.width, settings.height):
         msg = (

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from drivers.camera.settings import Pixels
+from drivers.camera.parameters import Pixels
 from drivers.errors import ModelError
 from drivers.heading_calibration import Calibration
 

@@ -1,75 +1,13 @@
 """Settings of an overhead camera."""
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import Field
-
-from drivers.camera.settings import FrameSourceSettings, Pixels
+from drivers.camera.settings import FrameSourceSettings
 from drivers.driver import Codec
 from drivers.link import CameraImage
-
-DICTIONARY_PATTERN = (
-    r"^DICT_((4X4|5X5|6X6|7X7)_(50|100|250|1000)|ARUCO_ORIGINAL|ARUCO_MIP_36h12"
-    r"|APRILTAG_(16h5|25h9|36h10|36h11))$"
-)
-"""The names of OpenCV's predefined dictionaries."""
-
-SHIPPED_CALIBRATIONS = ("simulated",)
-
-MarkerOffset = Annotated[float, Field(ge=-2, le=2)]
+from drivers.overhead_camera.parameters import OverheadCameraParameters
 
 
-class OverheadCameraSettings(FrameSourceSettings):
-    """A camera that looks down on the floor and on one ArUco or AprilTag marker on the rover.
-
-    The marker is found in the loop's own thread, a few milliseconds per frame: keep `frame_rate_hz` low.
-
-    Attributes:
-        dictionary: Name of one of OpenCV's predefined dictionaries.
-        marker_id: Which of its markers is on the rover.
-        marker_size_m: Side of the marker's black square.
-        marker_height_m: Height of the marker above the plane of the calibration, usually the floor.
-        marker_x_m: Where the marker's centre is on the rover, forward of its origin.
-        marker_y_m: The same, to the left.
-        marker_yaw_deg: Direction of the marker's upper edge, from left to right as printed,
-            counter-clockwise from forward.
-        calibration: Path of the floor calibration, a TOML file (`FloorCalibration`), relative to the
-            current directory; "simulated" is the shipped one of the simulated camera.
-        latency_s: Age of a picture at its arrival, where the camera does not tell when it was taken.
-        corner_noise_px: Standard deviation of each coordinate of a corner found in the picture.
-        position_noise_m: Error of the position that no picture shows: of calibration and mounting.
-        yaw_noise_deg: The same of the heading.
-    """
-
-    type: Literal["overhead_camera"]
-    width: Pixels = 640
-    height: Pixels = 480
-    frame_rate_hz: Annotated[float, Field(gt=0, le=240)] = 2.0
-    max_age_s: Annotated[float, Field(gt=0, le=10)] = 2.0
-    dictionary: Annotated[str, Field(pattern=DICTIONARY_PATTERN)] = "DICT_4X4_50"
-    marker_id: Annotated[int, Field(ge=0, le=2319)]
-    marker_size_m: Annotated[float, Field(ge=0.01, le=1)]
-    marker_height_m: Annotated[float, Field(ge=0, le=3)]
-    marker_x_m: MarkerOffset = 0.0
-    marker_y_m: MarkerOffset = 0.0
-    marker_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    calibration: Annotated[str, Field(min_length=1)]
-    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.05
-    corner_noise_px: Annotated[float, Field(ge=0.01, le=5)] = 0.2
-    position_noise_m: Annotated[float, Field(ge=0, le=0.1)] = 0.002
-    yaw_noise_deg: Annotated[float, Field(ge=0, le=5)] = 0.2
-
-    @property
-    def calibration_file(self) -> Path:
-        """Path of the calibration."""
-        is_shipped = self.calibration in SHIPPED_CALIBRATIONS
-        return Path(__file__).with_name(f"{self.calibration}.toml") if is_shipped else Path(self.calibration)
-
-    def data_files(self) -> Mapping[str, tuple[Path, ...]]:
-        """Return the calibration file."""
-        return {"calibration": (self.calibration_file,)}
+class OverheadCameraSettings(OverheadCameraParameters, FrameSourceSettings):
+    """A camera that looks down on the floor and on one marker on the rover."""
 
     def make_codec(self, name: str) -> Codec[CameraImage]:
         """Build the codec of the camera called `name`.

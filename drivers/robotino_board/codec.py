@@ -20,7 +20,7 @@ from typing import NamedTuple, TypeAlias
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.link import Received
-from drivers.robotino_board.settings import Board, RobotinoBoardSettings
+from drivers.robotino_board.parameters import Board, RobotinoBoardParameters
 from drivers.samples import BumperSample, PowerSample, Sample, WheelSample
 
 Counts: TypeAlias = tuple[int, int, int]
@@ -185,7 +185,7 @@ class Scales(NamedTuple):
     battery_v: float
 
 
-def scales(settings: RobotinoBoardSettings) -> Scales:
+def scales(settings: RobotinoBoardParameters) -> Scales:
     """Return what one count means on this board with this gear and encoder."""
     position_rad = math.tau / (settings.ticks_per_motor_turn * settings.gear_ratio)
     current, system, battery = (1.0, 1.0, 1.0) if settings.board == "EA05" else (0.15, 3.0, 0.89)
@@ -272,7 +272,7 @@ class RobotinoBoardCodec:
 
     wheel_count = 3
 
-    def __init__(self, name: str, settings: RobotinoBoardSettings) -> None:
+    def __init__(self, name: str, settings: RobotinoBoardParameters) -> None:
         self._name = name
         self._board: Board = settings.board
         self._scales = scales(settings)

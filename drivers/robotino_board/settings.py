@@ -1,35 +1,11 @@
 """Settings of the Robotino 1/2/XT board."""
 
-from typing import Annotated, Literal, TypeAlias
-
-from pydantic import Field
-
-from drivers.device_settings import DriveSettings, SerialDeviceSettings
 from drivers.driver import DriveCodec
-
-Board: TypeAlias = Literal["EA05", "EA09"]
-Gain: TypeAlias = Annotated[int, Field(ge=0, le=255)]
+from drivers.robotino_board.parameters import RobotinoBoardParameters
 
 
-class RobotinoBoardSettings(SerialDeviceSettings, DriveSettings):
-    """The board that turns the three wheels and reports their encoders and motor currents.
-
-    Attributes:
-        board: Which board is built in; scales of currents and battery depend on it. Replies of the other
-            board are rejected.
-        gear_ratio: Turns of the motor per turn of the wheel.
-        ticks_per_motor_turn: Encoder counts per turn of the motor.
-        kp, ki, kd: Gains of the board's speed loops; all three 255 means the board's own defaults.
-    """
-
-    type: Literal["robotino_board"]
-    baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 115_200
-    board: Board = "EA05"
-    gear_ratio: Annotated[float, Field(gt=0, le=1000)] = 16.0
-    ticks_per_motor_turn: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
-    kp: Gain = 255
-    ki: Gain = 255
-    kd: Gain = 255
+class RobotinoBoardSettings(RobotinoBoardParameters):
+    """The board that turns the three wheels and reports their encoders and motor currents."""
 
     def make_codec(self, name: str) -> DriveCodec:
         """Build the codec of the board called `name`."""

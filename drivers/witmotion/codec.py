@@ -22,13 +22,13 @@ from drivers.samples import (
     RateSample,
     Sample,
 )
+from drivers.units import STANDARD_GRAVITY_M_S2
 
 HEADER = 0x55
 ACCELERATION, RATE, ANGLE, MAGNETIC = 0x51, 0x52, 0x53, 0x54
 KNOWN_TYPES = frozenset({*range(0x50, 0x5B), 0x5F})
 FRAME_SIZE = 11
 
-STANDARD_GRAVITY_M_S2 = 9.80665
 ACCELERATION_STEP_M_S2 = 16.0 * STANDARD_GRAVITY_M_S2 / 32768
 RATE_STEP_RAD_S = math.radians(2000.0) / 32768
 ANGLE_STEP_RAD = math.pi / 32768

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from controllers.ftrace.rig import RigFile
 from controllers.ftrace.rig_geometry import GroundPatch
 from drivers.errors import ConfigError
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, rig_text
-from rover_hil.ftrace.rig_file import RigFile
 
 EXIT_OK = 0
 EXIT_NO = 1

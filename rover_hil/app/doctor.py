@@ -12,6 +12,7 @@ from drivers.clock import SystemClock
 from rover_hil.config import load_config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
+from rover_hil.run.checks import RUN_CHECKS
 
 LISTEN_S = 2.0
 STYLES = {Level.OK: "green", Level.WARNING: "yellow", Level.PROBLEM: "bold red"}
@@ -23,7 +24,7 @@ def examine(config_name: str, *, as_json: bool) -> int:
     Raises:
         ConfigError: The configuration is wrong.
     """
-    config = load_config(config_name)
+    config = load_config(config_name, RUN_CHECKS)
     paths = SystemPaths()
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("looking at the computer and the ports", total=LISTEN_S)

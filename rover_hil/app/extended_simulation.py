@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from controllers.settings import OmniRoverSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config
-from rover_hil.gap.load import load_model
-from rover_hil.gap.model_file import ExtendedModel, read_model_file
+from rover_hil.gap.data.load import load_model
+from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from sim_backends.models.interface import Values
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.settings import SimulationSettings

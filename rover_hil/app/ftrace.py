@@ -13,9 +13,9 @@ from rich.progress import Progress
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
+from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
 from rover_hil.ftrace.overlay import OverlayWriter
-from rover_hil.ftrace.rig_file import read_rig
 from rover_hil.ftrace.run import FrameAngle, csv_row, estimate, longest_gap, write_csv
 from rover_hil.ftrace.telemetry import read_telemetry
 

@@ -7,12 +7,12 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
-from rover_hil.gap import judge
+from rover_hil.gap import verdict_rules
+from rover_hil.gap.data.load import check_model, load_model, read_runs
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.load import check_model, load_model, read_runs
-from rover_hil.gap.model_file import ExtendedModel, read_model_file
+from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
+from rover_hil.gap.output.results import PLAN_NAME, REPORT_NAME, plan_text, write_results
 from rover_hil.gap.plan import Plan
-from rover_hil.gap.results import PLAN_NAME, REPORT_NAME, plan_text, write_results
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from rover_hil.report.write import write_all
@@ -47,7 +47,7 @@ def find_gap(
     try:
         runs = read_runs(base, data)
     except (ConfigError, LogError) as error:
-        verdict = judge.refuse(Answer.BAD_DATA, str(error))
+        verdict = verdict_rules.refuse(Answer.BAD_DATA, str(error))
         analysis = Analysis(model=base, verdict=verdict, runs=(), plan=None, findings=None)
     else:
         # Only after reading: what a model predicts may depend on what was measured.
@@ -64,9 +64,8 @@ def find_gap(
 
 def _print(analysis: Analysis, out: Path) -> None:
     console = Console(highlight=False)
-    console.print(f"{analysis.verdict.verdict}: {analysis.verdict.sentence}", soft_wrap=True, markup=False)
-    if analysis.verdict.next_run:
-        console.print(f"Next run: {analysis.verdict.next_run}", soft_wrap=True, markup=False)
+    for line in analysis.verdict.lines():
+        console.print(line, soft_wrap=True, markup=False)
     console.print(str(out / REPORT_NAME), soft_wrap=True, markup=False)
 
 

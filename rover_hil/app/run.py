@@ -20,6 +20,7 @@ from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.write import write_report
+from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.composition import build_real_rig, build_virtual_rig
 from rover_hil.run.executive import End, Executive, RunResult
 from rover_hil.run.real_time import enter_realtime
@@ -47,10 +48,7 @@ def run_rover(
     Raises:
         RoverHilError: Bad configuration, a device that cannot be opened, a folder that cannot be used.
     """
-    config = load_config(config_name)
-    if config.mission is None:
-        msg = f"{config_name}: mission: this key is missing; add what the rover is to do"
-        raise ConfigError(msg)
+    config = load_config(config_name, VIRTUAL_RUN_CHECKS if virtual else RUN_CHECKS)
     if virtual and realtime:
         msg = "--virtual runs on simulated time: leave --realtime out"
         raise ConfigError(msg)

@@ -9,8 +9,8 @@ from rich.live import Live
 from rich.text import Text
 
 from drivers.clock import Clock, SystemClock, seconds
-from drivers.errors import ConfigError
 from rover_hil.config import load_config
+from rover_hil.run.checks import SIMULATE_CHECKS
 from sim_backends.build import build_world
 from sim_backends.serving.server import Server, put_on_ports
 from sim_backends.settings import SimulationSettings
@@ -32,12 +32,9 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
             have the effects.
         NotConnectedError: A port cannot be made.
     """
-    config = load_config(config_name)
-    if config.simulation is None:
-        msg = f"{config_name}: simulation: this key is missing; add the simulated rover"
-        raise ConfigError(msg)
+    config = load_config(config_name, SIMULATE_CHECKS)
+    simulation = config.require_simulation()
     console = Console(highlight=False)
-    simulation = config.simulation
     if model is not None:
         from rover_hil.app.extended_simulation import extend_simulation
 

@@ -13,13 +13,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, read_config_text
+from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.bench import Bench
 from rover_hil.tune.comparison import Comparison, Verdict, compare
 from rover_hil.tune.objective import Drive
-from rover_hil.tune.parameters import check_parameters, start_values
+from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values
 from rover_hil.tune.rehearsal import Rehearsal
 from rover_hil.tune.results import CONFIG_NAME, REPORT_NAME, sentence, summarise, write_results
-from rover_hil.tune.settings import TuneSettings
 from rover_hil.tune.study import Attempt, Study
 from rover_hil.tune.tuned_config import tuned_text
 
@@ -42,7 +42,7 @@ def tune(
     Raises:
         ConfigError: Bad configuration, or a study of another one.
     """
-    config, text = load_config(config_name), read_config_text(config_name)
+    config, text = load_config(config_name, TUNE_CHECKS), read_config_text(config_name)
     settings = check_parameters(config)
     tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
     folder = _prepare_folder(study, out)

@@ -14,16 +14,16 @@ from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.can_interface import check_interface, read_ip_details
 from rover_hil.doctor.can_traffic import check_traffic
 from rover_hil.doctor.clocks import check_device_clock, check_host_clock, read_clocks, today
+from rover_hil.doctor.config_consistency import check_sanity
 from rover_hil.doctor.faults import check_faults
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem, warning
 from rover_hil.doctor.frames import check_frames
 from rover_hil.doctor.installation import DISTRIBUTION, check_installation
 from rover_hil.doctor.listening import Heard, OpenDevice, listen, open_device
+from rover_hil.doctor.no_data import check_silence
 from rover_hil.doctor.ports import busy, check_latency_timer, check_port, port_of
 from rover_hil.doctor.rejections import check_rejections
-from rover_hil.doctor.sanity import check_sanity
 from rover_hil.doctor.scheduling import check_scheduling, may_use_realtime
-from rover_hil.doctor.silence import check_silence
 from rover_hil.doctor.streams import check_breaks, check_streams, parts_of
 
 

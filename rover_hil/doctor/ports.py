@@ -13,7 +13,7 @@ from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.device_settings import SerialDeviceSettings
 from drivers.registry import AnyDeviceSettings
 from rover_hil.doctor.finding import Finding, SystemPaths, ok, problem, read_text, warning
-from rover_hil.doctor.holders import describe, find_holders
+from rover_hil.doctor.port_users import describe, find_holders
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from controllers.ftrace.rig import SCHEMA, RigFile
 from drivers.camera.images import read_image
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from rover_hil.config import describe_validation_error
 from rover_hil.ftrace.frames import FrameSource
-from rover_hil.ftrace.rig_file import SCHEMA, RigFile
 
 Floats = NDArray[np.float64]
 

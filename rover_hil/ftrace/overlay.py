@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 
 from controllers.ftrace.estimator import TraceAngle
-from controllers.ftrace.rig_geometry import RigGeometry, project
+from controllers.ftrace.rig import RigGeometry
+from controllers.ftrace.rig_geometry import project
 from drivers.errors import ConfigError
 from drivers.samples import Image
 

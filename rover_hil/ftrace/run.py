@@ -6,11 +6,11 @@ from itertools import pairwise
 from pathlib import Path
 
 from controllers.ftrace.estimator import TraceAngle, TraceEstimator
+from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from rover_hil.ftrace.frames import FrameSource, to_grey
-from rover_hil.ftrace.rig_file import RigFile
 from rover_hil.ftrace.telemetry import TelemetryRow
 
 HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected"

@@ -1,13 +1,13 @@
 """What data must be before anything is computed from it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.problem import Group, group_runs, is_steady
-from rover_hil.gap.replicates import LEAST_FREEDOM, pooled_freedom
+from rover_hil.gap.data.problem import Group, group_runs, is_steady
+from rover_hil.gap.statistics.replicates import LEAST_FREEDOM, pooled_freedom
 from sim_backends.models.interface import Array, DrivenModel, Model, Run
 
 MISSING_SHARE = 0.05
@@ -15,6 +15,8 @@ CONTRADICTION_SD = 15.0
 IRREPRODUCIBLE_SHARE = 0.7
 LEAST_GROUPS = 3
 LEAST_SAMPLES = 30
+SHOWN = 3
+"""Series with gaps that a sentence lists."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +32,52 @@ class Objection:
     reason: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingValues:
+    """Gaps in one series of one run.
+
+    Attributes:
+        run: Name of the run.
+        series: Name of the channel, input or column of the record.
+        count: Values that are missing or infinite.
+        total: Values that there should be.
+        is_input: A model is fed with it, so that no gap can be left out.
+    """
+
+    run: str
+    series: str
+    count: int
+    total: int
+    is_input: bool = False
+
+    def sentence(self) -> str:
+        """Return it in words."""
+        return f"run {self.run}: {self.count} of {self.total} values of {self.series} are missing"
+
+
+def missing_values(model: Model, runs: Sequence[Run]) -> list[MissingValues]:
+    """Return every series of every run that has gaps."""
+    return [one for run in runs for one in _gaps_of(model, run) if one.count]
+
+
+def _gaps_of(model: Model, run: Run) -> Iterator[MissingValues]:
+    for name, (count, total) in run.missing.items():
+        yield MissingValues(run=run.name, series=name, count=count, total=total)
+    first, last = run.overlap
+    for channel in model.channels:
+        if channel.name in run.measured:
+            values = run.measured[channel.name]
+            values = values[first : values.size - last]
+            count = int(np.sum(~np.isfinite(values)))
+            yield MissingValues(run=run.name, series=channel.name, count=count, total=values.size)
+    for name, values in run.inputs.items():
+        count = int(np.sum(~np.isfinite(values)))
+        yield MissingValues(run=run.name, series=name, count=count, total=values.size, is_input=True)
+
+
 def object_to(model: Model, runs: Sequence[Run]) -> Objection | None:
     """Return the first objection to data, or None."""
-    tests = (_units, _names, _conditions, _measured, _inputs)
+    tests = (_units, _names, _conditions, _inputs, _complete, _lengths)
     for test in tests:
         reason = test(model, runs)
         if reason:
@@ -85,36 +130,44 @@ def _conditions(model: Model, runs: Sequence[Run]) -> str:
     return ""
 
 
-def _measured(model: Model, runs: Sequence[Run]) -> str:
-    steady = is_steady(runs)
-    for run in runs:
-        for channel in model.channels:
-            values = run.measured.get(channel.name)
-            if values is None:
-                continue
-            if np.isinf(values).any():
-                return f"run {run.name}: {channel.name} is infinite: take the run out, or mend the record"
-            share = float(np.isnan(values).mean()) if values.size else 1.0
-            if (steady and share > 0.0) or share > MISSING_SHARE:
-                return (
-                    f"run {run.name}: {share:.0%} of {channel.name} is not a number: take the run out, or "
-                    "leave the channel out of it"
-                )
-            if not steady and values.size < LEAST_SAMPLES:
-                return f"run {run.name}: {channel.name} has {values.size} samples, fewer than {LEAST_SAMPLES}"
-    return ""
-
-
 def _inputs(model: Model, runs: Sequence[Run]) -> str:
-    needed = list(model.input_units) if isinstance(model, DrivenModel) else []
+    needed = model.input_units if isinstance(model, DrivenModel) else ()
     for run in runs:
         for name in needed:
             if name not in run.inputs:
                 return f"run {run.name} has no input {name}"
-        for name, values in run.inputs.items():
-            if not np.isfinite(values).all():
-                return f"run {run.name}: input {name} holds values that are no numbers: mend the record"
     return ""
+
+
+def _lengths(model: Model, runs: Sequence[Run]) -> str:
+    if is_steady(runs):
+        return ""
+    for run in runs:
+        for channel in model.channels:
+            size = run.measured[channel.name].size if channel.name in run.measured else LEAST_SAMPLES
+            if size < LEAST_SAMPLES:
+                return f"run {run.name}: {channel.name} has {size} samples, fewer than {LEAST_SAMPLES}"
+    return ""
+
+
+def _complete(model: Model, runs: Sequence[Run]) -> str:
+    """Return which runs lack more values than can be left out."""
+    steady = is_steady(runs)
+    unusable = [
+        one
+        for one in missing_values(model, runs)
+        if steady or one.is_input or one.count > MISSING_SHARE * one.total
+    ]
+    if not unusable:
+        return ""
+    shown = "; ".join(one.sentence() for one in unusable[:SHOWN])
+    more = f"; and {len(unusable) - SHOWN} more" if len(unusable) > SHOWN else ""
+    rule = (
+        "a steady run needs every value"
+        if steady
+        else f"at most {MISSING_SHARE:.0%} of the values of a series may be missing, and none of an input"
+    )
+    return f"{shown}{more}; {rule}: repair the record or take the run out"
 
 
 def _noise_known(model: Model, runs: Sequence[Run]) -> str:

@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rover_hil.gap.locate import Place
-from rover_hil.gap.name import Naming
+from rover_hil.gap.explain.gap_test import GapTest
+from rover_hil.gap.explain.holdout_validation import Validation
+from rover_hil.gap.explain.localise_residuals import ResidualLocation
+from rover_hil.gap.explain.naming import Naming
+from rover_hil.gap.explain.prepare import Prepared
+from rover_hil.gap.explain.residual_equations import Equation
+from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.plan import Plan
-from rover_hil.gap.prepare import Prepared
-from rover_hil.gap.prove import Proof
-from rover_hil.gap.search import Explanation
-from rover_hil.gap.test import GapTest
-from rover_hil.gap.unnamed import Equation
 from rover_hil.gap.verdict import Verdict
 from sim_backends.models.interface import Model, Run
 
@@ -22,24 +22,24 @@ class Findings:
     Attributes:
         prepared: The base model fitted to the runs to learn from.
         gap: Whether there is a gap.
-        places: Where, at the fitted base model.
+        locations: Where, at the fitted base model.
         naming: Which effects explain it.
         best: The chosen explanation, with derivatives at its fit.
-        left: Whether a gap is left with it.
-        rivals: Its effects that a term without a name does as well as, and the term.
+        remaining_gap: Whether a gap is left with it.
+        alternatives: Its effects that a term without a name does as well as, and the term.
         equations: What is left, as equations.
-        proof: What the locked runs say.
+        validation: What the locked runs say.
     """
 
     prepared: Prepared
     gap: GapTest
-    places: tuple[Place, ...]
+    locations: tuple[ResidualLocation, ...]
     naming: Naming
     best: Explanation | None = None
-    left: GapTest | None = None
-    rivals: Mapping[str, str] = field(default_factory=dict)
+    remaining_gap: GapTest | None = None
+    alternatives: Mapping[str, str] = field(default_factory=dict)
     equations: tuple[Equation, ...] = ()
-    proof: Proof | None = None
+    validation: Validation | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

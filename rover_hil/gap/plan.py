@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.problem import condition_key, is_steady
+from rover_hil.gap.data.problem import condition_key, is_steady
 from sim_backends.models.interface import Model, Run
 
 LOCKED_SHARE = 0.25
@@ -176,9 +176,9 @@ def _levels_kept(
     index: int,
     needed: Sequence[set[float]],
 ) -> bool:
-    rest = kept.copy()
-    rest[index] = False
-    return all(level <= set(column) for level, column in zip(needed, conditions[rest].T, strict=True))
+    others = kept.copy()
+    others[index] = False
+    return all(level <= set(column) for level, column in zip(needed, conditions[others].T, strict=True))
 
 
 def _is_corner(conditions: np.ndarray[tuple[int, ...], np.dtype[np.float64]], index: int) -> bool:

@@ -5,6 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+MOST_LINES = 5
+"""Series with gaps that the terminal lists."""
+
 
 class Answer(StrEnum):
     """What can be said."""
@@ -53,4 +56,19 @@ class Verdict:
     controls: Mapping[str, float | None] = field(
         default_factory=lambda: {"retuned": None, "placebo": None, "rival": None}
     )
+    missing: Sequence[Mapping[str, str | int]] = ()
     seconds: float = math.nan
+
+    def lines(self) -> list[str]:
+        """Return it as lines of text: answer, gaps in the data, what no effect explains, the next run."""
+        lines = [f"{self.verdict}: {self.sentence}"]
+        lines += [
+            f"Missing values: {one['count']} of {one['total']} of {one['series']} in run {one['run']}"
+            for one in self.missing[:MOST_LINES]
+        ]
+        if len(self.missing) > MOST_LINES:
+            lines.append(f"Missing values: {len(self.missing) - MOST_LINES} more series, see verdict.json")
+        for one in self.unnamed:
+            similar = f" (most similar effect: {one['closest']}, cosine {one['cosine']})"
+            lines.append(f"Unexplained: {one['equation']}{similar if one['closest'] else ''}")
+        return [*lines, f"Next run: {self.next_run}"] if self.next_run else lines

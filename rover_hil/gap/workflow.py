@@ -7,21 +7,21 @@ import numpy as np
 
 from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
-from rover_hil.gap import judge
-from rover_hil.gap.candidates import candidate_directions
-from rover_hil.gap.checks import object_to
+from rover_hil.gap import verdict_rules
+from rover_hil.gap.checks import missing_values, object_to
+from rover_hil.gap.explain.alternative_models import find_alternative_terms
+from rover_hil.gap.explain.candidates import candidate_directions
+from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest, find_gap
+from rover_hil.gap.explain.holdout_validation import validate
+from rover_hil.gap.explain.localise_residuals import localise_residuals
+from rover_hil.gap.explain.naming import MORE_ALPHA, NAME_ALPHA, Naming, name_effects
+from rover_hil.gap.explain.prepare import Prepared, input_units, prepare, relearn_noise
+from rover_hil.gap.explain.residual_equations import Equation, find_equations
+from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Analysis, Findings
-from rover_hil.gap.fit import Fit, fit, whitened_jacobian
-from rover_hil.gap.locate import locate
-from rover_hil.gap.name import MORE_ALPHA, NAME_ALPHA, Naming, name_effects
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
-from rover_hil.gap.prepare import Prepared, input_units, prepare, renew
-from rover_hil.gap.prove import prove
-from rover_hil.gap.rivals import find_rivals
-from rover_hil.gap.score import score_all
-from rover_hil.gap.search import Explanation
-from rover_hil.gap.test import GAP_ALPHA, GapTest, find_gap
-from rover_hil.gap.unnamed import Equation, find_equations
+from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.statistics.score import score_all
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Model, Run
 
@@ -53,8 +53,12 @@ def analyse(
     clock = SystemClock()
     start_ns = clock.now_ns()
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
+    missing: list[dict[str, str | int]] = [
+        {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
+        for one in missing_values(model, runs)
+    ]
     duration_s = round(seconds(clock.now_ns() - start_ns), 3)
-    return replace(analysis, verdict=replace(analysis.verdict, seconds=duration_s))
+    return replace(analysis, verdict=replace(analysis.verdict, missing=missing, seconds=duration_s))
 
 
 def _analyse(
@@ -66,7 +70,7 @@ def _analyse(
     advance: Callable[[str], None],
 ) -> Analysis:
     def refused(answer: Answer, reason: str, plan: Plan | None = None) -> Analysis:
-        verdict = judge.refuse(answer, reason)
+        verdict = verdict_rules.refuse(answer, reason)
         return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=None)
 
     try:
@@ -93,8 +97,8 @@ def _analyse(
         return refused(Answer.BAD_DATA, str(error), plan)
     if findings.best is not None:
         advance("opening the locked runs")
-        findings = _proved(findings, [run for run in runs if run.name in locked], seed + 1)
-    verdict = judge.decide(findings)
+        findings = _validated(findings, [run for run in runs if run.name in locked], seed + 1)
+    verdict = verdict_rules.decide(findings)
     return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=findings)
 
 
@@ -105,10 +109,12 @@ def _learn(
     prepared = prepare(model, runs)
     naming, gap = _test(prepared, rng, advance)
     if naming.best is not None and prepared.scatter is None:
-        prepared = renew(prepared, naming.best.fit)
+        prepared = relearn_noise(prepared, naming.best.fit)
         naming, gap = _test(prepared, rng, advance)
-    places = tuple(locate(prepared.problem, prepared.noise, prepared.start.point, input_units(model)))
-    findings = Findings(prepared=prepared, gap=gap, places=places, naming=naming)
+    locations = tuple(
+        localise_residuals(prepared.problem, prepared.noise, prepared.start.point, input_units(model))
+    )
+    findings = Findings(prepared=prepared, gap=gap, locations=locations, naming=naming)
     if gap.p > GAP_ALPHA:
         return findings
     advance("testing what is left")
@@ -117,22 +123,30 @@ def _learn(
 
 def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Generator) -> Findings:
     """Return findings with an explanation: what it leaves, and equations for that."""
-    prepared, left = findings.prepared, None
-    seen, noise, fitted = prepared.problem.seen, prepared.noise, prepared.start
+    prepared, remaining_gap = findings.prepared, None
+    observations, noise, fitted = prepared.problem.observations, prepared.noise, prepared.start
     if best is not None:
         fitted = _polished(prepared, best.fit)
         best = replace(best, fit=fitted)
-        left = find_gap(seen, noise, prepared.scatter, fitted, prepared.terms, len(best.names), None, rng)
+        remaining_gap = find_gap(
+            observations, noise, prepared.scatter, fitted, prepared.terms, len(best.names), None, rng
+        )
     equations: list[Equation] = []
-    if left is None or left.p <= GAP_ALPHA:
+    if remaining_gap is None or remaining_gap.p <= GAP_ALPHA:
         named = () if best is None else best.names
         others = [item for item in findings.naming.scores if item.card.name not in named]
         changes = candidate_directions(prepared.problem, noise, fitted, others)
-        effects = score_all(fitted, noise, changes, is_steady=seen.is_steady)
-        line = (left or findings.gap).line
-        equations = find_equations(seen, noise, fitted, prepared.terms, effects, line)
-    rivals = {} if best is None else find_rivals(prepared, findings.naming, best)
-    return replace(findings, best=best, left=left, rivals=rivals, equations=tuple(equations))
+        effects = score_all(fitted, noise, changes, is_steady=observations.is_steady)
+        threshold = (remaining_gap or findings.gap).threshold
+        equations = find_equations(observations, noise, fitted, prepared.terms, effects, threshold)
+    alternatives = {} if best is None else find_alternative_terms(prepared, findings.naming, best)
+    return replace(
+        findings,
+        best=best,
+        remaining_gap=remaining_gap,
+        alternatives=alternatives,
+        equations=tuple(equations),
+    )
 
 
 def _polished(prepared: Prepared, found: Fit) -> Fit:
@@ -144,16 +158,16 @@ def _polished(prepared: Prepared, found: Fit) -> Fit:
     return replace(best, jacobian=jacobian)
 
 
-def _proved(findings: Findings, locked_runs: Sequence[Run], seed: int) -> Findings:
+def _validated(findings: Findings, locked_runs: Sequence[Run], seed: int) -> Findings:
     """Return findings with their proof; effects that the locked runs speak against are taken back."""
     rng = np.random.default_rng(seed)
     while findings.best is not None:
         best, naming = findings.best, findings.naming
-        proof = prove(findings.prepared, locked_runs, best, naming, rng)
-        findings = replace(findings, proof=proof)
+        validation = validate(findings.prepared, locked_runs, best, naming, rng)
+        findings = replace(findings, validation=validation)
         fewer = [one for key, one in naming.tried.items() if len(key) == len(best.names) - 1]
         fewer = [one for one in fewer if set(one.names) < set(best.names)]
-        if proof.is_confirmed or not fewer:
+        if validation.is_confirmed or not fewer:
             break
         instead = min(fewer, key=lambda one: one.cost)
         findings = replace(findings, naming=replace(naming, best=instead, members=(instead,)))
@@ -168,6 +182,13 @@ def _test(
     naming = name_effects(problem, prepared.noise, prepared.start, problem.model.effects, rng, advance)
     p_effects = naming.p_name if naming.scores else None
     gap = find_gap(
-        problem.seen, prepared.noise, prepared.scatter, prepared.start, prepared.terms, 0, p_effects, rng
+        problem.observations,
+        prepared.noise,
+        prepared.scatter,
+        prepared.start,
+        prepared.terms,
+        0,
+        p_effects,
+        rng,
     )
     return naming, gap

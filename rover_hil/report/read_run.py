@@ -1,6 +1,6 @@
 """Reads a log into arrays."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +113,7 @@ class _Collector:
         self._rows: defaultdict[tuple[str, int | str], list[tuple[float, ...]]] = defaultdict(list)
         self._slips: list[tuple[float, SlipReport]] = []
         self._drift_reasons: list[str] = []
+        self._uncompared: Counter[str] = Counter()
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._limits: list[Limit] = []
@@ -184,6 +185,7 @@ class _Collector:
             headings=self._headings(first_motion_s),
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
             innovations=self._innovations(),
+            uncompared=dict(self._uncompared),
             wheels=self._wheels(),
             slip=self._slip(),
             drift=self._drift(),
@@ -220,6 +222,8 @@ class _Collector:
             if innovation.residual is not None and innovation.variance is not None:
                 row = (t_s, innovation.residual, innovation.variance**0.5, float(innovation.accepted))
                 self._rows["innovation", innovation.name].append(row)
+            else:
+                self._uncompared[innovation.name] += 1
 
     def _take_drift(self, t_s: float, drift: ScompReport) -> None:
         self._rows["drift_slip", ""].append((t_s, drift.slip))

@@ -134,6 +134,7 @@ class RunData:
         cross_track: Distance to the left of the path in m; None without a mission.
         headings: Yaw in the local frame, by device and reference.
         gyro: The integrated gyro, its bias taken off; None without one.
+        uncompared: How many measurements could not be compared with the estimate, by name.
         slip: What slip compensation told; None without it.
         drift: What compensation by trace and tilt told; None without it.
         health: The last health facts of each device.
@@ -156,6 +157,7 @@ class RunData:
     headings: Mapping[str, Series]
     gyro: Series | None
     innovations: Mapping[str, InnovationData]
+    uncompared: Mapping[str, int]
     wheels: Sequence[WheelData]
     slip: SlipData | None
     drift: DriftData | None

@@ -120,6 +120,8 @@ class Summary:
         work: How long they took; None likewise.
         limited_cycles: In how many cycles which limit held the set-points back.
         refused_innovations: How many measurements were refused by the filter, by name.
+        uncompared_measurements: How many could not be compared with the estimate, by name: fixes that came
+            too late, numbers that are not finite.
         stops: Safety stops.
         devices: Health facts at the end of the run.
     """
@@ -151,6 +153,7 @@ class Summary:
     work: Spread | None
     limited_cycles: dict[str, int]
     refused_innovations: dict[str, int]
+    uncompared_measurements: dict[str, int]
     stops: tuple[Stop, ...]
     devices: tuple[Health, ...]
 
@@ -193,6 +196,7 @@ def summarise(run: RunData) -> Summary:
         refused_innovations={
             name: int(np.sum(data.is_accepted == 0)) for name, data in run.innovations.items()
         },
+        uncompared_measurements=dict(run.uncompared),
         stops=_stops(run),
         devices=tuple(run.health),
     )

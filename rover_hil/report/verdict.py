@@ -90,6 +90,8 @@ def facts(summary: Summary) -> list[Fact]:
     if summary.work is not None:
         work = f"99 % took less than {time_text(summary.work.p99_us)}"
         found.append(Fact("skipped cycles", f"{summary.skipped} of {summary.cycles}", work))
+    for name, count in summary.uncompared_measurements.items():
+        found.append(Fact(name, str(count), "measurements that could not be compared with the estimate"))
     if summary.mode is not Mode.OBSERVING:
         stopped_s = sum(stop.end_s - stop.start_s for stop in summary.stops)
         detail = f"{stopped_s:.1f} s in all" if summary.stops else ""

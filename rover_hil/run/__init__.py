@@ -1,1 +1,1 @@
-"""Run a rover: composition, cyclic executive, watchdog and replay."""
+"""Puts a rover together and runs it at a fixed rate, on real, simulated or replayed devices."""

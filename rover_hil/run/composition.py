@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.motion.kinematics import make_kinematics
+from controllers.settings import RoverSettings
 from controllers.slip.scomp.compensator import TraceFinder
 from drivers.camera.settings import CameraSettings
 from drivers.clock import Clock, VirtualClock
@@ -13,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.link import CameraImage, RawTap
 from drivers.samples import Sample, SentCommand
 from rover_hil.config import Config
-from rover_hil.recording.replay_link import ReplayLink
+from rover_hil.run.replay_link import ReplayLink
 from sim_backends.build import build_world
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import World
@@ -95,10 +96,7 @@ def build_virtual_rig(config: Config, clock: VirtualClock, tap: RawTap) -> tuple
     Raises:
         ConfigError: The configuration has no [simulation], or one that does not fit its devices.
     """
-    if config.simulation is None:
-        msg = "the configuration has no [simulation]: add one, or run without --virtual"
-        raise ConfigError(msg)
-    world = build_world(config.devices, config.simulation, clock.now_ns())
+    world = build_world(config.devices, config.require_simulation(), clock.now_ns())
     drivers: dict[str, AnyDriver] = {}
     for name, settings in config.devices.items():
         if isinstance(settings, FrameDeviceSettings):
@@ -124,6 +122,17 @@ def build_replay_rig(config: Config, clock: VirtualClock, tap: RawTap) -> tuple[
     return _assemble(config, clock, drivers), links
 
 
+def find_wheel_count_conflict(rover: RoverSettings, drive: str, drive_wheel_count: int) -> str:
+    """Return why a drive does not fit the rover; "" when it does."""
+    wheel_count = make_kinematics(rover).wheel_count
+    if drive_wheel_count == wheel_count:
+        return ""
+    return (
+        f"rover.kinematics is '{rover.kinematics}', which has {wheel_count} wheels, but device "
+        f"'{drive}' has {drive_wheel_count}: correct one of them"
+    )
+
+
 def _make_finder(config: Config) -> TraceFinder | None:
     camera = None if config.roles.camera is None else config.devices[config.roles.camera]
     if config.scomp is None or config.scomp.rig is None or not isinstance(camera, CameraSettings):
@@ -139,12 +148,8 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
     if not isinstance(drive, WheelDrive):
         msg = f"device '{config.roles.wheels}' turns no wheels"
         raise ConfigError(msg)
-    wheel_count = make_kinematics(config.rover).wheel_count
-    if drive.wheel_count != wheel_count:
-        msg = (
-            f"rover.kinematics is '{config.rover.kinematics}', which has {wheel_count} wheels, but device "
-            f"'{drive.name}' has {drive.wheel_count}: correct one of them"
-        )
-        raise ConfigError(msg)
+    conflict = find_wheel_count_conflict(config.rover, drive.name, drive.wheel_count)
+    if conflict:
+        raise ConfigError(conflict)
     loop = ControlLoop(config, config.device_roles(), _make_finder(config))
     return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

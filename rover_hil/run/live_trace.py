@@ -1,42 +1,33 @@
 """The trace estimator on the frames of a running rover."""
 
-from collections.abc import Mapping
-
 import cv2
 import numpy as np
-from pydantic import JsonValue, ValidationError
 
 from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.compensator import Rates, TraceReading
 from drivers.camera.settings import CameraSettings
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample
-from rover_hil.config import describe_validation_error
-from rover_hil.ftrace.rig_file import RigFile
 
 
 class LiveTraceFinder:
     """Feeds the trace estimator; never raises on a frame.
 
     Args:
-        rig: Content of the rig file.
+        rig: Calibration of the camera.
         camera: The camera of the rig.
 
     Raises:
-        ConfigError: The rig is invalid, or its frames have another size than those of the camera.
+        ConfigError: The camera does not see the ground behind the wheel, or its frames have another size.
     """
 
-    def __init__(self, rig: Mapping[str, JsonValue], camera: CameraSettings) -> None:
-        try:
-            checked = RigFile.model_validate(rig)
-        except ValidationError as error:
-            raise ConfigError(describe_validation_error("scomp.rig", error, rig)) from error
-        size, wanted = (checked.image.width, checked.image.height), (camera.width, camera.height)
-        if size != wanted:
-            msg = f"scomp.rig has frames of {size} pixels, the camera gives {wanted}: make them equal"
-            raise ConfigError(msg)
-        self._estimator = TraceEstimator(checked.geometry(), TraceSettings())
-        self._shape = size[::-1]
+    def __init__(self, rig: RigFile, camera: CameraSettings) -> None:
+        conflict = rig.size_conflict(camera.width, camera.height)
+        if conflict:
+            raise ConfigError(conflict)
+        self._estimator = TraceEstimator(rig.geometry(), TraceSettings())
+        self._shape = (rig.image.height, rig.image.width)
         self._before_ns: int | None = None
 
     def find(

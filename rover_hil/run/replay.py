@@ -13,9 +13,9 @@ from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.replay_link import ReplayLink
 from rover_hil.recording.writer import samples_record
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
+from rover_hil.run.replay_link import ReplayLink
 
 PayloadT = TypeVar("PayloadT", bytes, CameraImage)
 

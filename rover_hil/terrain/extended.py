@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from drivers.errors import ConfigError
-from rover_hil.gap.load import load_model
-from rover_hil.gap.model_file import ExtendedModel, read_model_file
+from rover_hil.gap.data.load import load_model
+from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from rover_hil.terrain.table import number
 from rover_hil.terrain.traverse import Traverse
 from sim_backends.models.interface import Run

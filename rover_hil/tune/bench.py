@@ -3,8 +3,9 @@
 import os
 import signal
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from itertools import repeat
 from multiprocessing import get_context, parent_process
 from types import TracebackType
@@ -32,12 +33,26 @@ class Bench:
 
     def drive(self, config: Config, seeds: Sequence[int]) -> Generator[Rehearsal, None, None]:
         """Drive the mission on the sites of `seeds`; closing the iterator leaves out those not begun."""
-        yield from self._pool.map(rehearse, repeat(config), seeds)
+        with _ctrl_c_held_back():
+            results = self._pool.map(rehearse, repeat(config), seeds)
+        yield from results
+
+
+@contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    """Block SIGINT, which workers that start meanwhile inherit: a terminal sends ctrl-C to every process.
+
+    The parent receives it afterwards; a worker never does, as its own handler would come too late.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _obey_the_parent() -> None:
-    """Leave ctrl-C, which a terminal sends to every process, to the parent; end when that is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """End when the parent is killed."""
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.objective import Drive, Evaluation, evaluate
 from rover_hil.tune.parameters import start_values, with_values
-from rover_hil.tune.settings import TuneSettings
 from rover_hil.tune.sites import held_out_seeds
 from rover_hil.tune.study import Attempt
 
@@ -29,7 +29,7 @@ class Comparison:
         start: The old values.
         tuned: The new ones; the same as `start` unless the verdict is IMPROVED.
         values: The new values by key.
-        declined: Candidates that did better in the search and were not taken, with the reason.
+        declined: Candidates that were not taken, with the reason.
     """
 
     verdict: Verdict

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from controllers.motion.mission import Point
+from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.report import style
 from rover_hil.report.figures import Picture
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.objective import case_cost
 from rover_hil.tune.rehearsal import Rehearsal
-from rover_hil.tune.settings import TuneSettings
 from rover_hil.tune.study import Attempt
 
 BEFORE = style.ENCODERS

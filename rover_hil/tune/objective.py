@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import ObjectiveSettings
 from rover_hil.tune.rehearsal import Rehearsal
-from rover_hil.tune.settings import ObjectiveSettings
 
 Drive = Callable[[Config, Sequence[int]], Generator[Rehearsal, None, None]]
 """Drives a mission on the sites of some seeds; gives the results in their order, as they are asked for."""

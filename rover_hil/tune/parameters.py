@@ -1,14 +1,15 @@
 """Tunable values of a configuration, by dotted key."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from pydantic import ValidationError
 
 from controllers.control_loop import ControlLoop
 from controllers.motion.mission import Point, corner_points
 from drivers.errors import ConfigError
-from rover_hil.config import Config, describe_validation_error
-from rover_hil.tune.settings import TunableSettings, TuneSettings
+from rover_hil.config import Config, Draft, Rule, describe_validation_error
+from rover_hil.config.tune_settings import TunableSettings, TuneSettings
+from rover_hil.run.checks import ROVER_CHECKS
 
 FORBIDDEN = ("devices", "loop", "roles", "rover", "safety", "schema", "simulation", "tune")
 SIGNIFICANT_DIGITS = 4
@@ -21,8 +22,8 @@ def check_parameters(config: Config) -> TuneSettings:
     """Return what may be tuned, after looking at every parameter.
 
     Raises:
-        ConfigError: There is no [tune], no mission or no simulation, or a parameter does not exist, is no
-            gain, has a range that its own limits forbid, or starts outside its range.
+        ConfigError: There is no [tune], no mission or no simulation; or parameters do not exist, are not
+            gains, have ranges that their own limits forbid, or start outside their ranges: one line each.
     """
     if config.tune is None:
         raise ConfigError(
@@ -30,9 +31,27 @@ def check_parameters(config: Config) -> TuneSettings:
         )
     if config.mission is None or config.simulation is None:
         raise ConfigError("tuning drives the mission on the simulated rover: add [mission] and [simulation]")
+    ControlLoop(config, config.device_roles())  # to blame the mission itself rather than every range
+    mistakes: list[str] = []
     for key, parameter in config.tune.parameters.items():
-        _check(config, key, parameter)
+        try:
+            _check(config, key, parameter)
+        except ConfigError as error:
+            mistakes.append(str(error))
+    if mistakes:
+        raise ConfigError("\n".join(mistakes))
     return config.tune
+
+
+def _find_mistakes(draft: Draft) -> Iterator[str]:
+    try:
+        check_parameters(draft.config)
+    except ConfigError as error:
+        yield from str(error).splitlines()
+
+
+TUNE_CHECKS = (*ROVER_CHECKS, Rule(tuple(Config.model_fields), _find_mistakes))
+"""What `tune` checks."""
 
 
 def start_values(config: Config, tune: TuneSettings) -> dict[str, float]:
@@ -76,7 +95,8 @@ def _check(config: Config, key: str, parameter: TunableSettings) -> None:
             edge = with_values(config, {key: value})
             ControlLoop(edge, edge.device_roles())
         except ConfigError as error:
-            raise ConfigError(f"{where}: the range reaches {value:g}, but {error}") from error
+            reason = str(error).splitlines()[0]
+            raise ConfigError(f"{where}: the range reaches {value:g}, but {reason}") from error
         if _path(edge) != _path(config):
             raise ConfigError(f"{where}: another value would be another path: leave it out")
     if not parameter.low <= start <= parameter.high:
@@ -93,9 +113,7 @@ def _path(config: Config) -> tuple[Point, ...]:
 def _number(table: Table, key: str) -> float:
     value = _place(table, key)[key.rpartition(".")[2]]
     if not isinstance(value, float):
-        raise ConfigError(
-            f"tune.parameters.{key}: is no number with a fraction and cannot be tuned: leave it out"
-        )
+        raise ConfigError(f"tune.parameters.{key}: is not a float; only floats can be tuned: leave it out")
     return value
 
 

@@ -12,13 +12,13 @@ from pydantic_core import to_json
 from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.report.write import write_all
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_pictures
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
 from rover_hil.tune.rehearsal import Rehearsal
-from rover_hil.tune.settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.tune.sites import held_out_seeds, train_seeds
 from rover_hil.tune.study import Attempt
 from rover_hil.tune.tuned_config import tuned_text
@@ -56,7 +56,8 @@ class TuningResult:
         start_refused: Why the old values are not acceptable; empty when they are.
         values: Every tunable value, changed or not.
         held_out: Measured values on the held-out cases, by the objective's names.
-        declined: Candidates that were better in the search and not taken.
+        declined: Candidates that were driven on the held-out cases and not taken: their cost in the search
+            beside that of the start, and the reason.
     """
 
     study: str
@@ -88,6 +89,7 @@ def summarise(
         raise ConfigError("the configuration has no [tune]: add it")
     before, quantile = start_values(config, tune), tune.objective.quantile
     train, held_out = train_seeds(tune.cases), held_out_seeds(tune.cases)
+    first = next((attempt for attempt in attempts if attempt.is_start), None)
     old, new = (
         _spreads(side.rehearsals if side.cost is not None else (), quantile)
         for side in (comparison.start, comparison.tuned)
@@ -115,7 +117,10 @@ def summarise(
         held_out={
             name: Change(before=old.get(name), after=new.get(name)) for name in dict.fromkeys((*old, *new))
         },
-        declined=tuple(f"trial {attempt.number}: {reason}" for attempt, reason in comparison.declined),
+        declined=tuple(
+            f"trial {attempt.number}: cost {_cost(attempt)} in the search, start {_cost(first)}: {reason}"
+            for attempt, reason in comparison.declined
+        ),
     )
 
 
@@ -162,6 +167,10 @@ def sentence(result: TuningResult) -> str:
     if result.cost_before is None:
         return f"Cost {result.cost_after:.3g} {where}; the old values were refused ({result.start_refused})"
     return f"Cost {result.cost_before:.3g} before, {result.cost_after:.3g} now {where}"
+
+
+def _cost(attempt: Attempt | None) -> str:
+    return "refused" if attempt is None or attempt.cost is None else f"{attempt.cost:.3g}"
 
 
 def _changed(result: TuningResult) -> dict[str, float]:

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.device_settings import FrameDeviceSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config
-from rover_hil.tune.settings import MOST_CASES, CaseSettings
+from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.site import random_site

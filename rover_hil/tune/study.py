@@ -7,9 +7,9 @@ from pathlib import Path
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.objective import Drive, Evaluation, case_cost, evaluate
 from rover_hil.tune.parameters import rounded, start_values, with_values
-from rover_hil.tune.settings import TuneSettings
 from rover_hil.tune.sites import train_seeds
 
 try:

@@ -6,8 +6,8 @@ import tomllib
 from collections.abc import Mapping
 
 from drivers.errors import ConfigError
+from rover_hil.config.tune_settings import ProvenanceRecord
 from rover_hil.tune.parameters import Values
-from rover_hil.tune.settings import ProvenanceRecord
 
 PROVENANCE = "tune.provenance"
 

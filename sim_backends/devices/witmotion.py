@@ -14,9 +14,9 @@ from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.heading_calibration import Vector
 from drivers.settings import Settings
+from drivers.units import STANDARD_GRAVITY_M_S2
 from drivers.witmotion.codec import (
     FRAME_SIZE,
-    STANDARD_GRAVITY_M_S2,
     Mounting,
     encode_acceleration,
     encode_angle,

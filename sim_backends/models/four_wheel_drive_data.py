@@ -19,6 +19,7 @@ from sim_backends.models.log_columns import (
     Columns,
     DriveLog,
     check_times,
+    missing_values,
     need,
     read_columns,
     table_files,
@@ -88,7 +89,10 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
     seen = np.isfinite(np.stack([truth[one] for one in POSE])).all(axis=0)
     if seen.sum() < LEAST_WINDOWS:
         raise ConfigError(f"truth of {name} has {int(seen.sum())} poses: {LEAST_WINDOWS} or more are needed")
-    told = t_s[whole_rows(columns, turned)]
+    rows = whole_rows(columns, turned)
+    recorded = {one: values[rows] for one, values in columns.items()}
+    gaps = missing_values(recorded, (*turned, "gyro_z_deg_s", "pitch_deg", "roll_deg"), name)
+    told = t_s[rows]
     first, last = max(float(told[0]), float(true_s[seen][0])), min(float(told[-1]), float(true_s[seen][-1]))
     windows = windows_over(first, last, name)
     x_m, y_m, psi_rad = (truth[one][seen] for one in POSE)
@@ -106,6 +110,7 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
         conditions=_conditions(inputs, forward) | {key: facts[key] for key in LABELS if key in facts},
         inputs={"t_s": windows.middle_s, **inputs},
         measured=measured | _sensors(windows, columns, true_s[seen], heading),
+        missing=gaps,
     )
 
 

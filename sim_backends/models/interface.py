@@ -74,12 +74,17 @@ class Run:
         conditions: Numbers that were set, one per run (slope, load, ...); equal conditions are replicates.
         inputs: Series that were fed in, all of one length; empty for steady experiments.
         measured: Channel to values: one value for a steady experiment, else a series; NaN where missing.
+        overlap: How many values at the start and end of each series are NaN on purpose, as they overlap with
+            a neighbouring run; they do not count as missing.
+        missing: Columns of the record that were bridged over gaps to make this run: missing values, of all.
     """
 
     name: str
     conditions: Mapping[str, float]
     inputs: Mapping[str, Array] = field(default_factory=dict)
     measured: Mapping[str, Array] = field(default_factory=dict)
+    overlap: tuple[int, int] = (0, 0)
+    missing: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

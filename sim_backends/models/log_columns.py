@@ -129,6 +129,31 @@ def need(columns: Columns, names: Sequence[str], where: str, why: str) -> None:
         raise ConfigError(f"{where} has no column '{missing[0]}': {why}")
 
 
+def missing_values(columns: Columns, names: Sequence[str], where: str) -> dict[str, tuple[int, int]]:
+    """Return the number of missing values and of all values of each column that has gaps.
+
+    Args:
+        columns: Columns of a record.
+        names: Columns that have a value in every row of a sound record; absent ones are skipped.
+        where: Record and run, for the message.
+
+    Raises:
+        ConfigError: A column holds no value at all.
+    """
+    gaps = {}
+    for name in names:
+        values = columns.get(name)
+        if values is None or np.isfinite(values).all():
+            continue
+        count = int(np.sum(~np.isfinite(values)))
+        if count == values.size:
+            raise ConfigError(
+                f"{where}: column '{name}' holds no value: remove the column or repair the record"
+            )
+        gaps[name] = (count, int(values.size))
+    return gaps
+
+
 def whole_rows(columns: Columns, names: Sequence[str]) -> slice:
     """Return the rows from the first to the last in which all of these columns say something.
 

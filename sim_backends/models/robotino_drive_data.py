@@ -11,6 +11,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from sim_backends.models.log_columns import (
     Columns,
     DriveLog,
     check_times,
+    missing_values,
     need,
     read_columns,
     read_runs_by_name,
@@ -93,6 +95,7 @@ def drive_runs_of_log(log: DriveLog) -> list[Run]:
 def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
     names = [f"m{wheel}{kind}" for wheel in WHEELS for kind in ("pos", "cur")]
     need(columns, ("t", "xpos", "ypos", "ang", *names), str(path), "give a run of the Robotino 2 data set")
+    gaps = missing_values(columns, ("xpos", "ypos", "ang", *names), str(path))
     t_s = columns["t"] / 1000.0
     check_times(t_s, str(path))
     x_m, y_m = NOMINAL_M_PER_PX * columns["xpos"], -NOMINAL_M_PER_PX * columns["ypos"]
@@ -106,7 +109,7 @@ def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
     inputs = _wheels(windows, t_s, turned, current)
     inputs["image_x_m"] = windows.mean(t_s, x_m) - MIDDLE_M[0]
     inputs["image_y_m"] = windows.mean(t_s, y_m) - MIDDLE_M[1]
-    return _run(name, surface, windows, inputs, _named(pose), {})
+    return replace(_run(name, surface, windows, inputs, _named(pose), {}), missing=gaps)
 
 
 def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, float]) -> Run:
@@ -120,7 +123,11 @@ def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, floa
         raise ConfigError(
             f"{name} has {int(seen.sum())} true poses: record one with a camera above the rover"
         )
-    told = t_s[whole_rows(columns, turned_names)]
+    rows = whole_rows(columns, turned_names)
+    optional = (*(f"current{wheel}_a" for wheel in WHEELS), "gyro_z_deg_s")
+    recorded = {one: values[rows] for one, values in columns.items()}
+    gaps = missing_values(recorded, (*turned_names, *optional), name)
+    told = t_s[rows]
     first, last = max(float(told[0]), float(t_s[seen][0])), min(float(told[-1]), float(t_s[seen][-1]))
     windows = windows_over(first, last, name)
     currents = [np.abs(columns.get(f"current{wheel}_a", np.zeros(t_s.size))) for wheel in WHEELS]
@@ -131,7 +138,7 @@ def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, floa
         measured["gyro_rad_s"] = windows.mean(t_s, np.radians(columns["gyro_z_deg_s"]))
     if "surface" in columns:
         surface = float(columns["surface"][0])
-    return _run(name, surface, windows, wheels, measured, facts)
+    return replace(_run(name, surface, windows, wheels, measured, facts), missing=gaps)
 
 
 def _wheels(windows: Windows, t_s: Array, turned: list[Array], current: list[Array]) -> dict[str, Array]:

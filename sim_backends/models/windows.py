@@ -17,6 +17,8 @@ MOST_WINDOWS = 400
 LEAST_WINDOWS = 30
 LEAST_STRETCH = 64
 LEAST_STRETCHES = 4
+OVERLAP = (2, 1)
+"""Values at the start and end of a stretch that overlap with its neighbours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +70,8 @@ def windows_over(first_s: float, last_s: float, where: str) -> Windows:
 def stretches(run: Run) -> list[Run]:
     """Return a run of windows cut into four or more of at least 64; itself where it is too short.
 
-    What is late reaches back over a cut, and what is ahead of it over the other: the first two values of each
-    and the last are left out.
+    What is late reaches back over a cut, and what is ahead of it over the other: values at both ends of each
+    are left out.
     """
     size = run.inputs["t_s"].size
     count = size // LEAST_STRETCH
@@ -80,9 +82,10 @@ def stretches(run: Run) -> list[Run]:
     for number, (first, last) in enumerate(itertools.pairwise(cuts.tolist()), start=1):
         measured = {name: values[first:last].copy() for name, values in run.measured.items()}
         for values in measured.values():
-            values[:2] = values[-1:] = np.nan
+            values[: OVERLAP[0]] = values[-OVERLAP[1] :] = np.nan
         inputs = {name: values[first:last] for name, values in run.inputs.items()}
-        parts.append(replace(run, name=f"{run.name} part {number}", inputs=inputs, measured=measured))
+        name = f"{run.name} part {number}"
+        parts.append(replace(run, name=name, inputs=inputs, measured=measured, overlap=OVERLAP))
     return parts
 
 

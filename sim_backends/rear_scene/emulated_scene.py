@@ -2,22 +2,17 @@
 
 import math
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from sim_backends.devices.camera import CameraEmulatorSettings
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
-from sim_backends.rear_scene.motion import rotations
 from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
-from sim_backends.rear_scene.scene import Lens, Pose, RearScene
+from sim_backends.rear_scene.scene import Lens, Pose, RearScene, rotations
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.coloured_noise import SlowNoise
 from sim_backends.world.plant import Truth
-
-Floats: TypeAlias = NDArray[np.float64]
 
 FARTHEST_M = 1.3
 """The scene keeps the ground about as far as this from the rover."""
@@ -51,7 +46,6 @@ def rig_of(emulator: CameraEmulatorSettings, width: int, height: int, fps: float
             wheel("front_right", -x_m, -y_m),
             wheel("rear_right", x_m, -y_m),
         ),
-        b_m=abs(x_m),
     )
     _check_reach(rig)
     return rig

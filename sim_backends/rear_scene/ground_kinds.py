@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.devices.camera import GroundKind
 from sim_backends.rear_scene.kernels import MEAN_REFLECTANCE
+from sim_backends.rear_scene.settings import GroundKind
 
 Texels: TypeAlias = NDArray[np.float32]
 SIZE = 1024

@@ -8,11 +8,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.devices.camera import GroundKind
+from sim_backends.arrays import Array
 from sim_backends.rear_scene import kernels
 from sim_backends.rear_scene.ground_kinds import make_ground, periodic_noise
+from sim_backends.rear_scene.settings import GroundKind
 
-Floats: TypeAlias = NDArray[np.float64]
 Box: TypeAlias = tuple[int, int, int, int]
 
 BLOCKS = kernels.MAP_SIZE // kernels.BLOCK
@@ -37,11 +37,11 @@ class Terrain:
     slope: tuple[float, float] = (0.0, 0.0)
     mounds: tuple[tuple[float, float, float, float], ...] = ()
 
-    def arrays(self) -> tuple[Floats, Floats]:
+    def arrays(self) -> tuple[Array, Array]:
         """Return slope and mounds as the compiled loops take them."""
         return np.array(self.slope), np.array(self.mounds, np.float64).reshape(-1, 4)
 
-    def height_m(self, x_m: Floats, y_m: Floats) -> Floats:
+    def height_m(self, x_m: Array, y_m: Array) -> Array:
         """Return the height at points of the world."""
         height = self.slope[0] * x_m + self.slope[1] * y_m
         for x0, y0, top, radius in self.mounds:
@@ -67,13 +67,13 @@ class Sun:
     sky_grey: float = 75.0
     bands: tuple[tuple[float, float, float, float], ...] = ()
 
-    def direction(self) -> Floats:
+    def direction(self) -> Array:
         """Return the unit vector to the sun in the world."""
         azimuth, elevation = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
         level = math.cos(elevation)
         return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
 
-    def arrays(self) -> tuple[Floats, Floats]:
+    def arrays(self) -> tuple[Array, Array]:
         """Return light and bands as the compiled loops take them."""
         bands = [
             (math.cos(math.radians(turn)), math.sin(math.radians(turn)), offset, half, soft)
@@ -232,7 +232,7 @@ class GroundMap:
             steps = np.array([*roll.start_m, *_way(roll), *_heading(roll), *roll.lugs])
             kernels.press(self.maps, np.array(box), steps, _shape(roll, rut), self._land)
 
-    def _stones_near(self, box: Box) -> list[Floats]:
+    def _stones_near(self, box: Box) -> list[Array]:
         if self._settings.stones_per_m2 == 0:
             return []
         reach = LARGEST_STONE_M / self.maps.texel_m
@@ -241,7 +241,7 @@ class GroundMap:
         columns = range(math.floor((box[2] - reach) / cell), math.floor((box[3] + reach) / cell) + 1)
         return [stone for row in rows for column in columns for stone in self._stones_at(row, column)]
 
-    def _draw_stones(self, row: int, column: int) -> list[Floats]:
+    def _draw_stones(self, row: int, column: int) -> list[Array]:
         """Return the stones of a cell, the same whenever it is asked for."""
         # A seed takes no negative numbers; cells count from far below zero.
         rng = np.random.default_rng([self._stone_seed, row + 2**31, column + 2**31])
@@ -271,7 +271,7 @@ def _land(settings: GroundSettings, casts: NDArray[np.int64], rng: np.random.Gen
     )
 
 
-def _shape(roll: Roll, rut: Rut) -> Floats:
+def _shape(roll: Roll, rut: Rut) -> Array:
     """Return the cross-section that this step leaves: wider, and piled up on one side, when drifting."""
     forward, left = _way(roll)
     drift = left / max(abs(forward), abs(left), 1e-9)

@@ -5,19 +5,18 @@ All compiled functions stand in this one file: numba's cache does not notice cha
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, TypeAlias, TypeVar, cast
+from typing import NamedTuple, TypeAlias
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Floats: TypeAlias = NDArray[np.float64]
+from sim_backends.arrays import Array
+from sim_backends.jit import compiled
+
 Map: TypeAlias = NDArray[np.float32]
 LightMap: TypeAlias = NDArray[np.uint16]
 Flags: TypeAlias = NDArray[np.bool_]
 Box: TypeAlias = NDArray[np.int64]
-FunctionT = TypeVar("FunctionT", bound=Callable[..., object])
 
 MEAN_REFLECTANCE = 0.42
 MAP_SIZE = 2048
@@ -42,9 +41,7 @@ FLATTEST_RAY = 0.25
 MASK = MAP_SIZE - 1
 BLOCK_MASK = MAP_SIZE // BLOCK - 1
 
-
-def _compiled(function: FunctionT) -> FunctionT:
-    return cast("FunctionT", numba.njit(cache=True, fastmath=True)(function))
+_compiled = compiled(fastmath=True)
 
 
 class Maps(NamedTuple):
@@ -78,12 +75,12 @@ class Land(NamedTuple):
         casts: Rows of offsets, in texels, of what a change of the ground lights or shades.
     """
 
-    slope: Floats
-    mounds: Floats
+    slope: Array
+    mounds: Array
     reflectance: Map
     relief: Map
     patches: Map
-    placing: Floats
+    placing: Array
     rough: Map
     casts: Box
 
@@ -113,7 +110,7 @@ class View(NamedTuple):
 
 
 @_compiled
-def terrain_m(x_m: float, y_m: float, slope: Floats, mounds: Floats) -> float:
+def terrain_m(x_m: float, y_m: float, slope: Array, mounds: Array) -> float:
     """Return the height of the undisturbed ground without its relief."""
     height: float = slope[0] * x_m + slope[1] * y_m
     for k in range(mounds.shape[0]):
@@ -151,7 +148,7 @@ def fill(maps: Maps, box: Box, land: Land) -> None:
 
 
 @_compiled
-def put_stone(maps: Maps, box: Box, stone: Floats) -> None:
+def put_stone(maps: Maps, box: Box, stone: Array) -> None:
     """Put a stone onto the ground: x, y, half axes, turn (rad), height, m; reflectance."""
     x0, y0, along, across, turn, top, tone = stone
     cosine, sine = math.cos(turn), math.sin(turn)
@@ -167,7 +164,7 @@ def put_stone(maps: Maps, box: Box, stone: Floats) -> None:
 
 
 @_compiled
-def press(maps: Maps, box: Box, roll: Floats, rut: Floats, land: Land) -> None:
+def press(maps: Maps, box: Box, roll: Array, rut: Array, land: Land) -> None:
     """Press the strip of ground that a wheel's lowest line passes over in one short step.
 
     `roll`: contact x, y before, way forwards and to the left in the wheel's heading (m), cosine and sine of
@@ -204,7 +201,7 @@ def _darken(is_dark: Flags, i: int, j: int, casts: Box) -> None:
 
 @_compiled
 def _pressed(
-    old: tuple[float, float], n: float, ground: float, rough: float, lugs: float, rut: Floats
+    old: tuple[float, float], n: float, ground: float, rough: float, lugs: float, rut: Array
 ) -> tuple[float, float]:
     """Return height and reflectance after the wheel at `n` m to the left of its middle.
 
@@ -235,7 +232,7 @@ def _pressed(
 
 
 @_compiled
-def light_up(maps: Maps, box: Box, sun: Floats, bands: Floats) -> None:
+def light_up(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
     """Compute how bright the sky and the sun make the ground in the box.
 
     `sun`: direction to it x, y, z; light of white ground under the sun upright to it, and under the sky.
@@ -264,7 +261,7 @@ def light_up(maps: Maps, box: Box, sun: Floats, bands: Floats) -> None:
 
 
 @_compiled
-def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Floats) -> float:
+def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
     """Return the share of the sun that the ground around leaves to a texel."""
     level = math.hypot(sun[0], sun[1])
     rise, step_x, step_y = sun[2] / level, sun[0] / level, sun[1] / level
@@ -279,7 +276,7 @@ def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Floats) -> float
 
 
 @_compiled
-def _past_bands(x: float, y: float, bands: Floats) -> float:
+def _past_bands(x: float, y: float, bands: Array) -> float:
     share = 1.0
     for k in range(bands.shape[0]):
         across = abs(bands[k, 0] * x + bands[k, 1] * y - bands[k, 2]) - bands[k, 3]

@@ -1,23 +1,14 @@
 """Where the rear camera sits, what its lens does, and which wheels press the ground."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Floats: TypeAlias = NDArray[np.float64]
-JsonValue: TypeAlias = "str | float | Mapping[str, JsonValue] | list[JsonValue]"
+from sim_backends.arrays import Array
 
-RIG_SCHEMA = "rear-camera-rig/1"
-VEHICLE_FRAME = (
-    "origin = projection of the centre of mass G on the wheel-contact plane, X forward, Y left, Z up; "
-    "angles counter-clockwise positive"
-)
 CLOSEST_DEPTH_M = 0.02
 
 
@@ -40,18 +31,6 @@ class Wheel:
     lug_count: int = 18
     steer_deg: float = 0.0
 
-    def as_json(self) -> dict[str, JsonValue]:
-        """Return the entries of a rig file."""
-        return {
-            "name": self.name,
-            "contact_point": [self.x_m, self.y_m, 0.0],
-            "radius_m": self.radius_m,
-            "width_m": self.width_m,
-            "grouser_height_m": self.grouser_height_m,
-            "lug_count": self.lug_count,
-            "steer_deg": self.steer_deg,
-        }
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
@@ -64,32 +43,24 @@ class Rig:
         camera_m: Position of the lens.
         wheel: The wheel whose trace is watched.
         other_wheels: The others, which press traces too.
-        b_m: From the rear axle to G.
-        behind_contact_m: Length of ground in view behind the contact.
-        lateral_about_contact_m: Width of ground in view about the contact.
     """
 
     width: int
     height: int
     fps: float
-    camera_matrix: Floats
-    distortion: Floats
-    vehicle_from_camera: Floats
-    camera_m: Floats
+    camera_matrix: Array
+    distortion: Array
+    vehicle_from_camera: Array
+    camera_m: Array
     wheel: Wheel
     other_wheels: tuple[Wheel, ...]
-    b_m: float
-    nominal_speed_m_s: float = 0.08
-    behind_contact_m: float = 0.6
-    lateral_about_contact_m: float = 0.8
-    max_slip_angle_deg: float = 35.0
 
     @property
     def wheels(self) -> tuple[Wheel, ...]:
         """Every wheel, the watched one last: where it follows another it presses the later trace."""
         return (*self.other_wheels, self.wheel)
 
-    def project(self, points_m: Floats) -> Floats:
+    def project(self, points_m: Array) -> Array:
         """Return (column, row) of points of the vehicle frame, shape (n, 3); NaN out of view."""
         in_camera = (points_m - self.camera_m) @ self.vehicle_from_camera
         image = self._pixels(in_camera)
@@ -97,24 +68,19 @@ class Rig:
         image[outside | (in_camera[:, 2] < CLOSEST_DEPTH_M)] = np.nan
         return image
 
-    def rays(self) -> Floats:
+    def rays(self) -> Array:
         """Return the direction through every pixel in the camera frame as (x / z, y / z), shape (h, w, 2)."""
         columns, rows = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
         pixels = np.stack([columns.ravel(), rows.ravel()], axis=1)
         return self._unproject(pixels).reshape(self.height, self.width, 2)
 
-    def _unproject(self, pixels: Floats) -> Floats:
+    def _unproject(self, pixels: Array) -> Array:
         # The default stops after five steps, tenths of a pixel off in the corners.
         enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-6)
         rays = cv2.undistortPoints(pixels[:, None, :], self.camera_matrix, self.distortion, criteria=enough)
         return np.asarray(rays, np.float64)[:, 0, :]
 
-    def sees(self, pixels: Floats) -> NDArray[np.bool_]:
-        """Return which of these (column, row) lie in the picture; NaN does not."""
-        column, row = pixels[:, 0], pixels[:, 1]
-        return (column >= 0) & (column <= self.width - 1) & (row >= 0) & (row <= self.height - 1)
-
-    def wheel_outline(self, body_to_vehicle: Floats) -> Floats | None:
+    def wheel_outline(self, body_to_vehicle: Array) -> Array | None:
         """Return the watched wheel's outline in the picture, (column, row); None when it is not in view.
 
         `body_to_vehicle` turns points of the body, to which the camera is fixed, into the vehicle frame.
@@ -146,34 +112,13 @@ class Rig:
             ).max()
         )
 
-    def _pixels(self, in_camera: Floats) -> Floats:
+    def _pixels(self, in_camera: Array) -> Array:
         zero = np.zeros(3)
         pixels, _ = cv2.projectPoints(in_camera[:, None, :], zero, zero, self.camera_matrix, self.distortion)
         return np.asarray(pixels, np.float64)[:, 0, :]
 
-    def as_json(self) -> dict[str, JsonValue]:
-        """Return what a rig file of schema `rear-camera-rig/1` holds."""
-        return {
-            "schema": RIG_SCHEMA,
-            "vehicle_frame": VEHICLE_FRAME,
-            "image": {"width": self.width, "height": self.height, "fps": self.fps, "format": "bgr8"},
-            "camera_matrix": [list(map(float, row)) for row in self.camera_matrix],
-            "dist_coeffs": {"model": "opencv", "values": list(map(float, self.distortion))},
-            "R_vehicle_camera": [list(map(float, row)) for row in self.vehicle_from_camera],
-            "t_vehicle_camera": list(map(float, self.camera_m)),
-            "wheel": self.wheel.as_json(),
-            "other_wheels": [wheel.as_json() for wheel in self.other_wheels],
-            "b_m": self.b_m,
-            "nominal_speed_mps": self.nominal_speed_m_s,
-            "ground_view_m": {
-                "behind_contact": self.behind_contact_m,
-                "lateral_about_contact": self.lateral_about_contact_m,
-            },
-            "max_slip_angle_deg": self.max_slip_angle_deg,
-        }
 
-
-def looking_back(tilt_deg: float, pan_deg: float = 0.0, bank_deg: float = 0.0) -> Floats:
+def looking_back(tilt_deg: float, pan_deg: float = 0.0, bank_deg: float = 0.0) -> Array:
     """Return vehicle_from_camera of a camera that looks backwards and down.
 
     Args:

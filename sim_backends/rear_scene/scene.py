@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.samples import Image
+from sim_backends.arrays import Array
 from sim_backends.rear_scene import kernels
 from sim_backends.rear_scene.ground_kinds import SAND_TINT, TINTS
 from sim_backends.rear_scene.ground_map import GroundMap, GroundSettings, Roll, Rut, Sun
 from sim_backends.rear_scene.rig import Rig, Wheel
 
-Floats: TypeAlias = NDArray[np.float64]
 Boxes: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
 
 CURVE_SIZE = 2048
@@ -55,8 +55,8 @@ class Pose:
             full one.
     """
 
-    position_m: Floats
-    vehicle_to_world: Floats
+    position_m: Array
+    vehicle_to_world: Array
     rock_rad: tuple[float, float] = (0.0, 0.0)
     yaw_rad: float = 0.0
     wheel_angle_rad: float = 0.0
@@ -175,14 +175,14 @@ class RearScene:
         noise = self._noise[row : row + self._rig.height, column : column + self._rig.width]
         return np.asarray(cv2.add(blurred, noise, dtype=cv2.CV_8U), np.uint8)
 
-    def _plane(self, pose: Pose) -> Floats:
+    def _plane(self, pose: Pose) -> Array:
         """Return a, b, c of the undisturbed ground z = a x + b y + c about the rover."""
         normal = pose.vehicle_to_world[:, 2]
         a, b = -normal[0] / normal[2], -normal[1] / normal[2]
         x, y, z = pose.position_m
         return np.array([a, b, z - a * x - b * y + self._rut.depth_m * pose.softness[-1]])
 
-    def _prepare(self, camera: Floats, turn: Floats, plane: Floats) -> None:
+    def _prepare(self, camera: Array, turn: Array, plane: Array) -> None:
         directions = self._edge @ turn.T
         fall = np.maximum(plane[0] * directions[:, 0] + plane[1] * directions[:, 1] - directions[:, 2], 0.3)
         distance = (camera[2] - plane[0] * camera[0] - plane[1] * camera[1] - plane[2]) / fall
@@ -191,7 +191,7 @@ class RearScene:
         last = np.minimum(points.max(axis=0) + MARGIN_M, camera + FARTHEST_M)
         self.ground.prepare((first[0], last[0]), (first[1], last[1]))
 
-    def _shade(self, pose: Pose, rock: Floats) -> tuple[NDArray[np.float32], Floats]:
+    def _shade(self, pose: Pose, rock: Array) -> tuple[NDArray[np.float32], Array]:
         """Return the rover's shadow on the ground, and how the world lies to it."""
         sun = pose.vehicle_to_world.T @ self._sun_to
         level = np.array([self._rig.wheel.x_m - 0.45, self._rig.wheel.y_m])
@@ -211,7 +211,7 @@ class RearScene:
         frame = np.array([*world_to_vehicle[0], offset[0], *world_to_vehicle[1], offset[1], *to_sun])
         return np.asarray(soft / 255, np.float32), frame
 
-    def _draw_wheel(self, rock: Floats, gain: float) -> None:
+    def _draw_wheel(self, rock: Array, gain: float) -> None:
         """Draw the watched wheel where it hides the ground."""
         outline = self._rig.wheel_outline(rock)
         if outline is None:
@@ -220,7 +220,7 @@ class RearScene:
         grey = int(self._curve[min(CURVE_SIZE - 1, round(0.06 * gain * CURVE_SIZE))])
         cv2.fillConvexPoly(self._image, hull, (grey, grey, grey), cv2.LINE_AA, SUBPIXEL_BITS)
 
-    def _blur(self, pose: Pose) -> Floats:
+    def _blur(self, pose: Pose) -> Array:
         """Return the kernel of optical blur and of the way the middle of the picture moves."""
         rig, exposure = self._rig, self._lens.exposure_s
         axis = rig.vehicle_from_camera[:, 2]
@@ -232,7 +232,7 @@ class RearScene:
         return blur_kernel(ends[1] - ends[0], self._lens.blur_px)
 
 
-def blur_kernel(way_px: Floats, sigma_px: float) -> Floats:
+def blur_kernel(way_px: Array, sigma_px: float) -> Array:
     """Return a kernel of a Gaussian of `sigma_px` drawn along the way (columns, rows) in pixels."""
     half = math.ceil(0.5 * float(np.abs(way_px).max()) + 2.5 * sigma_px)
     rows, columns = np.mgrid[-half : half + 1, -half : half + 1]
@@ -247,7 +247,7 @@ def _contact(wheel: Wheel, pose: Pose) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def rocking(roll: float, pitch: float) -> Floats:
+def rocking(roll: float, pitch: float) -> Array:
     """Return the rotation of the body against the contact plane: roll about x, then pitch about y."""
     about_x = np.array([[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]])
     about_y = np.array(
@@ -256,7 +256,19 @@ def rocking(roll: float, pitch: float) -> Floats:
     return np.asarray(about_y @ about_x)
 
 
-def _corners(box: tuple[float, float, float, float, float, float]) -> Floats:
+def rotations(yaw: Array, pitch: Array, roll: Array) -> Array:
+    """Return vehicle to world, Rz(yaw) Ry(pitch) Rx(roll); pitch is positive nose down, roll left side up."""
+    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    cr, sr = np.cos(roll), np.sin(roll)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def _corners(box: tuple[float, float, float, float, float, float]) -> Array:
     x0, x1, y0, y1, z0, z1 = box
     return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (z0, z1)])
 
@@ -268,7 +280,7 @@ def _lit_rays(rig: Rig, lens: Lens) -> NDArray[np.float32]:
     return np.asarray(np.concatenate([rays, light[..., None]], axis=2), np.float32)
 
 
-def _edge_rays(rays: NDArray[np.float32]) -> Floats:
+def _edge_rays(rays: NDArray[np.float32]) -> Array:
     edge = np.concatenate([rays[0, ::16], rays[-1, ::16], rays[::16, 0], rays[::16, -1]]).astype(np.float64)
     edge[:, 2] = 1
     return edge

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from drivers.errors import NotConnectedError
 from drivers.link import CameraImage
+from sim_backends.serving.made_folders import MadeFolders
 from sim_backends.serving.port import Port
 from sim_backends.world.live_folder import LiveFolderWriter
 
@@ -19,22 +20,26 @@ class FramePort(Port[CameraImage]):
         self.where = folder
         self._folder = Path(folder)
         self._writer: LiveFolderWriter | None = None
+        self._folders = MadeFolders()
 
     def open(self) -> None:
         """Make the folder; does nothing when it is open."""
         if self._writer is not None:
             return
         try:
+            self._folders.make(self._folder.parent)
             self._writer = LiveFolderWriter(self._folder)
         except OSError as error:
+            self._folders.remove()
             msg = f"cannot serve frames in {self.where}: {error}"
             raise NotConnectedError(msg) from error
 
     def close(self) -> None:
-        """Remove our frames, and the folder unless others use it."""
+        """Remove our frames, and the folders unless others use them."""
         if self._writer is not None:
             self._writer.close()
             self._writer = None
+        self._folders.remove()
 
     def read(self) -> list[bytes]:
         """Return nothing: a folder of frames takes no commands."""

@@ -7,6 +7,7 @@ import tty
 from pathlib import Path
 
 from drivers.errors import NotConnectedError
+from sim_backends.serving.made_folders import MadeFolders
 from sim_backends.serving.port import Port
 
 PSEUDO_TERMINALS = "/dev/pts/"
@@ -20,8 +21,8 @@ class PtyPort(Port[bytes]):
     does not fit into the buffer (about 20 kB) is lost.
 
     Args:
-        path: Where the host looks for the port; folders are made. Only the dangling link of a simulator that
-            has ended is ever replaced.
+        path: Where the host looks for the port; missing folders are made, and removed again on `close`. Only
+            the dangling link of a simulator that has ended is ever replaced.
     """
 
     def __init__(self, path: str) -> None:
@@ -30,6 +31,7 @@ class PtyPort(Port[bytes]):
         self._target = ""
         self._master: int | None = None
         self._poll = select.poll()
+        self._folders = MadeFolders()
 
     def open(self) -> None:
         """Create the pseudo-terminal and point the link at it; does nothing when it is open."""
@@ -37,7 +39,7 @@ class PtyPort(Port[bytes]):
             return
         self._require_free_path()
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._folders.make(self._path.parent)
             self._path.unlink(missing_ok=True)
             self._master, slave = os.openpty()
             tty.setraw(slave)
@@ -52,14 +54,14 @@ class PtyPort(Port[bytes]):
             raise NotConnectedError(msg) from error
 
     def close(self) -> None:
-        """Destroy the pseudo-terminal and remove the link."""
-        if self._master is None:
-            return
-        if self._path.is_symlink() and str(self._path.readlink()) == self._target:
-            self._path.unlink()
-        self._poll.unregister(self._master)
-        os.close(self._master)
-        self._master = None
+        """Destroy the pseudo-terminal, remove the link and the folders made for it."""
+        if self._master is not None:
+            if self._path.is_symlink() and str(self._path.readlink()) == self._target:
+                self._path.unlink()
+            self._poll.unregister(self._master)
+            os.close(self._master)
+            self._master = None
+        self._folders.remove()
 
     def read(self) -> list[bytes]:
         """Return what the host has written, as one chunk."""

@@ -1,6 +1,6 @@
 """The server: runs a simulated world on the host's clock and carries bytes between it and real ports."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Generic, Self, TypeAlias
 
@@ -101,7 +101,7 @@ class Server:
 
     def close(self) -> None:
         """Make every port vanish; may be called again."""
-        for device in self.served:
+        for device in reversed(self.served):  # the port that made a folder is the last to leave it
             device.port.close()
 
     def run(self, duration_s: float) -> None:
@@ -133,26 +133,29 @@ def put_on_ports(world: World, settings: Mapping[str, AnyDeviceSettings]) -> lis
     Raises:
         ConfigError: The settings name a port that no other process can reach.
     """
+    for conflict in find_unservable(settings):
+        raise ConfigError(conflict)
     served: list[AnyServedDevice] = []
     for name, device in settings.items():
         if isinstance(device, FrameSourceSettings):
-            served.append(ServedDevice(world.image_devices[name], _frame_port(name, device)))
+            served.append(ServedDevice(world.image_devices[name], FramePort(device.path)))
         elif isinstance(device, CanWheelsSettings):
-            served.append(ServedDevice(world.byte_devices[name], _can_port(name, device)))
+            served.append(ServedDevice(world.byte_devices[name], _can_port(device)))
         else:
             served.append(ServedDevice(world.byte_devices[name], PtyPort(device.port)))
     return served
 
 
-def _frame_port(name: str, camera: FrameSourceSettings) -> Port[CameraImage]:
-    if camera.source != "live_folder":
-        msg = f"devices.{name}.source: a simulated camera is served as source = 'live_folder'; set that"
-        raise ConfigError(msg)
-    return FramePort(camera.path)
+def find_unservable(settings: Mapping[str, AnyDeviceSettings]) -> Iterator[str]:
+    """Yield which devices name a port that no other process can reach, with the fix."""
+    for name, device in settings.items():
+        if isinstance(device, FrameSourceSettings) and device.source != "live_folder":
+            yield f"devices.{name}.source: a simulated camera is served as source = 'live_folder'; set that"
+        if isinstance(device, CanWheelsSettings) and device.interface == "virtual":
+            yield (
+                f"devices.{name}.interface: no other process can reach a virtual bus; use slcan or socketcan"
+            )
 
 
-def _can_port(name: str, bus: CanWheelsSettings) -> Port[bytes]:
-    if bus.interface == "virtual":
-        msg = f"devices.{name}.interface: no other process can reach a virtual bus; use slcan or socketcan"
-        raise ConfigError(msg)
+def _can_port(bus: CanWheelsSettings) -> Port[bytes]:
     return SlcanPort(bus.channel) if bus.interface == "slcan" else CanBusPort(bus.interface, bus.channel)

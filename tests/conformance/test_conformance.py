@@ -13,7 +13,7 @@ from drivers.errors import NotConnectedError, StaleSampleError
 from drivers.link import CameraImage, LinkChange
 from drivers.registry import AnyDeviceSettings
 from drivers.samples import LinkSample, Sample
-from rover_hil.recording.replay_link import ReplayLink
+from rover_hil.run.replay_link import ReplayLink
 from tests.conformance.benches import ADAPTER, BACKENDS, CASES, NAME, Bench, Case
 
 START_LIMIT_S = 3.0

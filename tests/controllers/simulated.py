@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.roles import DeviceRoles
+from controllers.safety.settings import SafetySettings
 from controllers.settings import (
     ControlSettings,
     FilterSettings,
@@ -17,7 +18,6 @@ from controllers.settings import (
     MissionSettings,
     OmniRoverSettings,
     RectangleMission,
-    SafetySettings,
     SkidSteerRoverSettings,
     WaypointsMission,
 )
@@ -89,6 +89,7 @@ class SimulatedRover:
     Attributes:
         mute: Called with each sample; what it returns is delivered instead (None: nothing).
         slip: Share of the wheels' motion that does not move the body.
+        jammed: Wheels that do not turn.
     """
 
     geometry: Geometry
@@ -96,6 +97,7 @@ class SimulatedRover:
     noise: Noise = field(default_factory=Noise)
     mute: Callable[[Sample], Sample | None] = field(default=lambda sample: sample)
     slip: float = 0.0
+    jammed: tuple[int, ...] = ()
     t_ns: int = START_NS
     place: complex = 0j
     yaw_rad: float = 0.0
@@ -118,6 +120,7 @@ class SimulatedRover:
     def _tick(self) -> None:
         dt_s = TICK_NS / SECOND_NS
         self.speed_rad_s = self.speed_rad_s + (self.set_point_rad_s - self.speed_rad_s) * dt_s / 0.05
+        self.speed_rad_s[list(self.jammed)] = 0.0
         self.position_rad = self.position_rad + self.speed_rad_s * dt_s
         velocity, self.yaw_rate_rad_s = self.geometry.twist(self.speed_rad_s * (1.0 - self.slip))
         turn_rad = self.yaw_rate_rad_s * dt_s

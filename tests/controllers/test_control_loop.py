@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
+from controllers.safety.settings import SafetySettings
 from controllers.settings import (
     OmniRoverSettings,
-    SafetySettings,
     SkidSteerRoverSettings,
 )
 from drivers.errors import ConfigError

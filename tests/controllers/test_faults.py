@@ -11,9 +11,7 @@ import pytest
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.motion.limits import Limit
 from controllers.safety import Mode
-from controllers.settings import (
-    SafetySettings,
-)
+from controllers.safety.settings import SafetySettings
 from drivers.samples import (
     BumperSample,
     FaultSample,
@@ -209,7 +207,7 @@ def test_positions_that_jump_to_and_fro_stop_the_rover_although_they_are_fresh()
     faulty = run(loop, simulated, 3.0)
     first = next(output for output in faulty if output.mode is Mode.SAFE_STOP)
     assert (first.t_ns - began_ns) / MS <= 2 * 150 + 20
-    assert first.reason == "wheels: no motion to be made out within 0.3 s"
+    assert first.reason == "wheels: no wheel motion measured for 0.3 s"
     assert faulty[-1].mode is Mode.SAFE_STOP
     simulated.mute = lambda sample: sample
     assert run(loop, simulated, 1.0)[-1].mode is Mode.RUNNING

@@ -17,7 +17,8 @@ from drivers.driver import Codec, Rejection
 from drivers.errors import ConfigError
 from drivers.link import CameraImage, Received
 from drivers.overhead_camera.markers import MarkerFinder, centre_of
-from drivers.overhead_camera.settings import DICTIONARY_PATTERN, OverheadCameraSettings
+from drivers.overhead_camera.parameters import DICTIONARY_PATTERN
+from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.samples import Image, PoseFixSample
 from tests.drivers.overhead_pictures import (
     HEIGHT,

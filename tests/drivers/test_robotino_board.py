@@ -22,7 +22,8 @@ from drivers.robotino_board.codec import (
     parse_reply,
     parse_request,
 )
-from drivers.robotino_board.settings import Board, RobotinoBoardSettings
+from drivers.robotino_board.parameters import Board
+from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import BumperSample, PowerSample, Sample, WheelCommand, WheelSample
 from tests.drivers.test_driver import ScriptedLink
 

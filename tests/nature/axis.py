@@ -1,4 +1,4 @@
-"""A motor axis as nature makes it: circuit, inertia, friction; Runge-Kutta at a tenth of the sample time."""
+"""A motor axis as nature makes it: circuit, inertia, friction; exact between steps of a tenth of a sample."""
 
 import math
 from collections.abc import Sequence
@@ -76,36 +76,30 @@ def voltages(drive: Drive, rng: np.random.Generator) -> list[Array]:
 def run_axis(axis: TrueAxis, voltage: Array) -> Array:
     """Return the true speed at each sample, rad/s; the voltage is held in between."""
     step = SAMPLE_S / SUBSTEPS
+    damping = axis.damping
+    decay = math.exp(-damping / axis.inertia * step)
+    held = (axis.torque_constant / axis.resistance * voltage * (1.0 - axis.sag * np.abs(voltage))).tolist()
     speed, angle = 0.0, 0.0
     seen = np.zeros(voltage.size)
     for index in range(1, voltage.size):
         for part in range(SUBSTEPS):
             now = (index - 1) * SAMPLE_S + part * step
             place = math.floor((now - axis.late) / SAMPLE_S + 1e-9)
-            volts = voltage[place] if place >= 0 else 0.0
-            volts *= 1.0 - axis.sag * abs(volts)
-            push = axis.torque_constant / axis.resistance * volts
+            push = held[place] if place >= 0 else 0.0
             push += axis.cogging * math.sin(4.0 * angle) - axis.fan * speed * abs(speed)
-            speed = _step(axis, speed, push, step)
+            speed = _step(axis.dry, damping, decay, speed, push)
             angle += speed * step
         seen[index] = speed
     return seen + axis.zero
 
 
-def _step(axis: TrueAxis, speed: float, push: float, step: float) -> float:
-    if speed == 0.0 and abs(push) <= axis.dry:
+def _step(dry: float, damping: float, decay: float, speed: float, push: float) -> float:
+    if speed == 0.0 and abs(push) <= dry:
         return 0.0
     sense = math.copysign(1.0, speed if speed != 0.0 else push)
-
-    def slope(value: float) -> float:
-        return (push - axis.damping * value - sense * axis.dry) / axis.inertia
-
-    k1 = slope(speed)
-    k2 = slope(speed + 0.5 * step * k1)
-    k3 = slope(speed + 0.5 * step * k2)
-    k4 = slope(speed + step * k3)
-    after = speed + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return 0.0 if axis.dry > 0.0 and after * sense < 0.0 else after
+    final = (push - sense * dry) / damping
+    after = final + (speed - final) * decay
+    return 0.0 if dry > 0.0 and after * sense < 0.0 else after
 
 
 def measure_axis(axis: TrueAxis, drive: Drive, rng: np.random.Generator) -> list[tuple[Array, Array]]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -27,6 +28,11 @@ MEASURED_PERIOD_S = 0.0306
 MEASURED_RIPPLE_A = 0.18
 """Deviation of a current reading at 1 A in the motor identification records; it grows with the root."""
 STICTION_WIDTH_RAD_S = 0.5
+NUMBERS = (
+    "resistance_ohm", "inductance_h", "speed_constant_v_s", "torque_constant_nm_a", "inertia_kg_m2",
+    "viscous_nm_s", "breakaway_nm", "film_rad_s", "forward_nm", "drag_nm_s2",
+)  # fmt: skip
+"""Names of the constants that the compiled steps read by their place."""
 FRICTION_TIME_S = 0.5
 
 
@@ -196,6 +202,7 @@ class _Motors:
     ) -> None:
         self._motor = motor
         self._step_s = CYCLE_S / steps_per_cycle
+        self._numbers = np.array([getattr(motor, name) for name in NUMBERS])
         self._rng = rng
         self._spread = friction_spread
         self._state = np.zeros((3, count))
@@ -224,26 +231,37 @@ class _Motors:
         self._friction = keep * self._friction + fresh
 
     def step(self) -> None:
-        h = self._step_s
         friction = self._motor.coulomb_nm * (1 + self._spread * self._friction)
-        k1 = self._slope(self._state, friction)
-        k2 = self._slope(self._state + h / 2 * k1, friction)
-        k3 = self._slope(self._state + h / 2 * k2, friction)
-        k4 = self._slope(self._state + h * k3, friction)
-        self._state = self._state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        self._state = _advance(self._state, friction, self.voltage, self._step_s, self._numbers)
 
-    def _slope(self, state: Array, friction: Array) -> Array:
-        motor = self._motor
-        current, speed, _ = state
-        dry = friction + motor.breakaway_nm * np.exp(-np.abs(speed) / motor.film_rad_s)
-        dry = dry + motor.forward_nm * (speed > 0.0)
-        brake = dry * np.tanh(speed / STICTION_WIDTH_RAD_S) + motor.viscous_nm_s * speed
-        brake = brake + motor.drag_nm_s2 * speed * np.abs(speed)
-        return np.stack(
-            (
-                (self.voltage - motor.resistance_ohm * current - motor.speed_constant_v_s * speed)
-                / motor.inductance_h,
-                (motor.torque_constant_nm_a * current - brake) / motor.inertia_kg_m2,
-                speed,
-            )
-        )
+
+@njit(cache=True)
+def _advance(state: Array, friction: Array, voltage: Array, h: float, numbers: Array) -> Array:
+    """Return current, speed and angle of the motors after a Runge-Kutta step."""
+    after = np.empty_like(state)
+    for motor in range(friction.size):
+        current, speed, dry, volts = state[0, motor], state[1, motor], friction[motor], voltage[motor]
+        i1, w1 = _slope(current, speed, dry, volts, numbers)
+        i2, w2 = _slope(current + h / 2 * i1, speed + h / 2 * w1, dry, volts, numbers)
+        i3, w3 = _slope(current + h / 2 * i2, speed + h / 2 * w2, dry, volts, numbers)
+        i4, w4 = _slope(current + h * i3, speed + h * w3, dry, volts, numbers)
+        after[0, motor] = current + h / 6 * (i1 + 2 * i2 + 2 * i3 + i4)
+        after[1, motor] = speed + h / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
+        after[2, motor] = state[2, motor] + h * speed + h * h / 6 * (w1 + w2 + w3)
+    return after
+
+
+@njit(cache=True)
+def _slope(
+    current: float, speed: float, friction: float, voltage: float, numbers: Array
+) -> tuple[float, float]:
+    """Return how fast current and speed change."""
+    dry = friction + numbers[6] * math.exp(-abs(speed) / numbers[7])
+    if speed > 0.0:
+        dry += numbers[8]
+    brake = dry * math.tanh(speed / STICTION_WIDTH_RAD_S) + numbers[5] * speed
+    brake += numbers[9] * speed * abs(speed)
+    return (
+        (voltage - numbers[0] * current - numbers[2] * speed) / numbers[1],
+        (numbers[3] * current - brake) / numbers[4],
+    )

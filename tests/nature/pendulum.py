@@ -1,5 +1,6 @@
 """A pendulum as nature makes it: semi-implicit steps of a millisecond; each run begins a little off."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,10 +45,10 @@ def swing(pendulum: TruePendulum, start_rad: float) -> Array:
     for index in range(SAMPLES):
         seen[index] = angle
         for _ in range(SUBSTEPS):
-            push = -G_M_S2 / pendulum.length_m * np.sin(angle + pendulum.tilt_rad)
+            push = -G_M_S2 / pendulum.length_m * math.sin(angle + pendulum.tilt_rad)
             push -= (pendulum.viscous_per_s + pendulum.drag_per_rad * abs(rate)) * rate
             push -= pendulum.stiffening_per_s2 * angle**3
-            sense = np.sign(rate if rate != 0.0 else push)
+            sense = math.copysign(1.0, rate if rate != 0.0 else push)
             after = rate + step * (push - sense * pendulum.dry_rad_s2)
             # Dry friction stops it, and never turns it round.
             rate = 0.0 if after * sense < 0.0 and abs(push) < pendulum.dry_rad_s2 else after

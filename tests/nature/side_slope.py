@@ -4,6 +4,7 @@ Stresses are summed over a grid of patches of the wheels' rims (midpoint rule), 
 state is found by damped Newton steps, and the rover's path is marched. Radian, metre, newton inside.
 """
 
+import copy
 import csv
 import math
 from collections.abc import Sequence
@@ -178,21 +179,32 @@ class _Wheels:
         """Return balanced states; where `held`, without slip."""
         state = state.copy()
         state[held, 0] = 0.0
+        rows, part = np.arange(len(state)), self
         for _ in range(MOST_STEPS):
-            missing = self._missing(state, held)
-            if np.abs(missing).max() < CLOSE:
+            missing = part._missing(state[rows], held[rows])
+            is_open = np.abs(missing).max(axis=1) >= CLOSE
+            if not is_open.any():
                 break
-            slopes = np.empty((len(state), 4, 4))
+            rows, missing = rows[is_open], missing[is_open]
+            part = self._only(rows)
+            slopes = np.empty((rows.size, 4, 4))
             for column in range(4):
                 step = 1e-6 if column < 2 else 1e-8
-                moved = state.copy()
+                moved = state[rows]
                 moved[:, column] += step
-                slopes[:, :, column] = (self._missing(moved, held) - missing) / step
+                slopes[:, :, column] = (part._missing(moved, held[rows]) - missing) / step
             change = -np.linalg.solve(slopes, missing[:, :, None])[:, :, 0]
             change[:, :2] = np.clip(change[:, :2], -0.08, 0.08)
             change[:, 2:] = np.clip(change[:, 2:], -0.004, 0.004)
-            state = self._shorten(state, np.asarray(change, np.float64), held, missing)
+            state[rows] = part._shorten(state[rows], np.asarray(change, np.float64), held[rows], missing)
         return state
+
+    def _only(self, rows: NDArray[np.intp]) -> "_Wheels":
+        """Return the wheels of some of the runs."""
+        part = copy.copy(self)
+        for name in ("slope", "roll", "weight", "load", "aside", "ahead", "walls"):
+            setattr(part, name, getattr(self, name)[rows])
+        return part
 
     def unbalanced(self, state: Array) -> Array:
         """Return the greatest missing force of each run, in parts of its weight."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import cv2
 
-from sim_backends.rear_scene.sequence import write_sequence
-from sim_backends.rear_scene.sets import make_sequence
+from tests.rear_scene.sequence import write_sequence
+from tests.rear_scene.sets import make_sequence
 from tests.sim_backends.rear_drives import rig
 
 DURATION_S = 11.0

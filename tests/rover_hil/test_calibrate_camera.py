@@ -15,9 +15,9 @@ from drivers.errors import ConfigError
 from drivers.samples import Image
 from rover_hil.app.app import app
 from rover_hil.app.calibrate import calibrate_camera
+from rover_hil.config import read_rig
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, find_corners, rig_text
-from rover_hil.ftrace.rig_file import read_rig
-from sim_backends.rear_scene.rig import Rig
+from tests.rear_scene.rig_file import CalibratedRig
 from tests.rover_hil.ftrace_files import rig_table
 from tests.sim_backends.rear_drives import rig
 
@@ -45,7 +45,7 @@ def print_board(kind: Kind) -> Image:
 
 
 def photograph(
-    camera: Rig, paper: Image, to_camera: Floats, shift: Floats, rng: np.random.Generator
+    camera: CalibratedRig, paper: Image, to_camera: Floats, shift: Floats, rng: np.random.Generator
 ) -> Image:
     """Return the picture of a board with these axes and this upper left corner in the camera."""
     rays = np.concatenate([camera.rays(), np.ones((camera.height, camera.width, 1))], axis=2)
@@ -71,7 +71,7 @@ def in_hand(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return axes, middle - axes @ half
 
 
-def on_ground(camera: Rig) -> tuple[Floats, Floats]:
+def on_ground(camera: CalibratedRig) -> tuple[Floats, Floats]:
     """Return the board on the ground where `GROUND` says: axes in the camera, and its corner."""
     c, s = math.cos(GROUND.yaw_rad), math.sin(GROUND.yaw_rad)
     # Printed side up: columns, rows clockwise of them seen from above, and into the ground.

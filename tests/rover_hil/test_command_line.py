@@ -12,7 +12,7 @@ from drivers.clock import SystemClock, nanoseconds
 from rover_hil.app.app import _spread, main
 from rover_hil.recording.reader import LogReader
 
-SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
+SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 RUN_LIMIT_S = 60.0
 
 

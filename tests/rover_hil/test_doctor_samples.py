@@ -28,8 +28,8 @@ from rover_hil.doctor.faults import check_faults
 from rover_hil.doctor.finding import Finding, Level
 from rover_hil.doctor.frames import check_frames
 from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.no_data import check_silence
 from rover_hil.doctor.rejections import check_rejections
-from rover_hil.doctor.silence import check_silence
 from rover_hil.doctor.streams import Part, check_breaks, check_streams, stream_of
 
 COMPASS = NmeaCompassSettings(port="/dev/null")

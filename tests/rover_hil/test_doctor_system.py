@@ -23,6 +23,7 @@ from rover_hil.config import Config
 from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.can_interface import check_interface
 from rover_hil.doctor.clocks import ClockPair, check_host_clock
+from rover_hil.doctor.config_consistency import check_sanity
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
 from rover_hil.doctor.installation import OWNERS, check_installation
 from rover_hil.doctor.ports import (
@@ -35,7 +36,6 @@ from rover_hil.doctor.ports import (
     no_permission,
     port_of,
 )
-from rover_hil.doctor.sanity import check_sanity
 from rover_hil.doctor.scheduling import check_scheduling
 
 ROOT = Path(__file__).parents[2]

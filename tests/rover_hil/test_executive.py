@@ -14,10 +14,10 @@ from drivers.errors import LogError
 from drivers.link import LinkChange
 from rover_hil.app.run import _execute
 from rover_hil.config import load_config
-from rover_hil.recording.replay_link import ReplayLink
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.executive import End, Executive
+from rover_hil.run.replay_link import ReplayLink
 
 SET_POINTS = (0x110, 0x111, 0x112, 0x113)
 THIRD_CYCLE = 2 * len(SET_POINTS) + 1

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
+from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameFile, FrameSource, to_grey
-from rover_hil.ftrace.rig_file import read_rig
 from rover_hil.ftrace.run import longest_gap
 from rover_hil.ftrace.telemetry import read_telemetry
 from tests.rover_hil.ftrace_files import rig_table, write_rig

@@ -2,13 +2,14 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.interface import Model, Run
+from sim_backends.models.interface import Array, Model, Run
 from tests.nature.axis import Drive
 from tests.nature.cart import Experiment
 from tests.rover_hil.gap_data import axis_runs, cart_runs, make_axis
@@ -122,16 +123,55 @@ def test_a_few_outliers_of_heavy_tails_are_no_contradiction() -> None:
         assert verdict.verdict is Answer.NO_GAP, verdict.sentence
 
 
-def test_series_with_holes() -> None:
+def with_gap(run: Run, name: str, gap: slice) -> Run:
+    def cut(table: Mapping[str, Array]) -> dict[str, Array]:
+        copies = {key: values.copy() for key, values in table.items()}
+        if name in copies:
+            copies[name][gap] = math.nan
+        return copies
+
+    return dataclasses.replace(run, inputs=cut(run.inputs), measured=cut(run.measured))
+
+
+def test_missing_values_of_a_series_are_counted_and_left_out() -> None:
     runs = axis_runs(9)
-    speed = runs[2].measured["speed"].copy()
-    speed[50:53] = math.nan
-    runs[2] = dataclasses.replace(runs[2], measured={"speed": speed})
-    assert analyse(make_axis(), runs).verdict.verdict is Answer.NO_GAP
-    speed[50:150] = math.nan
+    runs[2] = with_gap(runs[2], "speed", slice(50, 53))
+    verdict = analyse(make_axis(), runs).verdict
+    assert verdict.verdict is Answer.NO_GAP
+    assert verdict.missing == [{"run": "run3", "series": "speed", "count": 3, "total": 300}]
+    assert "Missing values: 3 of 300 of speed in run run3" in verdict.lines()
+
+
+@pytest.mark.parametrize(
+    ("name", "gap", "words"),
+    [
+        ("speed", slice(50, 150), "100 of 300 values of speed are missing"),
+        ("speed", slice(None), "300 of 300 values of speed are missing"),
+        ("voltage", slice(10, 11), "1 of 300 values of voltage are missing"),
+    ],
+)
+def test_series_that_lack_too_much_are_refused(name: str, gap: slice, words: str) -> None:
+    runs = axis_runs(9)
+    runs[2] = with_gap(runs[2], name, gap)
+    runs[4] = with_gap(runs[4], name, gap)
     verdict = judged(runs, make_axis())
     assert verdict.verdict is Answer.BAD_DATA
-    assert "run3" in verdict.sentence
+    assert f"run run3: {words}; run run5: {words}; at most 5%" in verdict.sentence
+
+
+def test_a_bridged_column_is_counted_as_missing() -> None:
+    runs = axis_runs(9)
+    runs[0] = dataclasses.replace(runs[0], missing={"enc1_rad": (4, 300)})
+    verdict = analyse(make_axis(), runs).verdict
+    assert verdict.missing == [{"run": "run1", "series": "enc1_rad", "count": 4, "total": 300}]
+    runs[0] = dataclasses.replace(runs[0], missing={"enc1_rad": (40, 300)})
+    assert "40 of 300 values of enc1_rad" in judged(runs, make_axis()).sentence
+
+
+def test_overlaps_of_neighbouring_runs_are_not_missing() -> None:
+    runs = [with_gap(run, "speed", slice(0, 2)) for run in axis_runs(9)]
+    runs = [dataclasses.replace(run, overlap=(2, 0)) for run in runs]
+    assert analyse(make_axis(), runs).verdict.missing == []
 
 
 def test_inputs_that_never_change() -> None:

@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 import tomllib
 from collections.abc import Callable
@@ -11,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
+from rover_hil.app.app import main
 from rover_hil.app.gap import find_gap
-from rover_hil.gap.load import check_model, load_model, read_runs
-from rover_hil.gap.model_file import ExtendedModel, read_model_file
+from rover_hil.gap.data.load import check_model, load_model, read_runs
+from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from tests.nature.axis import Drive, measure_axis, some_axis, table
 from tests.rover_hil.gap_data import cart_rows, cart_runs, tutorial_files, write_cart
 from tests.rover_hil.gap_models import Cart
@@ -32,6 +32,7 @@ KEYS = {
     "detectable",
     "gap",
     "controls",
+    "missing",
     "seconds",
 }
 Run = Callable[..., tuple[int, dict[str, object]]]
@@ -55,6 +56,15 @@ def run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
         return code, printed
 
     return call
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Analyse runs in which soil flows, once for all tests that read or change what is written."""
+    folder = tmp_path_factory.mktemp("gap")
+    data = write_cart(folder / "runs.csv", cart_rows(5, creep=0.35))
+    find_gap(CART, data, out=folder / "out", extended=None, confirm="", seed=0, as_json=True)
+    return folder / "out"
 
 
 def test_a_hidden_effect_is_named_added_and_gone(run: Run, tmp_path: Path) -> None:
@@ -83,19 +93,16 @@ def test_a_hidden_effect_is_named_added_and_gone(run: Run, tmp_path: Path) -> No
     assert kept["effects"]["slope_failure"]["gain_deg_per_deg"]["value"] == gain["value"]
 
 
-def test_a_second_effect_is_found_with_the_first_in_the_model(run: Run, tmp_path: Path) -> None:
-    first = write_cart(tmp_path / "first.csv", cart_rows(5, creep=0.35))
-    run(first)
+def test_a_second_effect_is_found_with_the_first_in_the_model(run: Run, found: Path, tmp_path: Path) -> None:
     second = write_cart(tmp_path / "second.csv", cart_rows(5, creep=0.35, radius=1.0))
-    _, verdict = run(second, out="next", extended=tmp_path / "out" / "model.toml")
+    _, verdict = run(second, out="next", extended=found / "model.toml")
     assert verdict["confidence_set"] == [["wheel_radius"]]
     model = tomllib.loads((tmp_path / "next" / "model.toml").read_text())
     assert set(model["effects"]) == {"slope_failure", "wheel_radius"}
 
 
-def test_an_extended_model_predicts_what_was_fitted(run: Run, tmp_path: Path) -> None:
-    run(write_cart(tmp_path / "runs.csv", cart_rows(5, creep=0.35)))
-    file = read_model_file(tmp_path / "out" / "model.toml")
+def test_an_extended_model_predicts_what_was_fitted(found: Path) -> None:
+    file = read_model_file(found / "model.toml")
     runs = cart_runs(1)[:5]
     extended = ExtendedModel(Cart(), file)
     values = {name: number.value for name, number in file.parameters.items()}
@@ -118,19 +125,18 @@ def test_an_extended_model_predicts_what_was_fitted(run: Run, tmp_path: Path) ->
         ("[parameters.rolling]", "[parameters.rolling", "no TOML"),
     ],
 )
-def test_a_wrong_model_file_is_told(run: Run, tmp_path: Path, old: str, new: str, words: str) -> None:
-    run(write_cart(tmp_path / "runs.csv", cart_rows(5, creep=0.35)))
-    path = tmp_path / "out" / "model.toml"
-    text = path.read_text()
+def test_a_wrong_model_file_is_told(found: Path, tmp_path: Path, old: str, new: str, words: str) -> None:
+    text = (found / "model.toml").read_text()
+    path = tmp_path / "model.toml"
     assert old in text
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(ConfigError, match=re.escape(words)):
         ExtendedModel(Cart(), read_model_file(path))
 
 
-def test_the_report_stands_alone_and_says_everything(run: Run, tmp_path: Path) -> None:
-    _, verdict = run(write_cart(tmp_path / "runs.csv", cart_rows(5, creep=0.35)))
-    page = (tmp_path / "out" / "report.html").read_text()
+def test_the_report_stands_alone_and_says_everything(found: Path) -> None:
+    verdict = json.loads((found / "verdict.json").read_text())
+    page = (found / "report.html").read_text()
     assert str(verdict["sentence"]).split(" (")[0] in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "https://" not in page
@@ -231,16 +237,13 @@ def test_a_card_whose_null_is_not_the_base_model_is_told() -> None:
         check_model(Wrong(), cart_runs(1))
 
 
-def test_exit_codes_of_the_program(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "rover_hil.app.app"]
-    program = "from rover_hil.app.app import main; main()"
-    command = [sys.executable, "-c", program, "gap", CART]
-    absent = subprocess.run(
-        [*command, str(tmp_path / "no.csv"), "--out", str(tmp_path / "o")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert absent.returncode == 2
-    assert absent.stderr.count("\n") == 1
+def test_exit_codes_of_the_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = str(tmp_path / "o")
+    monkeypatch.setattr(sys, "argv", ["rover-hil", "gap", CART, str(tmp_path / "no.csv"), "--out", out])
+    with pytest.raises(SystemExit) as absent:
+        main()
+    assert absent.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "o").exists()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rover_hil.gap.noise import SeriesNoise, for_other_runs, series_noise
-from rover_hil.gap.problem import Group, Observations
-from rover_hil.gap.run_scatter import likeliest, run_scatter
+from rover_hil.gap.data.problem import Group, Observations
+from rover_hil.gap.statistics.noise import SeriesNoise, for_other_runs, series_noise
+from rover_hil.gap.statistics.run_scatter import likeliest, run_scatter
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array, Channel, Run
 from tests.nature.axis import Drive
@@ -36,8 +36,8 @@ def observations(errors: Array) -> Observations:
 
 
 def learned(errors: Array) -> SeriesNoise:
-    seen = observations(errors)
-    return series_noise(seen, seen.values)
+    measured = observations(errors)
+    return series_noise(measured, measured.values)
 
 
 def score_of_a_constant(errors: Array) -> float:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.problem import condition_key
 from rover_hil.gap.plan import Plan, make_plan
-from rover_hil.gap.problem import condition_key
 from tests.nature.axis import Drive
 from tests.nature.cart import Experiment
 from tests.rover_hil.gap_data import axis_runs, cart_runs, make_axis

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.gap.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope import make_model
@@ -34,7 +34,7 @@ def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) 
     assert found.findings is not None
     assert found.findings.best is not None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    file = describe_model(model, "side-slope", provenance, found.findings.best.fit, 2.0)
+    file = describe_model(model, "side-slope", provenance, found.findings.best.fit, {})
     again = analyse(ExtendedModel(model, file), runs).verdict
     assert again.verdict is Answer.NO_GAP, again.sentence
 

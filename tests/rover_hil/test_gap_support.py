@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_hil.gap.fit import Fit
-from rover_hil.gap.problem import Free, Indices
-from rover_hil.gap.support import LEAST_RUNS, clusters, is_clearly_worse, support
+from rover_hil.gap.data.problem import Free, Indices
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.jackknife import LEAST_RUNS, clusters, is_clearly_worse, jackknife
 from sim_backends.models.interface import Array
 
 KEY = ("drag", "size")
@@ -66,7 +66,7 @@ def fitted(strengths: Array, rng: np.random.Generator, shown: Array | None = Non
 @pytest.mark.parametrize("runs", [3, 6, 12])
 def test_runs_that_agree_are_as_sure_as_their_samples(runs: int) -> None:
     fit, noise = fitted(np.full(runs, 1.0), np.random.default_rng(1))
-    (found,) = support(fit, noise, [KEY])
+    (found,) = jackknife(fit, noise, [KEY])
     assert 5.0 < found.z <= fit.pull[0] / fit.standard_error(KEY) + 1e-9
     assert 1.0 <= found.widening < 2.5
 
@@ -74,7 +74,7 @@ def test_runs_that_agree_are_as_sure_as_their_samples(runs: int) -> None:
 def test_runs_that_disagree_take_away_what_samples_are_sure_of() -> None:
     rng = np.random.default_rng(2)
     fit, noise = fitted(1.0 * rng.standard_normal(9) + 0.3, rng)
-    (found,) = support(fit, noise, [KEY])
+    (found,) = jackknife(fit, noise, [KEY])
     by_samples = abs(fit.pull[0]) / fit.standard_error(KEY)
     assert by_samples > 5.0
     assert abs(found.z) < 3.0
@@ -83,7 +83,7 @@ def test_runs_that_disagree_take_away_what_samples_are_sure_of() -> None:
 
 def test_without_effect_runs_that_scatter_seldom_ask_for_one() -> None:
     rng = np.random.default_rng(3)
-    z = np.array([support(*fitted(rng.standard_normal(9), rng), [KEY])[0].z for _ in range(1000)])
+    z = np.array([jackknife(*fitted(rng.standard_normal(9), rng), [KEY])[0].z for _ in range(1000)])
     # 5 and 0.5 % would be perfect; what is left of the belief in the samples costs the rest.
     assert np.mean(np.abs(z) > 1.96) < 0.075
     assert np.mean(np.abs(z) > 2.81) <= 0.015
@@ -92,14 +92,14 @@ def test_without_effect_runs_that_scatter_seldom_ask_for_one() -> None:
 def test_one_run_that_shows_it_clearly_is_enough() -> None:
     shown = np.array([10.0, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
     fit, noise = fitted(np.full(8, 1.0), np.random.default_rng(4), shown)
-    assert support(fit, noise, [KEY])[0].z > 4.0
+    assert jackknife(fit, noise, [KEY])[0].z > 4.0
 
 
 @given(seed=st.integers(0, 1000), sign=st.sampled_from([-1.0, 1.0]))
 def test_z_has_the_sign_of_the_strength_and_never_exceeds_that_of_samples(seed: int, sign: float) -> None:
     rng = np.random.default_rng(seed)
     fit, noise = fitted(sign * (0.5 + 0.2 * rng.standard_normal(7)), rng)
-    (found,) = support(fit, noise, [KEY])
+    (found,) = jackknife(fit, noise, [KEY])
     assert found.z == 0.0 or np.sign(found.z) == np.sign(fit.pull[0])
     assert abs(found.z) <= abs(fit.pull[0]) / fit.standard_error(KEY) + 1e-9
 
@@ -107,7 +107,7 @@ def test_z_has_the_sign_of_the_strength_and_never_exceeds_that_of_samples(seed: 
 def test_a_run_that_holds_almost_everything_is_no_division_by_zero() -> None:
     shown = np.array([1e8, 1.0, 1.0, 1.0, 1.0, 1.0])
     fit, noise = fitted(np.full(6, 1.0), np.random.default_rng(4), shown)
-    (found,) = support(fit, noise, [KEY])
+    (found,) = jackknife(fit, noise, [KEY])
     assert np.isfinite(found.z)
     assert np.isfinite(found.widening)
 

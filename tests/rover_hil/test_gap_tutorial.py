@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,12 @@ def test_the_friction_is_named_with_its_size(folder: Path) -> None:
     assert (len(plan["discover"]), len(plan["confirm"])) == (9, 3)
 
 
+def test_the_model_file_has_the_interval_of_the_verdict(folder: Path) -> None:
+    level = json.loads((folder / "first" / "verdict.json").read_text())["effects"][0]["parameters"]["level"]
+    model = tomllib.loads((folder / "first" / "model.toml").read_text())
+    assert model["effects"]["dry_friction"]["level"]["ci95"] == level["ci95"]
+
+
 def test_with_the_friction_nothing_is_left(folder: Path) -> None:
     assert verdict_in(folder / "second")["verdict"] == "NO_GAP"
 
@@ -56,12 +63,14 @@ def test_without_the_card_it_is_an_equation(folder: Path) -> None:
         text.index(f'        EffectCard(\n            name="{name}"') for name in ("dry_friction", "delay")
     )
     (folder / "less.py").write_text(text[:start] + text[end:])
-    subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", PROGRAM, "gap", "less.py:make", "axis.csv", "--out", "third"],
         cwd=folder,
         check=True,
         capture_output=True,
+        text=True,
     )
     verdict = json.loads((folder / "third" / "verdict.json").read_text())
     assert verdict["verdict"] in ("UNNAMED", "PARTLY_NAMED")
     assert "sign(speed)" in verdict["unnamed"][0]["equation"]
+    assert f"Unexplained: {verdict['unnamed'][0]['equation']}" in done.stdout

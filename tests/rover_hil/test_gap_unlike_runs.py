@@ -1,9 +1,11 @@
 """Runs that differ among themselves: each swing begins a little off, which no card knows of."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
+from numba import njit
 
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
@@ -12,6 +14,32 @@ from tests.nature.pendulum import G_M_S2, SAMPLE_S, SAMPLES, TruePendulum, measu
 from tests.rover_hil.gap_models import card
 
 RUNS, NOISE_RAD = 12, 0.005
+
+
+@njit(cache=True)
+def push(
+    angle: float, rate: float, length: float, viscous: float, level: float, drag: float, tilt: float,
+    spring: float,
+) -> float:  # fmt: skip
+    brake = level * math.tanh(rate / 0.01) + (viscous + drag * abs(rate)) * rate
+    return -G_M_S2 / length * math.sin(angle + tilt) - spring * angle - brake
+
+
+@njit(cache=True)
+def swing(
+    start: Array, length: float, viscous: float, level: float, drag: float, tilt: float, spring: float
+) -> Array:
+    angles, step = np.zeros((SAMPLES, start.size)), SAMPLE_S / 4
+    for run in range(start.size):
+        angle, rate = start[run], 0.0
+        for index in range(SAMPLES):
+            angles[index, run] = angle
+            for _ in range(4):
+                first = push(angle, rate, length, viscous, level, drag, tilt, spring)
+                middle, middle_rate = angle + 0.5 * step * rate, rate + 0.5 * step * first
+                second = push(middle, middle_rate, length, viscous, level, drag, tilt, spring)
+                angle, rate = angle + step * middle_rate, rate + step * second
+    return angles
 
 
 class Pendulum:
@@ -43,22 +71,10 @@ class Pendulum:
         viscous, level = parameters.get("viscous", 0.05), of("dry_friction", "level")
         drag, tilt, spring = of("drag", "share"), of("tilt", "angle"), of("spring", "per_angle")
 
-        def push(angle: Array, rate: Array) -> Array:
-            brake = level * np.tanh(rate / 0.01) + (viscous + drag * np.abs(rate)) * rate
-            found: Array = -G_M_S2 / length * np.sin(angle + tilt) - spring * angle - brake
-            return found
-
         angle = np.array([run.conditions["start"] for run in runs])
-        rate = np.zeros(len(runs))
-        seen, step = np.zeros((SAMPLES, len(runs))), SAMPLE_S / 4
-        for index in range(SAMPLES):
-            seen[index] = angle
-            for _ in range(4):
-                first = push(angle, rate)
-                middle, middle_rate = angle + 0.5 * step * rate, rate + 0.5 * step * first
-                angle, rate = angle + step * middle_rate, rate + step * push(middle, middle_rate)
-        seen = (1.0 + of("scale", "error")) * seen
-        return [{"angle": seen[:, index]} for index in range(len(runs))]
+        angles = swing(angle, length, viscous, level, drag, tilt, spring)
+        angles = (1.0 + of("scale", "error")) * angles
+        return [{"angle": angles[:, index]} for index in range(len(runs))]
 
 
 def verdict_of(seed: int, true: TruePendulum) -> Verdict:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from rover_hil.gap.name import are_apart
+from rover_hil.gap.explain.naming import are_distinct
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from tests.nature.cart import Experiment
@@ -149,8 +149,8 @@ def test_effects_that_look_the_same_are_not_tried_together() -> None:
     findings = analyse(Cart(), cart_runs(8, creep=0.4), seed=8).findings
     assert findings is not None
     by_name = {item.card.name: item for item in findings.naming.scores}
-    assert not are_apart(by_name, ("cog_offset", "camera_yaw", "camera_yaw"))
-    assert are_apart(by_name, ("camera_yaw", "cog_offset"))
+    assert not are_distinct(by_name, ("cog_offset", "camera_yaw", "camera_yaw"))
+    assert are_distinct(by_name, ("camera_yaw", "cog_offset"))
 
 
 def test_the_same_seed_gives_the_same_verdict() -> None:

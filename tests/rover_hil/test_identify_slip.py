@@ -94,7 +94,7 @@ def test_a_broken_test_run_leaves_no_data_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("source = ", "is no valid TOML"), ('source = "x"', "fitted_on")],
+    [("source = ", "is not valid TOML"), ('source = "x"', "fitted_on")],
 )
 def test_wrong_data_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "map.toml"

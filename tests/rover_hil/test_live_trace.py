@@ -7,19 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from drivers.clock import VirtualClock
 from drivers.errors import ConfigError
-from drivers.link import NoTap
 from drivers.samples import FrameSample
 from rover_hil.app.run import run_virtual
-from rover_hil.config import Config, load_config
+from rover_hil.config import Config, describe_validation_error, load_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
-from rover_hil.run.composition import build_replay_rig
 from rover_hil.run.live_trace import LiveTraceFinder
 from tests.rover_hil.test_virtual_run import with_changes
 
@@ -127,13 +125,15 @@ def test_a_rig_of_another_camera_is_refused() -> None:
 def test_a_rig_in_a_log_is_checked_again() -> None:
     table = load_config("el-dorado").model_dump(by_alias=True)
     del table["scomp"]["rig"]["b_m"]
-    with pytest.raises(ConfigError, match=r"scomp\.rig: b_m: this key is missing"):
-        build_replay_rig(Config.model_validate(table), VirtualClock(), NoTap())
+    with pytest.raises(ValidationError) as caught:
+        Config.model_validate(table)
+    message = describe_validation_error("run.mcap", caught.value, table)
+    assert message == "run.mcap: scomp.rig.b_m: this key is missing; add it"
 
 
 def changed_config(tmp_path: Path, old: str, new: str) -> str:
 
-    text = (resources.files("rover_hil") / "configs" / "el-dorado.toml").read_text("utf-8")
+    text = (resources.files("rover_hil.config") / "shipped" / "configs" / "el-dorado.toml").read_text("utf-8")
     assert old in text
     path = tmp_path / "rover.toml"
     path.write_text(text.replace(old, new, 1), "utf-8")
@@ -144,10 +144,14 @@ def changed_config(tmp_path: Path, old: str, new: str) -> str:
     ("old", "new", "message"),
     [
         ('rig = "el-dorado" ', 'rig = "nowhere" ', "cannot read rig file nowhere"),
-        ('rig = "el-dorado" ', "# ", "if, and only if, scomp.rig"),
+        ('rig = "el-dorado" ', "# ", "its calibration is missing: add scomp.rig"),
         ('parameters = "el-dorado" ', 'parameters = "nowhere" ', "cannot read parameters nowhere"),
-        ('camera = "camera"', 'camera = "imu"', "only a device of type 'camera'"),
-        ('camera = "camera"', 'camera = "eye"', "a device 'eye' that"),
+        (
+            'camera = "camera"',
+            'camera = "imu"',
+            "device 'imu' is not a camera that looks back",
+        ),
+        ('camera = "camera"', 'camera = "eye"', "has no 'eye': name one of camera"),
         ("steer_against_drift = true", "steer_with_drift = true", "did you mean steer_against_drift"),
     ],
 )

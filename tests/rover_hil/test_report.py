@@ -23,7 +23,7 @@ from rover_hil.importing.to_log import observing_config, write_run_as_log
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
-from rover_hil.report.verdict import Grade, grade, tag, verdict
+from rover_hil.report.verdict import Grade, facts, grade, tag, verdict
 from rover_hil.report.write import write_report
 from rover_hil.run.executive import End, RunResult
 
@@ -80,6 +80,7 @@ class Drive:
         innovation = Innovation(
             name="imu standstill", residual=0.01, variance=1e-4, nis=1.0, accepted=t_s > 0.1
         )
+        late = Innovation(name="overhead too late", residual=None, variance=None, nis=None, accepted=False)
         command = WheelCommand(t_ns=t_ns, expires_ns=t_ns + 1, speed_rad_s=(WHEEL_RAD_S,) * 3)
         return StepOutput(
             t_ns=t_ns,
@@ -88,7 +89,7 @@ class Drive:
             estimate=estimate,
             odometry=Pose(x_m=self.way_m(t_s)),
             odometry_rebases=0,
-            innovations=(innovation,) if t_s < WAIT_S else (),
+            innovations=(innovation, late) if t_s < WAIT_S else (),
             command=command,
             limit=Limit.ACCELERATION if WAIT_S < t_s < WAIT_S + 0.11 else Limit.NONE,
             cross_track_m=0.003 if mode is Mode.RUNNING else None,
@@ -195,6 +196,9 @@ def test_cycles_limits_and_cross_track(tmp_path: Path) -> None:
     assert (summary.end, summary.mode, summary.cycles) == ("mission finished", Mode.RUNNING, 550)
     assert summary.limited_cycles == {"acceleration": 5}
     assert summary.refused_innovations == {"imu standstill": 5}
+    assert summary.uncompared_measurements == {"overhead too late": round(WAIT_S / PERIOD_S) - 1}
+    (late,) = [fact for fact in facts(summary) if fact.name == "overhead too late"]
+    assert late.value == str(summary.uncompared_measurements["overhead too late"])
     assert summary.cross_track_rms_m == pytest.approx(0.003)
     assert summary.lateness == Spread(p50_us=50.0, p99_us=50.0, max_us=45_000.0)
     assert summary.work == Spread(p50_us=400.0, p99_us=400.0, max_us=400.0)

@@ -1,6 +1,5 @@
 """The simulated rover as its own process, driven over its ports."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -12,10 +11,11 @@ import pytest
 
 from drivers.clock import SystemClock, nanoseconds
 from drivers.driver import WheelDrive
-from drivers.errors import ConfigError, LinkTimeoutError
+from drivers.errors import ConfigError, NotConnectedError
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import WheelCommand, WheelSample
 from rover_hil.app.simulate import simulate
+from rover_hil.config import read_config_text
 
 START_LIMIT_S = 30.0
 COMMAND = "from rover_hil.app.app import main; main()"
@@ -37,13 +37,14 @@ def simulated(folder: Path) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-def first_wheel_position(board: WheelDrive) -> float:
-    for _ in range(100):
-        sample = board.wait_next(WheelSample, 20.0)
-        if sample.wheel == 0 and sample.position_rad is not None:
-            return sample.position_rad
-    msg = "wheel 0 is never reported"
-    raise LinkTimeoutError(msg)
+def newest_position_rad(board: WheelDrive, default_rad: float) -> float:
+    """Return the newest position of wheel 0 among the samples that have arrived."""
+    positions_rad = [
+        sample.position_rad
+        for sample in board.poll()
+        if isinstance(sample, WheelSample) and sample.wheel == 0 and sample.position_rad is not None
+    ]
+    return positions_rad[-1] if positions_rad else default_rad
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -56,15 +57,13 @@ def test_it_serves_until_it_is_told_to_end_and_leaves_nothing(tmp_path: Path, en
         board.connect(START_LIMIT_S)
         with board:
             position_rad = 0.0
-            deadline_ns = clock.now_ns() + nanoseconds(10.0)
+            deadline_ns = clock.now_ns() + nanoseconds(START_LIMIT_S)
             while position_rad < 1.0 and clock.now_ns() < deadline_ns:
                 now_ns = clock.now_ns()
-                board.command(
-                    WheelCommand(
-                        t_ns=now_ns, expires_ns=now_ns + nanoseconds(1.0), speed_rad_s=(8.0, 8.0, 8.0)
-                    )
-                )
-                position_rad = first_wheel_position(board)
+                expires_ns = now_ns + nanoseconds(1.0)
+                board.command(WheelCommand(t_ns=now_ns, expires_ns=expires_ns, speed_rad_s=(8.0, 8.0, 8.0)))
+                clock.sleep_until(now_ns + nanoseconds(0.02))
+                position_rad = newest_position_rad(board, position_rad)
             assert position_rad >= 1.0
         process.send_signal(end)
         output, _ = process.communicate(timeout=10.0)
@@ -73,7 +72,7 @@ def test_it_serves_until_it_is_told_to_end_and_leaves_nothing(tmp_path: Path, en
     assert "rover-hil run robotino" in output
     assert str(tmp_path) in output
     assert "Traceback" not in output
-    assert list((tmp_path / "ports").iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_it_ends_after_the_duration(
@@ -85,12 +84,24 @@ def test_it_ends_after_the_duration(
     assert simulate("robotino", 0.3) == 0
     assert clock.now_ns() - start_ns >= nanoseconds(0.3)
     assert "board 0 sent 0 lost" in capsys.readouterr().out
-    assert os.listdir("ports") == []  # noqa: PTH208
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_it_leaves_nothing_when_a_port_cannot_be_served(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shipped = read_config_text("robotino")
+    (tmp_path / "taken").write_text("a file of somebody else")
+    config = tmp_path / "rover.toml"
+    config.write_text(shipped.replace('"ports/imu"', '"taken"').replace('"ports/board"', '"a/b/board"'))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(NotConnectedError, match="taken: something is there"):
+        simulate("rover.toml", 0.1)
+    assert {path.name for path in tmp_path.iterdir()} == {"rover.toml", "taken"}
 
 
 def test_a_configuration_without_a_simulation_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "rover.toml"
-    shipped = Path(__file__).parents[2] / "rover_hil" / "configs" / "robotino.toml"
-    path.write_text(shipped.read_text().split("[simulation]")[0])
+    path.write_text(read_config_text("robotino").split("[simulation]")[0])
     with pytest.raises(ConfigError, match="simulation: this key is missing"):
         simulate(str(path), 0.1)

@@ -7,7 +7,7 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, load_slip_map, shipped_configs
 
-CONFIGS = Path(__file__).parents[2] / "rover_hil" / "configs"
+CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 SLIP = '[slip]\nmaps = "robotino"\nuse = "yaw_probe"\n'
 
 
@@ -85,7 +85,7 @@ def test_a_map_file_with_a_mistake_names_the_key(tmp_path: Path) -> None:
     message = message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{broken}"')))
     assert "slip.maps.motor.gear_ratio: input should be greater than or equal to 1, got 0.0" in message
     broken.write_text("gear_ratio = ", encoding="utf-8")
-    assert "is no valid TOML" in message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{broken}"')))
+    assert "is not valid TOML" in message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{broken}"')))
 
 
 def test_maps_without_a_probe_cannot_be_probed(tmp_path: Path) -> None:

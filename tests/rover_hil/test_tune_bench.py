@@ -1,9 +1,14 @@
 """The pool of processes: results in order, and nobody left behind."""
 
+import os
+import signal
 import subprocess
 import sys
 from contextlib import closing
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
+
+import pytest
 
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.tune.bench import Bench
@@ -35,6 +40,22 @@ def test_results_come_in_order_and_are_those_of_one_process(tmp_path: Path) -> N
         first, second = next(results), next(results)
     assert (first.seed, second.seed) == (1, 2)
     assert [first.terms, second.terms] == [rehearse(config, seed).terms for seed in (1, 2)]
+
+
+def test_ctrl_c_while_workers_start_leaves_them_at_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A terminal sends ctrl-C to every process, also to those that have not run a line of Python yet."""
+    start = SpawnProcess.start
+
+    def start_and_interrupt(process: SpawnProcess) -> None:
+        start(process)
+        assert process.pid is not None
+        os.kill(process.pid, signal.SIGINT)
+
+    monkeypatch.setattr(SpawnProcess, "start", start_and_interrupt)
+    with Bench() as bench, closing(bench.drive(make_config(tmp_path), [1])) as results:
+        assert next(results).seed == 1
 
 
 def test_workers_end_with_a_killed_parent() -> None:

@@ -156,6 +156,23 @@ def test_the_best_start_is_confirmed(bench: FakeBench, run: Callable[..., int], 
     assert tuned.tune.provenance.changes == {}
 
 
+def test_trials_that_cost_more_than_the_start_are_not_called_better(
+    bench: FakeBench, run: Callable[..., int], tmp_path: Path
+) -> None:
+    write_config(tmp_path, mission=MISSION.replace("lookahead_m = 0.5", "lookahead_m = 0.1"))
+    assert run() == 0
+    declined = result_in(tmp_path)["declined"]
+    assert isinstance(declined, list)
+    assert len(declined) == 5
+    for line in declined:
+        found = re.fullmatch(r"trial \d+: cost (\S+) in the search, start (\S+): not better than .*", line)
+        assert found is not None, line
+        assert float(found[1]) >= float(found[2])
+    page = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
+    assert "better in the search" not in page.lower()
+    assert "Driven on the held-out sites, and not taken" in page
+
+
 def test_no_acceptable_values_is_a_no_and_leaves_no_configuration(
     bench: FakeBench, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config
+from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord
 from rover_hil.tune.parameters import check_parameters, rounded, start_values, with_values
-from rover_hil.tune.settings import ChangeRecord, ProvenanceRecord
 from rover_hil.tune.tuned_config import tuned_text
 from tests.rover_hil.tuning import TUNE, config_text, make_config
 
@@ -54,7 +54,10 @@ def provenance(after: float) -> ProvenanceRecord:
             "the present value 0.5 is outside 0.6 to 1",
         ),
         ('"mission.length_m" = { low = 0.1, high = 1, unit = "m" }', "another value would be another path"),
-        ('"mission.heading" = { low = 0.1, high = 1, unit = "m" }', "is no number with a fraction"),
+        (
+            '"mission.heading" = { low = 0.1, high = 1, unit = "m" }',
+            "is not a float; only floats",
+        ),
         ('"safety.bumper_stops" = { low = 0, high = 1, unit = "1" }', "[safety] says what is"),
         ('"simulation.plant.floor.slip" = { low = 0.01, high = 0.1, unit = "1" }', "[simulation] says what"),
         (

@@ -8,6 +8,7 @@ import pytest
 
 from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
+from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.tracks import Track
 from rover_hil.tune.metrics import (
@@ -19,7 +20,6 @@ from rover_hil.tune.metrics import (
     reversals_per_s,
 )
 from rover_hil.tune.rehearsal import rehearse
-from rover_hil.tune.settings import MOST_CASES, CaseSettings
 from rover_hil.tune.sites import at_site, held_out_seeds, train_seeds
 from tests.rover_hil.tuning import TUNE, make_config
 

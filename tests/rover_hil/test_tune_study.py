@@ -9,10 +9,10 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.config.tune_settings import ObjectiveSettings
 from rover_hil.tune.comparison import Verdict, compare
 from rover_hil.tune.objective import case_cost, describe, evaluate
 from rover_hil.tune.parameters import check_parameters
-from rover_hil.tune.settings import ObjectiveSettings
 from rover_hil.tune.sites import held_out_seeds, train_seeds
 from rover_hil.tune.study import CANDIDATES, Attempt, Study
 from tests.rover_hil.tuning import (

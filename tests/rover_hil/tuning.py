@@ -10,7 +10,7 @@ from rover_hil.config import Config, load_config
 from rover_hil.tune.metrics import Way
 from rover_hil.tune.rehearsal import Rehearsal
 
-SHIPPED = Path(__file__).parents[2] / "rover_hil" / "configs"
+SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 BEST_LOOKAHEAD_M = 0.1
 UNSTABLE_BELOW_M = 0.04
 

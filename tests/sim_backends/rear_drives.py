@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
-from sim_backends.rear_scene.motion import RATE_HZ, Motion, Plan
-from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
+from sim_backends.rear_scene.rig import Wheel, looking_back
 from sim_backends.rear_scene.scene import Lens, Pose, RearScene
+from tests.rear_scene.motion import RATE_HZ, Motion, Plan
+from tests.rear_scene.rig_file import CalibratedRig
 
 SPEED_M_S = 0.08
 B_M, HALF_TRACK_M = 0.30, 0.22
@@ -19,11 +20,13 @@ PAINT = Rut(depth_m=0.002, berm_m=0.0, lug_m=0.0, tone=0.05, compaction=1.0, sme
 """Not a rut but a black stripe as wide as the wheel."""
 
 
-def rig(distortion: tuple[float, ...] = (-0.2, 0.03, 5e-4, -4e-4, 0.004), bank_deg: float = 1.5) -> Rig:
+def rig(
+    distortion: tuple[float, ...] = (-0.2, 0.03, 5e-4, -4e-4, 0.004), bank_deg: float = 1.5
+) -> CalibratedRig:
     def wheel(name: str, x_m: float, y_m: float) -> Wheel:
         return Wheel(name=name, x_m=x_m, y_m=y_m)
 
-    return Rig(
+    return CalibratedRig(
         width=640,
         height=480,
         fps=5.0,

@@ -13,8 +13,9 @@ from drivers.clock import VirtualClock, nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.samples import FrameSample, Image
-from sim_backends.devices.camera import CameraEmulatorSettings, make_camera
+from sim_backends.devices.camera import make_camera
 from sim_backends.rear_scene.emulated_scene import EmulatedScene, rig_of
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.live_folder import LiveFolderWriter
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.plant import Truth

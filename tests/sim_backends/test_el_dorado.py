@@ -55,7 +55,7 @@ def test_on_a_plane_it_settles_in_the_steady_state_of_the_wheel_soil_model(
 ) -> None:
     """Against the solver that calls the model itself; heading 0 is the traverse, uphill left."""
     rover = SlopeRover(
-        mass_kg=26.4 * 9.81 / 9.80665,
+        mass_kg=26.4,
         wheel=load_wheel("el_dorado"),
         wheel_positions_m=CONTACTS_M,
         cog_height_m=0.25,
@@ -202,7 +202,7 @@ def test_the_weight_takes_for_a_climb_what_it_gives_on_the_way_down() -> None:
         footing = stand(state, rover, ground)
         work_nm.append(work_nm[-1] - float(footing.pull[0]) * step_m / math.cos(state.tilt[0]))
     heights = [surface(ground, 1.5 + x_m, y_m)[0] for x_m, y_m in CONTACTS_M]
-    assert max(work_nm) == pytest.approx(26.4 * 9.81 * np.mean(heights), rel=0.05)
+    assert max(work_nm) == pytest.approx(26.4 * 9.80665 * np.mean(heights), rel=0.05)
     assert work_nm[-1] == pytest.approx(0, abs=0.02 * max(work_nm))
 
 
@@ -211,8 +211,8 @@ def test_the_currents_do_the_work_of_the_climb(climb_deg: float) -> None:
     """Torques over radius exceed the weight's pull by the resistance of the soil, and no more."""
     truth = drive(settings(Ground(inclination_deg=climb_deg)), AHEAD, 8.0)
     thrust_n = sum(1.8 * (current - 0.15) for current in truth.motor_current_a) / RADIUS_M
-    resistance_n = thrust_n - 26.4 * 9.81 * math.sin(math.radians(climb_deg))
-    assert 0.05 < resistance_n / (26.4 * 9.81) < 0.25
+    resistance_n = thrust_n - 26.4 * 9.80665 * math.sin(math.radians(climb_deg))
+    assert 0.05 < resistance_n / (26.4 * 9.80665) < 0.25
 
 
 def test_uphill_the_rear_wheels_carry_and_work_more() -> None:

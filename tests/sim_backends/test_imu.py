@@ -12,7 +12,8 @@ from drivers.clock import VirtualClock, nanoseconds
 from drivers.driver import DeviceState
 from drivers.errors import ConfigError
 from drivers.samples import AccelerationSample, AttitudeSample, HeadingSample, RateSample, Sample
-from drivers.witmotion.codec import ANGLE_STEP_RAD, RATE_STEP_RAD_S, STANDARD_GRAVITY_M_S2
+from drivers.units import STANDARD_GRAVITY_M_S2
+from drivers.witmotion.codec import ANGLE_STEP_RAD, RATE_STEP_RAD_S
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
 from sim_backends.world.loopback import LoopbackLink

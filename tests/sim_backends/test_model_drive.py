@@ -276,3 +276,22 @@ def test_ends_at_which_a_wheel_says_nothing_are_left_out() -> None:
     (run,) = make_four_wheel().runs_of_log(DriveLog(name="drive", columns=columns, kind="skid_steer_4"))
     assert np.isfinite(run.inputs["wheel_4_rad_s"]).all()
     assert run.inputs["t_s"][-1] < columns["t_s"][-4]
+
+
+@pytest.mark.parametrize("kind", ["skid_steer_4", "omni3"])
+def test_gaps_that_are_bridged_are_counted_and_an_empty_column_is_refused(kind: str) -> None:
+    model = make_four_wheel() if kind == "skid_steer_4" else make_robotino()
+    count = 200
+    steps = np.arange(count, dtype=np.float64)
+    columns: dict[str, NDArray[np.float64]] = {
+        "t_s": np.multiply(0.05, steps),
+        **{f"enc{wheel}_rad": np.multiply(0.1, steps) for wheel in WHEELS},
+    }
+    columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
+    columns["gyro_z_deg_s"] = np.zeros(count)
+    columns["gyro_z_deg_s"][20:26] = np.nan
+    (run,) = model.runs_of_log(DriveLog(name="drive", columns=columns, kind=kind))
+    assert run.missing == {"gyro_z_deg_s": (6, count)}
+    columns["gyro_z_deg_s"][:] = np.nan
+    with pytest.raises(ConfigError, match="drive: column 'gyro_z_deg_s' holds no value"):
+        model.runs_of_log(DriveLog(name="drive", columns=columns, kind=kind))

@@ -14,8 +14,9 @@ from drivers.link import CameraImage, Received
 from drivers.overhead_camera.markers import MarkerFinder, centre_of
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.samples import PoseFixSample
-from sim_backends.devices.overhead_camera import OverheadCameraEmulatorSettings, make_overhead_camera
-from sim_backends.devices.overhead_scene import OverheadScene, PinholeCamera
+from sim_backends.devices.overhead_camera import make_overhead_camera
+from sim_backends.overhead_scene.scene import OverheadScene, PinholeCamera
+from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.plant import Truth
 from sim_backends.world.world import EmulatedDevice, World

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
-from sim_backends.rear_scene.draws import draw_rig
 from sim_backends.rear_scene.ground_kinds import SIZE, make_ground
-from sim_backends.rear_scene.sequence import FrameSequence, write_sequence
-from sim_backends.rear_scene.sets import (
+from tests.rear_scene.draws import draw_rig
+from tests.rear_scene.sequence import FrameSequence, write_sequence
+from tests.rear_scene.sets import (
     FIRST_HELD_OUT_SEED,
     PHOTOGRAPHS,
     SANDS,

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from sim_backends.rear_scene.ground_map import Terrain
-from sim_backends.rear_scene.motion import RATE_HZ, Motion, drive
-from sim_backends.rear_scene.sets import make_sequence
-from sim_backends.rear_scene.truth import SensorErrors, centre_line, frame_truth, telemetry
+from tests.rear_scene.motion import RATE_HZ, Motion, drive
+from tests.rear_scene.sets import make_sequence
+from tests.rear_scene.truth import SensorErrors, centre_line, frame_truth, telemetry
 from tests.sim_backends.rear_drives import B_M, HALF_TRACK_M, SPEED_M_S, plan, rig
 
 LEVEL = Terrain()

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun, Terrain
-from sim_backends.rear_scene.motion import Motion, drive
 from sim_backends.rear_scene.rig import Rig
 from sim_backends.rear_scene.scene import RearScene, blur_kernel, rocking
-from sim_backends.rear_scene.truth import centre_line
+from tests.rear_scene.motion import Motion, drive
+from tests.rear_scene.truth import centre_line
 from tests.sim_backends.rear_drives import (
     B_M,
     HALF_TRACK_M,

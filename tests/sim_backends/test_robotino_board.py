@@ -9,7 +9,8 @@ from drivers.clock import VirtualClock, nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.robotino_board.codec import REPLY_SIZE, BoardReply, RobotinoBoardCodec, parse_reply
-from drivers.robotino_board.settings import Board, RobotinoBoardSettings
+from drivers.robotino_board.parameters import Board
+from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import BumperSample, PowerSample, WheelCommand, WheelSample
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
 from sim_backends.world.line import NEVER_NS

@@ -97,7 +97,7 @@ def test_one_wheel_on_another_covering_turns_the_rover() -> None:
 
 def test_the_wheels_carry_the_weight() -> None:
     loads = plant(on("floor_table"))._rover.load_n
-    assert loads.sum() == pytest.approx(12.6 * 9.81)
+    assert loads.sum() == pytest.approx(12.6 * 9.80665)
     assert loads[1] > 1.2 * loads[0] == pytest.approx(1.2 * loads[2])
     angles = np.radians((60, 180, 300))
     assert OFFSET_M * (loads @ np.cos(angles)) / loads.sum() == pytest.approx(-0.017)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from benchmarks.adaptive_wheel import AdaptiveWheel
 from drivers.errors import ModelError
-from sim_backends.terramechanics.slope.load_transfer import demand, paper_loads
+from sim_backends.terramechanics.slope.load_transfer import demand
 from sim_backends.terramechanics.slope.rover import Conditions, Effects, SlopeRover, paper_rover
 from sim_backends.terramechanics.slope.steady_state import SteadyState, solve_steady_state
 from sim_backends.terramechanics.soil.compiled import compiled_kernel
@@ -29,6 +29,15 @@ EXPECTED = [
     (15, 15, 0.0, 0.0, "slip = 0"),
     (15, 20, 0.0067, 0.789, ""),
 ]
+
+
+def paper_loads(
+    weight_n: float, slope_rad: float, cog_height_m: float, uphill_m: float, downhill_m: float
+) -> tuple[float, float]:
+    """Return the loads of an uphill and a downhill wheel of four in a traverse, N (paper 001, eqs 3, 4)."""
+    span = 2.0 * (uphill_m + downhill_m)
+    lever = cog_height_m * math.tan(slope_rad)
+    return weight_n * (downhill_m - lever) / span, weight_n * (uphill_m + lever) / span
 
 
 def _traverse(slope_deg: float, roll_deg: float, mass_kg: float = 23.8, **options: float) -> SteadyState:

@@ -1,4 +1,4 @@
-"""Definitions of slip, skid, slip angle and shearing radius."""
+"""Definitions of slip, skid and shearing radius."""
 
 import math
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ModelError
-from sim_backends.terramechanics.soil.slip import shearing_radius, slip_angle, slip_ratio, speed_ratio
+from sim_backends.terramechanics.soil.slip import shearing_radius, slip_ratio, speed_ratio
 
 
 def test_worked_values() -> None:
@@ -17,7 +17,6 @@ def test_worked_values() -> None:
     assert slip_ratio(1.0, 1.0) == 0.0
     assert slip_ratio(0.0, 1.0) == 1.0
     assert slip_ratio(1.0, 0.0) == -1.0
-    assert slip_angle(1.0, -1.0) == pytest.approx(-math.pi / 4)
 
 
 def test_shearing_radii_of_the_lugged_wheels() -> None:
@@ -53,7 +52,6 @@ def test_shapes_broadcast() -> None:
         (lambda: slip_ratio(math.nan, 1.0), "speed_m_s"),
         (lambda: slip_ratio(0.0, 0.0), "the greater of"),
         (lambda: speed_ratio(1.5), "slip"),
-        (lambda: slip_angle(0.0, 1.0), "forward_m_s"),
         (lambda: shearing_radius(-0.1, 0.0, 0.0), "radius_m"),
         (lambda: shearing_radius(0.1, 0.01, 1.5), "shearing_share"),
     ],

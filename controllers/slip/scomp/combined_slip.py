@@ -18,7 +18,6 @@ from drivers.settings import Settings
 
 Array = NDArray[np.float64]
 
-GRAVITY_M_S2 = 9.81
 TOLERANCE = 1e-13
 MOST_STEPS = 100
 
@@ -54,7 +53,7 @@ class CombinedSlip(Settings):
         c_y_n: Lateral stiffness, N.
         a_x: Slope of the longitudinal curve at high slip.
         a_y: Slope of the lateral curve at high slip.
-        load_n: Vertical load of one wheel, N; default 6.6 kg.
+        load_n: Vertical load of one wheel, N; default 6.6 kg at 9.81 m/s2 (rover of paper 000).
     """
 
     mu: Annotated[float, Field(ge=0.05, le=2.0)] = 0.6
@@ -62,7 +61,7 @@ class CombinedSlip(Settings):
     c_y_n: Annotated[float, Field(ge=1.0, le=1e4)] = 200.0
     a_x: Annotated[float, Field(ge=-1.0, le=1.0)] = 0.02
     a_y: Annotated[float, Field(ge=-1.0, le=1.0)] = 0.04
-    load_n: Annotated[float, Field(gt=0.0, le=1e4)] = 6.6 * GRAVITY_M_S2
+    load_n: Annotated[float, Field(gt=0.0, le=1e4)] = 64.746
 
     def pure_x_n(self, total_slip: Array) -> Array:
         """Return the longitudinal force in N on a wheel without side slip (eq 5), slip from 0."""

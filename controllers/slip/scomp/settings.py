@@ -2,8 +2,9 @@
 
 from typing import Annotated
 
-from pydantic import Field, JsonValue
+from pydantic import Field
 
+from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.settings import Settings
 
@@ -24,7 +25,7 @@ class ScompSettings(Settings):
     """
 
     parameters: ScompParameters = ScompParameters()
-    rig: dict[str, JsonValue] | None = None
+    rig: RigFile | None = None
     frame_period_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.1
     trace_age_s: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
     steer_against_drift: bool = True

@@ -7,27 +7,21 @@ All compiled functions stand in this one file: numba's cache does not notice cha
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar, cast
+from typing import NamedTuple
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.arrays import Array
+from sim_backends.jit import compiled
 from sim_backends.plants.el_dorado.wheel_table import WheelTable
 
-GRAVITY_M_S2 = 9.81
 REST_M_S = 1e-5
 """When every rim is slower, the soil holds the rover where it stands."""
 LEAST_LOAD = 0.02
 """A wheel carries at least this share of the weight: the rover does not tip."""
 
-Floats = NDArray[np.float64]
-FunctionT = TypeVar("FunctionT", bound=Callable[..., object])
-
-
-def _compiled(function: FunctionT) -> FunctionT:
-    return cast("FunctionT", numba.njit(cache=True)(function))
+_compiled = compiled()
 
 
 class Rover(NamedTuple):
@@ -38,10 +32,10 @@ class Rover(NamedTuple):
         inertia: Mass, mass, moment of inertia about the vertical.
     """
 
-    contact_m: Floats
+    contact_m: Array
     radius_m: float
     centre_height_m: float
-    inertia: Floats
+    inertia: Array
 
 
 class Ground(NamedTuple):
@@ -52,8 +46,8 @@ class Ground(NamedTuple):
         mounds: Rows x, y, height, radius.
     """
 
-    grade: Floats
-    mounds: Floats
+    grade: Array
+    mounds: Array
 
 
 class State(NamedTuple):
@@ -67,11 +61,11 @@ class State(NamedTuple):
         slip: Slip ratio of each wheel.
     """
 
-    pose: Floats
-    tilt: Floats
-    twist: Floats
-    torque_nm: Floats
-    slip: Floats
+    pose: Array
+    tilt: Array
+    twist: Array
+    torque_nm: Array
+    slip: Array
 
 
 class Footing(NamedTuple):
@@ -84,9 +78,9 @@ class Footing(NamedTuple):
             from the plane of the four contacts included.
     """
 
-    load_n: Floats
-    camber_rad: Floats
-    pull: Floats
+    load_n: Array
+    camber_rad: Array
+    pull: Array
 
 
 @_compiled
@@ -123,7 +117,7 @@ def stand(state: State, rover: Rover, ground: Ground) -> Footing:
         wheel_rise[wheel, 1] = -sine * rise_x + cosine * rise_y
     state.tilt[0] = -math.atan(rise_ahead)
     state.tilt[1] = math.atan(rise_left / math.hypot(1.0, rise_ahead))
-    weight_n = rover.inertia[0] * GRAVITY_M_S2
+    weight_n = rover.inertia[0] * STANDARD_GRAVITY_M_S2
     back = -math.sin(state.tilt[0])
     right = math.cos(state.tilt[0]) * math.sin(state.tilt[1])
     upright = math.cos(state.tilt[0]) * math.cos(state.tilt[1])
@@ -143,7 +137,7 @@ def stand(state: State, rover: Rover, ground: Ground) -> Footing:
 
 
 @_compiled
-def _place(axis: Floats, value: float) -> tuple[int, float]:
+def _place(axis: Array, value: float) -> tuple[int, float]:
     """Return the cell of an axis and the share of the way through it; the ends are held."""
     cell = min(max(int(np.searchsorted(axis, value)) - 1, 0), len(axis) - 2)
     share = (value - axis[cell]) / (axis[cell + 1] - axis[cell])
@@ -192,15 +186,15 @@ def wheel_shares(
 
 @_compiled
 def _soil_forces(
-    twist: Floats,
-    rim_m_s: Floats,
-    steer_rad: Floats,
-    strength: Floats,
+    twist: Array,
+    rim_m_s: Array,
+    steer_rad: Array,
+    strength: Array,
     rover: Rover,
     footing: Footing,
     table: WheelTable,
     state: State,
-) -> Floats:
+) -> Array:
     """Return what the soil does to the body: forces along x, y, and moment; note slips and torques."""
     total = np.zeros(3)
     for wheel in range(4):
@@ -232,9 +226,9 @@ def step(
     rover: Rover,
     ground: Ground,
     table: WheelTable,
-    rim_m_s: Floats,
-    steer_rad: Floats,
-    strength: Floats,
+    rim_m_s: Array,
+    steer_rad: Array,
+    strength: Array,
     step_s: float,
 ) -> None:
     """Do a step with the rims at given speeds.

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.clock import seconds
-from sim_backends.plants.el_dorado.dynamics import GRAVITY_M_S2, Ground, Rover, State, stand, step
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.plants.el_dorado.dynamics import Ground, Rover, State, stand, step
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.el_dorado.wheel_table import WheelTable, load_table
 from sim_backends.terramechanics.soil.library import load_soil, load_wheel
@@ -152,7 +153,7 @@ def table_of(settings: ElDoradoPlantSettings) -> WheelTable:
         ConfigError: There is no such wheel or soil.
         ModelError: The soil does not bear the rover.
     """
-    load_n = 0.25 * settings.mass_kg * GRAVITY_M_S2
+    load_n = 0.25 * settings.mass_kg * STANDARD_GRAVITY_M_S2
     return load_table(load_wheel(settings.wheel), load_soil(settings.ground.soil), load_n)
 
 

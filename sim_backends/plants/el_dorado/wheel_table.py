@@ -11,16 +11,14 @@ from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import ModelError
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.compiled import cache_folder, compiled_kernel
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
 from sim_backends.terramechanics.soil.quadrature import rule_for
 from sim_backends.terramechanics.soil.wheel_contact import wheel_contact
 from sim_backends.terramechanics.soil.wheel_forces import sink
-
-Floats = NDArray[np.float64]
 
 LOADS = (0.1, 0.35, 0.75, 1.3, 2.1, 3.6)
 """Over the mean load of a wheel."""
@@ -46,11 +44,11 @@ class WheelTable(NamedTuple):
             (loads, slips, sides, cambers, 3).
     """
 
-    load_n: Floats
-    slip: Floats
-    side_rad: Floats
-    camber_rad: Floats
-    share: Floats
+    load_n: Array
+    slip: Array
+    side_rad: Array
+    camber_rad: Array
+    share: Array
 
 
 def load_table(wheel: WheelSettings, soil: SoilSettings, load_n: float) -> WheelTable:

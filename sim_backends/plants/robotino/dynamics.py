@@ -9,25 +9,20 @@ All compiled functions stand in this one file: numba's cache does not notice cha
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar, cast
+from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
+from sim_backends.jit import compiled
 from sim_backends.plants.robotino.ground import Ground
 
 BRIDGE_COUNTS = 255.0
 CREEP_M_S = 0.001
 """Below this speed resistance and traction fade to nothing instead of changing sign at once."""
 
-Floats = NDArray[np.float64]
-FunctionT = TypeVar("FunctionT", bound=Callable[..., object])
-
-
-def _compiled(function: FunctionT) -> FunctionT:
-    return cast("FunctionT", numba.njit(cache=True)(function))
+_compiled = compiled()
 
 
 class Rover(NamedTuple):
@@ -44,11 +39,11 @@ class Rover(NamedTuple):
 
     step_s: float
     steps_per_control: int
-    direction: Floats
-    radial: Floats
-    load_n: Floats
+    direction: Array
+    radial: Array
+    load_n: Array
     mean_load_n: float
-    mass: Floats
+    mass: Array
     radius_m: float
     wheel_inertia_kg_m2: float
     resistance_ohm: float
@@ -78,15 +73,15 @@ class State(NamedTuple):
         step: Number of steps done.
     """
 
-    pose: Floats
-    twist: Floats
-    angle_rad: Floats
-    speed_rad_s: Floats
-    current_a: Floats
-    voltage_v: Floats
-    set_ticks: Floats
-    counted: Floats
-    supply: Floats
+    pose: Array
+    twist: Array
+    angle_rad: Array
+    speed_rad_s: Array
+    current_a: Array
+    voltage_v: Array
+    set_ticks: Array
+    counted: Array
+    supply: Array
     step: NDArray[np.int64]
 
 
@@ -126,7 +121,7 @@ def _control_speed(state: State, rover: Rover) -> None:
 
 @_compiled
 def _feel_ground(
-    state: State, rover: Rover, ground: Ground, grip: Floats, along: Floats, across: Floats
+    state: State, rover: Rover, ground: Ground, grip: Array, along: Array, across: Array
 ) -> None:
     """Find traction per sliding speed and resistance per speed, N s/m, of each wheel where it stands.
 
@@ -171,7 +166,7 @@ def _ground_under(
 
 
 @_compiled
-def _move(state: State, rover: Rover, grip: Floats, along: Floats, across: Floats) -> None:
+def _move(state: State, rover: Rover, grip: Array, along: Array, across: Array) -> None:
     """Do one step of motors, wheels and body."""
     step_s, radius_m = rover.step_s, rover.radius_m
     sign = np.empty(3)
@@ -243,7 +238,7 @@ def _friction_sign(state: State, rover: Rover, wheel: int, torque_nm: float, gri
 
 
 @_compiled
-def _momentum(twist: Floats, mass: Floats, step_s: float) -> Floats:
+def _momentum(twist: Array, mass: Array, step_s: float) -> Array:
     """Return momentum over step, with what the turning of the frame makes of it."""
     momentum = np.empty(3)
     for i in range(3):
@@ -256,13 +251,13 @@ def _momentum(twist: Floats, mass: Floats, step_s: float) -> Floats:
 
 
 @_compiled
-def _dot(rows: Floats, row: int, vector: Floats) -> float:
+def _dot(rows: Array, row: int, vector: Array) -> float:
     product: float = rows[row, 0] * vector[0] + rows[row, 1] * vector[1] + rows[row, 2] * vector[2]
     return product
 
 
 @_compiled
-def _solve(matrix: Floats, right: Floats, solution: Floats) -> None:
+def _solve(matrix: Array, right: Array, solution: Array) -> None:
     """Solve three equations by elimination, without pivots: the matrix is symmetric and positive definite."""
     for k in range(3):
         for i in range(k + 1, 3):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from sim_backends.arrays import Array
 from sim_backends.plants.robotino.site import Site
 from sim_backends.plants.robotino.surfaces import immersion
 
@@ -29,7 +30,7 @@ class Ground(NamedTuple):
     cells_per_m: float
     row: NDArray[np.int16]
     roughness: NDArray[np.float32]
-    rows: NDArray[np.float64]
+    rows: Array
 
 
 def lay_out(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Ground:
@@ -58,7 +59,7 @@ def lay_out(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Grou
     )
 
 
-def _centres(first_edge_m: float, count: int, cell_m: float) -> NDArray[np.float64]:
+def _centres(first_edge_m: float, count: int, cell_m: float) -> Array:
     return np.array([first_edge_m + (index + 0.5) * cell_m for index in range(count)])
 
 
@@ -90,9 +91,7 @@ def _row(site: Site, name: str, sinkage_m: float, wheel_radius_m: float) -> tupl
 
 def _roughness(site: Site, shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a smooth random factor per cell, mean 1, never below 0.1."""
-    noise: NDArray[np.float64] = ndimage.gaussian_filter(
-        rng.standard_normal(shape), site.roughness_length_m / site.cell_m
-    )
+    noise: Array = ndimage.gaussian_filter(rng.standard_normal(shape), site.roughness_length_m / site.cell_m)
     spread = float(noise.std())
     factor = 1.0 + (site.roughness / spread if spread > 0 else 0.0) * noise
     return np.maximum(factor, 0.1).astype(np.float32)

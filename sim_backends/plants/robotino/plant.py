@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.clock import nanoseconds, seconds
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.plants.robotino.dynamics import Rover, State, advance
 from sim_backends.plants.robotino.ground import lay_out
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.world.plant import Truth
 
 WHEEL_ANGLES_DEG = (60.0, 180.0, 300.0)
-GRAVITY_M_S2 = 9.81
 SLIP_FLOOR_M_S = 0.02
 """Slip fades to 0 where rim and ground are both slower: 1 - v / (r omega) has no meaning at rest."""
 
@@ -142,7 +142,7 @@ def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:
     offset_m, mass_kg, ahead_m = settings.wheel_offset_m, settings.mass_kg, settings.centre_of_mass_x_m
     gear = motor.gear_ratio
     friction_nm = gear * motor.gear_efficiency * motor.friction_nm
-    mean_load_n = mass_kg * GRAVITY_M_S2 / 3.0
+    mean_load_n = mass_kg * STANDARD_GRAVITY_M_S2 / 3.0
     inertia_kg_m2 = settings.yaw_inertia_kg_m2 + mass_kg * ahead_m**2
     return Rover(
         step_s=step_s,

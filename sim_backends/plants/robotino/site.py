@@ -12,9 +12,9 @@ from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
 from drivers.settings import Settings
+from sim_backends.arrays import Array
 from sim_backends.plants.robotino.surfaces import Inner, Surface, shipped_surfaces
 
-Coordinates = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 TILE_M = 0.3
@@ -55,7 +55,7 @@ class RectanglePatch(Patch):
             raise ValueError(msg)
         return self
 
-    def covers(self, x_m: Coordinates, y_m: Coordinates) -> Mask:
+    def covers(self, x_m: Array, y_m: Array) -> Mask:
         """Tell for each point whether it lies on the patch."""
         inside: Mask = (self.x_min_m <= x_m) & (x_m <= self.x_max_m)
         return inside & (self.y_min_m <= y_m) & (y_m <= self.y_max_m)
@@ -69,7 +69,7 @@ class CirclePatch(Patch):
     y_m: float
     radius_m: Annotated[float, Field(gt=0)]
 
-    def covers(self, x_m: Coordinates, y_m: Coordinates) -> Mask:
+    def covers(self, x_m: Array, y_m: Array) -> Mask:
         """Tell for each point whether it lies on the patch."""
         inside: Mask = np.hypot(x_m - self.x_m, y_m - self.y_m) <= self.radius_m
         return inside
@@ -85,7 +85,7 @@ class PolygonPatch(Patch):
     type: Literal["polygon"]
     corners_m: Annotated[tuple[tuple[float, float], ...], Field(min_length=3)]
 
-    def covers(self, x_m: Coordinates, y_m: Coordinates) -> Mask:
+    def covers(self, x_m: Array, y_m: Array) -> Mask:
         """Tell for each point whether it lies on the patch: a ray from it crosses an odd number of sides."""
         inside: Mask = np.zeros(np.broadcast(x_m, y_m).shape, dtype=np.bool_)
         for (ax, ay), (bx, by) in zip(self.corners_m, (*self.corners_m[1:], self.corners_m[0]), strict=True):

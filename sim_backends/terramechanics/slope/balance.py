@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.slope.load_transfer import Demand
 from sim_backends.terramechanics.slope.rover import Conditions, Effects, SoilFlow
 from sim_backends.terramechanics.soil.quadrature import Rule
@@ -19,7 +20,6 @@ from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact
 from sim_backends.terramechanics.soil.wheel_forces import deepest_allowed, least_allowed
 from sim_backends.terramechanics.soil.wheel_set import LEAST_SLIP, MOST_SLIP
 
-Floats = NDArray[np.float64]
 SAME_LOAD = 1e-9
 NO_SIDE = 1e-12
 
@@ -46,8 +46,8 @@ class Balance:
     conditions: Conditions
     effects: Effects
     demand: Demand
-    load_n: Floats
-    share: Floats
+    load_n: Array
+    share: Array
 
     @cached_property
     def straight(self) -> bool:
@@ -67,7 +67,7 @@ class Balance:
         middling = np.full(self.load_n.size, 0.2 * self.contact.radius_m)
         return float(np.mean(self.effects.soil_flow(self.conditions, 0.0, middling)[1]))
 
-    def motion(self, points: Floats) -> tuple[Floats, Floats]:
+    def motion(self, points: Array) -> tuple[Array, Array]:
         """Return slip ratio and side speed v_y / (r_s omega), (M,) each.
 
         Args:
@@ -77,7 +77,7 @@ class Balance:
         slip = np.minimum(np.maximum(a * np.abs(a) - b * b, LEAST_SLIP), MOST_SLIP)
         return slip, self.side_origin + 2.0 * a * b
 
-    def forces(self, rule: Rule, points: Floats) -> Floats:
+    def forces(self, rule: Rule, points: Array) -> Array:
         """Return drawbar pull, side force, vertical force and torque of each kind of wheel: (M, K, 4).
 
         Args:
@@ -95,13 +95,13 @@ class Balance:
         columns = self.kernel(self.contact, rule, sinkage_m.ravel(), ratio, sides)
         return np.asarray(columns.reshape(states, kinds, 4))
 
-    def _flow(self, flow: SoilFlow, slip: Floats, sinkage_m: Floats) -> tuple[Floats, Floats]:
+    def _flow(self, flow: SoilFlow, slip: Array, sinkage_m: Array) -> tuple[Array, Array]:
         kinds = sinkage_m.shape[1]
         flows = [flow(self.conditions, float(s), depth) for s, depth in zip(slip, sinkage_m, strict=True)]
         along = np.concatenate([np.broadcast_to(one[0], kinds) for one in flows])
         return along, np.concatenate([np.broadcast_to(one[1], kinds) for one in flows])
 
-    def residual(self, forces: Floats) -> Floats:
+    def residual(self, forces: Array) -> Array:
         """Return what is missing, in parts of the weight and of the loads: (M, 2 + K).
 
         Args:
@@ -114,7 +114,7 @@ class Balance:
         missing[:, 2:] = forces[:, :, 2] / self.load_n - 1.0
         return missing
 
-    def missing(self, rule: Rule, point: Floats) -> Floats:
+    def missing(self, rule: Rule, point: Array) -> Array:
         """Return what is missing at one point: (2 + K,).
 
         Args:
@@ -137,7 +137,7 @@ class Balance:
         return missing
 
 
-def kinds_of_wheels(vertical_n: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def kinds_of_wheels(vertical_n: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return the different loads, how many wheels bear each, and the kind of each wheel.
 
     Args:
@@ -149,5 +149,5 @@ def kinds_of_wheels(vertical_n: Floats) -> tuple[Floats, Floats, NDArray[np.int6
     return vertical_n[first], count.astype(np.float64), kind
 
 
-def _slip_of(speed: Floats) -> Floats:
+def _slip_of(speed: Array) -> Array:
     return np.asarray(np.where(speed <= 1.0, 1.0 - speed, 1.0 / np.maximum(speed, 1.0) - 1.0))

@@ -5,11 +5,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.slope.rover import Conditions, SlopeRover
 
-Floats = NDArray[np.float64]
 BALANCE_M = 1e-9
 
 
@@ -27,27 +26,8 @@ class Demand(NamedTuple):
     weight_n: float
     forward_n: float
     left_n: float
-    vertical_n: Floats
+    vertical_n: Array
     balanced: bool
-
-
-def paper_loads(
-    weight_n: float, slope_rad: float, cog_height_m: float, uphill_m: float, downhill_m: float
-) -> tuple[float, float]:
-    """Return W_u and W_d, load of one uphill and one downhill wheel of four in a traverse, N.
-
-    Paper 001, eqs 3 and 4.
-
-    Args:
-        weight_n: W.
-        slope_rad: alpha, less than 90 deg.
-        cog_height_m: L_h.
-        uphill_m: L_u, from the centre of gravity to the uphill wheels.
-        downhill_m: L_d, from the centre of gravity to the downhill wheels.
-    """
-    span = 2.0 * (uphill_m + downhill_m)
-    lever = cog_height_m * math.tan(slope_rad)
-    return weight_n * (downhill_m - lever) / span, weight_n * (uphill_m + lever) / span
 
 
 def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
@@ -82,7 +62,7 @@ def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
 @lru_cache(maxsize=256)
 def _levers(
     positions: tuple[tuple[float, float], ...], forward_m: float, lateral_m: float
-) -> tuple[Floats, Floats]:
+) -> tuple[Array, Array]:
     """Return the matrix from loads to their sum and moments, and its pseudo-inverse."""
     position = np.array(positions)
     levers = np.stack([np.ones(len(position)), position[:, 0] - forward_m, position[:, 1] - lateral_m])

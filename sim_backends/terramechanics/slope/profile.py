@@ -1,13 +1,12 @@
 """Thrust over slip, with everything else balanced: slow, but finds every state."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.slope.balance import Balance
 from sim_backends.terramechanics.soil.quadrature import rule_for
 from sim_backends.terramechanics.soil.wheel_set import MOST_SLIP
 
-Floats = NDArray[np.float64]
 SLIPS = 25
 BISECTIONS = 18
 SECANTS = 20
@@ -21,7 +20,7 @@ NO_SIDE_GRIP = "the soil cannot hold the rover across the slope"
 NO_THRUST = "the soil cannot give the thrust that the slope asks for"
 
 
-def scan(balance: Balance, lowest: float) -> tuple[Floats | None, str]:
+def scan(balance: Balance, lowest: float) -> tuple[Array | None, str]:
     """Return a point near the balanced state with the least slip, by trying all slips.
 
     Args:
@@ -32,7 +31,7 @@ def scan(balance: Balance, lowest: float) -> tuple[Floats | None, str]:
         The point, or None and the reason why there is no balanced state.
     """
     start, end = lowest, MOST_SLIP
-    point: Floats | None = None
+    point: Array | None = None
     for _ in range(3):
         # Closer together at small slip, where forces change fastest.
         share = np.linspace(0.0, 1.0, SLIPS) ** 2 if start >= 0.0 else np.linspace(0.0, 1.0, SLIPS)
@@ -51,7 +50,7 @@ def scan(balance: Balance, lowest: float) -> tuple[Floats | None, str]:
     return point, ""
 
 
-def profile(balance: Balance, slips: Floats) -> tuple[Floats, Floats]:
+def profile(balance: Balance, slips: Array) -> tuple[Array, Array]:
     """Return points of the search, and the residual of F_x there, for a row of slip ratios.
 
     For each slip ratio sinkages and side speed are found that balance F_z and F_y, by bisection.
@@ -80,7 +79,7 @@ def profile(balance: Balance, slips: Floats) -> tuple[Floats, Floats]:
     return points, np.where(good, missing[:, 0], np.nan)
 
 
-def _points(balance: Balance, slips: Floats, side: Floats) -> Floats:
+def _points(balance: Balance, slips: Array, side: Array) -> Array:
     """Return points with the deepest sinkages."""
     root = np.sqrt(slips + 1j * (side - balance.side_origin))
     points = np.full((slips.size, 2 + balance.load_n.size), balance.depth_range[1])
@@ -89,7 +88,7 @@ def _points(balance: Balance, slips: Floats, side: Floats) -> Floats:
     return points
 
 
-def _sunk(balance: Balance, points: Floats) -> tuple[Floats, Floats]:
+def _sunk(balance: Balance, points: Array) -> tuple[Array, Array]:
     """Return the points with sinkages that balance the loads (NaN where none does), and the residual.
 
     F_z grows with sinkage, so a secant step within a shrinking bracket (Illinois) finds the only root.

@@ -4,16 +4,15 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.settings import Settings
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import WheelSettings, load_wheel
 from sim_backends.terramechanics.soil.quantity import check_range, quantity
-from sim_backends.terramechanics.soil.wheel_contact import STANDARD_GRAVITY_M_S2, STEEPEST_RAD
+from sim_backends.terramechanics.soil.wheel_contact import STEEPEST_RAD
 
-Floats = NDArray[np.float64]
 Length = Annotated[float, quantity("m", -100.0, 100.0)]
 FOUR_WHEELS = ((0.3, 0.275), (0.3, -0.275), (-0.3, 0.275), (-0.3, -0.275))
 
@@ -80,7 +79,7 @@ class Conditions:
 class SoilFlow(Protocol):
     """Soil that moves under the wheels, as when a slope fails."""
 
-    def __call__(self, conditions: Conditions, slip: float, sinkage_m: Floats) -> tuple[Floats, Floats]:
+    def __call__(self, conditions: Conditions, slip: float, sinkage_m: Array) -> tuple[Array, Array]:
         """Return the soil's velocity forward and to the left, over the rim speed r_s omega; one per wheel.
 
         Args:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.slope.balance import Balance
 from sim_backends.terramechanics.soil.quadrature import Rule, rule_for
 from sim_backends.terramechanics.soil.wheel_set import (
@@ -18,7 +19,6 @@ from sim_backends.terramechanics.soil.wheel_set import (
     Wheels,
 )
 
-Floats = NDArray[np.float64]
 COARSE = 1e-3
 ENOUGH = 1e-9
 STEPS = 60
@@ -48,8 +48,8 @@ class State(NamedTuple):
         stable: True when more slip gives more thrust.
     """
 
-    point: Floats
-    missing: Floats
+    point: Array
+    missing: Array
     found: bool
     stable: bool
 
@@ -68,7 +68,7 @@ def mode_of(balance: Balance, *, edge: bool) -> Mode:
     return Mode(every[wanted], edge)
 
 
-def first_guess(balance: Balance) -> Floats:
+def first_guess(balance: Balance) -> Array:
     """Return a point from which the search usually succeeds.
 
     Args:
@@ -93,7 +93,7 @@ def first_guess(balance: Balance) -> Floats:
     return point
 
 
-def search(balance: Balance, rule: Rule, point: Floats, *, edge: bool = False) -> State:
+def search(balance: Balance, rule: Rule, point: Array, *, edge: bool = False) -> State:
     """Return the balanced state near a point, or the best state when the search gave up.
 
     Broyden's method: slopes are computed once and then learned from the steps, and computed again where the
@@ -145,7 +145,7 @@ def search(balance: Balance, rule: Rule, point: Floats, *, edge: bool = False) -
     return State(point, missing, found, found and _stable(balance, inverse, mode))
 
 
-def _quick(balance: Balance, kernel: BalancingKernel, rule: Rule, point: Floats, mode: Mode) -> State:
+def _quick(balance: Balance, kernel: BalancingKernel, rule: Rule, point: Array, mode: Mode) -> State:
     """Return the state that the kernel finds by itself."""
     asked = balance.demand
     wheels = Wheels(
@@ -162,7 +162,7 @@ def _quick(balance: Balance, kernel: BalancingKernel, rule: Rule, point: Floats,
     return State(moved, missing, _size(missing, mode) < ENOUGH, stable)
 
 
-def _placed(balance: Balance, point: Floats, mode: Mode) -> Floats:
+def _placed(balance: Balance, point: Array, mode: Mode) -> Array:
     """Return the point moved onto what the mode keeps: slip ratio 0 with the same side speed, or straight."""
     moved = point.copy()
     if balance.straight:
@@ -174,7 +174,7 @@ def _placed(balance: Balance, point: Floats, mode: Mode) -> Floats:
     return moved
 
 
-def _moved(balance: Balance, point: Floats, step: Floats, mode: Mode) -> Floats:
+def _moved(balance: Balance, point: Array, step: Array, mode: Mode) -> Array:
     """Return the point after a step that is kept within what the slopes can be trusted for."""
     full = np.zeros(point.size)
     full[mode.varied] = step
@@ -192,9 +192,7 @@ def _moved(balance: Balance, point: Floats, step: Floats, mode: Mode) -> Floats:
     return moved
 
 
-def _shortened(
-    balance: Balance, nodes: Rule, point: Floats, moved: Floats, size: float, mode: Mode
-) -> Floats:
+def _shortened(balance: Balance, nodes: Rule, point: Array, moved: Array, size: float, mode: Mode) -> Array:
     """Return a point on the way to `moved` where the residual is less than `size`, or one close by."""
     trial = moved
     for _ in range(3):
@@ -204,12 +202,12 @@ def _shortened(
     return trial
 
 
-def _size(missing: Floats, mode: Mode) -> float:
+def _size(missing: Array, mode: Mode) -> float:
     size = max(map(abs, missing[mode.varied].tolist()))
     return size if math.isfinite(size) else math.inf
 
 
-def _learn(inverse: Floats, step: Floats, change: Floats) -> None:
+def _learn(inverse: Array, step: Array, change: Array) -> None:
     """Mend the inverse slopes in place, so that they explain the last step (Sherman and Morrison)."""
     explained = inverse @ change
     along = step @ inverse
@@ -218,7 +216,7 @@ def _learn(inverse: Floats, step: Floats, change: Floats) -> None:
         inverse += ((step - explained) / scale)[:, np.newaxis] * along
 
 
-def _linearise(balance: Balance, rule: Rule, point: Floats, mode: Mode) -> tuple[Floats, Floats | None]:
+def _linearise(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Array, Array | None]:
     """Return the residual, and the inverse of its slopes (None where there is none)."""
     missing, slopes = _slopes(balance, rule, point, mode)
     chosen = slopes[np.ix_(mode.varied, mode.varied)]
@@ -229,7 +227,7 @@ def _linearise(balance: Balance, rule: Rule, point: Floats, mode: Mode) -> tuple
     return missing, inverse if np.isfinite(inverse).all() else None
 
 
-def _slopes(balance: Balance, rule: Rule, point: Floats, mode: Mode) -> tuple[Floats, Floats]:
+def _slopes(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Array, Array]:
     """Return residual and its slopes by a, b and sinkages; at the edge a follows b."""
     least, _ = balance.depth_range
     tilt = TILT * max(math.hypot(point[0], point[1]), LEAST_SIZE)
@@ -252,7 +250,7 @@ def _slopes(balance: Balance, rule: Rule, point: Floats, mode: Mode) -> tuple[Fl
     return missing[0], slopes
 
 
-def _stable(balance: Balance, inverse: Floats | None, mode: Mode) -> bool:
+def _stable(balance: Balance, inverse: Array | None, mode: Mode) -> bool:
     """Tell whether thrust grows with slip while side and vertical forces stay balanced.
 
     The upper left block of the inverse is that of the slopes of F_x and F_y with F_z kept in balance.

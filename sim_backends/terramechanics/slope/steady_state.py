@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.slope.balance import Balance, kinds_of_wheels
 from sim_backends.terramechanics.slope.load_transfer import Demand, demand
 from sim_backends.terramechanics.slope.profile import scan
@@ -19,7 +20,6 @@ from sim_backends.terramechanics.soil.wheel_contact import Kernel, wheel_contact
 from sim_backends.terramechanics.soil.wheel_forces import WheelForces
 from sim_backends.terramechanics.soil.wheel_set import LEAST_SLIP
 
-Floats = NDArray[np.float64]
 NO_EFFECTS = Effects()
 AT_EDGE = "slip = 0"
 
@@ -46,7 +46,7 @@ class SteadyState:
     boundary: str
     slip: float
     slip_angle_rad: float
-    sinkage_m: Floats
+    sinkage_m: Array
     forces: WheelForces
     sinkage_uphill_m: float
     sinkage_downhill_m: float
@@ -154,7 +154,7 @@ def _result(
     )
 
 
-def _mean(values: Floats) -> float:
+def _mean(values: Array) -> float:
     return float(values.mean()) if values.size else math.nan
 
 

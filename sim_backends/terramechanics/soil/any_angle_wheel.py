@@ -26,15 +26,14 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import ConfigError, ModelError
 from drivers.settings import Settings
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import WheelSettings, parse_settings
 from sim_backends.terramechanics.soil.quantity import check_range, quantity
 
-Array = NDArray[np.float64]
-GRAVITY_M_S2 = 9.80665
 DEEPEST = 1.85
 """Greatest sinkage that is considered, in radii."""
 BISECTIONS = 30
@@ -262,7 +261,7 @@ class _Rim:
         push = self.forward * np.sin(angle) / self.speed(angle)
         number = soil.slide_number * np.clip(1 + soil.wake_rate * push, 0.0, 1.0)
         number = number + soil.push_number * np.maximum(push, 0.0)
-        slid = soil.density_kg_m3 * GRAVITY_M_S2 * self.depth(angle) * number
+        slid = soil.density_kg_m3 * STANDARD_GRAVITY_M_S2 * self.depth(angle) * number
         plate = soil.plate_modulus_pa * self.depth(like) ** soil.plate_exponent
         return pressed * plate + (1 - pressed) * slid
 
@@ -316,7 +315,7 @@ def _wall_forces(soil: AnyAngleSoil, motion: Motion, sinkage: Array, radius: flo
     ahead, below = radius * np.sin(angle), radius * np.cos(angle) - column + depth
     along, down = forward - turning * below / radius, turning * ahead / radius
     speed = np.maximum(np.sqrt(along**2 + down**2 + sideways**2), TINY)
-    push = soil.wall_number * soil.density_kg_m3 * GRAVITY_M_S2 * depth
+    push = soil.wall_number * soil.density_kg_m3 * STANDARD_GRAVITY_M_S2 * depth
     push = push * (np.abs(sideways) / speed) ** soil.wall_exponent * (sideways != 0)
     back, up = (soil.wall_friction * push * part / speed for part in (along, down))
     drive = (up * ahead - back * below) * area

@@ -10,14 +10,13 @@ from typing import cast
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil import compiled_functions
 from sim_backends.terramechanics.soil.quadrature import Rule
 from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact
 from sim_backends.terramechanics.soil.wheel_set import Wheels
 
-Floats = NDArray[np.float64]
 COMPILING = "compiling the wheel forces (once, about half a minute) ..."
 
 
@@ -48,16 +47,16 @@ class CompiledKernel:
     """A `BalancingKernel`."""
 
     def __call__(
-        self, contact: WheelContact, rule: Rule, sinkage_m: Floats, slip: Floats, side_speed: Floats
-    ) -> Floats:
+        self, contact: WheelContact, rule: Rule, sinkage_m: Array, slip: Array, side_speed: Array
+    ) -> Array:
         """Return drawbar pull, side force, vertical force (N) and torque (N m) as columns; see `Kernel`."""
         forces = np.zeros((sinkage_m.size, 4))
         compiled_functions.wheel_rows(contact, rule, sinkage_m, slip, side_speed, forces)
         return forces
 
     def balance_quickly(
-        self, contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Floats
-    ) -> tuple[Floats, Floats, bool]:
+        self, contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Array
+    ) -> tuple[Array, Array, bool]:
         """Return point, residual and stability; see `BalancingKernel`."""
         moved = point.copy()
         result = compiled_functions.balance_quickly(contact, coarse, rule, wheels, moved)

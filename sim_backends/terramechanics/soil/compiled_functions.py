@@ -6,13 +6,11 @@ the way in. The equations are explained where they stand in plain numpy, in `num
 """
 
 import math
-from collections.abc import Callable
-from typing import TypeVar, cast
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
+from sim_backends.jit import compiled
 from sim_backends.terramechanics.soil.contact import FLAT
 from sim_backends.terramechanics.soil.numpy_kernel import (
     BISECTIONS,
@@ -35,8 +33,6 @@ from sim_backends.terramechanics.soil.wheel_set import (
     Wheels,
 )
 
-Floats = NDArray[np.float64]
-FunctionT = TypeVar("FunctionT", bound=Callable[..., object])
 Soil = tuple[float, float, float, float, float, float]
 """r, r_s, n, c, tan phi, -1/k."""
 Motion = tuple[float, float, float, float, float, float, float]
@@ -54,16 +50,13 @@ QUICK_STEPS = 15
 SLOW = 0.5
 SINE = tuple((-1.0) ** power / math.factorial(2 * power + 1) for power in range(8, -1, -1))
 
-
-def _compiled(function: FunctionT) -> FunctionT:
-    # Sums may be reordered, which saves a third of the time; NaN and infinity keep their meaning.
-    reorder = {"reassoc", "arcp", "contract", "nsz"}
-    return cast("FunctionT", numba.njit(cache=True, error_model="numpy", fastmath=reorder)(function))
+# Sums may be reordered, which saves a third of the time; NaN and infinity keep their meaning.
+_compiled = compiled(error_model="numpy", fastmath={"reassoc", "arcp", "contract", "nsz"})
 
 
 @_compiled
 def wheel_rows(
-    contact: WheelContact, rule: Rule, sinkage_m: Floats, slip: Floats, side_speed: Floats, forces: Floats
+    contact: WheelContact, rule: Rule, sinkage_m: Array, slip: Array, side_speed: Array, forces: Array
 ) -> None:
     """Add the forces on many wheels to the rows of `forces`; see `Kernel`."""
     for row in range(sinkage_m.size):
@@ -72,7 +65,7 @@ def wheel_rows(
 
 @_compiled
 def _wheel(
-    contact: WheelContact, rule: Rule, sinkage_m: float, slip: float, side_speed: float, forces: Floats
+    contact: WheelContact, rule: Rule, sinkage_m: float, slip: float, side_speed: float, forces: Array
 ) -> None:
     deepest = sinkage_m + 0.5 * contact.width_m * abs(contact.camber_tan)
     if deepest > 0.0:
@@ -86,7 +79,7 @@ def _speed(slip: float) -> float:
 
 
 @_compiled
-def _bottom(contact: WheelContact, rule: Rule, state: State, forces: Floats) -> None:
+def _bottom(contact: WheelContact, rule: Rule, state: State, forces: Array) -> None:
     """Add the forces of all slices (eqs 13, 14)."""
     sinkage_m, deepest, slip, side_speed = state
     soil = (
@@ -133,7 +126,7 @@ def _bottom(contact: WheelContact, rule: Rule, state: State, forces: Floats) -> 
 
 
 @_compiled
-def _strip(soil: Soil, rule: Rule, motion: Motion, depth: float, width: float, forces: Floats) -> None:
+def _strip(soil: Soil, rule: Rule, motion: Motion, depth: float, width: float, forces: Array) -> None:
     """Add the forces of one slice (eqs 10 to 12)."""
     excess, speed, side_speed, _, _, share, greatest_share = motion
     rise = depth / soil[0]
@@ -172,7 +165,7 @@ def _sum(one: Sums, other: Sums) -> Sums:
 
 
 @_compiled
-def _plain(soil: Soil, motion: Motion, angles: Angles, node: Floats, weight: Floats) -> Sums:
+def _plain(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Array) -> Sums:
     """Return both sides of theta_m, without another cut: equal nodes have equal normal stress."""
     entry, cos_entry, _, exit_angle, greatest = angles
     sums = (0.0, 0.0, 0.0, 0.0)
@@ -189,7 +182,7 @@ def _plain(soil: Soil, motion: Motion, angles: Angles, node: Floats, weight: Flo
 
 
 @_compiled
-def _segment(soil: Soil, motion: Motion, angles: Angles, span: Span, node: Floats, weight: Floats) -> Sums:
+def _segment(soil: Soil, motion: Motion, angles: Angles, span: Span, node: Array, weight: Array) -> Sums:
     """Return a part of the contact, with nodes spaced about its anchor."""
     anchor, end, turn = span
     entry, cos_entry, _, exit_angle, greatest = angles
@@ -256,7 +249,7 @@ def _add(soil: Soil, motion: Motion, angles: Angles, place: Place, step: float, 
 
 
 @_compiled
-def _skid(soil: Soil, motion: Motion, angles: Angles, node: Floats, weight: Floats) -> Sums:
+def _skid(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Array) -> Sums:
     """Return a skidding slice, cut also where the shear stress changes sign, and where j touches 0."""
     entry, _, sin_entry, exit_angle, greatest = angles
     speed, side = motion[1], abs(motion[2])
@@ -293,7 +286,7 @@ def _skid(soil: Soil, motion: Motion, angles: Angles, node: Floats, weight: Floa
 
 
 @_compiled
-def _walls(contact: WheelContact, sinkage_m: float, slip: float, side_speed: float, forces: Floats) -> None:
+def _walls(contact: WheelContact, sinkage_m: float, slip: float, side_speed: float, forces: Array) -> None:
     """Add eqs 30 to 32 with F_s = F_sp - F_sa, passive at the wall that moves into the soil."""
     if side_speed == 0.0:
         return
@@ -329,7 +322,7 @@ def _wall(contact: WheelContact, row: int, sinkage_m: float) -> float:
 
 
 @_compiled
-def _missing(contact: WheelContact, rule: Rule, wheels: Wheels, point: Floats, columns: Floats) -> Floats:
+def _missing(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array, columns: Array) -> Array:
     """Return what is missing for balance, and the forces of each kind of wheel in `columns`."""
     slip = min(max(point[0] * abs(point[0]) - point[1] * point[1], LEAST_SLIP), MOST_SLIP)
     missing = np.zeros(point.size)
@@ -344,7 +337,7 @@ def _missing(contact: WheelContact, rule: Rule, wheels: Wheels, point: Floats, c
 
 
 @_compiled
-def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Floats) -> Floats:
+def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array) -> Array:
     """Return the slopes of what is missing by a, b and sinkages; with the slip kept at 0, a follows b."""
     kinds = wheels.load_n.size
     before, after = np.zeros((kinds, 4)), np.zeros((kinds, 4))
@@ -368,7 +361,7 @@ def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Floats) ->
 
 
 @_compiled
-def balance_quickly(contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Floats) -> Floats:
+def balance_quickly(contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Array) -> Array:
     """Move `point` to where the wheels are in balance, by Broyden's method without any care.
 
     Returns:

@@ -5,14 +5,14 @@ or arrays that broadcast.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sim_backends.arrays import Array
+
 FLAT = 1e-9
 """Tangent of a camber below which a wheel counts as upright."""
 
 
-def entry_angle(sinkage_m: Floats, radius_m: float) -> Floats:
+def entry_angle(sinkage_m: Array, radius_m: float) -> Array:
     """Return theta_f = acos(1 - h'/r), rad (paper 001, eq 15).
 
     Args:
@@ -22,7 +22,7 @@ def entry_angle(sinkage_m: Floats, radius_m: float) -> Floats:
     return np.arccos(1.0 - sinkage_m / radius_m)
 
 
-def exit_share(slip: Floats, polynomial: tuple[float, float, float]) -> Floats:
+def exit_share(slip: Array, polynomial: tuple[float, float, float]) -> Array:
     """Return lambda, exit depth over entry depth: a polynomial of the slip ratio, not below 0.
 
     In skid, for which the paper gives no number, it keeps its value at s = 0.
@@ -35,7 +35,7 @@ def exit_share(slip: Floats, polynomial: tuple[float, float, float]) -> Floats:
     return np.maximum(polynomial[0] + positive * (polynomial[1] + positive * polynomial[2]), 0.0)
 
 
-def exit_angle(sinkage_m: Floats, share: Floats, radius_m: float) -> Floats:
+def exit_angle(sinkage_m: Array, share: Array, radius_m: float) -> Array:
     """Return theta_r = -acos(1 - lambda h'/r), rad (paper 001, eq 16, with the sign that is missing there).
 
     Args:
@@ -46,7 +46,7 @@ def exit_angle(sinkage_m: Floats, share: Floats, radius_m: float) -> Floats:
     return -np.arccos(np.maximum(1.0 - share * sinkage_m / radius_m, 0.0))
 
 
-def greatest_stress_angle(entry_rad: Floats, slip: Floats, greatest_stress: tuple[float, float]) -> Floats:
+def greatest_stress_angle(entry_rad: Array, slip: Array, greatest_stress: tuple[float, float]) -> Array:
     """Return theta_m = (a_0 + a_1 s) theta_f, rad (paper 001, eq 18).
 
     In skid, for which the paper gives no number, the share keeps its value at s = 0.
@@ -59,7 +59,7 @@ def greatest_stress_angle(entry_rad: Floats, slip: Floats, greatest_stress: tupl
     return (greatest_stress[0] + greatest_stress[1] * np.maximum(slip, 0.0)) * entry_rad
 
 
-def deepest_sinkage(sinkage_m: Floats, width_m: float, camber_tan: float) -> Floats:
+def deepest_sinkage(sinkage_m: Array, width_m: float, camber_tan: float) -> Array:
     """Return the sinkage at the deeper edge, m (paper 001, eq 14), not below 0.
 
     Args:
@@ -70,7 +70,7 @@ def deepest_sinkage(sinkage_m: Floats, width_m: float, camber_tan: float) -> Flo
     return np.maximum(sinkage_m + 0.5 * width_m * abs(camber_tan), 0.0)
 
 
-def contact_width(sinkage_m: Floats, width_m: float, camber_tan: float) -> Floats:
+def contact_width(sinkage_m: Array, width_m: float, camber_tan: float) -> Array:
     """Return the width in contact b_e = h_c / tan(gamma) + b / 2, between 0 and b, m (paper 001, III.B).
 
     Args:
@@ -83,7 +83,7 @@ def contact_width(sinkage_m: Floats, width_m: float, camber_tan: float) -> Float
     return np.clip(sinkage_m / abs(camber_tan) + 0.5 * width_m, 0.0, width_m)
 
 
-def contact_length(entry_rad: Floats, exit_rad: Floats, radius_m: float) -> Floats:
+def contact_length(entry_rad: Array, exit_rad: Array, radius_m: float) -> Array:
     """Return the contact's length r (sin theta_f - sin theta_r) at the deeper edge, m (paper 001, III.B).
 
     Args:

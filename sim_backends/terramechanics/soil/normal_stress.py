@@ -1,11 +1,10 @@
 """Normal stress under a wheel: Reece's law over sinkage, Wong's shape over the angle (paper 001, eq 17)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import BekkerLaw, SoilSettings
 
-Floats = NDArray[np.float64]
 ModulusTerms = tuple[float, float, float, float]
 """Coefficient and power of the contact's lesser dimension, twice."""
 
@@ -24,7 +23,7 @@ def modulus_terms(soil: SoilSettings, gravity_m_s2: float) -> ModulusTerms:
     return soil.cohesion_pa * law.k_c, -law.exponent, weight_pa_m * law.k_phi, 1.0 - law.exponent
 
 
-def stress_modulus(dimension_m: Floats, terms: ModulusTerms) -> Floats:
+def stress_modulus(dimension_m: Array, terms: ModulusTerms) -> Array:
     """Return K(l) = K_1 l^e_1 + K_2 l^e_2, Pa / m^n.
 
     Args:
@@ -34,7 +33,7 @@ def stress_modulus(dimension_m: Floats, terms: ModulusTerms) -> Floats:
     return terms[0] * dimension_m ** terms[1] + terms[2] * dimension_m ** terms[3]
 
 
-def front_angle(theta_rad: Floats, entry_rad: Floats, greatest_rad: Floats, exit_rad: Floats) -> Floats:
+def front_angle(theta_rad: Array, entry_rad: Array, greatest_rad: Array, exit_rad: Array) -> Array:
     """Return the angle in front of theta_m at which the normal stress is as great as at theta, rad.
 
     Args:
@@ -47,7 +46,7 @@ def front_angle(theta_rad: Floats, entry_rad: Floats, greatest_rad: Floats, exit
     return np.where(theta_rad < greatest_rad, rear, theta_rad)
 
 
-def normal_stress(depth_m: Floats, modulus: Floats, exponent: float) -> Floats:
+def normal_stress(depth_m: Array, modulus: Array, exponent: float) -> Array:
     """Return sigma = K z^n, Pa, and 0 where the depth is negative.
 
     Args:

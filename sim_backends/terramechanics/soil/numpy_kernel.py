@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.contact import (
     contact_length,
     contact_width,
@@ -19,7 +19,6 @@ from sim_backends.terramechanics.soil.quadrature import WALL_NODES, Rule, gauss_
 from sim_backends.terramechanics.soil.shear_stress import displacement, shear_stress, slip_velocity
 from sim_backends.terramechanics.soil.wheel_contact import WheelContact
 
-Floats = NDArray[np.float64]
 STRIPS_AT_ONCE = 512
 """So many strips of a wheel are computed together: their numbers fit into the processor's cache."""
 NARROWEST = 1e-9
@@ -40,19 +39,19 @@ class Strips(NamedTuple):
         lost: Depth that carries no load, m.
     """
 
-    entry: Floats
-    exit: Floats
-    greatest: Floats
-    modulus: Floats
-    excess: Floats
-    speed: Floats
-    side_speed: Floats
-    lost: Floats
+    entry: Array
+    exit: Array
+    greatest: Array
+    modulus: Array
+    excess: Array
+    speed: Array
+    side_speed: Array
+    lost: Array
 
 
 def numpy_kernel(
-    contact: WheelContact, rule: Rule, sinkage_m: Floats, slip: Floats, side_speed: Floats
-) -> Floats:
+    contact: WheelContact, rule: Rule, sinkage_m: Array, slip: Array, side_speed: Array
+) -> Array:
     """Return drawbar pull, side force, vertical force (N) and torque (N m) as columns; see `Kernel`."""
     depth, width = _slices(contact, rule, sinkage_m)
     modulus = _modulus(contact, sinkage_m, slip)
@@ -75,7 +74,7 @@ def numpy_kernel(
     return np.asarray(bottom + _wall_forces(contact, sinkage_m, slip, side_speed))
 
 
-def _slices(contact: WheelContact, rule: Rule, sinkage_m: Floats) -> tuple[Floats, Floats]:
+def _slices(contact: WheelContact, rule: Rule, sinkage_m: Array) -> tuple[Array, Array]:
     """Return sinkage and width of the slices across each wheel (eqs 13, 14).
 
     Nodes are even in the square root of the sinkage, in which the forces are smooth even where an edge leaves
@@ -93,7 +92,7 @@ def _slices(contact: WheelContact, rule: Rule, sinkage_m: Floats) -> tuple[Float
     return root * root, width
 
 
-def _modulus(contact: WheelContact, sinkage_m: Floats, slip: Floats) -> Floats:
+def _modulus(contact: WheelContact, sinkage_m: Array, slip: Array) -> Array:
     """Return K at the lesser of width and length (of the deeper edge) of the contact (III.B)."""
     deepest = deepest_sinkage(sinkage_m, contact.width_m, contact.camber_tan)
     share = exit_share(slip, contact.exit_polynomial)
@@ -108,8 +107,8 @@ def _modulus(contact: WheelContact, sinkage_m: Floats, slip: Floats) -> Floats:
 
 
 def _strips(
-    contact: WheelContact, depth: Floats, modulus: Floats, slip: Floats, side_speed: Floats
-) -> tuple[Strips, Floats]:
+    contact: WheelContact, depth: Array, modulus: Array, slip: Array, side_speed: Array
+) -> tuple[Strips, Array]:
     """Return the slices, and the width over which the shear stress turns over the entry angle."""
     entry = entry_angle(depth, contact.radius_m)
     positive = np.maximum(slip, 0.0)
@@ -128,13 +127,13 @@ def _strips(
     return strips, (turn / np.where(entry > 0.0, entry, 1.0))[:, 0]
 
 
-def _turn(strips: Strips) -> Floats:
+def _turn(strips: Strips) -> Array:
     """Return the angle over which the shear stress turns around: sqrt(2 |s + i tan beta|) about theta = 0."""
     size = np.sqrt(strips.excess**2 + strips.side_speed**2)
     return np.clip(np.sqrt(2.0 * size / np.maximum(strips.speed, 1e-9)), NARROWEST, WIDEST)
 
 
-def _integrate(contact: WheelContact, rule: Rule, tier: int, strips: Strips) -> Floats:
+def _integrate(contact: WheelContact, rule: Rule, tier: int, strips: Strips) -> Array:
     """Return eqs 10 to 12 and the torque, per width, of strips of one tier."""
     count = rule.nodes[tier]
     node, weight = rule.node[tier, :count], rule.weight[tier, :count]
@@ -157,7 +156,7 @@ def _integrate(contact: WheelContact, rule: Rule, tier: int, strips: Strips) -> 
     return _sum_stresses(contact, strips, theta, step, normal)
 
 
-def _slip_segments(strips: Strips) -> tuple[Floats, Floats, Floats]:
+def _slip_segments(strips: Strips) -> tuple[Array, Array, Array]:
     """Return anchor, end and width of the turn at the anchor of three segments."""
     zero = np.zeros_like(strips.entry)
     turn = _turn(strips)
@@ -168,7 +167,7 @@ def _slip_segments(strips: Strips) -> tuple[Floats, Floats, Floats]:
     )
 
 
-def _skid_segments(strips: Strips) -> tuple[Floats, Floats, Floats]:
+def _skid_segments(strips: Strips) -> tuple[Array, Array, Array]:
     """Return the segments of a skidding wheel: cut also where shear changes sign, and where j touches 0."""
     still = np.arccos(1.0 / strips.speed)
     side = np.abs(strips.side_speed)
@@ -190,7 +189,7 @@ def _skid_segments(strips: Strips) -> tuple[Floats, Floats, Floats]:
     return anchor, end, np.concatenate([wide[:, :1], wide[:, :-1], wide[:, 1:], wide[:, -1:]], axis=1)
 
 
-def _returning_angle(strips: Strips, still: Floats) -> Floats:
+def _returning_angle(strips: Strips, still: Array) -> Array:
     """Return the angle at which soil sheared forward is back where it was: j_t = 0, between -+`still`."""
     low = np.maximum(-still, strips.exit)
     high = np.minimum(still, strips.entry)
@@ -202,9 +201,7 @@ def _returning_angle(strips: Strips, still: Floats) -> Floats:
     return 0.5 * (low + high)
 
 
-def _sum_stresses(
-    contact: WheelContact, strips: Strips, theta: Floats, step: Floats, normal: Floats
-) -> Floats:
+def _sum_stresses(contact: WheelContact, strips: Strips, theta: Array, step: Array, normal: Array) -> Array:
     half = np.sin(0.5 * theta)
     drop = 2.0 * half * half
     cosine = 1.0 - drop
@@ -232,13 +229,13 @@ def _sum_stresses(
     )
 
 
-def _normal(contact: WheelContact, strips: Strips, front: Floats) -> Floats:
+def _normal(contact: WheelContact, strips: Strips, front: Array) -> Array:
     """Return the normal stress at angles in front of theta_m."""
     depth = contact.radius_m * (np.cos(front) - np.cos(strips.entry)) - strips.lost
     return normal_stress(depth, strips.modulus, contact.exponent)
 
 
-def _wall_forces(contact: WheelContact, sinkage_m: Floats, slip: Floats, side_speed: Floats) -> Floats:
+def _wall_forces(contact: WheelContact, sinkage_m: Array, slip: Array, side_speed: Array) -> Array:
     """Return eqs 30 to 32 with F_s = F_sp - F_sa, passive at the wall that moves into the soil."""
     forces = np.zeros((sinkage_m.size, 4))
     if not contact.walls[:, 1:].any():
@@ -257,7 +254,7 @@ def _wall_forces(contact: WheelContact, sinkage_m: Floats, slip: Floats, side_sp
     return forces
 
 
-def _wall(contact: WheelContact, polynomial: Floats, sinkage_m: Floats) -> Floats:
+def _wall(contact: WheelContact, polynomial: Array, sinkage_m: Array) -> Array:
     """Return the resistance of one wall, N: the integral of P (r - h cos theta), with h of that wall (eq 27).
 
     The variable is v with h(theta) = h (1 - v^2), in which the integrand is smooth and free of angles.

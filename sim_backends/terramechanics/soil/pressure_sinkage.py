@@ -1,19 +1,16 @@
-"""Pressure of a plate over its sinkage, and what plate tests tell about a soil.
-
-Laws: the power law k z^n, Bekker's (k_c / b + k_phi) z^n and Reece's (c k_c' + rho g b k_phi') (z / b)^n.
-"""
+"""Pressure of a plate over its sinkage by the power law k z^n, and its fit to plate tests."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
 from drivers.errors import ModelError
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.quantity import check_range
 
-Array = NDArray[np.float64]
 LEAST_POINTS = 10
 """Points of one plate test that its fit needs."""
 
@@ -34,56 +31,6 @@ def power_pressure_pa(sinkage_m: ArrayLike, modulus_pa: float, exponent: float) 
     check_range("exponent", exponent, "1", 0.2, 4.0)
     pressure: Array = modulus_pa * np.asarray(sinkage_m, dtype=np.float64) ** exponent
     return pressure
-
-
-def bekker_pressure_pa(
-    sinkage_m: ArrayLike, width_m: float, cohesive_modulus: float, frictional_modulus: float, exponent: float
-) -> Array:
-    """Return the pressure (k_c / b + k_phi) z^n in Pa, shaped as the sinkage.
-
-    Args:
-        sinkage_m: At least 0.
-        width_m: b, the lesser side of the plate or the radius of a round one, above 0.
-        cohesive_modulus: k_c, Pa / m^(n - 1); may be negative for a dry soil.
-        frictional_modulus: k_phi, Pa / m^n.
-        exponent: n, 0.2 to 4.
-
-    Raises:
-        ModelError: A number is out of range, or the modulus of this width is not positive.
-    """
-    check_range("width_m", width_m, "m", 1e-4, 10.0)
-    return power_pressure_pa(sinkage_m, cohesive_modulus / width_m + frictional_modulus, exponent)
-
-
-def reece_pressure_pa(
-    sinkage_m: ArrayLike,
-    width_m: float,
-    *,
-    cohesion_pa: float,
-    unit_weight_n_m3: float,
-    cohesive_number: float,
-    frictional_number: float,
-    exponent: float,
-) -> Array:
-    """Return the pressure (c k_c' + rho g b k_phi') (z / b)^n in Pa, as the sinkage (paper 001, eq 17).
-
-    Args:
-        sinkage_m: At least 0.
-        width_m: b, the lesser side of the plate, above 0.
-        cohesion_pa: c, at least 0.
-        unit_weight_n_m3: rho g, above 0.
-        cohesive_number: k_c', without unit.
-        frictional_number: k_phi', without unit.
-        exponent: n, 0.2 to 4.
-
-    Raises:
-        ModelError: A number is out of range.
-    """
-    check_range("width_m", width_m, "m", 1e-4, 10.0)
-    check_range("cohesion_pa", cohesion_pa, "Pa", 0.0, 1e7)
-    check_range("unit_weight_n_m3", unit_weight_n_m3, "N/m^3", 1.0, 1e6)
-    strength = cohesion_pa * cohesive_number + unit_weight_n_m3 * width_m * frictional_number
-    return power_pressure_pa(sinkage_m, strength / width_m**exponent, exponent)
 
 
 class PlateTest(NamedTuple):

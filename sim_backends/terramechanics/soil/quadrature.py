@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ModelError
-
-Floats = NDArray[np.float64]
+from sim_backends.arrays import Array
 
 
 class Rule(NamedTuple):
@@ -28,13 +27,13 @@ class Rule(NamedTuple):
         node, weight: Of each tier, as rows filled up with zeros.
     """
 
-    slice_node: Floats
-    slice_weight: Floats
+    slice_node: Array
+    slice_weight: Array
     plain: int
-    reach: Floats
+    reach: Array
     nodes: NDArray[np.int64]
-    node: Floats
-    weight: Floats
+    node: Array
+    weight: Array
 
 
 WALL_NODES = 6
@@ -96,7 +95,7 @@ def _rule(bound: float) -> Rule:
     return Rule(slice_node, slice_weight, len(plain), reach, counts, node, weight)
 
 
-def gauss_legendre(count: int) -> tuple[Floats, Floats]:
+def gauss_legendre(count: int) -> tuple[Array, Array]:
     """Return nodes and weights of the Gauss-Legendre rule in 0 .. 1."""
     node, weight = np.polynomial.legendre.leggauss(count)
     return 0.5 * (node + 1.0), 0.5 * weight

@@ -5,14 +5,13 @@ the equations hold in skid as well. Arguments are numbers or arrays that broadca
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sim_backends.arrays import Array
 
 
 def displacement(
-    gap_rad: Floats, sine_gap: Floats, speed: Floats, side_speed: Floats, shearing_radius_m: float
-) -> Floats:
+    gap_rad: Array, sine_gap: Array, speed: Array, side_speed: Array, shearing_radius_m: float
+) -> Array:
     """Return the soil's displacement j = sqrt(j_t^2 + j_l^2), m (eqs 20, 21).
 
     Args:
@@ -27,7 +26,7 @@ def displacement(
     return shearing_radius_m * np.sqrt(along * along + across * across)
 
 
-def slip_velocity(drop: Floats, excess: Floats, speed: Floats, side_speed: Floats) -> tuple[Floats, Floats]:
+def slip_velocity(drop: Array, excess: Array, speed: Array, side_speed: Array) -> tuple[Array, Array]:
     """Return the directions (forward, left) of the stress on the wheel: the slip velocity's (eqs 22 to 24).
 
     Args:
@@ -46,8 +45,8 @@ def slip_velocity(drop: Floats, excess: Floats, speed: Floats, side_speed: Float
 
 
 def shear_stress(
-    normal_pa: Floats, displacement_m: Floats, cohesion_pa: float, friction: float, shear_modulus_m: float
-) -> Floats:
+    normal_pa: Array, displacement_m: Array, cohesion_pa: float, friction: float, shear_modulus_m: float
+) -> Array:
     """Return tau = (c + sigma tan phi) (1 - exp(-j / k)), Pa (eq 19).
 
     Args:

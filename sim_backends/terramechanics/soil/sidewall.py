@@ -12,12 +12,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import ModelError
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import SoilSettings
 
-Floats = NDArray[np.float64]
 NO_WALLS = np.zeros((4, 2))
 DEGREE = 16
 INSIDE = 1e-6
@@ -123,7 +122,7 @@ def active_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_m
 
 def wall_polynomials(
     soil: SoilSettings, camber_rad: float, cross_slope_rad: float, gravity_m_s2: float, radius_m: float
-) -> Floats:
+) -> Array:
     """Return P / h of both walls of a wheel as polynomials of x = h / r.
 
     Args:
@@ -158,7 +157,7 @@ def wall_polynomials(
 @lru_cache(maxsize=4096)
 def _polynomials(
     soil: SoilSettings, camber_rad: float, cross_slope_rad: float, gravity_m_s2: float, radius_m: float
-) -> Floats:
+) -> Array:
     rows = []
     for side in (1.0, -1.0):
         wall = Wall(

@@ -6,9 +6,10 @@ pull for Wh31 (15 mm lugs), Wh32 (10 mm) and Wh34 (smooth).
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from drivers.errors import ModelError
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.slip_skid_model import (
     TESTED_LOAD_N,
     SlipSkidWheel,
@@ -17,7 +18,7 @@ from sim_backends.terramechanics.soil.slip_skid_model import (
 )
 
 
-def tractive_coefficient_in_skid(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> NDArray[np.float64]:
+def tractive_coefficient_in_skid(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> Array:
     """Return lambda_TC at slip ratios from -1 to 0, mirrored about its value at 0 (eq 26).
 
     Raises:
@@ -29,7 +30,7 @@ def tractive_coefficient_in_skid(wheel: SlipSkidWheel, slip_ratio: ArrayLike) ->
 
 def resistance_moment_in_skid_nm(
     wheel: SlipSkidWheel, slip_ratio: ArrayLike, normal_force_n: float = TESTED_LOAD_N
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the moment M_DR in N m at slip ratios from -1 to 0 (eq 27).
 
     Raises:
@@ -39,7 +40,7 @@ def resistance_moment_in_skid_nm(
     return coefficient * checked_load(normal_force_n) * wheel.shearing_radius_m
 
 
-def resistance_coefficient_in_skid(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> NDArray[np.float64]:
+def resistance_coefficient_in_skid(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> Array:
     """Return lambda_RC at slip ratios from -1 to 0: that of the same slip (eq 28 with a plus sign).
 
     The printed minus sign contradicts both eq 29 and Table II, where resistance is positive either way.
@@ -52,7 +53,7 @@ def resistance_coefficient_in_skid(wheel: SlipSkidWheel, slip_ratio: ArrayLike) 
 
 def drawbar_pull_in_skid_n(
     wheel: SlipSkidWheel, slip_ratio: ArrayLike, normal_force_n: float = TESTED_LOAD_N
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the drawbar pull F_DP in N at slip ratios from -1 to 0; negative (eq 29).
 
     Raises:
@@ -62,7 +63,7 @@ def drawbar_pull_in_skid_n(
     return (traction - resistance_coefficient_in_skid(wheel, slip_ratio)) * checked_load(normal_force_n)
 
 
-def _skid_ratio(slip_ratio: ArrayLike) -> NDArray[np.float64]:
+def _skid_ratio(slip_ratio: ArrayLike) -> Array:
     slip = checked_slip_ratio(slip_ratio)
     if np.any(slip > 0):
         raise ModelError(f"slip_ratio = {slip.max()} must lie between -1 and 0: this law is for skid")

@@ -1,11 +1,11 @@
-"""Slip and skid ratio, slip angle, shearing radius."""
+"""Slip and skid ratio, shearing radius."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.quantity import check_range
 
-Floats = NDArray[np.float64]
 LARGEST = 1e6
 
 
@@ -28,7 +28,7 @@ def shearing_radius(radius_m: float, lug_height_m: float, shearing_share: float)
     return radius_m + shearing_share * lug_height_m
 
 
-def slip_ratio(speed_m_s: ArrayLike, rim_speed_m_s: ArrayLike) -> Floats:
+def slip_ratio(speed_m_s: ArrayLike, rim_speed_m_s: ArrayLike) -> Array:
     """Return the slip ratio: 1 - v / (r omega) in slip, r omega / v - 1 (negative) in skid.
 
     Paper 001, eq 1; paper 002, eqs 5 to 7, with the rim speed at the shearing radius.
@@ -51,7 +51,7 @@ def slip_ratio(speed_m_s: ArrayLike, rim_speed_m_s: ArrayLike) -> Floats:
     return np.asarray((rim - speed) / faster)
 
 
-def speed_ratio(slip: ArrayLike) -> Floats:
+def speed_ratio(slip: ArrayLike) -> Array:
     """Return v / (r_s omega) of a slip ratio: 1 - s in slip, 1 / (1 + s) in skid.
 
     Args:
@@ -63,18 +63,3 @@ def speed_ratio(slip: ArrayLike) -> Floats:
     check_range("slip", slip, "1", -0.999, 1.0)
     ratio = np.asarray(slip, float)
     return np.where(ratio >= 0.0, 1.0 - ratio, 1.0 / (1.0 + np.minimum(ratio, 0.0)))
-
-
-def slip_angle(forward_m_s: ArrayLike, sideways_m_s: ArrayLike) -> Floats:
-    """Return the slip angle atan(v_y / v_x), rad; positive to the left (paper 001, eq 2).
-
-    Args:
-        forward_m_s: v_x, more than 0; any shape.
-        sideways_m_s: v_y, broadcast with it.
-
-    Raises:
-        ModelError: v_x is not positive, or a speed is not a number.
-    """
-    check_range("forward_m_s", forward_m_s, "m/s", np.finfo(float).tiny, LARGEST)
-    check_range("sideways_m_s", sideways_m_s, "m/s", -LARGEST, LARGEST)
-    return np.asarray(np.arctan2(sideways_m_s, forward_m_s), dtype=np.float64)

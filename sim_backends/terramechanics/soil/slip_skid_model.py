@@ -10,11 +10,12 @@ from importlib import resources
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, TypeAdapter
 
 from drivers.errors import ModelError
 from drivers.settings import Settings
+from sim_backends.arrays import Array
 
 TESTED_LOAD_N = 85.0
 """Mean normal force of paper 002's tests."""
@@ -28,7 +29,7 @@ class Line(NamedTuple):
     slope: float
     intercept: float
 
-    def at(self, slip_ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, slip_ratio: Array) -> Array:
         """Return the line's values."""
         return self.slope * slip_ratio + self.intercept
 
@@ -56,7 +57,7 @@ class ThreeLines(Settings):
         """Slip ratio at which the slip line meets the middle one (eqs 19, 22, 23)."""
         return (self.slip.intercept - self.middle.intercept) / (self.middle.slope - self.slip.slope)
 
-    def at(self, slip_ratio: ArrayLike) -> NDArray[np.float64]:
+    def at(self, slip_ratio: ArrayLike) -> Array:
         """Return the value at slip ratios from -1 to 1, shaped as they are; continuous.
 
         Raises:
@@ -80,7 +81,7 @@ class ResistanceLines(Settings):
     slip_slope: Annotated[float, Field(ge=0, le=5)]
     skid_slope: Annotated[float, Field(ge=0, le=5)]
 
-    def at(self, slip_ratio: ArrayLike) -> NDArray[np.float64]:
+    def at(self, slip_ratio: ArrayLike) -> Array:
         """Return lambda_RC at slip ratios from -1 to 1; fitted up to `RESISTANCE_LIMIT` either way (eq 16).
 
         Raises:
@@ -127,7 +128,7 @@ def shipped_wheels() -> dict[str, SlipSkidWheel]:
     return TypeAdapter(dict[str, SlipSkidWheel]).validate_python(tomllib.loads(text)["wheels"])
 
 
-def sinkage_m(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> NDArray[np.float64]:
+def sinkage_m(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> Array:
     """Return the sinkage in m at slip ratios from -1 to 1 (eq 17).
 
     Raises:
@@ -140,7 +141,7 @@ def sinkage_m(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> NDArray[np.float64
 
 def resistance_moment_nm(
     wheel: SlipSkidWheel, slip_ratio: ArrayLike, normal_force_n: float = TESTED_LOAD_N
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the moment M_DR in N m that the drive must give, shaped as the slip ratio (eq 20).
 
     Args:
@@ -156,7 +157,7 @@ def resistance_moment_nm(
 
 def drawbar_pull_n(
     wheel: SlipSkidWheel, slip_ratio: ArrayLike, normal_force_n: float = TESTED_LOAD_N
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the drawbar pull F_DP in N, shaped as the slip ratio; negative in skid (eq 21).
 
     Args:
@@ -170,7 +171,7 @@ def drawbar_pull_n(
     return wheel.drawbar_pull.at(slip_ratio) * checked_load(normal_force_n)
 
 
-def slope_rad(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> NDArray[np.float64]:
+def slope_rad(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> Array:
     """Return the slope in rad that the wheel climbs (+) or goes down (-) steadily at a slip ratio (eq 15).
 
     Raises:
@@ -202,7 +203,7 @@ def slip_ratio_on_slope(wheel: SlipSkidWheel, slope_angle_rad: float) -> float |
     return _first_crossing(corners[side], pulls[side], wanted)
 
 
-def checked_slip_ratio(slip_ratio: ArrayLike) -> NDArray[np.float64]:
+def checked_slip_ratio(slip_ratio: ArrayLike) -> Array:
     """Return the slip ratios as an array.
 
     Raises:
@@ -226,7 +227,7 @@ def checked_load(normal_force_n: float) -> float:
     return normal_force_n
 
 
-def _first_crossing(slips: NDArray[np.float64], pulls: NDArray[np.float64], wanted: float) -> float | None:
+def _first_crossing(slips: Array, pulls: Array, wanted: float) -> float | None:
     """Return where a chain of straight pieces that starts at 0 first reaches the wanted value."""
     for at, pull, next_at, next_pull in zip(slips, pulls, slips[1:], pulls[1:], strict=False):
         if abs(next_pull) >= abs(wanted) and next_pull != pull:

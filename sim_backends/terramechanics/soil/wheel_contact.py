@@ -3,10 +3,9 @@
 import math
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from drivers.errors import ModelError
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
 from sim_backends.terramechanics.soil.normal_stress import ModulusTerms, modulus_terms
 from sim_backends.terramechanics.soil.quadrature import Rule
@@ -14,8 +13,6 @@ from sim_backends.terramechanics.soil.quantity import check_range
 from sim_backends.terramechanics.soil.sidewall import NO_WALLS, wall_polynomials
 from sim_backends.terramechanics.soil.slip import shearing_radius
 
-Floats = NDArray[np.float64]
-STANDARD_GRAVITY_M_S2 = 9.80665
 STEEPEST_RAD = math.radians(45.0)
 
 
@@ -48,15 +45,15 @@ class WheelContact(NamedTuple):
     slip_sinkage_m: float
     wall_cosine: float
     wall_sine: float
-    walls: Floats
+    walls: Array
 
 
 class Kernel(Protocol):
     """Computes the forces on many wheels at one camber."""
 
     def __call__(
-        self, contact: WheelContact, rule: Rule, sinkage_m: Floats, slip: Floats, side_speed: Floats
-    ) -> Floats:
+        self, contact: WheelContact, rule: Rule, sinkage_m: Array, slip: Array, side_speed: Array
+    ) -> Array:
         """Return drawbar pull, side force, vertical force (N) and torque (N m) as columns.
 
         Args:

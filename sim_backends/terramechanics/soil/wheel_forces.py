@@ -3,23 +3,19 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.contact import deepest_sinkage
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
 from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.quadrature import Rule, rule_for
 from sim_backends.terramechanics.soil.quantity import check_range
 from sim_backends.terramechanics.soil.slip import speed_ratio
-from sim_backends.terramechanics.soil.wheel_contact import (
-    STANDARD_GRAVITY_M_S2,
-    Kernel,
-    WheelContact,
-    wheel_contact,
-)
+from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact, wheel_contact
 from sim_backends.terramechanics.soil.wheel_set import LEAST_SLIP
 
-Floats = NDArray[np.float64]
 WIDEST_SLIP_ANGLE_RAD = 1.55
 HEAVIEST_N = 1e6
 ITERATIONS = 60
@@ -36,10 +32,10 @@ class WheelForces(NamedTuple):
         torque_nm: T, that drives the wheel.
     """
 
-    drawbar_n: Floats
-    side_n: Floats
-    vertical_n: Floats
-    torque_nm: Floats
+    drawbar_n: Array
+    side_n: Array
+    vertical_n: Array
+    torque_nm: Array
 
 
 def wheel_forces(
@@ -95,7 +91,7 @@ def wheel_at_load(
     slip_sinkage_m: float = 0.0,
     bound: float = 1e-8,
     kernel: Kernel = numpy_kernel,
-) -> tuple[Floats, WheelForces]:
+) -> tuple[Array, WheelForces]:
     """Return the sinkages at which wheels bear given loads, and the forces there.
 
     Args:
@@ -134,8 +130,8 @@ def wheel_at_load(
 
 
 def sink(
-    contact: WheelContact, rule: Rule, kernel: Kernel, load_n: Floats, slip: Floats, side_speed: Floats
-) -> tuple[Floats, Floats]:
+    contact: WheelContact, rule: Rule, kernel: Kernel, load_n: Array, slip: Array, side_speed: Array
+) -> tuple[Array, Array]:
     """Return sinkage, and forces there, of wheels at given loads, all as (N,) and (N, 4).
 
     The vertical force grows with sinkage, so a secant step within a shrinking bracket finds the only root.
@@ -178,22 +174,22 @@ def deepest_allowed(contact: WheelContact) -> float:
     return contact.radius_m - float(deepest_sinkage(np.zeros(1), contact.width_m, contact.camber_tan)[0])
 
 
-def _shaped(columns: Floats, shape: tuple[int, ...]) -> WheelForces:
+def _shaped(columns: Array, shape: tuple[int, ...]) -> WheelForces:
     return WheelForces(*(columns[:, index].reshape(shape) for index in range(4)))
 
 
-def _motion(slip: ArrayLike, slip_angle_rad: ArrayLike) -> tuple[Floats, Floats]:
+def _motion(slip: ArrayLike, slip_angle_rad: ArrayLike) -> tuple[Array, Array]:
     check_range("slip", slip, "1", LEAST_SLIP, 1.0)
     check_range("slip_angle_rad", slip_angle_rad, "rad", -WIDEST_SLIP_ANGLE_RAD, WIDEST_SLIP_ANGLE_RAD)
     return np.asarray(slip, float), speed_ratio(slip) * np.tan(slip_angle_rad)
 
 
-def _gap(columns: Floats, load_n: Floats) -> Floats:
+def _gap(columns: Array, load_n: Array) -> Array:
     """Return a measure of F_z that is nearly linear in the sinkage: sqrt(F_z / load) - 1."""
     return np.sqrt(np.maximum(columns[:, VERTICAL] / load_n, 0.0)) - 1.0
 
 
-def _next_depth(low: Floats, high: Floats, low_gap: Floats, high_gap: Floats) -> Floats:
+def _next_depth(low: Array, high: Array, low_gap: Array, high_gap: Array) -> Array:
     span = high_gap - low_gap
     share = np.where(span > 0.0, -low_gap / np.where(span > 0.0, span, 1.0), 0.5)
     return np.asarray(low + (high - low) * np.clip(share, 0.0, 1.0))

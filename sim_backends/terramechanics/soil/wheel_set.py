@@ -5,10 +5,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.quadrature import Rule
 from sim_backends.terramechanics.soil.wheel_contact import Kernel, WheelContact
 
-Floats = NDArray[np.float64]
 LEAST_SLIP = -0.99
 MOST_SLIP = 0.995
 NEAR = 1e-4
@@ -35,8 +35,8 @@ class Wheels(NamedTuple):
         least_m, most_m: Range of the sinkages.
     """
 
-    load_n: Floats
-    share: Floats
+    load_n: Array
+    share: Array
     varied: NDArray[np.int64]
     edge: bool
     weight_n: float
@@ -51,8 +51,8 @@ class BalancingKernel(Kernel, Protocol):
     """A kernel that can search for a balance by itself, faster than from outside."""
 
     def balance_quickly(
-        self, contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Floats
-    ) -> tuple[Floats, Floats, bool]:
+        self, contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Array
+    ) -> tuple[Array, Array, bool]:
         """Return the point where the wheels are in balance, the residual there, and whether it is stable.
 
         Where the search fails the residual is not small.

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, TraceSettings
-from controllers.ftrace.rig_geometry import Floats, RigGeometry
+from controllers.ftrace.rig import RigFile, RigGeometry
+from controllers.ftrace.rig_geometry import Floats
 from drivers.clock import nanoseconds
 from drivers.samples import Image
-from rover_hil.ftrace.rig_file import RigFile
-from sim_backends.rear_scene.sequence import FrameSequence
-from sim_backends.rear_scene.truth import Telemetry
+from tests.rear_scene.sequence import FrameSequence
+from tests.rear_scene.truth import Telemetry
 from tests.sim_backends.rear_drives import rig
 
 LENS = (-0.2, 0.03, 5e-4, -4e-4, 0.004)

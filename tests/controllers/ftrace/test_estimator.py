@@ -7,9 +7,9 @@ import pytest
 from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
 from drivers.errors import ModelError
 from drivers.samples import Image
-from sim_backends.rear_scene.sequence import FrameSequence
-from sim_backends.rear_scene.sets import make_sequence
 from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rms
+from tests.rear_scene.sequence import FrameSequence
+from tests.rear_scene.sets import make_sequence
 
 Drive = tuple[FrameSequence, list[Image]]
 

@@ -4,10 +4,8 @@ import pytest
 from drivers.errors import ModelError
 from sim_backends.terramechanics.soil.pressure_sinkage import (
     PlateTest,
-    bekker_pressure_pa,
     fit_plates,
     power_pressure_pa,
-    reece_pressure_pa,
 )
 
 MODULUS_PA, EXPONENT = 5e6, 1.3
@@ -29,20 +27,8 @@ def plates(
     return tests
 
 
-def test_laws_by_hand() -> None:
+def test_the_power_law_by_hand() -> None:
     assert power_pressure_pa([0.0, 0.01], 2e6, 1.0) == pytest.approx([0.0, 2e4])
-    assert bekker_pressure_pa(0.02, 0.1, 1e4, 2e6, 1.0) == pytest.approx((1e4 / 0.1 + 2e6) * 0.02)
-    # Strength 100 Pa * 10 + 15 kN/m^3 * 0.1 m * 50 is 76 kPa; half a width deep, squared, leaves a quarter.
-    law = reece_pressure_pa(
-        0.05,
-        0.1,
-        cohesion_pa=100,
-        unit_weight_n_m3=15e3,
-        cohesive_number=10,
-        frictional_number=50,
-        exponent=2.0,
-    )
-    assert law == pytest.approx(19000.0)
 
 
 def test_an_exact_law_is_found_exactly() -> None:

@@ -1,0 +1,74 @@
+"""What a stop rule is: it sees samples and cycles, and gives reasons to stop."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from controllers.estimation.guarded_filter import Innovation
+from drivers.samples import Sample
+
+
+class Severity(StrEnum):
+    """What a reason asks for.
+
+    SIGN: nothing yet, but distance driven meanwhile is no evidence that the cause is gone.
+    STOP: stop; motion resumes when the reason is gone.
+    FINAL: stop until restart.
+    """
+
+    SIGN = "sign"
+    STOP = "stop"
+    FINAL = "final"
+
+
+class StopReason(NamedTuple):
+    """Why the rover must stop, or may soon have to.
+
+    Attributes:
+        cause: What keeps its name when the same stop happens again.
+        text: The reason for the user: what happened, where, with the numbers.
+        severity: What the reason asks for.
+    """
+
+    cause: str
+    text: str
+    severity: Severity = Severity.STOP
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycle:
+    """What the stop rules see of one cycle.
+
+    Attributes:
+        now_ns: Time of the cycle.
+        estimate_is_finite: Whether every number of the estimate is finite.
+        motion_ns: When the motion of the wheels was last known; None before the first.
+        innovations: Of this cycle.
+        commanded_rad_s: Set-points of the cycle before.
+        measured_rad_s: Measured speeds of the wheels.
+        distance_m: Driven since the cycle before, by the wheels.
+    """
+
+    now_ns: int
+    estimate_is_finite: bool = True
+    motion_ns: int | None = None
+    innovations: tuple[Innovation, ...] = ()
+    commanded_rad_s: tuple[float, ...] = ()
+    measured_rad_s: tuple[float, ...] = ()
+    distance_m: float = 0.0
+
+
+class StopRule(ABC):
+    """One rule that may stop the rover.
+
+    Every sample is observed before the cycle is checked; every cycle is checked, whatever the mode.
+    """
+
+    def observe(self, sample: Sample, t_ns: int) -> None:  # noqa: B027 (most rules need no samples)
+        """Take one sample as of `t_ns`."""
+
+    @abstractmethod
+    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+        """Return every reason of this rule that holds in this cycle."""

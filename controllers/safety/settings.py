@@ -1,0 +1,45 @@
+"""The stop rules in force, and [safety]: their settings together. A new rule is registered here."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from controllers.roles import DeviceRoles
+from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
+from controllers.safety.estimate_rules import FiniteEstimateRule, MotionRule
+from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
+from controllers.safety.reasons import StopRule
+from controllers.safety.stall_monitor import StallMonitor, StallSettings
+
+
+class SafetySettings(BumperSettings, InnovationSettings, StallSettings):
+    """When the rover stops, and when it moves again.
+
+    Attributes:
+        expiry_s: A command holds for this long after its cycle.
+        settle_s: All required devices must be fresh for this long before the first motion.
+        recover_s: And for this long before motion resumes after a stop.
+        identical_stops: The rover stays stopped until restart when it stops this many times for the same
+            cause: driving may bring back a cause that cannot be seen at rest.
+        forget_stops_m: Stops for a cause are forgotten after this distance without a sign of that cause.
+    """
+
+    expiry_s: Annotated[float, Field(ge=0.01, le=1.0)] = 0.15
+    settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    recover_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
+    identical_stops: Annotated[int, Field(ge=1, le=100)] = 3
+    forget_stops_m: Annotated[float, Field(ge=0.01, le=1000.0)] = 1.0
+
+
+def make_rules(settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> tuple[StopRule, ...]:
+    """Return the rules in the order in which their reasons are reported: the likelier cause first."""
+    return (
+        BumperRule(settings),
+        LinkRule(roles),
+        FaultRule(roles),
+        FreshnessRule(roles, wheel_count),
+        MotionRule(roles),
+        FiniteEstimateRule(),
+        InnovationMonitor(settings),
+        StallMonitor(settings, wheel_count),
+    )

@@ -1,0 +1,121 @@
+"""When the rover may move."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import StrEnum
+
+from controllers.roles import DeviceRoles
+from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.settings import SafetySettings, make_rules
+from drivers.clock import nanoseconds
+from drivers.samples import Sample
+
+
+class Mode(StrEnum):
+    """What the controller does; only RUNNING moves the wheels, everywhere else they get zero set-points.
+
+    OBSERVING: no mission; estimates only.
+    SETTLING: waiting until every required device has been fresh for a while.
+    RUNNING: driving the mission.
+    FINISHED: mission done.
+    SAFE_STOP: there is a reason to stop; resumes by itself when it is gone.
+    EMERGENCY_STOP: a bumper was pressed, or the same stop happened too often; stays until restart.
+    """
+
+    OBSERVING = "observing"
+    SETTLING = "settling"
+    RUNNING = "running"
+    FINISHED = "finished"
+    SAFE_STOP = "safe_stop"
+    EMERGENCY_STOP = "emergency_stop"
+
+
+@dataclass(slots=True)
+class _Stops:
+    """Stops for one cause, and the distance driven since the last of them without a sign of it."""
+
+    count: int = 0
+    healthy_m: float = 0.0
+
+
+class SafetySupervisor:
+    """Asks the stop rules and decides the mode of a mission.
+
+    Args:
+        settings: Thresholds and waiting times.
+        roles: Which devices are required, and as what.
+        wheel_count: Number of wheels.
+
+    Attributes:
+        mode: The mode after the last `update`.
+        reason: Why the rover is stopped; empty while nothing is wrong.
+    """
+
+    def __init__(self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> None:
+        self._settings = settings
+        self._rules = make_rules(settings, roles, wheel_count)
+        self._stops: dict[str, _Stops] = {}
+        self._healthy_since_ns: int | None = None
+        self.mode = Mode.SETTLING
+        self.reason = ""
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        """Take one sample as of `t_ns`."""
+        for rule in self._rules:
+            rule.observe(sample, t_ns)
+
+    def update(self, cycle: Cycle) -> None:
+        """Decide the mode of this cycle."""
+        reasons = [reason for rule in self._rules for reason in rule.check(cycle)]
+        if self.mode is Mode.EMERGENCY_STOP:
+            return
+        stop = next((reason for reason in reasons if reason.severity is not Severity.SIGN), None)
+        if self.mode is Mode.RUNNING:
+            self._forget_stops(cycle.distance_m, {reason.cause for reason in reasons})
+            stop = self._count(stop)
+        if stop is None:
+            self._resume(cycle.now_ns)
+        else:
+            self._stop(stop)
+
+    def finish(self) -> None:
+        """End the mission."""
+        self.mode = Mode.FINISHED
+
+    def _stop(self, stop: StopReason) -> None:
+        self._healthy_since_ns = None
+        self.reason = stop.text
+        if stop.severity is Severity.FINAL:
+            self.mode = Mode.EMERGENCY_STOP
+        elif self.mode is Mode.RUNNING:
+            self.mode = Mode.SAFE_STOP
+
+    def _resume(self, now_ns: int) -> None:
+        if self._healthy_since_ns is None:
+            self._healthy_since_ns = now_ns
+        healthy_ns = now_ns - self._healthy_since_ns
+        waits_s = {Mode.SETTLING: self._settings.settle_s, Mode.SAFE_STOP: self._settings.recover_s}
+        if self.mode in waits_s and healthy_ns >= nanoseconds(waits_s[self.mode]):
+            self.mode = Mode.RUNNING
+        if self.mode is not Mode.SAFE_STOP:
+            self.reason = ""
+
+    def _forget_stops(self, distance_m: float, signs: Collection[str]) -> None:
+        """Forget the stops of every cause that has shown no sign for long enough."""
+        for cause, stops in list(self._stops.items()):
+            if cause not in signs:
+                stops.healthy_m += distance_m
+            if stops.healthy_m >= self._settings.forget_stops_m:
+                del self._stops[cause]
+
+    def _count(self, stop: StopReason | None) -> StopReason | None:
+        """Count a stop; return it, final where it is one too many for its cause."""
+        if stop is None:
+            return None
+        stops = self._stops.setdefault(stop.cause, _Stops())
+        stops.count += 1
+        stops.healthy_m = 0.0
+        if stops.count < self._settings.identical_stops or stop.severity is Severity.FINAL:
+            return stop
+        text = f"{stop.text}; stopped {stops.count} times for this, stays stopped until restart"
+        return stop._replace(text=text, severity=Severity.FINAL)

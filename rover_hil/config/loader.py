@@ -1,0 +1,184 @@
+"""Reads a configuration, and the files that become part of it."""
+
+import json
+import sys
+import tomllib
+from importlib import resources
+from importlib.abc import Traversable
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from controllers.ftrace.rig import RigFile
+from controllers.settings import OLD_SCOMP_KEY
+from drivers.errors import ConfigError
+from drivers.registry import AnyDeviceSettings
+from rover_hil.config.error_text import describe_mistakes, describe_validation_error, join_lines
+from rover_hil.config.schema import SCHEMA_RULES, Config, Draft, Rule, find_conflicts
+
+SHIPPED = resources.files("rover_hil.config") / "shipped"
+LARGEST_RIG_BYTES = 1_000_000
+
+Table = dict[str, object]
+KeyPath = tuple[str, str]
+
+
+def shipped_configs() -> tuple[str, ...]:
+    """Return the names of the shipped configurations."""
+    folder = SHIPPED / "configs"
+    return tuple(sorted(Path(item.name).stem for item in folder.iterdir() if item.name.endswith(".toml")))
+
+
+def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
+    """Read a configuration by the name of a shipped one or the path of a TOML file.
+
+    Args:
+        name_or_path: Name or path.
+        rules: What it must fulfil in addition to the schema.
+
+    Raises:
+        ConfigError: The file cannot be read, is not TOML, or holds mistakes; one line per mistake with file,
+            key and fix.
+    """
+    try:
+        table = tomllib.loads(read_config_text(name_or_path))
+    except tomllib.TOMLDecodeError as error:
+        msg = f"{name_or_path} is not valid TOML: {error}"
+        raise ConfigError(msg) from error
+    if OLD_SCOMP_KEY in table and "scomp" not in table:
+        note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
+        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
+        table["scomp"] = table.pop(OLD_SCOMP_KEY)
+    unreadable = _inline_files(table)
+    try:
+        config = Config.model_validate(table)
+    except ValidationError as error:
+        details = error.errors()
+        mistakes = [
+            *describe_mistakes([detail for detail in details if _is_shown(detail, unreadable)], table),
+            *(f"{'.'.join(path)}: {message}" for path, message in unreadable.items()),
+            *find_conflicts(_draft_of(table, details), (*SCHEMA_RULES, *rules)),
+        ]
+        raise ConfigError(join_lines(name_or_path, mistakes)) from error
+    conflicts = find_conflicts(Draft.complete(config), rules)
+    if conflicts:
+        raise ConfigError(join_lines(name_or_path, conflicts))
+    return config
+
+
+def load_slip_map(name_or_path: str) -> Table:
+    """Return the content of a file of slip maps by the name of a shipped one or its path, not yet checked.
+
+    Raises:
+        ConfigError: The file cannot be read, or is not TOML.
+    """
+    return _load_table("slip map", SHIPPED / "slip_maps" / f"{name_or_path}.toml", name_or_path)
+
+
+def read_rig(path: Path) -> RigFile:
+    """Return the rig in a file.
+
+    Raises:
+        ConfigError: The file cannot be read, or holds mistakes; one line per mistake with file, key and fix.
+    """
+    table = _load_table("rig file", path, str(path))
+    try:
+        return RigFile.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(describe_validation_error(str(path), error, table)) from error
+
+
+def read_config_text(name_or_path: str) -> str:
+    """Return the text of a configuration, given as for `load_config`.
+
+    Raises:
+        ConfigError: The file cannot be read.
+    """
+    if name_or_path in shipped_configs():
+        return (SHIPPED / "configs" / f"{name_or_path}.toml").read_text("utf-8")
+    path = Path(name_or_path)
+    if path.is_dir():
+        msg = f"{path} is a folder; give the TOML file in it"
+        raise ConfigError(msg)
+    try:
+        return path.read_text("utf-8")
+    except FileNotFoundError:
+        msg = f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
+        raise ConfigError(msg) from None
+    except (OSError, UnicodeDecodeError) as error:
+        msg = f"cannot read configuration {path}: {error}"
+        raise ConfigError(msg) from error
+
+
+def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
+    """Return the object in a shipped file, or, where there is none, in the file at a path."""
+    path = shipped if shipped.is_file() else Path(name_or_path)
+    is_json = shipped.name.endswith(".json")
+    try:
+        text = path.read_text("utf-8")
+        table = json.loads(text[:LARGEST_RIG_BYTES]) if is_json else tomllib.loads(text)
+    except OSError as error:
+        msg = f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a file"
+        raise ConfigError(msg) from error
+    except ValueError as error:
+        msg = f"{what} {name_or_path} is not valid {'JSON' if is_json else 'TOML'}: {error}"
+        raise ConfigError(msg) from error
+    if not isinstance(table, dict):
+        msg = f"{what} {name_or_path} must hold an object with keys"
+        raise ConfigError(msg)
+    return table
+
+
+def _inline_files(table: Table) -> dict[KeyPath, str]:
+    """Put the content of files in the place of their names, so that a log holds all it needs.
+
+    Returns:
+        Per key of a file that cannot be read the reason.
+    """
+    unreadable: dict[KeyPath, str] = {}
+    for section, key, what, pattern in (
+        ("slip", "maps", "slip map", "slip_maps/{}.toml"),
+        ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),
+        ("scomp", "rig", "rig file", "rigs/{}.json"),
+    ):
+        settings = table.get(section)
+        name = settings.get(key) if isinstance(settings, dict) else None
+        if not isinstance(settings, dict) or not isinstance(name, str):
+            continue
+        try:
+            settings[key] = _load_table(what, SHIPPED / pattern.format(name), name)
+        except ConfigError as error:
+            unreadable[section, key] = str(error)
+    return unreadable
+
+
+def _is_shown(detail: ErrorDetails, unreadable: dict[KeyPath, str]) -> bool:
+    """Return False for what is reported otherwise: a file's name in place of its content, and conflicts."""
+    return detail["loc"][:2] not in unreadable and bool(detail["loc"] or detail["type"] != "value_error")
+
+
+def _draft_of(table: Table, details: list[ErrorDetails]) -> Draft:
+    """Return the valid sections, and of the devices the valid ones."""
+    broken = {str(part) for detail in details for part in detail["loc"][:1]}
+    sections: dict[str, object] = {}
+    for name, field in Config.model_fields.items():
+        key = field.alias or name
+        if key in broken:
+            continue
+        adapter: TypeAdapter[object] = TypeAdapter(field.rebuild_annotation())
+        default = field.get_default(call_default_factory=True, validated_data={})
+        sections[name] = adapter.validate_python(table[key]) if key in table else default
+    devices = table.get("devices")
+    broken_devices = frozenset(
+        str(detail["loc"][1]) for detail in details if detail["loc"][:1] == ("devices",) and detail["loc"][1:]
+    )
+    if isinstance(devices, dict):
+        device_adapter: TypeAdapter[AnyDeviceSettings] = TypeAdapter(AnyDeviceSettings)
+        sections["devices"] = {
+            name: device_adapter.validate_python(device)
+            for name, device in devices.items()
+            if name not in broken_devices
+        }
+    config = Config.model_construct(None, **sections)
+    return Draft(config, frozenset(sections), broken_devices)

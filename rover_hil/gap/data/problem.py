@@ -1,0 +1,219 @@
+"""Measured values and what a model says to them, stacked into vectors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backends.models.interface import Array, Channel, EffectCard, Model, Run
+
+Indices: TypeAlias = NDArray[np.intp]
+Key: TypeAlias = tuple[str, str]
+"""Effect ("" for the base model) and parameter."""
+Point: TypeAlias = Mapping[Key, float]
+
+WEAK = 10.0
+"""Prior of an effect's strength, in its natural sizes: wide enough not to pull on what is found."""
+STEP_SHARE = 0.05
+EFFECT_STEP_SHARE = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Free:
+    """A number that is fitted, with its prior and the step of its derivatives."""
+
+    key: Key
+    mean: float
+    sd: float
+    lower: float
+    upper: float
+    start: float
+    step: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """Runs under equal conditions; of a series each run is its own group."""
+
+    site: Run
+    runs: tuple[Run, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observations:
+    """All values, one row each.
+
+    Attributes:
+        groups: What is predicted: one site per group.
+        channels: In the order of `channel`.
+        values: Measured; the mean over the runs of a steady group.
+        site: Index of the group of each row.
+        channel: Index of the channel of each row.
+        counts: Runs behind each row.
+        is_steady: One value per run and channel.
+    """
+
+    groups: tuple[Group, ...]
+    channels: tuple[Channel, ...]
+    values: Array
+    site: Indices
+    channel: Indices
+    counts: Array
+    is_steady: bool
+
+    @property
+    def run_count(self) -> int:
+        """How many runs there are."""
+        return sum(len(group.runs) for group in self.groups)
+
+
+def condition_key(model: Model, run: Run) -> tuple[float, ...]:
+    """Return what makes two runs replicates of each other."""
+    return tuple(round(float(run.conditions[name]), 9) for name in model.condition_units)
+
+
+def is_steady(runs: Sequence[Run]) -> bool:
+    """Tell whether every run has one value per channel and no input series."""
+    return all(values.size == 1 for run in runs for values in run.measured.values())
+
+
+def group_runs(model: Model, runs: Sequence[Run]) -> tuple[Group, ...]:
+    """Put runs under equal conditions together, in the order of their first appearance."""
+    if not is_steady(runs):
+        return tuple(Group(site=run, runs=(run,)) for run in runs)
+    groups: dict[tuple[float, ...], list[Run]] = {}
+    for run in runs:
+        groups.setdefault(condition_key(model, run), []).append(run)
+    return tuple(Group(site=_mean_run(members), runs=tuple(members)) for members in groups.values())
+
+
+def _mean_run(runs: Sequence[Run]) -> Run:
+    names = dict.fromkeys(name for run in runs for name in run.measured)
+    means = {
+        name: np.array([np.mean([run.measured[name][0] for run in runs if name in run.measured])])
+        for name in names
+    }
+    return replace(runs[0], measured=means)
+
+
+def observe(model: Model, runs: Sequence[Run]) -> Observations:
+    """Stack the measured values of `runs`."""
+    groups = group_runs(model, runs)
+    values, site, channel, counts = [], [], [], []
+    for site_index, group in enumerate(groups):
+        for channel_index, item in enumerate(model.channels):
+            series = group.site.measured.get(item.name)
+            if series is None:
+                continue
+            values.append(np.asarray(series, dtype=np.float64))
+            site.append(np.full(series.size, site_index, dtype=np.intp))
+            channel.append(np.full(series.size, channel_index, dtype=np.intp))
+            count = sum(1 for run in group.runs if item.name in run.measured)
+            counts.append(np.full(series.size, float(count)))
+    return Observations(
+        groups=groups,
+        channels=tuple(model.channels),
+        values=np.concatenate(values),
+        site=np.concatenate(site),
+        channel=np.concatenate(channel),
+        counts=np.concatenate(counts),
+        is_steady=is_steady(runs),
+    )
+
+
+def cells(observations: Observations) -> list[Indices]:
+    """Return the rows of each series: of one channel in one run."""
+    change = np.flatnonzero((np.diff(observations.site) != 0) | (np.diff(observations.channel) != 0)) + 1
+    return [rows.astype(np.intp) for rows in np.split(np.arange(observations.values.size), change)]
+
+
+class Problem:
+    """A model beside observations; predictions are remembered.
+
+    Args:
+        model: The simulator.
+        observations: What it is compared with.
+    """
+
+    def __init__(self, model: Model, observations: Observations) -> None:
+        self.model = model
+        self.observations = observations
+        self.evaluations = 0
+        self._sites = [group.site for group in observations.groups]
+        self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
+
+    def predict(self, point: Point) -> Array:
+        """Return the prediction of every row; NaN where the model has no solution."""
+        memory_key = tuple(sorted(point.items()))
+        if memory_key not in self._memory:
+            self.evaluations += 1
+            self._memory[memory_key] = predict_rows(self.model, self._sites, point)
+        return self._memory[memory_key]
+
+    def derivative(self, point: Point, free: Free) -> Array:
+        """Return the change of every row per unit of one parameter, by a difference inside its bounds."""
+        here = point.get(free.key, free.start)
+        low, high = max(here - free.step, free.lower), min(here + free.step, free.upper)
+        if free.key[0] == "" or low == here or high == here:
+            # A smooth parameter or one with a sign: one side is enough, and costs half.
+            other = high if high > here else low
+            low, high = min(here, other), max(here, other)
+        above = self.predict({**point, free.key: high})
+        below = self.predict({**point, free.key: low})
+        change = (above - below) / (high - low)
+        return np.where(np.isfinite(change), change, 0.0)
+
+
+def predict_rows(model: Model, sites: Sequence[Run], point: Point) -> Array:
+    """Return the predictions for `sites` in the order of `observe`."""
+    parameters = {name: value for (effect, name), value in point.items() if not effect}
+    effects: dict[str, dict[str, float]] = {}
+    for (effect, name), value in point.items():
+        if effect:
+            effects.setdefault(effect, {})[name] = value
+    tables = model.predict(sites, parameters, effects)
+    rows = [
+        np.asarray(table[channel.name], dtype=np.float64).reshape(-1)
+        for site, table in zip(sites, tables, strict=True)
+        for channel in model.channels
+        if channel.name in site.measured
+    ]
+    return np.concatenate(rows)
+
+
+def base_free(model: Model, widening: float = 1.0, leave_out: Sequence[str] = ()) -> list[Free]:
+    """Return the uncertain base parameters; their priors may be widened."""
+    return [
+        Free(
+            key=("", item.name),
+            mean=item.nominal,
+            sd=widening * item.prior_sd,
+            lower=item.lower,
+            upper=item.upper,
+            start=item.nominal,
+            step=STEP_SHARE * item.prior_sd,
+        )
+        for item in model.parameters
+        if item.prior_sd > 0.0 and item.lower < item.upper and item.name not in leave_out
+    ]
+
+
+def effect_free(card: EffectCard, shapes: Mapping[str, float] | None = None) -> list[Free]:
+    """Return the parameters of an effect: a weakly held strength first, then its shapes."""
+    frees = []
+    for index, item in enumerate(card.parameters):
+        start = (shapes or {}).get(item.name, item.nominal)
+        frees.append(
+            Free(
+                key=(card.name, item.name),
+                mean=item.nominal if index == 0 else start,
+                sd=(WEAK if index == 0 else 1.0) * item.prior_sd,
+                lower=item.lower,
+                upper=item.upper,
+                start=start,
+                step=EFFECT_STEP_SHARE * item.prior_sd,
+            )
+        )
+    return frees

@@ -1,0 +1,61 @@
+"""Terms without a name that explain series as well as a named effect: then its name is not certain."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rover_hil.gap.explain.naming import ALIKE, Naming, set_reach
+from rover_hil.gap.explain.prepare import Prepared
+from rover_hil.gap.explain.search import Explanation
+from rover_hil.gap.explain.terms import directions
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.score import Projection, one_sided_z, score_all
+from sim_backends.models.interface import Array
+
+
+def find_alternative_terms(prepared: Prepared, naming: Naming, best: Explanation) -> Mapping[str, str]:
+    """Return the effects of an explanation that a term does as well as, and the term.
+
+    A term that does nearly what the effect does is the effect as an equation, and a rival only where it
+    explains more: then the law is another one.
+
+    Args:
+        prepared: Observations and terms; nothing comes out for steady experiments.
+        naming: For the explanations without one of the effects; one that was not fitted is left out.
+        best: The explanation.
+    """
+    if prepared.problem.observations.is_steady:
+        return {}
+    found = {}
+    for name in best.names:
+        others = tuple(other for other in best.names if other != name)
+        part = naming.tried.get(others)
+        if part is None and others:
+            continue
+        cost = part.cost if part is not None else prepared.start.cost
+        term = _term(prepared, part.fit if part is not None else prepared.start, best, cost - best.cost)
+        if term:
+            found[name] = term
+    return found
+
+
+def _term(prepared: Prepared, part: Fit, best: Explanation, gain: float) -> str:
+    """Return the term that explains most of what a part of an explanation leaves, where that is enough."""
+    noise, observations = prepared.noise, prepared.problem.observations
+    effect = _change(prepared, part, best)
+    reach = set_reach(noise.freedom)
+    enough = {}
+    for score in score_all(part, noise, directions(observations, noise, prepared.terms), is_steady=True):
+        is_alike = abs(float(score.projected @ effect)) >= ALIKE
+        explained = one_sided_z(score) ** 2
+        if explained >= gain + (reach if is_alike else -reach):
+            enough[score.direction.name] = explained
+    return max(enough, key=lambda name: enough[name], default="")
+
+
+def _change(prepared: Prepared, part: Fit, best: Explanation) -> Array:
+    """Return what the effect changes, whitened, after projection, of unit length."""
+    problem = prepared.problem
+    change = problem.predict(best.fit.point) - problem.predict(part.point)
+    projected = Projection(part).apply(prepared.noise.whiten(np.where(np.isfinite(change), change, 0.0)))
+    return projected / max(float(np.linalg.norm(projected)), 1e-300)

@@ -1,0 +1,223 @@
+"""From runs to a problem: observations, their errors, and the base model fitted to them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.errors import ModelError
+from rover_hil.gap.data.problem import (
+    WEAK,
+    Key,
+    Observations,
+    Point,
+    Problem,
+    base_free,
+    group_runs,
+    is_steady,
+    observe,
+    predict_rows,
+)
+from rover_hil.gap.explain.candidates import card_changes
+from rover_hil.gap.explain.naming import MOST_EFFECTS
+from rover_hil.gap.explain.terms import Term, series_terms, steady_terms, term_changes
+from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.statistics.noise import Noise, series_noise, steady_noise
+from rover_hil.gap.statistics.replicates import Scatter, estimate_scatter, winsorise
+from rover_hil.gap.statistics.score import Direction, one_sided_z, score_all
+from sim_backends.models.interface import Array, DrivenModel, Model, Run
+
+CONDITION_STEP = 0.01
+UNSOLVED_SHARE = 0.2
+STANDS_OUT = 3.0
+"""Score from which on an effect is taken out of the residual before errors are learned from it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A base model fitted to runs.
+
+    Attributes:
+        problem: Model and observations.
+        noise: Of the observations.
+        scatter: Of replicates; None for series.
+        start: The base model under its priors, with derivatives at the fit.
+        terms: Free-form terms of these observations.
+        left_out: Runs for which the model has no solution.
+    """
+
+    problem: Problem
+    noise: Noise
+    scatter: Scatter | None
+    start: Fit
+    terms: tuple[Term, ...]
+    left_out: tuple[str, ...]
+
+
+def prepare(model: Model, runs: Sequence[Run]) -> Prepared:
+    """Fit the base model to `runs`.
+
+    Raises:
+        ModelError: The model has no solution for many of the runs.
+    """
+    solved, left_out = _solved(model, runs)
+    return _steady(model, solved, left_out) if is_steady(solved) else _series(model, solved, left_out)
+
+
+def relearn_noise(prepared: Prepared, best: Fit) -> Prepared:
+    """Return the same with the errors of series learned from what `best` leaves."""
+    if prepared.scatter is not None:
+        return prepared
+    problem = prepared.problem
+    noise = series_noise(problem.observations, problem.observations.values - problem.predict(best.point))
+    return replace(prepared, noise=noise, start=fit_base(problem, noise, prepared.start))
+
+
+def fit_base(problem: Problem, noise: Noise, begin: Fit | None = None) -> Fit:
+    """Return the base model's fit, with derivatives at it."""
+    found = fit(problem, noise, base_free(problem.model), begin.point if begin is not None else {})
+    return replace(found, jacobian=whitened_jacobian(problem, noise, found.free, found.point))
+
+
+def condition_gradient(model: Model, sites: Sequence[Run]) -> Array:
+    """Return the change of each channel per unit of each condition: sites x channels x conditions."""
+    base = _table(model, sites)
+    gradient = np.zeros((*base.shape, len(model.condition_units)))
+    for index, name in enumerate(model.condition_units):
+        values = [site.conditions[name] for site in sites]
+        step = CONDITION_STEP * float(np.ptp(values))
+        if step <= 0.0:
+            continue
+        moved = [
+            replace(site, conditions={**site.conditions, name: site.conditions[name] + step})
+            for site in sites
+        ]
+        gradient[:, :, index] = (_table(model, moved) - base) / step
+    return np.where(np.isfinite(gradient), gradient, 0.0)
+
+
+def _table(model: Model, sites: Sequence[Run]) -> Array:
+    predicted = model.predict(sites, {}, {})
+    return np.array([[float(one[item.name][0]) for item in model.channels] for one in predicted])
+
+
+def _solved(model: Model, runs: Sequence[Run]) -> tuple[list[Run], tuple[str, ...]]:
+    groups = group_runs(model, runs)
+    tables = model.predict([group.site for group in groups], {}, {})
+    good: list[Run] = []
+    bad: list[str] = []
+    for group, table in zip(groups, tables, strict=True):
+        finite = all(np.isfinite(table[name]).all() for name in group.site.measured)
+        if finite:
+            good += group.runs
+        else:
+            bad += [run.name for run in group.runs]
+    if len(bad) > UNSOLVED_SHARE * len(runs):
+        raise ModelError(
+            f"{model.name} has no solution for {len(bad)} of {len(runs)} runs, {bad[0]} among them: "
+            "its parameters or the conditions are out of its domain"
+        )
+    return good, tuple(bad)
+
+
+def _steady(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Prepared:
+    groups = group_runs(model, runs)
+    gradient = condition_gradient(model, [group.site for group in groups])
+    scatter = estimate_scatter(groups, model.channels, gradient)
+    cleaned = winsorise(groups, model.channels, scatter)
+    if any(new is not old for new, old in zip(cleaned, runs, strict=True)):
+        groups = group_runs(model, cleaned)
+        scatter = estimate_scatter(groups, model.channels, gradient)
+    observations = observe(model, cleaned)
+    noise = steady_noise(observations, scatter)
+    problem = Problem(model, observations)
+    return Prepared(
+        problem=problem,
+        noise=noise,
+        scatter=scatter,
+        start=fit_base(problem, noise),
+        terms=terms_of(model, observations, {}),
+        left_out=left_out,
+    )
+
+
+def _series(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Prepared:
+    observations = observe(model, runs)
+    problem = Problem(model, observations)
+    noise = series_noise(observations, _overfitted(problem), is_final=False)
+    start = fit_base(problem, noise)
+    for is_final in (False, True):
+        noise = series_noise(observations, _without_effects(problem, noise, start), is_final=is_final)
+        start = fit_base(problem, noise, start)
+    return Prepared(
+        problem=problem,
+        noise=noise,
+        scatter=None,
+        start=start,
+        terms=terms_of(model, observations, start.point),
+        left_out=left_out,
+    )
+
+
+def _overfitted(problem: Problem) -> Array:
+    """Return what is left when everything that could be fitted is.
+
+    A large effect looks like slow errors, in which it would then drown; these are too small, which does no
+    harm where they only choose what to take out before errors are learned for good.
+    """
+    observations, point = problem.observations, dict[Key, float]()
+    columns = [problem.derivative(point, item) for item in base_free(problem.model)]
+    columns += [one.change for one in _changes(problem, point)]
+    residual = observations.values - problem.predict(point)
+    here = np.isfinite(residual)
+    matrix = np.stack(columns, axis=1)
+    matrix /= np.maximum(np.sqrt((matrix**2).mean(axis=0)), 1e-300)
+    shift, *_ = np.linalg.lstsq(matrix[here], residual[here], rcond=1e-6)
+    remaining: Array = residual - matrix @ shift
+    return remaining
+
+
+def _changes(problem: Problem, point: Point) -> list[Direction]:
+    """Return the changes by effects and by free-form terms, before whitening."""
+    terms = terms_of(problem.model, problem.observations, point)
+    return [*card_changes(problem, point, problem.model.effects), *term_changes(problem.observations, terms)]
+
+
+def _without_effects(problem: Problem, noise: Noise, start: Fit) -> Array:
+    """Return measured minus predicted, without the effects and free-form terms that stand out."""
+    observations = problem.observations
+    columns = [problem.derivative(start.point, item) * item.sd for item in start.free]
+    changes = _changes(problem, start.point)
+    directions = [replace(one, change=noise.whiten(one.change)) for one in changes]
+    raw = {id(one): change.change for one, change in zip(directions, changes, strict=True)}
+    fitted = start
+    # Each channel may have its own: one that stays in makes errors look slow, and hides behind them.
+    for _ in range(MOST_EFFECTS * len(observations.channels)):
+        scores = score_all(fitted, noise, directions, is_steady=False)
+        # By samples: runs that disagree on a term are no reason to take what it explains for errors.
+        best = max(scores, key=lambda score: one_sided_z(score, by_samples=True), default=None)
+        if best is None or one_sided_z(best, by_samples=True) < STANDS_OUT:
+            break
+        columns.append(raw[id(best.direction)] * WEAK * best.direction.size)
+        jacobian = noise.whiten(np.stack(columns, axis=1))
+        fitted = replace(fitted, jacobian=jacobian, pull=np.append(fitted.pull, 0.0))
+    residual = observations.values - problem.predict(start.point)
+    if len(columns) == len(start.free):
+        return residual
+    matrix = np.vstack((fitted.jacobian, np.eye(len(columns))))
+    shift, *_ = np.linalg.lstsq(matrix, np.concatenate((start.residual, -fitted.pull)), rcond=None)
+    remaining: Array = residual - np.stack(columns, axis=1) @ shift
+    return remaining
+
+
+def input_units(model: Model) -> Mapping[str, str]:
+    """Return the inputs of a model and their units."""
+    return model.input_units if isinstance(model, DrivenModel) else {}
+
+
+def terms_of(model: Model, observations: Observations, point: Point) -> tuple[Term, ...]:
+    """Return the free-form terms of observations."""
+    if observations.is_steady:
+        return tuple(steady_terms(observations, model.condition_units))
+    predicted = predict_rows(model, [group.site for group in observations.groups], point)
+    return tuple(series_terms(observations, predicted, input_units(model), model.condition_units))

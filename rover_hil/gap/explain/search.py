@@ -1,0 +1,316 @@
+"""Fits of subsets of effects, remembered."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from rover_hil.gap.data.problem import Free, Key, Point, Problem, base_free, effect_free
+from rover_hil.gap.explain.candidates import Candidate, imitating_parameter
+from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.statistics.jackknife import jackknife
+from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.score import Score, one_sided_z
+from sim_backends.models.interface import Array, Parameter
+
+STARTS = 2
+"""Starting shapes of a fit."""
+FAR = (0.5, 1.0, 2.0, 4.0)
+"""Strengths to begin from, in natural sizes."""
+FAR_STARTS = 3
+"""Strong effects to begin from: of a delay, the nearest in cost may lead to another swing of the error."""
+MOST_CANCELLATION = 4.0
+"""How much larger effects may be one by one than together."""
+HOPELESS = 60.0
+"""Cost above the best at which a fit is left as it is."""
+
+AT_LIMIT = 1e-3
+"""Share of its range within which a strength is at its limit."""
+
+Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
+"""Effect to its shape parameters."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """A subset of effects, fitted.
+
+    Attributes:
+        names: Effects, sorted.
+        fit: Base parameters and effects together.
+        cost: Minus two log-posterior; free shapes are charged for (Laplace's approximation).
+        jackknife_z: What independent runs say of its weakest effect, as a standard normal; endless for steady
+            experiments, whose scatter between runs is in the errors.
+        widening: Factor on standard errors that covers the scatter between runs.
+    """
+
+    names: tuple[str, ...]
+    fit: Fit
+    cost: float
+    jackknife_z: float
+    widening: float
+
+
+class Search:
+    """Fits subsets of effects and remembers them.
+
+    Args:
+        problem: Model and observations.
+        noise: Of the observations.
+        start: The base model's fit, with derivatives taken there.
+        candidates: Effects to choose from.
+        scores: Of every effect at every shape, for starting values.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        noise: Noise,
+        start: Fit,
+        candidates: Sequence[Candidate],
+        scores: Sequence[Score],
+    ) -> None:
+        self._problem = problem
+        self._noise = noise
+        self._start = start
+        self._by_name = {item.card.name: item for item in candidates}
+        self._scores: dict[str, list[Score]] = {name: [] for name in self._by_name}
+        for score in scores:
+            if score.direction.name in self._scores:
+                self._scores[score.direction.name].append(score)
+        self.tried: dict[tuple[str, ...], Explanation] = {}
+
+    def explain(self, names: Sequence[str]) -> Explanation:
+        """Return the fit of a subset."""
+        key = tuple(sorted(names))
+        if key not in self.tried:
+            same_size = (one.fit.cost for names, one in self.tried.items() if len(names) == len(key))
+            hopeless = min(same_size, default=math.inf) + HOPELESS
+            best: Fit | None = None
+            for shapes, begin in self._starts(key):
+                found = self._fit(key, shapes, begin, hopeless)
+                if best is None or found.cost < best.cost:
+                    best = found
+                hopeless = min(hopeless, best.cost + HOPELESS)
+            if best is None:
+                raise AssertionError("every subset has shapes to begin with")
+            cost = best.cost + self._charge(key, best)
+            sure, widening = self._jackknife(key, best, cost)
+            self.tried[key] = Explanation(names=key, fit=best, cost=cost, jackknife_z=sure, widening=widening)
+        return self.tried[key]
+
+    def _jackknife(self, names: tuple[str, ...], fitted: Fit, cost: float) -> tuple[float, float]:
+        if self._problem.observations.is_steady:
+            return math.inf, 1.0
+        cards = [self._by_name[name].card for name in names]
+        if any(
+            _is_at_limit(card.parameters[0], fitted.value((card.name, card.parameters[0].name)))
+            for card in cards
+        ):
+            return 0.0, 1.0
+        strengths = [(card.name, card.parameters[0].name) for card in cards]
+        if cancellation(fitted, strengths) > MOST_CANCELLATION:
+            return 0.0, 1.0
+        shapes = [(card.name, item.name) for card in cards for item in card.parameters[1:]]
+        found = jackknife(fitted, self._noise, strengths, given=shapes)
+        by_runs = min(abs(one.z) for one in found)
+        if len(names) == 1:
+            by_runs = max(by_runs, *(one_sided_z(score) for score in self._scores[names[0]]))
+        # A base parameter that is set free needs more than its place: it must lie beyond its prior.
+        gain = math.sqrt(max(self._start.cost - cost, 0.0))
+        return min(gain, by_runs), max(one.widening for one in found)
+
+    def _charge(self, names: tuple[str, ...], fitted: Fit) -> float:
+        shapes = [(name, item.name) for name in names for item in self._by_name[name].card.parameters[1:]]
+        return fitted.shape_information(shapes) if shapes else 0.0
+
+    def free(self, names: Sequence[str], shapes: Shapes) -> list[Free]:
+        """Return what a subset fits: a base parameter that an effect releases is left to the effect."""
+        cards = [self._by_name[name].card for name in names]
+        released = [card.releases for card in cards if card.releases is not None]
+        free = base_free(self._problem.model, leave_out=released)
+        for card in cards:
+            free += effect_free(card, shapes[card.name])
+        return free
+
+    def _starts(self, names: tuple[str, ...]) -> list[tuple[Shapes, Point]]:
+        """Return what to begin from: near the base model, and of one effect also far from it."""
+        starts = []
+        for shapes in self._shapes(names):
+            free = self.free(names, shapes)
+            begin: Point = self._begin(names, shapes)
+            if len(names) > 1:
+                starts.append((shapes, begin))
+                continue
+            near, far = [begin, self._as_base(names[0], begin)], self._far(names[0], shapes)
+            if self._problem.observations.is_steady:
+                chosen = self._cheapest(free, near + far, 1)
+            else:
+                chosen = self._cheapest(free, near, 1) + self._cheapest(free, far, FAR_STARTS)
+            starts += [(shapes, point) for point in chosen]
+        return starts
+
+    def _cheapest(self, free: Sequence[Free], points: Sequence[Point], count: int) -> list[Point]:
+        return sorted(points, key=lambda point: self._cost(free, point))[:count]
+
+    def _fit(self, names: tuple[str, ...], shapes: Shapes, begin: Point, hopeless: float) -> Fit:
+        free = self.free(names, shapes)
+        return fit(
+            self._problem,
+            self._noise,
+            free,
+            begin,
+            jacobian=self._warm(names, free, begin),
+            fixed=self._fixed(names),
+            hopeless=hopeless,
+        )
+
+    def _shapes(self, names: tuple[str, ...]) -> list[Shapes]:
+        """Return the shapes to begin with: with the greatest gain to first order, and fitted before."""
+        ranked = sorted(
+            itertools.product(*(self._scores[name] for name in names)),
+            key=lambda scores: -linear_gain(scores),
+        )
+        shapes: list[Shapes] = [
+            {score.direction.name: score.direction.shapes for score in scores} for scores in ranked[:STARTS]
+        ]
+        if len(names) == 1 or not any(self._by_name[name].card.shape_grid for name in names):
+            return shapes[: STARTS if len(names) == 1 else 1]
+        known = {name: self._known_shapes(name) or shapes[0][name] for name in names}
+        return [known, shapes[0]]
+
+    def _known_shapes(self, name: str) -> Mapping[str, float] | None:
+        single = self.tried.get((name,))
+        if single is None:
+            return None
+        return {
+            item.name: single.fit.value((name, item.name)) for item in self._by_name[name].card.parameters[1:]
+        }
+
+    def _fixed(self, names: Sequence[str]) -> dict[Key, float]:
+        nominal = {item.name: item.nominal for item in self._problem.model.parameters}
+        released = (self._by_name[name].card.releases for name in names)
+        return {("", one): nominal[one] for one in released if one is not None}
+
+    def _begin(self, names: tuple[str, ...], shapes: Shapes) -> dict[Key, float]:
+        begin = dict(self._start.point)
+        part = self._nearest(names)
+        if part is not None:
+            begin.update(part.fit.point)
+        for name in names:
+            card = self._by_name[name].card
+            strength = card.parameters[0]
+            if (name, strength.name) not in begin:
+                guess = strength.nominal
+                if len(names) == 1:
+                    guess += self._strength(name, shapes[name])
+                begin[name, strength.name] = float(np.clip(guess, strength.lower, strength.upper))
+            if card.shape_grid:
+                begin.update({(name, shape): value for shape, value in shapes[name].items()})
+        return begin
+
+    def _as_base(self, name: str, begin: Point) -> Point:
+        """Return the fitted base model: an effect cannot make it worse."""
+        card = self._by_name[name].card
+        strength = card.parameters[0]
+        value = strength.nominal
+        if card.releases is not None:
+            key = ("", card.releases)
+            value += self._start.point.get(key, 0.0) - self._fixed((name,))[key]
+        return {**begin, (name, strength.name): float(np.clip(value, strength.lower, strength.upper))}
+
+    def _far(self, name: str, shapes: Shapes) -> list[Point]:
+        """Return points with a strong effect, and all base parameters nominal or the one that imitates it.
+
+        A base model without a large effect is bent so far to make up for it that derivatives taken there
+        point anywhere: a delay of several samples is not found from it.
+        """
+        candidate = self._by_name[name]
+        strength = candidate.card.parameters[0]
+        shape = {(name, key): value for key, value in shapes[name].items()}
+        sizes = [sign * share * strength.prior_sd for share in FAR for sign in (1.0, -1.0)]
+        values = [strength.nominal + size for size in (*sizes, self._strength(name, shapes[name]))]
+        imitator = ("", imitating_parameter(self._start, candidate.score))
+        straight = {key: value for key, value in self._start.point.items() if key != imitator}
+        return [
+            {**base, **shape, (name, strength.name): float(np.clip(value, strength.lower, strength.upper))}
+            for base in ({}, straight)
+            for value in values
+        ]
+
+    def _cost(self, free: Sequence[Free], point: Point) -> float:
+        values = {item.key: point.get(item.key, item.start) for item in free}
+        pull = np.array([(values[item.key] - item.mean) / item.sd for item in free])
+        observations = self._problem.observations.values
+        fixed = self._fixed(sorted({item.key[0] for item in free if item.key[0]}))
+        error = observations - self._problem.predict({**fixed, **values})
+        residual = self._noise.whiten(np.where(np.isnan(observations), 0.0, error))
+        cost = float(residual @ residual + pull @ pull)
+        return cost if math.isfinite(cost) else math.inf
+
+    def _strength(self, name: str, shapes: Mapping[str, float]) -> float:
+        score = next(one for one in self._scores[name] if one.direction.shapes == shapes)
+        return score.strength if one_sided_z(score) > 0.0 else 0.3 * score.direction.size
+
+    def _nearest(self, names: tuple[str, ...]) -> Explanation | None:
+        parts = [one for key, one in self.tried.items() if set(key) < set(names)]
+        return min(parts, key=lambda one: one.cost, default=None)
+
+    def _warm(self, names: tuple[str, ...], free: Sequence[Free], begin: Point) -> Array:
+        """Return derivatives to begin with: from smaller subsets, else only those by effects are taken."""
+        known = [self._start, *(one.fit for one in self._parts(names))]
+        columns: dict[Key, Array] = {}
+        for fitted in known:
+            columns.update({item.key: fitted.jacobian[:, index] for index, item in enumerate(fitted.free)})
+        missing = [item for item in free if item.key not in columns]
+        taken = whitened_jacobian(self._problem, self._noise, missing, begin)
+        columns.update({item.key: taken[:, index] for index, item in enumerate(missing)})
+        return np.stack([columns[item.key] for item in free], axis=1)
+
+    def _parts(self, names: tuple[str, ...]) -> list[Explanation]:
+        """Return the smaller subsets that were fitted: single effects, then the best."""
+        singles = [self.tried[(name,)] for name in names if len(names) > 1 and (name,) in self.tried]
+        nearest = self._nearest(names)
+        return [*singles, nearest] if nearest is not None else singles
+
+
+def _is_at_limit(strength: Parameter, value: float) -> bool:
+    """Tell whether a strength would be more than it can be: then it stands for something else."""
+    limits = [one for one in (strength.lower, strength.upper) if math.isfinite(one)]
+    return any(
+        abs(value - one) <= AT_LIMIT * abs(one - strength.nominal)
+        for one in limits
+        if one != strength.nominal
+    )
+
+
+def cancellation(fitted: Fit, strengths: Sequence[Key]) -> float:
+    """Return by how much more effects change the prediction one by one than together, at least 1.
+
+    Large effects that cancel imitate the small difference between them, which is something else.
+    """
+    positions = [index for index, item in enumerate(fitted.free) if item.key in strengths]
+    changes = fitted.jacobian[:, positions] * fitted.pull[positions]
+    together = float(np.linalg.norm(changes.sum(axis=1)))
+    return float(np.linalg.norm(changes, axis=0).sum()) / max(together, 1e-300)
+
+
+def linear_gain(scores: Sequence[Score], pulled: float = 0.0) -> float:
+    """Return how much a subset lowers the cost to first order, signs kept."""
+    matrix = np.stack([score.projected for score in scores], axis=1)
+    target = np.array([score.z for score in scores])
+    gram = matrix.T @ matrix + 1e-9 * np.eye(len(scores))
+    root = np.linalg.cholesky(gram).T
+    aim = np.linalg.solve(root.T, target)
+    low = [0.0 if score.direction.sign > 0 else -np.inf for score in scores]
+    high = [0.0 if score.direction.sign < 0 else np.inf for score in scores]
+    if all(bound == -np.inf for bound in low) and all(bound == np.inf for bound in high):
+        return float(aim @ aim)
+    unexplained = lsq_linear(
+        root, aim, bounds=(low, np.maximum(high, np.array(low) + 1e-9)), method="bvls"
+    ).cost
+    return float(aim @ aim - 2.0 * unexplained) - pulled

@@ -1,0 +1,1 @@
+"""What an analysis writes: verdict, model file and report."""

@@ -1,0 +1,244 @@
+"""A model with what was found missing in it, as a file: base, parameters, active effects, provenance."""
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from pydantic import ValidationError
+
+from drivers.errors import ConfigError
+from drivers.settings import Settings
+from rover_hil.gap.data.problem import Key
+from rover_hil.gap.statistics.fit import Fit
+from sim_backends.models.interface import (
+    Array,
+    Channel,
+    DrivenModel,
+    EffectCard,
+    Model,
+    Parameter,
+    Run,
+    Values,
+)
+
+SCHEMA: Literal["rover-hil-model/1"] = "rover-hil-model/1"
+SEPARATOR = "."
+
+
+class Number(Settings):
+    """A parameter: value, unit, how well it is known, and for effects the 95 % interval."""
+
+    value: float
+    unit: str
+    sd: float
+    ci95: tuple[float, float] | None = None
+
+
+class Provenance(Settings):
+    """Where the numbers come from."""
+
+    date: str
+    verdict: str
+    data_sha256: str
+    plan_sha256: str
+    seed: int
+    alternatives: tuple[tuple[str, ...], ...] = ()
+
+
+class ModelFile(Settings):
+    """What the file says."""
+
+    schema_name: Literal["rover-hil-model/1"] = SCHEMA
+    base: str
+    provenance: Provenance
+    parameters: dict[str, Number]
+    effects: dict[str, dict[str, Number]]
+
+
+class ExtendedModel:
+    """A model with effects that were named before; their parameters are now its own.
+
+    Args:
+        base: The model without them.
+        file: What is known.
+
+    Raises:
+        ConfigError: The file names parameters or effects that the model does not have.
+    """
+
+    input_units: Mapping[str, str]
+
+    def __init__(self, base: Model, file: ModelFile) -> None:
+        self._base = base
+        self._cards = {card.name: card for card in base.effects if card.name in file.effects}
+        _check(base, file)
+        released = {card.releases for card in self._cards.values()}
+        self.name: str = base.name
+        self.channels: tuple[Channel, ...] = tuple(base.channels)
+        self.condition_units: Mapping[str, str] = base.condition_units
+        self.effects: tuple[EffectCard, ...] = tuple(
+            card for card in base.effects if card.name not in file.effects
+        )
+        own = [
+            _known(item, file.parameters.get(item.name), is_fixed=item.name in released)
+            for item in base.parameters
+        ]
+        added = [
+            replace(_known(item, file.effects[card.name].get(item.name)), name=_joined(card.name, item.name))
+            for card in self._cards.values()
+            for item in card.parameters
+        ]
+        self.parameters: tuple[Parameter, ...] = (*own, *added)
+        self._nominal = {item.name: item.nominal for item in self.parameters}
+        if isinstance(base, DrivenModel):
+            self.input_units = base.input_units
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """The effects that are part of the model."""
+        return tuple(self._cards)
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict as the base model with its active effects; see `Model.predict`."""
+        values = {**self._nominal, **parameters}
+        own = {name: value for name, value in values.items() if SEPARATOR not in name}
+        active: dict[str, Values] = {
+            card.name: {item.name: values[_joined(card.name, item.name)] for item in card.parameters}
+            for card in self._cards.values()
+        }
+        return self._base.predict(runs, own, {**active, **effects})
+
+
+def _joined(card: str, parameter: str) -> str:
+    return f"{card}{SEPARATOR}{parameter}"
+
+
+def _known(item: Parameter, number: Number | None, *, is_fixed: bool = False) -> Parameter:
+    if number is None:
+        return replace(item, prior_sd=0.0 if is_fixed else item.prior_sd)
+    inside = min(max(number.value, item.lower), item.upper)
+    return replace(item, nominal=inside, prior_sd=0.0 if is_fixed else number.sd)
+
+
+def _check(base: Model, file: ModelFile) -> None:
+    parameters = {item.name: item.unit for item in base.parameters}
+    cards = {card.name: {item.name: item.unit for item in card.parameters} for card in base.effects}
+    for owner, numbers, known in (
+        ("parameters", file.parameters, parameters),
+        *((f"effects.{name}", numbers, cards.get(name)) for name, numbers in file.effects.items()),
+    ):
+        if known is None:
+            raise ConfigError(f"model file: {base.name} has no effect '{owner.removeprefix('effects.')}'")
+        for name, number in numbers.items():
+            if name not in known:
+                raise ConfigError(f"model file, {owner}.{name}: {base.name} has no such parameter")
+            if number.unit != known[name]:
+                raise ConfigError(
+                    f"model file, {owner}.{name}: unit is {number.unit}, {base.name} has {known[name]}"
+                )
+
+
+def read_model_file(path: Path) -> ModelFile:
+    """Read a model file.
+
+    Raises:
+        ConfigError: It cannot be read or says something unknown.
+    """
+    try:
+        table = tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read {path}: {error.strerror}; give the model.toml of a gap run"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is no TOML file: {error}") from error
+    table["schema_name"] = table.pop("schema", None)
+    table.setdefault("parameters", {})
+    table.setdefault("effects", {})
+    try:
+        return ModelFile.model_validate(table)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]).replace("schema_name", "schema")
+        raise ConfigError(f"{path}, {where}: {first['msg']}") from error
+
+
+def describe_model(
+    model: Model,
+    base: str,
+    provenance: Provenance,
+    fitted: Fit | None,
+    intervals: Mapping[Key, tuple[float, float]],
+) -> ModelFile:
+    """Return what is known of a model after a fit; unchanged without one.
+
+    Args:
+        model: The model that was analysed; may be an extended one.
+        base: How it was named on the command line.
+        provenance: Where the numbers come from.
+        fitted: Parameters and effects; None leaves everything as it was.
+        intervals: 95 % interval of each fitted parameter, as in the verdict.
+    """
+    parameters: dict[str, Number] = {}
+    effects: dict[str, dict[str, Number]] = {}
+    for item in model.parameters:
+        number = _number(item, ("", item.name), fitted, intervals)
+        card, _, name = item.name.rpartition(SEPARATOR)
+        if card:
+            effects.setdefault(card, {})[name] = number
+        else:
+            parameters[item.name] = number.model_copy(update={"ci95": None})
+    found = {key[0] for key in fitted.point if key[0]} if fitted is not None else set()
+    for one in model.effects:
+        if one.name in found:
+            effects[one.name] = {
+                item.name: _number(item, (one.name, item.name), fitted, intervals) for item in one.parameters
+            }
+    return ModelFile(base=base, provenance=provenance, parameters=parameters, effects=effects)
+
+
+def _number(
+    item: Parameter, key: Key, fitted: Fit | None, intervals: Mapping[Key, tuple[float, float]]
+) -> Number:
+    if fitted is None or key not in intervals:
+        return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
+    return Number(value=fitted.value(key), unit=item.unit, sd=fitted.standard_error(key), ci95=intervals[key])
+
+
+def model_file_text(file: ModelFile) -> str:
+    """Return the TOML text of a model file."""
+    lines = [f'schema = "{SCHEMA}"', f"base = {json.dumps(file.base)}", "", "[provenance]"]
+    source = file.provenance
+    lines += [
+        f"{name} = {json.dumps(value)}"
+        for name, value in (
+            ("date", source.date),
+            ("verdict", source.verdict),
+            ("data_sha256", source.data_sha256),
+            ("plan_sha256", source.plan_sha256),
+            ("seed", source.seed),
+            ("alternatives", [list(names) for names in source.alternatives]),
+        )
+    ]
+    for name, number in file.parameters.items():
+        lines += ["", f"[parameters.{name}]", *_number_lines(number)]
+    for effect, numbers in file.effects.items():
+        for name, number in numbers.items():
+            lines += ["", f"[effects.{effect}.{name}]", *_number_lines(number)]
+    return "\n".join(lines) + "\n"
+
+
+def _number_lines(number: Number) -> list[str]:
+    lines = [
+        f"value = {float(number.value)!r}",
+        f"unit = {json.dumps(number.unit)}",
+        f"sd = {float(number.sd)!r}",
+    ]
+    if number.ci95 is not None:
+        lines.append(f"ci95 = [{float(number.ci95[0])!r}, {float(number.ci95[1])!r}]")
+    return lines

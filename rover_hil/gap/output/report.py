@@ -1,0 +1,64 @@
+"""The report: one page that needs nothing else."""
+
+from collections.abc import Sequence
+from importlib import resources
+
+from jinja2 import Environment, StrictUndefined
+
+from rover_hil.gap.explain.localise_residuals import by_place
+from rover_hil.gap.findings import Analysis
+from rover_hil.gap.output.figures import draw_pictures
+from rover_hil.gap.verdict import Answer
+
+TEMPLATE_NAME = "report.html"
+GRADES = {
+    Answer.NO_GAP: "good",
+    Answer.NAMED: "good",
+    Answer.NAMED_SET: "attention",
+    Answer.PARTLY_NAMED: "attention",
+    Answer.UNNAMED: "attention",
+    Answer.NOT_IDENTIFIABLE: "attention",
+    Answer.BAD_DATA: "bad",
+}
+TAGS = {
+    Answer.NO_GAP: "no gap",
+    Answer.NAMED: "named",
+    Answer.NAMED_SET: "named, with alternatives",
+    Answer.PARTLY_NAMED: "partly named",
+    Answer.UNNAMED: "gap without a name",
+    Answer.NOT_IDENTIFIABLE: "these runs cannot tell",
+    Answer.BAD_DATA: "bad data",
+}
+
+
+def render(analysis: Analysis) -> str:
+    """Return the page."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number"] = _number
+    template = (resources.files("rover_hil.gap.output") / TEMPLATE_NAME).read_text("utf-8")
+    findings = analysis.findings
+    cards = {card.name: card for card in analysis.model.effects}
+    return environment.from_string(template).render(
+        model=analysis.model,
+        verdict=analysis.verdict,
+        grade=GRADES[analysis.verdict.verdict],
+        tag=TAGS[analysis.verdict.verdict],
+        plan=analysis.plan.content() if analysis.plan is not None else None,
+        findings=findings,
+        cards=cards,
+        locations=findings.locations if findings is not None else (),
+        in_model=by_place(findings.naming.scores) if findings is not None else (),
+        pictures=draw_pictures(analysis),
+        harmed=findings.validation.harmed if findings is not None and findings.validation is not None else (),
+        left_out=findings.prepared.left_out if findings is not None else (),
+    )
+
+
+def _number(value: float | Sequence[float] | None) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, Sequence):
+        return " to ".join(_number(one) for one in value)
+    return f"{value:.3g}"

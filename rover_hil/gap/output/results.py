@@ -1,0 +1,68 @@
+"""What an analysis leaves behind: verdict, plan, model and report, in one folder."""
+
+import json
+from pathlib import Path
+
+from pydantic_core import to_json
+
+from rover_hil.gap.findings import Analysis
+from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text
+from rover_hil.gap.output.report import render
+from rover_hil.gap.plan import Plan
+from rover_hil.gap.verdict_rules import intervals, is_named
+from rover_hil.report.write import write_all
+
+VERDICT_NAME = "verdict.json"
+MODEL_NAME = "model.toml"
+REPORT_NAME = "report.html"
+PLAN_NAME = "plan.json"
+
+
+def plan_text(plan: Plan) -> str:
+    """Return a plan as JSON, with its hash."""
+    return json.dumps(plan.content(), indent=2) + "\n"
+
+
+def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> str:
+    """Write `verdict.json`, `plan.json`, `model.toml` and `report.html`.
+
+    Args:
+        folder: Where to.
+        analysis: What was found.
+        base: The model as it was named.
+        date: For the model's provenance.
+
+    Returns:
+        The verdict as JSON text, as in the file.
+
+    Raises:
+        ConfigError: The folder cannot be written to. No half-written file is left behind.
+    """
+    verdict_json = to_json(analysis.verdict, indent=2, inf_nan_mode="null").decode()
+    plan = analysis.plan
+    reason = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
+    texts = {
+        VERDICT_NAME: verdict_json + "\n",
+        PLAN_NAME: reason if plan is None else plan_text(plan),
+        MODEL_NAME: _model_text(analysis, base, date),
+        REPORT_NAME: render(analysis),
+    }
+    write_all(folder, texts)
+    return verdict_json
+
+
+def _model_text(analysis: Analysis, base: str, date: str) -> str:
+    plan, findings, verdict = analysis.plan, analysis.findings, analysis.verdict
+    named = is_named(verdict.verdict)
+    provenance = Provenance(
+        date=date,
+        verdict=str(verdict.verdict),
+        data_sha256=plan.data_sha256 if plan is not None else "",
+        plan_sha256=str(plan.content()["plan_sha256"]) if plan is not None else "",
+        seed=plan.seed if plan is not None else 0,
+        alternatives=tuple(tuple(names) for names in verdict.confidence_set[1:]) if named else (),
+    )
+    fitted, ci95 = None, {}
+    if named and findings is not None and findings.best is not None:
+        fitted, ci95 = findings.best.fit, intervals(findings, findings.best)
+    return model_file_text(describe_model(analysis.model, base, provenance, fitted, ci95))

@@ -1,0 +1,1 @@
+"""Errors, fits and scores."""

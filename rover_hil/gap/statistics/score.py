@@ -1,0 +1,192 @@
+"""Scores: how much the data asks for a direction that the base model cannot follow.
+
+At the fitted base parameters, the whitened residual and the pulls of the priors are one vector. What the base
+parameters can absorb is projected out of it and of each direction; without a gap the rest is standard normal
+along every direction, whatever the parameters were.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from rover_hil.gap.data.problem import Indices
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.jackknife import LEAST_RUNS, as_normal, clusters, scatter_of_runs
+from rover_hil.gap.statistics.noise import Noise
+from sim_backends.models.interface import Array
+
+DRAWS = 4000
+LARGE = 0.02
+"""Share of the scatter of samples from which on a term counts although runs do not agree on it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """A change of the whitened prediction, per unit.
+
+    Attributes:
+        name: Effect, or term of an equation.
+        change: Per unit of strength.
+        sign: +1 or -1 where the strength has a sign, else 0.
+        shapes: The other parameters it was taken at.
+        size: Natural size of the strength.
+        unit: Of the strength.
+    """
+
+    name: str
+    change: Array
+    sign: int
+    shapes: Mapping[str, float]
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """How much the data asks for one direction.
+
+    Attributes:
+        direction: Which.
+        z: Standard normal without gap; one-sided where the strength has a sign. The smaller of the values by
+            the noise model and by the scatter between independent stretches of data.
+        z_by_samples: The former alone.
+        strength: Estimate to first order, in the direction's unit.
+        standard_error: Of the strength.
+        remaining_share: Share of the direction that base parameters leave.
+        projected: The direction after projection, of unit length.
+    """
+
+    direction: Direction
+    z: float
+    z_by_samples: float
+    strength: float
+    standard_error: float
+    remaining_share: float
+    projected: Array
+
+
+class Projection:
+    """Takes out of vectors what the fitted base parameters can absorb."""
+
+    def __init__(self, fit: Fit) -> None:
+        self._priors = fit.jacobian.shape[1]
+        stacked = np.vstack((fit.jacobian, np.eye(self._priors)))
+        self._basis = np.linalg.qr(stacked)[0]
+        self.residual = self.apply(fit.residual, -fit.pull)
+
+    def apply(self, rows: Array, priors: Array | None = None) -> Array:
+        """Return what is left of a whitened vector."""
+        tail = np.zeros(self._priors) if priors is None else priors
+        vector = np.concatenate((rows, tail))
+        residual: Array = vector - self._basis @ (self._basis.T @ vector)
+        return residual
+
+
+def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_steady: bool) -> list[Score]:
+    """Return one score per direction; those that change nothing are left out."""
+    projection = Projection(fit)
+    blocks = None if is_steady else clusters(noise)
+    scores = []
+    for direction in directions:
+        full = float(direction.change @ direction.change)
+        if full <= 0.0 or not math.isfinite(full):
+            continue
+        residual = projection.apply(direction.change)
+        length = math.sqrt(float(residual @ residual))
+        if length <= 1e-9 * math.sqrt(full):
+            continue
+        unit = residual / length
+        by_samples = z = float(unit @ projection.residual)
+        if blocks is not None:
+            z = math.copysign(min(abs(z), _clustered(unit, projection.residual, z, blocks)), z)
+        scores.append(
+            Score(
+                direction=direction,
+                z=z,
+                z_by_samples=by_samples,
+                strength=by_samples / length,
+                standard_error=1.0 / length,
+                remaining_share=length**2 / full,
+                projected=unit,
+            )
+        )
+    return scores
+
+
+def one_sided_z(score: Score, *, by_samples: bool = False) -> float:
+    """Return how strongly the data asks for a direction: 0 where it asks for the forbidden sign."""
+    z = score.z_by_samples if by_samples else score.z
+    return max(0.0, score.direction.sign * z) if score.direction.sign else abs(z)
+
+
+def of_terms(scores: Sequence[Score]) -> list[Score]:
+    """Return scores of terms that need no name: where they are large, runs may disagree on them."""
+    return [
+        replace(one, z=one.z_by_samples) if one.z_by_samples**2 > LARGE * one.direction.change.size else one
+        for one in scores
+    ]
+
+
+def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float:
+    """Return the size of z when only the scatter between blocks counts (jackknife, Student's t).
+
+    It is taken around the fitted direction, so that an effect that is there does not count as scatter; the
+    leverage of each block is taken out, as in the jackknife.
+    """
+    rows = blocks.size
+    parts = np.bincount(blocks, weights=unit[:rows] * (residual[:rows] - z * unit[:rows]))
+    leverage: Array = np.bincount(blocks, weights=unit[:rows] ** 2).astype(np.float64)
+    used = leverage > 1e-12
+    parts, leverage = parts[used], np.minimum(leverage[used], 0.999)
+    if leverage.size < LEAST_RUNS:
+        return abs(z)
+    by_runs = math.sqrt(float(np.sum((parts / (1.0 - leverage)) ** 2)))
+    return as_normal(z, *scatter_of_runs(by_runs, leverage))
+
+
+def family_draws(scores: Sequence[Score], freedom: float, rng: np.random.Generator) -> Array:
+    """Return draws of the greatest `one_sided_z` of a family when there is no gap, sorted.
+
+    The directions' correlations are kept; the size of the errors is as uncertain as its degrees of freedom
+    say.
+    """
+    if not scores:
+        return np.zeros(DRAWS)
+    matrix = np.stack([score.projected for score in scores], axis=1)
+    correlation = matrix.T @ matrix
+    values, vectors = np.linalg.eigh(correlation)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    draws = rng.standard_normal((DRAWS, len(scores))) @ root.T
+    if math.isfinite(freedom):
+        draws /= np.sqrt(rng.chisquare(freedom, (DRAWS, 1)) / freedom)
+    signs = np.array([score.direction.sign for score in scores])
+    sided = np.where(signs == 0, np.abs(draws), np.maximum(draws * signs, 0.0))
+    most: Array = np.sort(sided.max(axis=1))
+    return most
+
+
+def family_p(scores: Sequence[Score], value: float, draws: Array, freedom: float) -> float:
+    """Return the probability of a greatest score of at least `value` without gap.
+
+    Beyond the draws Bonferroni's bound takes over.
+    """
+    exceeding = draws.size - int(np.searchsorted(draws, value))
+    p_draws = (1 + exceeding) / (1 + draws.size)
+    if exceeding > 10:
+        return p_draws
+    single = float(stats.t.sf(value, freedom) if math.isfinite(freedom) else stats.norm.sf(value))
+    sides = sum(1 if score.direction.sign else 2 for score in scores)
+    return min(p_draws, sides * single) if exceeding == 0 else min(1.0, p_draws)
+
+
+def quantile(draws: Array, alpha: float) -> float:
+    """Return the score that the family exceeds with probability `alpha` without gap."""
+    return float(np.quantile(draws, 1.0 - alpha))
+
+
+def cosine(first: Score, second: Score) -> float:
+    """Return how alike two directions are after projection, -1..1."""
+    return float(first.projected @ second.projected)

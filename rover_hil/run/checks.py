@@ -1,0 +1,116 @@
+"""What a configuration must fulfil before a rover is put together, for run, simulate, tune and doctor."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.path_following import find_mission_conflicts
+from drivers.device_settings import DriveSettings
+from drivers.errors import ConfigError
+from rover_hil.config import Draft, Rule
+from rover_hil.config.schema import MISSING_SIMULATION
+from rover_hil.run.composition import find_wheel_count_conflict
+from sim_backends.build import find_simulation_conflicts
+from sim_backends.serving.server import find_unservable
+
+
+def _find_shared_ports(draft: Draft) -> Iterator[str]:
+    users: dict[Path, str] = {}
+    for name, device in draft.config.devices.items():
+        port = device.exclusive_port()
+        if port is None:
+            continue
+        key, path = port
+        user = users.setdefault(Path(path).resolve(), name)
+        if user != name:
+            yield (
+                f"devices.{name}.{key}: '{path}' is already the port of device '{user}', and only one device "
+                "can open it: correct one of them"
+            )
+
+
+def _find_data_file_mistakes(draft: Draft) -> Iterator[str]:
+    for name, device in draft.config.devices.items():
+        try:
+            device.make_codec(name)
+        except ConfigError as error:
+            for line in str(error).splitlines():
+                yield f"devices.{name}: {line}"
+
+
+def _find_wheel_count_conflict(draft: Draft) -> Iterator[str]:
+    name = draft.config.roles.wheels
+    device = draft.config.devices.get(name)
+    if not isinstance(device, DriveSettings):
+        return
+    try:
+        wheel_count = device.make_codec(name).wheel_count
+    except ConfigError:
+        return  # reported with the data files
+    conflict = find_wheel_count_conflict(draft.config.rover, name, wheel_count)
+    if conflict:
+        yield conflict
+
+
+def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
+    mission = draft.config.mission
+    if mission is not None:
+        yield from find_mission_conflicts(mission, make_kinematics(draft.config.rover).moves_sideways)
+
+
+def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
+    scomp = draft.config.scomp
+    if scomp is None or scomp.rig is None:
+        return
+    # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
+    from controllers.ftrace.rig_geometry import GroundPatch
+
+    try:
+        GroundPatch(scomp.rig.geometry())
+    except ConfigError as error:
+        yield f"scomp.rig: {error}"
+
+
+def _find_simulation_conflicts(draft: Draft) -> Iterator[str]:
+    simulation = draft.config.simulation
+    if simulation is not None:
+        devices = {**draft.config.devices, **dict.fromkeys(draft.broken_devices)}
+        yield from find_simulation_conflicts(devices, simulation)
+
+
+def _find_missing_mission(draft: Draft) -> Iterator[str]:
+    if draft.config.mission is None:
+        yield "mission: this key is missing; add what the rover is to do"
+
+
+def _find_missing_simulation(draft: Draft) -> Iterator[str]:
+    if draft.config.simulation is None:
+        yield MISSING_SIMULATION
+
+
+def _find_unservable(draft: Draft) -> Iterator[str]:
+    return find_unservable(draft.config.devices)
+
+
+ROVER_CHECKS = (
+    Rule(("devices",), _find_shared_ports),
+    Rule(("devices",), _find_data_file_mistakes),
+    Rule(("rover", "roles", "devices"), _find_wheel_count_conflict),
+    Rule(("rover", "mission"), _find_mission_conflicts),
+    Rule(("scomp",), _find_rig_mistakes),
+    Rule(("devices", "simulation"), _find_simulation_conflicts),
+)
+"""What every command checks that drives a real or a simulated rover."""
+
+RUN_CHECKS = (*ROVER_CHECKS, Rule(("mission",), _find_missing_mission))
+"""For `run` on real devices, and for `doctor`."""
+
+VIRTUAL_RUN_CHECKS = (*RUN_CHECKS, Rule(("simulation",), _find_missing_simulation))
+"""For `run --virtual`."""
+
+SIMULATE_CHECKS = (
+    *ROVER_CHECKS,
+    Rule(("simulation",), _find_missing_simulation),
+    Rule(("devices",), _find_unservable),
+)
+"""For `simulate`."""

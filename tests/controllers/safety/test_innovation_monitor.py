@@ -1,0 +1,65 @@
+"""Measurements that the filter rejects again and again."""
+
+import pytest
+
+from controllers.estimation.guarded_filter import Innovation
+from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
+from controllers.safety.reasons import Cycle, Severity, StopReason
+from drivers.clock import nanoseconds
+
+
+def innovation(name: str, *, accepted: bool, residual: float | None = 1.0) -> Innovation:
+    return Innovation(name=name, residual=residual, variance=1.0, nis=1.0, accepted=accepted)
+
+
+REJECTED = innovation("compass", accepted=False)
+ACCEPTED = innovation("compass", accepted=True)
+
+
+class Rejections:
+    """An innovation monitor that is fed at given times."""
+
+    def __init__(self) -> None:
+        self.monitor = InnovationMonitor(InnovationSettings())
+
+    def at(self, t_s: float, *innovations: Innovation) -> list[StopReason]:
+        return list(self.monitor.check(Cycle(now_ns=nanoseconds(t_s), innovations=innovations)))
+
+
+@pytest.mark.parametrize(("period_s", "stops_after_s"), [(0.02, 2.0), (0.5, 2.0), (1.0, 2.0), (5.0, 10.0)])
+def test_rejections_stop_after_two_seconds_and_three_of_them(period_s: float, stops_after_s: float) -> None:
+    rejections = Rejections()
+    count = round(stops_after_s / period_s)
+    for index in range(count):
+        (reason,) = rejections.at(index * period_s, REJECTED, innovation("imu", accepted=True))
+        assert reason.severity is Severity.SIGN
+    (reason,) = rejections.at(count * period_s, REJECTED)
+    assert reason == StopReason("compass", "compass: contradicts the estimate, rejected for 2 s")
+
+
+def test_one_acceptance_ends_a_contradiction() -> None:
+    rejections = Rejections()
+    for index in range(4):
+        rejections.at(float(index), REJECTED)
+    (reason,) = rejections.at(3.5)
+    assert reason.severity is Severity.STOP
+    assert rejections.at(4.0, ACCEPTED) == []
+    (reason,) = rejections.at(5.0, REJECTED)
+    assert reason.severity is Severity.SIGN
+
+
+def test_silence_after_a_rejection_is_no_further_evidence() -> None:
+    rejections = Rejections()
+    rejections.at(0.0, REJECTED)
+    (reason,) = rejections.at(100.0)
+    assert reason.severity is Severity.SIGN
+
+
+def test_a_measurement_that_could_not_be_compared_neither_stops_nor_clears() -> None:
+    rejections = Rejections()
+    late = innovation("compass", accepted=False, residual=None)
+    for index in range(100):
+        assert rejections.at(float(index), late) == []
+    for t_s in (100.0, 101.0, 102.0):
+        (reason,) = rejections.at(t_s, REJECTED, late)
+    assert reason.severity is Severity.STOP

@@ -1,0 +1,322 @@
+"""The supervisor: when it stops, why, and when it lets go again."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controllers.roles import DeviceRoles
+from controllers.safety import Mode, SafetySupervisor
+from controllers.safety.reasons import Cycle
+from controllers.safety.settings import SafetySettings
+from drivers.clock import nanoseconds
+from drivers.samples import (
+    AttitudeSample,
+    BumperSample,
+    FaultSample,
+    HeadingReference,
+    HeadingSample,
+    LinkSample,
+    PoseFixSample,
+    PowerSample,
+    RateSample,
+    Sample,
+    WheelSample,
+)
+
+MS = 1_000_000
+SECOND_NS = 1000 * MS
+ROLES = DeviceRoles(
+    wheels="wheels",
+    gyro="imu",
+    headings=("imu",),
+    fixes=("overhead",),
+    required={"wheels": 0.1, "imu": 0.2, "drive": 0.3, "overhead": 0.4},
+)
+SETTINGS = SafetySettings(settle_s=0.5, recover_s=0.4)
+
+
+def wheel(index: int, t_ns: int, position: float | None = 0.0) -> WheelSample:
+    return WheelSample(device="wheels", t_ns=t_ns, wheel=index, position_rad=position)
+
+
+def heading(t_ns: int, value: float = 0.0) -> HeadingSample:
+    return HeadingSample(device="imu", t_ns=t_ns, heading_rad=value, reference=HeadingReference.TRUE)
+
+
+def rate(t_ns: int, value: float = 0.0) -> RateSample:
+    return RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=value)
+
+
+def power(t_ns: int) -> PowerSample:
+    return PowerSample(device="drive", t_ns=t_ns, voltage_v=24.0)
+
+
+def fix(t_ns: int, x_m: float = 0.0, age_s: float = 0.0) -> PoseFixSample:
+    return PoseFixSample(
+        device="overhead",
+        t_ns=t_ns,
+        x_m=x_m,
+        y_m=0.0,
+        yaw_rad=0.0,
+        position_std_m=0.01,
+        yaw_std_rad=0.01,
+        t_capture_ns=t_ns - nanoseconds(age_s),
+    )
+
+
+def everything(t_ns: int) -> list[Sample]:
+    return [wheel(0, t_ns), wheel(1, t_ns), rate(t_ns), heading(t_ns), power(t_ns), fix(t_ns)]
+
+
+class Watch:
+    """A supervisor on a 10 ms cycle."""
+
+    def __init__(self, settings: SafetySettings = SETTINGS) -> None:
+        self.supervisor = SafetySupervisor(settings, ROLES, wheel_count=2)
+        self.now_ns = 0
+
+    def cycle(self, *samples: Sample, finite: bool = True, motion_ns: int | None = None) -> Mode:
+        self.now_ns += 10 * MS
+        for sample in samples:
+            self.supervisor.observe(sample, sample.t_ns)
+        self.supervisor.update(
+            Cycle(
+                now_ns=self.now_ns,
+                estimate_is_finite=finite,
+                motion_ns=self.now_ns if motion_ns is None else motion_ns,
+            )
+        )
+        return self.supervisor.mode
+
+    def healthy_until_running(self) -> int:
+        """Return after how many ms of healthy cycles the rover may run."""
+        start_ns = self.now_ns
+        while self.cycle(*everything(self.now_ns + 10 * MS)) is not Mode.RUNNING:
+            assert self.now_ns - start_ns < 10_000 * MS
+        return (self.now_ns - start_ns) // MS
+
+
+def running() -> Watch:
+    watch = Watch()
+    watch.healthy_until_running()
+    return watch
+
+
+def test_motion_starts_after_the_settling_time() -> None:
+    watch = Watch()
+    assert watch.cycle() is Mode.SETTLING
+    assert watch.supervisor.reason == "wheels: no position of wheel 0 within 0.1 s"
+    assert watch.cycle(*everything(20 * MS)) is Mode.SETTLING
+    assert watch.supervisor.reason == ""
+    assert watch.healthy_until_running() == 500
+
+
+def test_settling_starts_again_after_an_interruption() -> None:
+    watch = Watch()
+    for _ in range(40):
+        watch.cycle(*everything(watch.now_ns + 10 * MS))
+    watch.cycle(LinkSample(device="imu", t_ns=watch.now_ns, up=False, reason="unplugged"))
+    watch.cycle(LinkSample(device="imu", t_ns=watch.now_ns, up=True, reason="reopened"))
+    assert watch.healthy_until_running() == pytest.approx(500, abs=10)
+
+
+SILENCES = [
+    pytest.param(0, 100, "wheels: no position of wheel 0 within 0.1 s", id="wheel 0"),
+    pytest.param(1, 100, "wheels: no position of wheel 1 within 0.1 s", id="wheel 1"),
+    pytest.param(2, 200, "imu: no yaw rate within 0.2 s", id="rate of the imu"),
+    pytest.param(3, 200, "imu: no heading within 0.2 s", id="heading of the imu"),
+    pytest.param(4, 300, "drive: no sample within 0.3 s", id="drive"),
+    pytest.param(5, 400, "overhead: no pose fix in time within 0.4 s", id="camera"),
+]
+
+
+@pytest.mark.parametrize(("left_out", "limit_ms", "reason"), SILENCES)
+def test_silence_stops_as_soon_as_the_age_limit_is_exceeded(
+    left_out: int, limit_ms: int, reason: str
+) -> None:
+    watch = running()
+    last_heard_ns = watch.now_ns
+    mode = Mode.RUNNING
+    while mode is Mode.RUNNING:
+        samples = everything(watch.now_ns + 10 * MS)
+        del samples[left_out]
+        mode = watch.cycle(*samples)
+    assert mode is Mode.SAFE_STOP
+    assert watch.supervisor.reason == reason
+    assert watch.now_ns - last_heard_ns == (limit_ms + 10) * MS
+
+
+@pytest.mark.parametrize(
+    ("left_out", "useless"),
+    [
+        pytest.param(0, wheel(0, 0, math.nan), id="nan position"),
+        pytest.param(0, wheel(0, 0, None), id="current only"),
+        pytest.param(2, rate(0, math.inf), id="infinite rate"),
+        pytest.param(2, AttitudeSample(device="imu", t_ns=0, roll_rad=0.0), id="attitude for rate"),
+        pytest.param(3, heading(0, math.nan), id="nan heading"),
+        pytest.param(5, fix(SECOND_NS, x_m=math.nan), id="nan fix"),
+        pytest.param(5, fix(SECOND_NS, age_s=2.1), id="late fix"),
+    ],
+)
+def test_useless_samples_do_not_keep_a_device_alive(left_out: int, useless: Sample) -> None:
+    watch = running()
+    for _ in range(41):
+        samples = everything(watch.now_ns + 10 * MS)
+        del samples[left_out]
+        watch.supervisor.observe(useless, watch.now_ns)
+        mode = watch.cycle(*samples)
+    assert mode is Mode.SAFE_STOP
+
+
+def test_repeated_and_old_stamps_do_not_keep_a_device_alive() -> None:
+    watch = running()
+    stamp_ns = watch.now_ns
+    for i in range(11):
+        watch.cycle(*everything(stamp_ns - i * MS))
+    assert watch.supervisor.mode is Mode.SAFE_STOP
+
+
+@pytest.mark.parametrize(
+    ("sample", "reason"),
+    [
+        (LinkSample(device="imu", t_ns=0, up=False, reason="unplugged"), "imu: link down (unplugged)"),
+        (
+            FaultSample(device="drive", t_ns=0, wheel=1, code=4, text="over current"),
+            "drive wheel 1: fault 4 (over current)",
+        ),
+        (FaultSample(device="drive", t_ns=0, code=7, text="bus off"), "drive: fault 7 (bus off)"),
+    ],
+)
+def test_link_and_fault_stop_at_once_and_hold_until_cleared(sample: Sample, reason: str) -> None:
+    watch = running()
+    for _ in range(100):
+        assert watch.cycle(sample, *everything(watch.now_ns + 10 * MS)) is Mode.SAFE_STOP
+        assert watch.supervisor.reason == reason
+        sample = power(watch.now_ns)
+    for clear in (
+        LinkSample(device="imu", t_ns=0, up=True, reason="reopened"),
+        FaultSample(device="drive", t_ns=0, code=0, text="ok"),
+    ):
+        watch.supervisor.observe(clear, watch.now_ns)
+    assert watch.healthy_until_running() == 410
+
+
+def test_a_fault_is_cleared_for_its_wheel_only() -> None:
+    watch = running()
+    for index in (0, 1):
+        watch.supervisor.observe(FaultSample(device="drive", t_ns=0, wheel=index, code=1, text="stalled"), 0)
+    watch.supervisor.observe(FaultSample(device="drive", t_ns=0, wheel=0, code=0, text="ok"), 0)
+    for _ in range(60):
+        assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.SAFE_STOP
+    assert watch.supervisor.reason == "drive wheel 1: fault 1 (stalled)"
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        (
+            LinkSample(device="wheels", t_ns=0, up=False, reason="unplugged"),
+            LinkSample(device="wheels", t_ns=0, up=True, reason="reopened"),
+        ),
+        (
+            FaultSample(device="drive", t_ns=0, code=1, text="watchdog"),
+            FaultSample(device="drive", t_ns=0, code=0, text="ok"),
+        ),
+    ],
+)
+def test_a_break_within_one_cycle_stops_too(pair: tuple[Sample, Sample]) -> None:
+    watch = running()
+    assert watch.cycle(*everything(watch.now_ns + 10 * MS), *pair) is Mode.SAFE_STOP
+    assert watch.healthy_until_running() == 410
+
+
+def test_an_old_stamp_after_a_new_one_does_not_make_a_device_stale() -> None:
+    watch = running()
+    for _ in range(30):
+        now_ns = watch.now_ns + 10 * MS
+        assert watch.cycle(*everything(now_ns), *everything(now_ns - 400 * MS)) is Mode.RUNNING
+
+
+def test_clearing_one_device_leaves_the_faults_of_others() -> None:
+    watch = running()
+    for sample in (
+        FaultSample(device="drive", t_ns=0, wheel=0, code=1, text="stalled"),
+        FaultSample(device="imu", t_ns=0, code=2, text="saturated"),
+        FaultSample(device="drive", t_ns=0, code=0, text="ok"),
+    ):
+        watch.supervisor.observe(sample, 0)
+    for _ in range(60):
+        assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.SAFE_STOP
+    assert watch.supervisor.reason == "imu: fault 2 (saturated)"
+
+
+def test_devices_that_are_not_required_do_not_stop() -> None:
+    watch = running()
+    for sample in (
+        LinkSample(device="camera", t_ns=0, up=False, reason="unplugged"),
+        FaultSample(device="camera", t_ns=0, code=1, text="overheated"),
+    ):
+        assert watch.cycle(sample, *everything(watch.now_ns + 10 * MS)) is Mode.RUNNING
+
+
+def test_recovery_takes_unbroken_freshness() -> None:
+    watch = running()
+    watch.cycle(LinkSample(device="imu", t_ns=0, up=False, reason="unplugged"))
+    watch.supervisor.observe(LinkSample(device="imu", t_ns=0, up=True, reason="reopened"), 0)
+    for _ in range(39):
+        assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.SAFE_STOP
+    for _ in range(11):
+        watch.cycle()
+    assert watch.supervisor.reason == "wheels: no position of wheel 0 within 0.1 s"
+    assert watch.healthy_until_running() == 410
+    assert watch.supervisor.reason == ""
+
+
+def test_an_estimate_that_is_not_finite_stops() -> None:
+    watch = running()
+    assert watch.cycle(*everything(watch.now_ns + 10 * MS), finite=False) is Mode.SAFE_STOP
+    assert watch.supervisor.reason == "pose filter: the estimate is not finite"
+
+
+def test_a_bumper_stops_for_good() -> None:
+    watch = running()
+    bumper = BumperSample(device="bumper", t_ns=0, pressed=True)
+    assert watch.cycle(bumper, *everything(watch.now_ns + 10 * MS)) is Mode.EMERGENCY_STOP
+    for _ in range(200):
+        released = BumperSample(device="bumper", t_ns=0, pressed=False)
+        assert watch.cycle(released, *everything(watch.now_ns + 10 * MS)) is Mode.EMERGENCY_STOP
+    assert watch.supervisor.reason == "bumper: bumper pressed"
+
+
+def test_bumpers_can_be_switched_off() -> None:
+    watch = Watch(SafetySettings(bumper_stops=False))
+    watch.healthy_until_running()
+    bumper = BumperSample(device="bumper", t_ns=0, pressed=True)
+    assert watch.cycle(bumper, *everything(watch.now_ns + 10 * MS)) is Mode.RUNNING
+
+
+def test_a_finished_mission_stays_finished() -> None:
+    watch = running()
+    watch.supervisor.finish()
+    assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.FINISHED
+    watch.cycle(LinkSample(device="imu", t_ns=0, up=False, reason="unplugged"))
+    assert watch.supervisor.mode is Mode.FINISHED
+    watch.supervisor.observe(LinkSample(device="imu", t_ns=0, up=True, reason="reopened"), 0)
+    for _ in range(100):
+        assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.FINISHED
+
+
+@given(heard=st.lists(st.lists(st.booleans(), min_size=6, max_size=6), min_size=1, max_size=150))
+def test_running_means_that_every_part_is_fresh(heard: list[list[bool]]) -> None:
+    watch = running()
+    limits_ms = (100, 100, 200, 200, 300, 400)
+    newest_ns = [watch.now_ns] * 6
+    for row in heard:
+        now_ns = watch.now_ns + 10 * MS
+        newest_ns = [now_ns if here else old for here, old in zip(row, newest_ns, strict=True)]
+        mode = watch.cycle(*(s for s, here in zip(everything(now_ns), row, strict=True) if here))
+        is_fresh = all(now_ns - t <= limit * MS for t, limit in zip(newest_ns, limits_ms, strict=True))
+        if not is_fresh:
+            assert mode is Mode.SAFE_STOP
