@@ -3,7 +3,7 @@
     python -m benchmarks.ftrace [--sets easy,curved] [--seeds 2] [--first-seed 1000] [--seconds S]
                                 [--methods fused,hough] [--pictures FOLDER]
 
-Every finder gets the same grey frames, wheel speed and gyro of the drives of `sim_backends/rear_scene`. Seeds
+Every finder gets the same grey frames, wheel speed and gyro of the drives of `tests/rear_scene`. Seeds
 from 1000 are held out: nothing was tuned on them. Prints one table per set, one for all but `sparse` (one
 image every 32 cm) together, and as JSON what misses a bar; exit code 1 when anything does. One seed of all
 sets takes about five minutes; `--sets easy,curved --seconds 20` one.

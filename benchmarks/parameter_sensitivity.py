@@ -3,7 +3,7 @@
     python -m benchmarks.parameter_sensitivity [--sets curved,shadow,overlap] [--seed 1] [--seconds 20]
                                                [--group presence]
 
-Runs `fused` on development drives of `sim_backends/rear_scene` with each number at 0.8 and at 1.2 of its
+Runs `fused` on development drives of `tests/rear_scene` with each number at 0.8 and at 1.2 of its
 value (whole numbers change by at least 1). Prints as Markdown the changes of the rms of the angle (last one
 held, deg), of missed and of false frames (%), as defined in `benchmarks/ftrace_scores.py`. Three drives take
 about half an hour on one core.
@@ -22,8 +22,8 @@ from benchmarks.ftrace import run
 from benchmarks.ftrace_scores import figures, judge, together
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
 from drivers.samples import Image
-from sim_backends.rear_scene.sequence import FrameSequence
-from sim_backends.rear_scene.sets import make_sequence
+from tests.rear_scene.sequence import FrameSequence
+from tests.rear_scene.sets import make_sequence
 
 FACTORS = (0.8, 1.2)
 NOT_USED = ("hough", "fuzzy", "confidence")

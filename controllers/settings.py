@@ -74,6 +74,6 @@ def find_slip_conflicts(
         )
     if scomp is not None and not isinstance(rover, SkidSteerRoverSettings):
         yield (
-            f"scomp: it is of a rover with four wheels, but rover.kinematics is "
+            f"scomp: it is for a rover with four wheels, but rover.kinematics is "
             f"'{rover.kinematics}': leave [scomp] out"
         )

@@ -1,7 +1,7 @@
 """Every tuned number of FTrace.
 
-Provenance, unless a group or a line states another: unknown; chosen by hand on the development scenes of
-`sim_backends/rear_scene` (seeds below 1000). Units are in the names; other numbers are ratios. A result's
+Provenance, unless a group or a line states another: unknown; chosen by hand on development drives of the
+simulated rear scene (seeds below 1000). Units are in the names; other numbers are ratios. A result's
 sensitivity to each number is printed by `python -m benchmarks.parameter_sensitivity`.
 """
 
@@ -197,7 +197,7 @@ class PresenceParameters:
 class ConfidenceParameters:
     """Logistic regression of the error of an angle.
 
-    Fitted on drives of `sim_backends/rear_scene` (seeds 0 to 2 and 10 to 12) and of another renderer, each
+    Fitted on drives of the simulated rear scene (seeds 0 to 2 and 10 to 12) and of another renderer, each
     half tested on the other one, with an earlier method: the present one made too few errors to fit.
     """
 

@@ -16,7 +16,7 @@ class LiveTraceFinder:
 
     Args:
         rig: Calibration of the camera.
-        camera: The camera that the rig is of.
+        camera: The camera of the rig.
 
     Raises:
         ConfigError: The camera does not see the ground behind the wheel, or its frames have another size.
