@@ -486,5 +486,5 @@ def main() -> None:
     try:
         app(_spread(sys.argv[1:], "--test"), prog_name="rover-hil")
     except RoverHilError as error:
-        print(f"rover-hil: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201 - the one place that reports errors
+        print(f"rover-hil: {error}", file=sys.stderr)  # noqa: T201 - the one place that reports errors
         sys.exit(EXIT_BAD_INPUT)

@@ -1,1 +1,1 @@
-"""Result files of the commands: written whole or not at all."""
+"""Reports: one style, one page, and result files written whole or not at all."""

@@ -1,12 +1,11 @@
 """Writes summary and report of a run, made from its log alone."""
 
-from importlib import resources
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
 from pydantic_core import from_json, to_json
 
 from rover_hil.pages.atomic_write import write_files
+from rover_hil.pages.render import render
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, summarise
@@ -15,7 +14,6 @@ from rover_hil.report.verdict import facts, grade, tag, verdict
 SUMMARY_NAME = "summary.json"
 REPORT_NAME = "report.html"
 STOPS_SHOWN = 8
-TEMPLATE_NAME = "report.html"
 
 
 def write_report(log_path: Path, folder: Path) -> str:
@@ -37,19 +35,16 @@ def write_report(log_path: Path, folder: Path) -> str:
 
 def _render(run: RunData, summary: Summary) -> str:
     # Imported here because it brings matplotlib, a third of a second that the start of a run must not wait.
-    from rover_hil.report.figures import draw_pictures
+    from rover_hil.report.figures import draw_report
 
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = (resources.files("rover_hil.report") / TEMPLATE_NAME).read_text("utf-8")
-    return environment.from_string(template).render(
+    return render(
+        "report/report.html",
         summary=summary,
         grade=grade(summary).value,
         tag=tag(summary),
         verdict=verdict(run, summary),
         facts=facts(summary),
         stops_shown=STOPS_SHOWN,
-        pictures=draw_pictures(run, summary),
+        pictures=draw_report(run, summary),
         config_text=to_json(from_json(run.config_json), indent=2).decode(),
     )

@@ -1,19 +1,12 @@
 """The reports of the terrain commands: one page that needs nothing else, and the numbers as CSV."""
 
-from collections.abc import Callable, Mapping, Sequence
-from importlib import resources
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
 
-import matplotlib as mpl
-from jinja2 import Environment, StrictUndefined
-from matplotlib.figure import Figure
-
-from rover_hil.pages import style
 from rover_hil.pages.atomic_write import write_files
-from rover_hil.pages.picture import data_uri
-from rover_hil.report.figures import Picture
+from rover_hil.pages.picture import Drawing, draw_pictures
+from rover_hil.pages.render import render
 from rover_hil.terrain.climb import SlopeRow
 from rover_hil.terrain.figures import draw_climbs, draw_forces, draw_paths, draw_slippage
 from rover_hil.terrain.setup import REPORT_NAME
@@ -25,16 +18,6 @@ from rover_hil.terrain.slip_skid_figures import (
 )
 from rover_hil.terrain.table import Table, shown
 from rover_hil.terrain.traverse import Traverse
-
-Draw = Callable[[], Figure]
-
-
-class Drawing(NamedTuple):
-    """A picture to be drawn: title, what to look at, and how."""
-
-    title: str
-    caption: str
-    draw: Draw
 
 
 def write_page(
@@ -58,15 +41,14 @@ def write_page(
     Raises:
         ConfigError: The folder cannot be made or written to.
     """
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["shown"] = shown
-    template = (resources.files("rover_hil.terrain") / REPORT_NAME).read_text("utf-8")
-    with mpl.rc_context(style.STYLE):
-        pictures = [Picture(each.title, each.caption, data_uri(each.draw())) for each in drawings]
-    page = environment.from_string(template).render(
-        title=title, facts=facts, pictures=pictures, tables=tables
+    page = render(
+        "terrain/report.html",
+        filters={"shown": shown},
+        grade="plain",
+        title=title,
+        facts=facts,
+        pictures=draw_pictures(drawings),
+        tables=tables,
     )
     csv_texts = {f"{table.name}.csv": table.csv_text() for table in tables}
     write_files(folder, {REPORT_NAME: page, **csv_texts, **others})

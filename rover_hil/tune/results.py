@@ -3,11 +3,9 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from pydantic_core import to_json
 
 from controllers.motion.mission import corner_points
@@ -15,8 +13,9 @@ from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.pages.atomic_write import write_files
+from rover_hil.pages.render import render
 from rover_hil.tune.comparison import Comparison, Verdict
-from rover_hil.tune.figures import TuningData, draw_pictures
+from rover_hil.tune.figures import TuningData, draw_report
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
@@ -216,13 +215,10 @@ def _spreads(missions: Sequence[SimulatedMission], quantile: float) -> dict[str,
 
 
 def _page(data: TuningData, result: TuningResult) -> str:
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = (resources.files("rover_hil.tune") / REPORT_NAME).read_text("utf-8")
-    return environment.from_string(template).render(
+    return render(
+        "tune/report.html",
         result=result,
         grade=GRADES[result.verdict],
         sentence=sentence(result),
-        pictures=draw_pictures(data),
+        pictures=draw_report(data),
     )

@@ -84,8 +84,8 @@ def name_model_errors(path: Path) -> Iterator[None]:
             lines.append(error.lineno)
         if not lines:
             raise
-        where = f"{path}, line {lines[-1]}"
-        raise ConfigError(f"{where}: {type(error).__name__}: {error}; correct the model file") from error
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise ConfigError(f"{path}, line {lines[-1]}: {what}; correct the model file") from error
 
 
 def read_runs(model: Model, path: Path) -> list[Run]:

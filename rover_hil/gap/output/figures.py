@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import partial
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,75 +13,19 @@ from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.output import residual_figures
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.pages import style
-from rover_hil.pages.picture import data_uri
+from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 
 MOST_BARS = 16
 FEW = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """A picture with a caption."""
-
-    title: str
-    caption: str
-    source: str
-
-
-def draw_pictures(analysis: Analysis) -> list[Picture]:
-    """Return the pictures in the order of the report; those without content are omitted."""
+def draw_report(analysis: Analysis) -> list[Picture]:
+    """Return the pictures in the order of the report; those without content are left out."""
     findings = analysis.findings
     if findings is None:
         return []
-    pictures = []
-    with mpl.rc_context(style.STYLE):
-        for title, caption, draw in _pictures(analysis):
-            figure = draw(analysis, findings)
-            if figure is not None:
-                pictures.append(Picture(title=title, caption=caption, source=data_uri(figure)))
-    return pictures
-
-
-Draw = Callable[[Analysis, Findings], Figure | None]
-
-
-def _pictures(analysis: Analysis) -> Sequence[tuple[str, str, Draw]]:
-    del analysis
-    return (
-        (
-            "Measured against simulated",
-            "Dots are runs, hollow if they were locked; the band is the scatter of one run. The orange line "
-            "is the simulation without the effects, the blue one with them.",
-            residual_figures.draw_overlay,
-        ),
-        (
-            "Where they differ",
-            "Measured minus simulated in units of the scatter, before and after, on one scale; white is "
-            "agreement.",
-            residual_figures.draw_maps,
-        ),
-        (
-            "Scores of the effects",
-            "Score of each effect, after base parameters have absorbed what they can. Only bars beyond the "
-            "line are significant: without a gap, none reaches it in 995 of 1000 experiments.",
-            _draw_scores,
-        ),
-        (
-            "What could be confused",
-            "Similarity of two effects in these runs: at +1 or -1 no analysis can distinguish them.",
-            _draw_confusion,
-        ),
-        (
-            "From the base model to the noise",
-            "Error on the locked runs over all channels, in units of the scatter; 1 is perfect.",
-            _draw_waterfall,
-        ),
-        (
-            "Base parameters",
-            "Distance of each fitted base parameter from its prior, in prior standard deviations. Beyond 2 "
-            "it compensates another effect.",
-            _draw_pulls,
-        ),
+    return draw_pictures(
+        Drawing(title, caption, partial(draw, analysis, findings)) for title, caption, draw in PICTURES
     )
 
 
@@ -193,3 +136,41 @@ def _bars(count: int, label: str) -> tuple[Figure, Axes]:
 def _label_rows(axes: Axes, names: Sequence[str]) -> None:
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
+
+
+PICTURES: Sequence[tuple[str, str, Callable[[Analysis, Findings], Figure | None]]] = (
+    (
+        "Measured against simulated",
+        "Dots are runs, hollow if they were locked; the band is the scatter of one run. The orange line is "
+        "the simulation without the effects, the blue one with them.",
+        residual_figures.draw_overlay,
+    ),
+    (
+        "Where they differ",
+        "Measured minus simulated in units of the scatter, before and after, on one scale; white is "
+        "agreement.",
+        residual_figures.draw_maps,
+    ),
+    (
+        "Scores of the effects",
+        "Score of each effect, after base parameters have absorbed what they can. Only bars beyond the "
+        "line are significant: without a gap, none reaches it in 995 of 1000 experiments.",
+        _draw_scores,
+    ),
+    (
+        "What could be confused",
+        "Similarity of two effects in these runs: at +1 or -1 no analysis can distinguish them.",
+        _draw_confusion,
+    ),
+    (
+        "From the base model to the noise",
+        "Error on the locked runs over all channels, in units of the scatter; 1 is perfect.",
+        _draw_waterfall,
+    ),
+    (
+        "Base parameters",
+        "Distance of each fitted base parameter from its prior, in prior standard deviations. Beyond 2 it "
+        "compensates another effect.",
+        _draw_pulls,
+    ),
+)

@@ -7,7 +7,7 @@ from pydantic_core import to_json
 
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text
-from rover_hil.gap.output.report import render
+from rover_hil.gap.output.report import report_text
 from rover_hil.gap.plan import Plan
 from rover_hil.gap.verdict_rules import intervals, is_named
 from rover_hil.pages.atomic_write import write_files
@@ -46,7 +46,7 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
     texts = {
         VERDICT_NAME: verdict_text(analysis) + "\n",
         MODEL_NAME: _model_text(analysis, base, date),
-        REPORT_NAME: render(analysis),
+        REPORT_NAME: report_text(analysis),
     }
     if analysis.plan is None:
         texts[PLAN_NAME] = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
