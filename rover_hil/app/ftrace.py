@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import Method, TraceEstimator
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from rover_hil.config import read_rig
@@ -53,7 +53,7 @@ def trace_angles(
     geometry = rig.geometry()
     source = FrameSource(frames)
     telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
-    estimator = TraceEstimator(geometry, TraceSettings(method=chosen))
+    estimator = TraceEstimator(geometry, chosen)
     writer = None if overlay is None else OverlayWriter(overlay, geometry, rig.image.fps)
     found: list[FrameAngle] = []
     code = EXIT_OK

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import Method, TraceEstimator
 from drivers.errors import ModelError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rms
@@ -114,7 +114,7 @@ def test_ground_without_a_trace() -> None:
 @pytest.mark.parametrize("method", ["hough", "fused"])
 def test_black_empty_and_burnt_frames(grey: int, method: Method) -> None:
     rig = geometry()
-    estimator = TraceEstimator(rig, TraceSettings(method=method))
+    estimator = TraceEstimator(rig, method)
 
     for frame in range(8):
         angle = estimator.step(frame * 200_000_000, np.full((rig.height, rig.width), grey, np.uint8))
@@ -139,7 +139,7 @@ def test_the_same_frames_give_the_same_angles(left: Drive) -> None:
 
 def test_time_that_stands_still() -> None:
     rig = geometry()
-    estimator = TraceEstimator(rig, TraceSettings())
+    estimator = TraceEstimator(rig)
     image = np.zeros((rig.height, rig.width), np.uint8)
     estimator.step(5, image)
 
@@ -149,4 +149,4 @@ def test_time_that_stands_still() -> None:
 
 def test_a_frame_of_another_size() -> None:
     with pytest.raises(ModelError, match="of this rig"):
-        TraceEstimator(geometry(), TraceSettings()).step(0, np.zeros((100, 100), np.uint8))
+        TraceEstimator(geometry()).step(0, np.zeros((100, 100), np.uint8))
