@@ -42,7 +42,7 @@ from benchmarks.field_drives import (
     wheel_speed_rad_s,
 )
 from benchmarks.field_tests import FIRST_SEED, SITES, parameters_of, see
-from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import TraceEstimator
 from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
@@ -69,9 +69,7 @@ class Eyes:
         look = draw_look(site, rng, frames)
         self._terrain, self._rig, self._depth_m = site.terrain(), rover.rig, look.rut.depth_m
         self._scene = RearScene(rover.rig, look.ground, look.sun, look.rut, look.lens, rng)
-        self._estimator = TraceEstimator(
-            RigFile.model_validate(rover.rig.as_json()).geometry(), TraceSettings()
-        )
+        self._estimator = TraceEstimator(RigFile.model_validate(rover.rig.as_json()).geometry())
         steps = frames * PRESSES_PER_FRAME + 1
         rocking = [wander(steps, 0.35 / PRESS_S, rng) for _ in range(2)]
         self.rock_rad: Floats = np.radians(ROCK_DEG) * np.stack(rocking, axis=1)

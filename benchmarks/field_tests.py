@@ -35,7 +35,7 @@ from benchmarks.field_drives import (
 )
 from benchmarks.field_pictures import draw_test
 from benchmarks.scomp_peers import compass_track, paper_track, plain_track
-from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import Method, TraceEstimator
 from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
@@ -82,7 +82,7 @@ def see(recorded: FieldDrive, method: Method) -> Traces:
     """Render the frames of a drive and read the trace in each."""
     sequence = recorded.sequence
     rig = RigFile.model_validate(sequence.rig.as_json()).geometry()
-    estimator = TraceEstimator(rig, TraceSettings(method=method))
+    estimator = TraceEstimator(rig, method)
     theta, detected, image = [], [], np.zeros((0, 0, 3), np.uint8)
     for image, told in zip(sequence.frames(), sequence.telemetry, strict=True):
         rates = [math.radians(r) for r in (told.gyro_roll_dps, told.gyro_pitch_dps, told.gyro_yaw_dps)]

@@ -24,7 +24,7 @@ import numpy as np
 
 from benchmarks.ftrace_peers import BandFilter, CannyHough, Peer, PlanarFlow
 from benchmarks.ftrace_scores import Found, Judged, figures, judge, together
-from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
 from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
@@ -80,7 +80,7 @@ def run(
 ) -> tuple[Found, list[TraceAngle]]:
     """Return the estimates of one of our methods on a drive."""
     rig = RigFile.model_validate(sequence.rig.as_json()).geometry()
-    estimator = TraceEstimator(rig, TraceSettings(method=method), parameters)
+    estimator = TraceEstimator(rig, method, parameters)
     angles, spent_ms = [], []
     for image, told in zip(images, sequence.telemetry, strict=True):
         start_ns = stopwatch_ns()

@@ -40,8 +40,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw the pictures of reports, but do not make SVG of them: that takes most of a short run's time."""
-    for module in ("gap.output.figures", "report.figures", "terrain.pages", "tune.figures"):
-        monkeypatch.setattr(f"rover_hil.{module}.data_uri", lambda figure: "data:image/svg+xml;base64,")
+    monkeypatch.setattr("rover_hil.pages.picture.svg", lambda figure: b"")
 
 
 @pytest.fixture(scope="session")

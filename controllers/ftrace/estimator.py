@@ -14,23 +14,9 @@ from controllers.ftrace.rut.tracker import RutTracker
 from drivers.clock import seconds
 from drivers.errors import ModelError
 from drivers.samples import Image
-from drivers.settings import Settings
 
 Rates = tuple[float, float, float]
 Method = Literal["fused", "hough"]
-
-
-class TraceSettings(Settings):
-    """Method of the estimator.
-
-    Attributes:
-        method: `fused`: cross-sections of the rut, the path travelled, and the optical flow of the ground;
-            `hough`: the paper's method, Hough lines and fuzzy reasoning.
-        most_misses: Frames in a row without a trace for which the last one is kept.
-    """
-
-    method: Method = "fused"
-    most_misses: int = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +27,7 @@ class TraceAngle:
         t_ns: Time of the frame.
         detected: The trace is detected in this frame.
         theta_rad: Angle of the wheel's current velocity from its axis, counter-clockwise; for at most
-            `most_misses` frames after the last trace that of the kept path; None without one.
+            `parameters.most_misses` frames after the last trace that of the kept path; None without one.
         offset_m: Place of the trace at the contact, left of it positive; None like `theta_rad`.
         distance_m: Distance of the trace's line from the vehicle's origin, positive when it passes left of it
             (the paper's d_t); None like `theta_rad`.
@@ -68,7 +54,8 @@ class TraceEstimator:
 
     Args:
         rig: Calibrated camera and wheel.
-        settings: Method.
+        method: `fused`: cross-sections of the rut, the path travelled, and the optical flow of the ground;
+            `hough`: the paper's method, Hough lines and fuzzy reasoning.
         parameters: Tuned numbers.
 
     Raises:
@@ -76,16 +63,14 @@ class TraceEstimator:
     """
 
     def __init__(
-        self, rig: RigGeometry, settings: TraceSettings, parameters: FTraceParameters = DEFAULTS
+        self, rig: RigGeometry, method: Method = "fused", parameters: FTraceParameters = DEFAULTS
     ) -> None:
         self._rig = rig
         self._parameters = parameters
         self._ground = GroundPatch(rig)
-        self._most_misses = settings.most_misses
-        is_hough = settings.method == "hough"
-        make = HoughTracker if is_hough else RutTracker
+        make = HoughTracker if method == "hough" else RutTracker
         self._tracker: HoughTracker | RutTracker = make(self._ground, parameters)
-        self._misses = settings.most_misses + 1
+        self._misses = parameters.most_misses + 1
         self._confidence = 0.0
         self._t_ns: int | None = None
         self._rates: Rates | None = None
@@ -112,8 +97,8 @@ class TraceEstimator:
         frame = self._frame(t_ns, image, wheel_speed_m_s, rates_rad_s)
         reading = self._tracker.track(frame)
         self._misses = 0 if reading.found else self._misses + 1
-        is_kept = self._misses <= self._most_misses and reading.theta_rad is not None
-        if self._misses == self._most_misses + 1:
+        is_kept = self._misses <= self._parameters.most_misses and reading.theta_rad is not None
+        if self._misses == self._parameters.most_misses + 1:
             self._tracker.lose()
         self._confidence = reading.confidence if reading.found else self._confidence / 2
         theta = reading.theta_rad if is_kept else None

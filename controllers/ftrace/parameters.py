@@ -246,6 +246,7 @@ class FuzzyParameters:
 class FTraceParameters:
     """All groups."""
 
+    most_misses: int = 3  # frames in a row without a trace for which the last one is kept
     turn: TurnParameters = TurnParameters()
     frame: FrameParameters = FrameParameters()
     flow: FlowParameters = FlowParameters()

@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import Method, TraceEstimator
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
@@ -62,7 +62,7 @@ def trace_angles(
     geometry = rig.geometry()
     source = FrameSource(frames)
     telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
-    estimator = TraceEstimator(geometry, TraceSettings(method=chosen))
+    estimator = TraceEstimator(geometry, chosen)
     found: list[FrameAngle] = []
     code = EXIT_OK
     with ExitStack() as resources:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import TraceEstimator
 from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.compensator import Rates, TraceReading
 from drivers.camera.settings import CameraSettings
@@ -26,7 +26,7 @@ class LiveTraceFinder:
         conflict = rig.size_conflict(camera.width, camera.height)
         if conflict:
             raise ConfigError(conflict)
-        self._estimator = TraceEstimator(rig.geometry(), TraceSettings())
+        self._estimator = TraceEstimator(rig.geometry())
         self._shape = (rig.image.height, rig.image.width)
         self._before_ns: int | None = None
 

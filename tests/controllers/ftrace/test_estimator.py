@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
 from drivers.errors import ModelError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rms
@@ -133,7 +133,7 @@ def test_ground_without_a_trace() -> None:
 @pytest.mark.parametrize("method", ["hough", "fused"])
 def test_black_empty_and_burnt_frames(grey: int, method: Method) -> None:
     rig = geometry()
-    estimator = TraceEstimator(rig, TraceSettings(method=method))
+    estimator = TraceEstimator(rig, method)
 
     for frame in range(8):
         angle = estimator.step(frame * 200_000_000, np.full((rig.height, rig.width), grey, np.uint8))
@@ -156,7 +156,7 @@ def test_the_same_frames_give_the_same_angles(left: Drive, left_angles: AnglesOf
 
 def test_time_that_stands_still() -> None:
     rig = geometry()
-    estimator = TraceEstimator(rig, TraceSettings())
+    estimator = TraceEstimator(rig)
     image = np.zeros((rig.height, rig.width), np.uint8)
     estimator.step(5, image)
 
@@ -166,4 +166,4 @@ def test_time_that_stands_still() -> None:
 
 def test_a_frame_of_another_size() -> None:
     with pytest.raises(ModelError, match="of this rig"):
-        TraceEstimator(geometry(), TraceSettings()).step(0, np.zeros((100, 100), np.uint8))
+        TraceEstimator(geometry()).step(0, np.zeros((100, 100), np.uint8))
