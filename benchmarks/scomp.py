@@ -21,11 +21,11 @@ import numpy as np
 from benchmarks.scomp_peers import compass_track, paper_track, plain_track
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.identify.scomp.fit import identify
+from rover_hil.identify.scomp.pictures import drive_pictures, model_pictures
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
 from rover_hil.scomp.odometry import Result, estimate_track
-from rover_hil.scomp.pictures import drive_pictures, model_pictures
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, Site, field_test
 
 TESTS = {"test_1": SIDEWAYS, "test_2": MOUNDS}

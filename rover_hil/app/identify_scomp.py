@@ -13,11 +13,11 @@ from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.identify.scomp.fit import Identification, identify
+from rover_hil.identify.scomp.pictures import fit_pictures
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
 from rover_hil.scomp.drive import TruePath, final_error_m
 from rover_hil.scomp.files import ReadDrive, parameters_text, read_drive
 from rover_hil.scomp.odometry import estimate_track
-from rover_hil.scomp.pictures import fit_pictures
 from rover_hil.scomp.read_csv import TRUTH, read_truth
 from rover_hil.scomp.read_log import log_truth
 

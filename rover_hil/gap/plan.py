@@ -11,15 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.data.problem import condition_key, is_steady
+from rover_hil.gap.data.problem import LEAST_RUNS, condition_key, is_steady
 from sim_backends.models.interface import Model, Run
 
 LOCKED_SHARE = 0.25
 FEW_LEVELS = 8
 LEAST_GROUPS = 8
 """Fewest groups to lock whole conditions."""
-LEAST_RUNS = {True: 6, False: 4}
-"""Fewest runs that can be split: steady, series."""
 
 
 class TooFewRunsError(ConfigError):

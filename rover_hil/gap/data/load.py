@@ -14,8 +14,8 @@ import numpy as np
 
 from drivers.errors import ConfigError, RoverHilError
 from rover_hil.gap.data.logs import find_logs, read_logs
+from rover_hil.gap.data.problem import LEAST_RUNS
 from rover_hil.gap.data.reader import reader_of
-from rover_hil.gap.plan import LEAST_RUNS
 from sim_backends import models
 from sim_backends.models.interface import Model, Run
 

@@ -14,6 +14,9 @@ Key: TypeAlias = tuple[str, str]
 """Effect ("" for the base model) and parameter."""
 Point: TypeAlias = Mapping[Key, float]
 
+LEAST_RUNS = {True: 6, False: 4}
+"""Fewest runs that can be split: steady, series."""
+
 WEAK = 10.0
 """Prior of an effect's strength in its natural sizes, too wide to bias it."""
 STEP_SHARE = 0.05

@@ -2,30 +2,14 @@
 
 import importlib
 import pkgutil
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 from rover_hil.gap.data import readers
-from rover_hil.gap.data.columns import DriveLog, LogModel
+from rover_hil.gap.data.columns import LogModel
+from rover_hil.gap.data.readers import Reader
 from rover_hil.gap.data.table import read_table
-from sim_backends.models.interface import Model, Run, RunReader, StretchReader
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reader:
-    """How measured runs of a model are read.
-
-    Attributes:
-        read: Returns the runs in a file or folder.
-        runs_of_log: Returns the runs in a log; None where the model cannot be compared with logs.
-        cut: Cuts a long run into several; None where a run cannot begin in the middle of a drive.
-    """
-
-    read: Callable[[Path], list[Run]]
-    runs_of_log: Callable[[DriveLog], list[Run]] | None = None
-    cut: Callable[[Run], list[Run]] | None = None
+from sim_backends.models.interface import Model, RunReader, StretchReader
 
 
 def reader_of(model: Model) -> Reader:
