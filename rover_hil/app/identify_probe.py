@@ -37,8 +37,8 @@ def identify_probe(
         LogError: A log cannot be used, or there is too little excitation in all of them.
     """
     check_file(out, force=force)
-    check_inputs(*logs)
     excitation = _excitation(logs, amplitude_rad_s, frequency_hz)
+    check_inputs(*logs)
     content = read_slip_map(maps)
     files = find_runs(logs).files
     console = Console(stderr=True)

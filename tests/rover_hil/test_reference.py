@@ -50,7 +50,7 @@ def test_rows_of_the_configuration(row: str) -> None:
     [
         "## rover-hil identify scomp",
         "| `--model` | path |  |  | The model.toml of an earlier analysis. |",
-        "| `--trials` | integer | >= 1 | 60 | ",
+        "| `--trials` | integer |  | 60 | ",
     ],
 )
 def test_rows_of_the_commands(row: str) -> None:
