@@ -1,4 +1,4 @@
-"""`rover-hil identify probe`: what a shake of the yaw tells about slip, from drives with known truth."""
+"""`rover-hil identify probe`: slip by the transmission loss of a yaw excitation."""
 
 import json
 from collections.abc import Sequence

@@ -24,17 +24,17 @@ from rover_hil.identify.slip.scores import score_runs
 
 
 def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None) -> int:
-    """Fit slip maps to the runs in `train`, judge them on each of `test`; returns the exit code.
+    """Fit slip maps to the runs in `train`, score them on each of `test`; returns the exit code.
 
     Args:
         train: Files and folders of runs.
-        test: Files and folders of runs, each judged by itself.
+        test: Files and folders of runs, each scored by itself.
         as_json: Print JSON instead of tables.
         out: Data file for the maps.
 
     Raises:
         ConfigError: `out` exists or cannot be written, or scikit-learn is not installed.
-        LogError: A run cannot be used, there are too few, or a test tells pixels without a scale.
+        LogError: A run cannot be used, there are too few, or a test is in pixels without a scale.
     """
     if out is not None and out.exists():
         msg = f"{out} exists and a map is never overwritten: choose another --out"
@@ -55,7 +55,7 @@ def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool,
         for name, files in test_files.items():
             runs = read_all(files.files, motor, advance)
             if found.scale.mm_per_px is None and any(run.camera_in_pixels for run in runs):
-                msg = f"{name} tells pixels, but no training run gives a camera scale: train on such runs too"
+                msg = f"{name} is in pixels, but no training run gives a camera scale: train on such runs too"
                 raise LogError(msg)
             tests[name] = score_runs(found.maps, runs, found.scale.m_per_px)
             used = [*used, *runs]
@@ -72,10 +72,10 @@ def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool,
 
 def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[str, RunFiles]) -> list[str]:
     notes: list[str] = []
-    passed_over = [*train_files.passed_over, *(p for files in test_files.values() for p in files.passed_over)]
-    if passed_over:
-        names = ", ".join(sorted({path.name for path in passed_over}))
-        notes.append(f"passed over, no runs: {names}")
+    other_files = [*train_files.other_files, *(p for files in test_files.values() for p in files.other_files)]
+    if other_files:
+        names = ", ".join(sorted({path.name for path in other_files}))
+        notes.append(f"not used, no runs: {names}")
     if found.left_out:
         names = ", ".join(sorted({run.surface for run in found.left_out}))
         notes.append(f"{len(found.left_out)} runs on several surfaces are not trained on: {names}")
@@ -87,5 +87,7 @@ def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[st
     for name, files in test_files.items():
         both = len(set(files.files) & {run.path for run in found.trained_on})
         if both:
-            notes.append(f"{both} of {len(files.files)} runs in {name} were also trained on: no fair test")
+            notes.append(
+                f"{both} of {len(files.files)} runs in {name} are also trained on: not an independent test"
+            )
     return notes

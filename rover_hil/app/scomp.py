@@ -16,7 +16,7 @@ EXIT_OK = 0
 
 
 def run_scomp(log: Path, *, params: Path | None, out: Path, online: bool, as_json: bool) -> int:
-    """Estimate the path of `log`, write it to `out`, and say what was done without; returns the exit code.
+    """Estimate the path of `log`, write it to `out`, print what is missing; returns the exit code.
 
     Args:
         log: Our log or a CSV file.

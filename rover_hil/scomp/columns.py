@@ -1,4 +1,4 @@
-"""From the columns of a recorded drive to what the odometry reads, whatever sensors there are."""
+"""Turn the columns of a recorded drive into input of the odometry, with the sensors there are."""
 
 from collections.abc import Mapping
 
@@ -26,7 +26,7 @@ KNOWN = ("t_s", *WHEELS, *SENSORS, *FIXES)
 LONGEST_HOLD_S = 1.0
 """A compass that repeats itself for longer than this has really not moved."""
 LONGEST_FILLED_S = 1.0
-"""Longer gaps of a sensor are told."""
+"""Longer gaps of a sensor are reported."""
 LARGEST_ENCODER_DIFFERENCE = 0.3
 
 
@@ -72,9 +72,7 @@ def _times(columns: Mapping[str, Array], where: str) -> Array:
         raise LogError(msg)
     wrong = np.flatnonzero(~(np.diff(t_s) > 0.0))
     if wrong.size:
-        msg = (
-            f"{where}: the time goes backwards, stands or is missing after {t_s[wrong[0]]:g} s: sort the rows"
-        )
+        msg = f"{where}: the time does not rise or is missing after {t_s[wrong[0]]:g} s: sort the rows"
         raise LogError(msg)
     return t_s
 
@@ -85,7 +83,7 @@ def _wheels(columns: Mapping[str, Array], t_s: Array, where: str, notes: list[st
     for name in WHEELS:
         values = _numbers(columns, name)
         if values is None:
-            notes.append(f"no {name}: the other wheels stand for it")
+            notes.append(f"no {name}: the other wheels replace it")
             continue
         seen = np.isfinite(values)
         filled = np.interp(t_s, t_s[seen], values[seen])
@@ -151,7 +149,7 @@ def _filled(columns: Mapping[str, Array], name: str, t_s: Array, notes: list[str
     # Also before the first and after the last.
     gap_s = float(np.diff(np.concatenate((t_s[:1], t_s[seen], t_s[-1:]))).max())
     if gap_s > LONGEST_FILLED_S:
-        notes.append(f"{name} is silent for {gap_s:.1f} s: taken for a straight line there")
+        notes.append(f"{name} has no reading for {gap_s:.1f} s: interpolated linearly")
     filled: Array = np.radians(np.interp(t_s, t_s[seen], values[seen]))
     return filled
 

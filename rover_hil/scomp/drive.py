@@ -1,4 +1,4 @@
-"""What a log tells the odometry, sensor by sensor, at common times."""
+"""A recorded drive, sensor by sensor, at common times."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from rover_hil.datasets.arrays import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drive:
-    """A recorded drive; n rows. NaN stands for "nothing new"; None for "no such sensor".
+    """A recorded drive; n rows. NaN means no new reading, None no such sensor.
 
     Attributes:
         t_s: Times, rising, shape (n,) as everything else.
@@ -59,7 +59,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TruePath:
-    """Where the rover really was: position in m and unwrapped heading in rad over time."""
+    """The true path: position in m and unwrapped heading in rad over time."""
 
     t_s: Array
     x_m: Array

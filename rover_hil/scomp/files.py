@@ -65,7 +65,7 @@ def read_parameters(path: Path) -> ScompParameters:
     except ValidationError as error:
         raise ConfigError(describe_validation_error(str(path), error, table)) from error
     except ValueError as error:
-        msg = f"parameters {path} are no valid TOML: {error}; make them with `rover-hil identify scomp`"
+        msg = f"parameters {path} are not valid TOML: {error}; make them with `rover-hil identify scomp`"
         raise ConfigError(msg) from error
 
 

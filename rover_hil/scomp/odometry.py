@@ -202,7 +202,7 @@ def _motion(drive: Drive, parameters: ScompParameters, index: int) -> Motion:
 
 
 def _missing(drive: Drive) -> list[str]:
-    """Say what the drive lacks and what is then done."""
+    """Return notes on missing sensors and what replaces them."""
     notes: list[str] = []
     if drive.gyro_rad_s is None and drive.compass_rad is None:
         notes.append("no gyro and no compass: the heading turns with the difference of the wheels alone")
@@ -237,7 +237,7 @@ def _compass_heading(drive: Drive, parameters: ScompParameters) -> Array:
 
 
 def _with_compass_sign(drive: Drive, parameters: ScompParameters) -> tuple[ScompParameters, tuple[str, ...]]:
-    """Return the parameters with the compass' sense of rotation, found by the gyro where nobody told it."""
+    """Return the parameters with the compass' sense of rotation, by the gyro where they lack it."""
     if parameters.compass.sign is not None or drive.compass_rad is None:
         return parameters, ()
     clockwise = drive.gyro_rad_s is not None and _turns_clockwise(drive, drive.gyro_rad_s, drive.compass_rad)
@@ -247,7 +247,7 @@ def _with_compass_sign(drive: Drive, parameters: ScompParameters) -> tuple[Scomp
 
 
 def _turns_clockwise(drive: Drive, rate_rad_s: Array, readings_rad: Array) -> bool:
-    """Say whether minus the compass agrees with the gyro better; both may drift by a constant rate."""
+    """Return whether minus the compass agrees with the gyro better; both may drift by a constant rate."""
     new = np.isfinite(readings_rad)
     steps = np.diff(drive.t_s, prepend=drive.t_s[0]) * rate_rad_s
     turned, t_s, compass = np.cumsum(steps)[new], drive.t_s[new], readings_rad[new]

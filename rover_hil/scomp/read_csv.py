@@ -40,7 +40,7 @@ def read_truth(path: Path) -> TruePath:
             raise LogError(msg)
     t_s, x_m, y_m, psi_rad = columns
     if not (np.diff(t_s) > 0.0).all():
-        msg = f"{path}: the time goes backwards or stands: sort the rows"
+        msg = f"{path}: the time goes backwards or does not advance: sort the rows"
         raise LogError(msg)
     return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=np.unwrap(psi_rad))
 

@@ -1,4 +1,4 @@
-"""What the rest of a drive tells about each moment of it: the backward pass of Rauch, Tung and Striebel."""
+"""Smooth a filtered drive backwards, after Rauch, Tung and Striebel."""
 
 from collections.abc import Sequence
 

@@ -106,7 +106,7 @@ def _check_windows(windows: Windows) -> None:
         )
         raise ModelError(msg)
     if float(np.median(windows.slip)) > STUCK_SLIP:
-        msg = "by the truth the rover stands while its wheels turn: give a drive that gets on"
+        msg = "by the truth the rover does not move although its wheels turn: use a drive in which it moves"
         raise ModelError(msg)
 
 
@@ -184,7 +184,7 @@ def _pitch_update(found: Array, covariance: Array) -> dict[str, object]:
 
 
 def fit_roll(windows: Windows, parameters: ScompParameters) -> DriftFromRoll:
-    """Fit the share of the drift that the roll explains; the rest tells how far to trust it."""
+    """Fit the share of the drift that the roll explains; the residual is its uncertainty."""
     beta = windows.slip_angle_rad
     alone, alone_s = _at_least(beta, 3.0), _smooth_time_s(beta)
     if windows.roll_rad is None or windows.pitch_rad is None:
@@ -240,7 +240,7 @@ def fit_compass(drive: Drive, truth: TruePath, notes: list[str]) -> CompassModel
 def fit_gyro(drive: Drive, truth: TruePath) -> GyroModel:
     """Fit the noise of the gyro to what is left of it about the true rate.
 
-    A truth whose heading is noisy tells nothing of that; its second differences, which hardly hold any
+    Where the heading of the truth is noisy, the second differences of the gyro itself, which hardly hold any
     motion, are then the smaller.
     """
     model = GyroModel()

@@ -1,4 +1,4 @@
-"""Fit what a lost share of the yaw's shake tells about slip, from drives with known truth."""
+"""Fit slip as a function of the transmission loss of the yaw excitation, from drives with known truth."""
 
 import math
 from collections import Counter
@@ -105,16 +105,16 @@ def fit_probe(runs: Sequence[MeasuredRun], probe: YawProbeMap) -> tuple[YawProbe
         msg = f"the shake loses {lost[0]:.2f} in all {len(runs)} runs: drive on firm and on soft ground"
         raise LogError(msg)
     fitted = probe.model_copy(update={"lost": lost, "slips": slips})
-    left = rows[:, 1] - [slip_of(fitted, value) for value in rows[:, 0].tolist()]
-    way_m = np.hypot(rows[:, 2], rows[:, 3])
-    fast = way_m > np.median(way_m) / 2.0
+    residual = rows[:, 1] - [slip_of(fitted, value) for value in rows[:, 0].tolist()]
+    distance_m = np.hypot(rows[:, 2], rows[:, 3])
+    fast = distance_m > np.median(distance_m) / 2.0
     directions_rad = np.arctan2(rows[fast, 3], rows[fast, 2])
     sectors, counts = np.unique(np.round(directions_rad / SECTOR_RAD) % SECTORS, return_counts=True)
     driven = sectors[counts >= LEAST_SHARE * counts.sum()] * SECTOR_RAD
-    low, high = np.quantile(way_m[fast] / rows[fast, 4], (0.05, 0.95)).tolist()
+    low, high = np.quantile(distance_m[fast] / rows[fast, 4], (0.05, 0.95)).tolist()
     fitted = fitted.model_copy(
         update={
-            "slip_sd": float(left.std()),
+            "slip_sd": float(residual.std()),
             "directions_rad": tuple(driven.round(4).tolist()),
             "speed_range_m_s": (low, high),
         }

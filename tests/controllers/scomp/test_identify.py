@@ -90,7 +90,7 @@ def test_a_noisy_tracker_does_not_blame_the_gyro() -> None:
     [
         (lambda path: replace(path, x_m=-path.x_m), "backwards or aside in"),
         (lambda path: replace(path, psi_rad=path.psi_rad + 1.6), "backwards or aside in"),
-        (lambda path: replace(path, x_m=0.0 * path.x_m, y_m=0.0 * path.y_m), "stands while its wheels turn"),
+        (lambda path: replace(path, x_m=0.0 * path.x_m, y_m=0.0 * path.y_m), "does not move although its wheels turn"),
     ],
 )
 def test_a_truth_that_cannot_be_the_logs_is_refused(
