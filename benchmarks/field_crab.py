@@ -4,8 +4,8 @@
 
 The rover of each seed of `benchmarks.field_tests` drives the sites of both tests along their x axis, on the
 same ground by three drivers: nobody steers; all wheels are steered by the heading alone; all wheels are
-steered against the slip angle that the trace tells, too (`benchmarks/crab_steering.py`). The hinge that
-tells its slip is from test 1 of the same seed, driven without steering.
+steered against the slip angle of the trace, too (`benchmarks/crab_steering.py`). The two-segment slip law
+of this driver is from test 1 of the same seed, driven without steering.
 
 Prints as JSON for each test and driver, over the seeds: median and greatest distance from the line at the
 end, median rms of it on the way, in m. Exit code 1 when steering against the slip angle does not halve both
@@ -42,7 +42,7 @@ from benchmarks.field_drives import (
     wheel_speed_rad_s,
 )
 from benchmarks.field_tests import FIRST_SEED, SITES, parameters_of, see
-from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import TraceEstimator
 from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
@@ -69,9 +69,7 @@ class Eyes:
         look = draw_look(site, rng, frames)
         self._terrain, self._rig, self._depth_m = site.terrain(), rover.rig, look.rut.depth_m
         self._scene = RearScene(rover.rig, look.ground, look.sun, look.rut, look.lens, rng)
-        self._estimator = TraceEstimator(
-            RigFile.model_validate(rover.rig.as_json()).geometry(), TraceSettings()
-        )
+        self._estimator = TraceEstimator(RigFile.model_validate(rover.rig.as_json()).geometry())
         steps = frames * PRESSES_PER_FRAME + 1
         rocking = [wander(steps, 0.35 / PRESS_S, rng) for _ in range(2)]
         self.rock_rad: Floats = np.radians(ROCK_DEG) * np.stack(rocking, axis=1)
@@ -155,7 +153,7 @@ def crab_drive(rover: Rover, site: Site, seed: int, driver: Driver, parameters: 
         site: Before its own draws.
         seed: The same for all drivers: they meet the same ground.
         driver: Who steers.
-        parameters: Whose hinge tells the slip.
+        parameters: Their two-segment slip law gives the slip.
     """
     rng = np.random.default_rng([seed, 3, len(site.mounds)])
     site = site.drawn(rng)
@@ -176,7 +174,7 @@ def crab_drive(rover: Rover, site: Site, seed: int, driver: Driver, parameters: 
         travel = eyes.see(truth, press, rates) if driver == "crab" else None
         rim_m_s = wheel_speed_rad_s(press * PRESS_S) * 0.092
         drift = 0.0 if travel is None else travel
-        speed = rim_m_s * (1.0 - parameters.hinge.slip_at(abs(drift)))
+        speed = rim_m_s * (1.0 - parameters.two_segment_slip.slip_at(abs(drift)))
         if travel is not None and speed > 0.0:
             travel += parameters.rover.rear_axle_m * (rate - heading.bias_rad_s) / speed  # eq 2
         if driver != "no steering" and rim_m_s >= SPEED_M_S:

@@ -34,7 +34,8 @@ from benchmarks.field_drives import (
     field_drive,
 )
 from benchmarks.field_pictures import draw_test
-from controllers.ftrace.estimator import Method, TraceEstimator, TraceSettings
+from benchmarks.scomp_peers import compass_track, paper_track, plain_track
+from controllers.ftrace.estimator import Method, TraceEstimator
 from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
@@ -42,7 +43,7 @@ from drivers.samples import Image
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
-from rover_hil.scomp.odometry import compass_track, estimate_track, paper_track, plain_track
+from rover_hil.scomp.odometry import estimate_track
 
 SITES = {"test_1": SIDEWAYS, "test_2": MOUNDS}
 BARS_M = {"test_1": 0.12, "test_2": 0.25}
@@ -81,7 +82,7 @@ def see(recorded: FieldDrive, method: Method) -> Traces:
     """Render the frames of a drive and read the trace in each."""
     sequence = recorded.sequence
     rig = RigFile.model_validate(sequence.rig.as_json()).geometry()
-    estimator = TraceEstimator(rig, TraceSettings(method=method))
+    estimator = TraceEstimator(rig, method)
     theta, detected, image = [], [], np.zeros((0, 0, 3), np.uint8)
     for image, told in zip(sequence.frames(), sequence.telemetry, strict=True):
         rates = [math.radians(r) for r in (told.gyro_roll_dps, told.gyro_pitch_dps, told.gyro_yaw_dps)]

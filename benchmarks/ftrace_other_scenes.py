@@ -1,7 +1,7 @@
 """Trace finders on drives of another renderer, `tests/nature/trace_scene.py`; scores of `benchmarks.ftrace`.
 
     python -m benchmarks.ftrace_other_scenes [--sets easy,curved] [--looks dark,bars] [--seeds 1]
-                                             [--first-seed 1000] [--seconds S] [--methods fused,memory]
+                                             [--first-seed 1000] [--seconds S] [--methods fused,hough]
                                              [--no-peers] [--pictures FOLDER]
 
 `controllers/ftrace` was developed on `sim_backends/rear_scene`; this renderer shares no code with it: rays

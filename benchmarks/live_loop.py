@@ -23,7 +23,7 @@ from unittest import mock
 import numpy as np
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.settings import LineMission
+from controllers.motion.settings import LineMission
 from drivers.clock import stopwatch_ns
 from drivers.samples import Sample
 from rover_hil.app.run import run_virtual
@@ -40,9 +40,9 @@ def variant(way: str, seed: int) -> Config:
     table = load_config("el-dorado").model_dump(by_alias=True)
     table["simulation"]["seed"] = seed
     if way == "nose along the line":
-        table["trace_slip"]["steer_against_drift"] = False
+        table["scomp"]["steer_against_drift"] = False
     if way == "wheels roll":
-        table["trace_slip"] = table["roles"]["camera"] = None
+        table["scomp"] = table["roles"]["camera"] = None
     return Config.model_validate(table)
 
 

@@ -63,12 +63,7 @@ class Version:
 VERSIONS = (
     Version("encoders (paper)", None, gyro=False),
     Version("slip model, linear in M (paper)", {"use": "linear_m"}, gyro=False),
-    Version(
-        "the same, torque correction as printed",
-        {"use": "linear_m", "torque_correction": {"matrix": "as_printed"}},
-        gyro=False,
-    ),
-    Version("the same, R J^-T", {"use": "linear_m", "torque_correction": {}}, gyro=False),
+    Version("the same, torque correction", {"use": "linear_m", "torque_correction": {}}, gyro=False),
     Version("encoders, gyro", None),
     Version("linear in M, gyro", {"use": "linear_m"}),
     Version("drive force and surface, gyro", {"use": "surfaces"}),

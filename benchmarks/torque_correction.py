@@ -21,7 +21,6 @@ REVERSAL_RAD_S = 0.5
 CORRECTIONS: tuple[dict[str, object] | None, ...] = (
     None,
     {},
-    {"matrix": "as_printed"},
     {"gain_rad_s_nm": 4.0},
     {"gain_rad_s_nm": 50.0},
     {"gain_rad_s_nm": 50.0, "bound_rad_s": 5.0},

@@ -12,13 +12,13 @@ from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.path_following import Guidance, PathFollower
 from controllers.motion.planar import Pose
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
-from controllers.settings import ControlSettings, OmniRoverSettings
-from controllers.slip.effort.compensator import SlipCompensator, SlipReport
-from controllers.slip.effort.torque_correction import TorqueCorrection
-from controllers.slip.scomp.compensator import DriftReport, TraceFinder, TraceSlipCompensator
+from controllers.settings import ControlSettings
+from controllers.slip.effort.compensator import EffortCompensator, SlipReport
+from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.samples import Sample, WheelCommand
@@ -26,21 +26,21 @@ from drivers.samples import Sample, WheelCommand
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepOutput:
-    """All that one cycle computed.
+    """Output of one cycle.
 
     Attributes:
         t_ns: Time of the cycle.
-        mode: What the controller does.
-        reason: Why the rover stands; empty while nothing is wrong.
-        estimate: The filter's pose.
-        odometry: The pose of the wheels alone.
-        odometry_rebases: How often the odometry lost its base, each time with the motion meanwhile.
-        innovations: What each measurement of this cycle said against the estimate.
+        mode: State of the controller.
+        reason: Why the rover is stopped; empty while it may move.
+        estimate: Pose of the filter.
+        odometry: Pose of the wheels alone.
+        odometry_rebases: Number of times the odometry lost its base, together with the motion in between.
+        innovations: Innovation of each measurement of this cycle.
         command: Wheel set-points to send; zeros unless the mode is RUNNING.
-        limit: Which limit the set-points met.
+        limit: Limit that the set-points reached.
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
-        slip: Slip of the wheels; None without slip compensation, and where no fresh motion of them is known.
-        drift: Slip and slip angle of the rover; None without compensation by trace and tilt, and likewise.
+        slip: Slip of the wheels by effort; None without this compensation, or without fresh motion.
+        drift: Slip of the rover by sComp; None without it, or without fresh motion.
     """
 
     t_ns: int
@@ -54,7 +54,7 @@ class StepOutput:
     limit: Limit
     cross_track_m: float | None
     slip: SlipReport | None = None
-    drift: DriftReport | None = None
+    drift: ScompReport | None = None
 
 
 class ControlLoop:
@@ -63,10 +63,10 @@ class ControlLoop:
     The same inputs give the same outputs, bit for bit. No sample makes `step` raise.
 
     Args:
-        settings: Rover, noise, mission, limits and safety. Without a mission it observes: no device is
-            required and the wheels get zero set-points.
-        roles: Which device is what.
-        finder: Of the trace in the frames of `roles.camera`; None when they are not looked at.
+        settings: Rover, noise, mission, limits and safety. Without a mission the controller observes: no
+            device is required and the set-points are zero.
+        roles: Roles of the devices.
+        finder: Finds the trace in the frames of `roles.camera`; None without a camera.
 
     Raises:
         ConfigError: The mission does not fit the rover, or the wheel device is not required although there is
@@ -83,19 +83,16 @@ class ControlLoop:
         self._kinematics = kinematics
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
-        self._slip, self._correction = _make_slip(settings, kinematics)
-        trace_slip = settings.trace_slip
-        self._steers_against_drift = trace_slip is not None and trace_slip.steer_against_drift
-        self._trace_slip = (
-            None if trace_slip is None else TraceSlipCompensator(trace_slip, roles, kinematics, finder)
-        )
+        self._effort = _make_effort(settings, kinematics, roles.wheels)
+        scomp = settings.scomp
+        self._steers_against_drift = scomp is not None and scomp.steer_against_drift
+        self._scomp = None if scomp is None else ScompCompensator(scomp, roles, kinematics, finder)
         self._estimator = Estimator(
             kinematics,
             settings.filter,
             settings.limits.wheel_speed_rad_s,
             roles,
-            self._slip,
-            self._trace_slip,
+            self._effort or self._scomp,
         )
         self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
@@ -106,8 +103,7 @@ class ControlLoop:
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
         """Run one cycle at `now_ns` with the samples that arrived since the last one, in order of arrival."""
         for sample in samples:
-            # What is here has arrived: a stamp from the future must neither look fresh for long nor block
-            # the samples that follow.
+            # A stamp from the future must neither stay fresh for long nor block the samples that follow.
             t_ns = min(sample.t_ns, now_ns)
             self._supervisor.observe(sample, t_ns)
             self._estimator.take(sample, t_ns)
@@ -129,8 +125,8 @@ class ControlLoop:
             command=WheelCommand(t_ns=now_ns, expires_ns=now_ns + self._expiry_ns, speed_rad_s=speed_rad_s),
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
-            slip=self._slip.report if self._slip is not None and is_fresh else None,
-            drift=self._trace_slip.take_report() if self._trace_slip is not None and is_fresh else None,
+            slip=self._effort.report() if self._effort is not None and is_fresh else None,
+            drift=self._scomp.report() if self._scomp is not None and is_fresh else None,
         )
 
     def _is_motion_fresh(self, now_ns: int) -> bool:
@@ -159,8 +155,8 @@ class ControlLoop:
         if supervisor.mode is not Mode.RUNNING:
             return None
         drift_rad = 0.0
-        if self._trace_slip is not None and self._steers_against_drift:
-            drift_rad = self._trace_slip.drift_rad
+        if self._scomp is not None and self._steers_against_drift:
+            drift_rad = self._scomp.slip_angle_rad
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
         guidance = self._follower.guide(pose, drift_rad)
         if guidance.finished:
@@ -172,25 +168,18 @@ class ControlLoop:
             self._limiter.stop()
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
         yaw_rate_rad_s = guidance.yaw_rate_rad_s
-        if self._slip is not None and self._slip.probe is not None:
-            yaw_rate_rad_s += self._slip.probe.yaw_rate_rad_s(seconds(now_ns))
+        if self._effort is not None and self._effort.excitation is not None:
+            yaw_rate_rad_s += self._effort.excitation.yaw_rate_rad_s(seconds(now_ns))
         twist = (guidance.velocity_x_m_s, guidance.velocity_y_m_s, yaw_rate_rad_s)
         wanted_rad_s = self._kinematics.wheel_speeds(*twist)
-        if self._slip is not None and self._correction is not None and self._slip.knows_force:
-            torques_nm = [effort.wheel_torque_nm for effort in self._slip.efforts]
-            changes_rad_s = self._correction.set_point_changes(torques_nm, twist)
+        changes_rad_s = None if self._effort is None else self._effort.set_point_changes(twist)
+        if changes_rad_s is not None:
             wanted_rad_s = tuple(map(operator.add, wanted_rad_s, changes_rad_s))
         return self._limiter.limit(now_ns, wanted_rad_s, self._estimator.odometry.wheel_speed_rad_s)
 
 
-def _make_slip(
-    settings: ControlSettings, kinematics: Kinematics
-) -> tuple[SlipCompensator | None, TorqueCorrection | None]:
+def _make_effort(settings: ControlSettings, kinematics: Kinematics, wheels: str) -> EffortCompensator | None:
     slip, rover = settings.slip, settings.rover
     if slip is None or not isinstance(rover, OmniRoverSettings):
-        return None, None
-    correction = slip.torque_correction
-    return (
-        SlipCompensator(slip, rover, kinematics),
-        None if correction is None else TorqueCorrection(rover, correction),
-    )
+        return None
+    return EffortCompensator(slip, rover, kinematics, wheels)

@@ -1,15 +1,14 @@
-"""From samples to the estimated pose."""
+"""Estimate of the pose from samples."""
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
 from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
 from controllers.estimation.pose_fixes import FixQueue, late
+from controllers.estimation.settings import FilterSettings
 from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.roles import DeviceRoles
-from controllers.settings import FilterSettings
-from controllers.slip.effort.compensator import SlipCompensator
-from controllers.slip.scomp.compensator import TraceSlipCompensator
+from controllers.slip.protocol import SlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
     HeadingReference,
@@ -30,12 +29,11 @@ class Estimator:
         settings: Noise of the pose filter.
         wheel_speed_limit_rad_s: Greatest wheel set-point.
         roles: Which device is what.
-        slip: Takes the wheels' slip off their motion by their effort; None where they are taken to roll.
-        trace_slip: The same by trace and tilt; one of the two at most.
+        slip: Removes slip from the wheels' motion; None where the wheels are assumed to roll.
 
     Attributes:
-        odometry: The wheels' own account.
-        motion_ns: Time of the wheel positions that the pose stands on; None before the first motion.
+        odometry: Wheel odometry.
+        motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
     """
 
     def __init__(
@@ -44,12 +42,9 @@ class Estimator:
         settings: FilterSettings,
         wheel_speed_limit_rad_s: float,
         roles: DeviceRoles,
-        slip: SlipCompensator | None = None,
-        trace_slip: TraceSlipCompensator | None = None,
+        slip: SlipCompensator[object] | None = None,
     ) -> None:
-        self._effort_slip = slip
-        self._trace_slip = trace_slip
-        self._slip = slip or trace_slip
+        self._slip = slip
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
@@ -66,11 +61,11 @@ class Estimator:
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
         device = sample.device
-        if self._trace_slip is not None:
-            self._trace_slip.feed(sample, t_ns)
+        if self._slip is not None:
+            self._slip.feed(sample, t_ns)
         if isinstance(sample, WheelSample):
-            if device == self._roles.wheels:
-                self._take_wheel(sample, t_ns)
+            if device == self._roles.wheels and sample.position_rad is not None:
+                self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
         elif isinstance(sample, RateSample):
             if device == self._roles.gyro:
                 self._gyro.feed(t_ns, sample.rate_z_rad_s)
@@ -79,15 +74,15 @@ class Estimator:
         elif isinstance(sample, PoseFixSample):
             self._fixes.add(sample, t_ns)
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
-            # The codec counts turns afresh after a break.
+            # After a break the codec counts turns from zero.
             self.odometry.rebase()
 
     def advance(self, now_ns: int, set_speed_rad_s: tuple[float, ...] = ()) -> tuple[Innovation, ...]:
-        """Bring the estimate up to the samples taken; return what the corrections said.
+        """Update the estimate with the samples taken; return the innovations of the corrections.
 
         Args:
             now_ns: Time of the cycle.
-            set_speed_rad_s: What the wheels were told to do since the last cycle; needed with slip only.
+            set_speed_rad_s: Set-points of the wheels since the last cycle; needed with slip only.
         """
         increment = self.odometry.take()
         if increment is not None and self._slip is not None:
@@ -130,11 +125,11 @@ class Estimator:
         )
 
     def _turn(self, increment: BodyIncrement, now_ns: int, is_still: bool) -> Turn:
-        """Choose who says how far the rover turned.
+        """Choose the source of the turn.
 
-        While the gyro is fresh but has nothing new since the last increment, the wheels' turn is kept back:
-        it is neither lost if the gyro stays silent nor counted twice if it speaks. At standstill the wheels
-        win: the gyro would only add its noise.
+        While the gyro is fresh but has no new reading since the last increment, the wheels' turn is held
+        back: it is not lost if the gyro fails, and not counted twice if it has a reading. At standstill the
+        wheels are used: the gyro would only add its noise.
         """
         self._wheel_turn_rad += increment.turn_rad
         angle_rad, covered_s = self._gyro.take()
@@ -159,12 +154,6 @@ class Estimator:
             return self.odometry.velocity
         return self._slip.body_motion(self.odometry.wheel_speed_rad_s)
 
-    def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
-        if sample.position_rad is not None:
-            self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
-        if self._effort_slip is not None:
-            self._effort_slip.feed(sample, t_ns)
-
     def _take_heading(self, sample: HeadingSample, t_ns: int) -> None:
         source = (sample.device, sample.reference)
         newest_ns = self._heading_ns.get(source)
@@ -173,7 +162,7 @@ class Estimator:
             self._headings.append((sample, t_ns))
 
     def _is_usable(self, heading_ns: int) -> bool:
-        """Say whether the motion is known well enough up to a heading to compare it with the yaw."""
+        """Return whether the motion is known recently enough to compare a heading with the yaw."""
         if self.motion_ns is None:
             return True
         return heading_ns - self.motion_ns <= nanoseconds(self._roles.motion_age_s)

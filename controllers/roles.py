@@ -1,4 +1,4 @@
-"""Which device plays which part for the controller."""
+"""Roles of the devices in the controller."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceRoles:
-    """Names of devices by what the controller takes from them; samples of others do not move the estimate.
+    """Names of devices by role; samples of other devices have no effect on the estimate.
 
     Attributes:
-        wheels: Its wheel positions make the odometry.
+        wheels: Measures the wheel positions for the odometry.
         required: Devices without which the rover must not move, and the greatest age in s of their newest
-            sample. The wheel device must give a position of every wheel, the gyro a rate, a heading device
-            a heading, any other device anything.
-        gyro: Its yaw rate turns the estimate.
-        headings: Their headings correct the yaw.
-        fixes: Their fixes correct the pose. They may be sparse, so they need not be required.
-        camera: Looks back at the trace of the rear left wheel. Without it the estimate is less sure, not
+            sample: for the wheel device a position of every wheel, for the gyro a rate, for a heading device
+            a heading, for any other device any sample.
+        gyro: Measures the yaw rate.
+        headings: Measure headings, which correct the yaw.
+        fixes: Measure poses. They may be sparse, so they need not be required.
+        camera: Looks back at the trace of the rear left wheel. Without it the estimate is less certain, not
             wrong, so it need not be required.
     """
 
@@ -29,9 +29,9 @@ class DeviceRoles:
 
     @property
     def motion_age_s(self) -> float:
-        """How long the motion may be unknown: twice the wheels' age limit, as they report one by one."""
+        """Greatest time with unknown motion: twice the wheels' age limit, as they report one by one."""
         return 2.0 * self.max_age_s(self.wheels)
 
     def max_age_s(self, device: str | None) -> float:
-        """Return how old the newest sample of a device may be; for one that is not required, 0.15 s."""
+        """Return the greatest age of a device's newest sample; 0.15 s for one that is not required."""
         return self.required.get(device or "", 0.15)

@@ -1,7 +1,7 @@
-"""The extended Kalman filter of filterpy behind checks: bad input is refused instead of spoiling the state.
+"""The extended Kalman filter of filterpy behind checks: bad input is rejected instead of spoiling the state.
 
-filterpy accepts NaN, wrong shapes and negative time steps without a word, and adds K y to an angle without
-wrapping it. This is the only module that touches it.
+filterpy accepts NaN, wrong shapes and negative time steps silently, and adds K y to an angle without wrapping
+it. This is the only module that uses it.
 """
 
 import math
@@ -20,14 +20,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Innovation:
-    """What one measurement said against the estimate.
+    """Innovation of one measurement.
 
     Attributes:
-        name: Which measurement.
+        name: Name of the measurement.
         residual: Measured minus expected; None when the measurement was not a finite number.
         variance: Expected variance of the residual; None likewise.
         nis: Residual squared over variance (normalised innovation squared); None likewise.
-        accepted: False when the measurement was refused and the estimate left as it was.
+        accepted: False when the measurement was rejected and the estimate left unchanged.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Innovation:
 
 
 class _ExtendedKalmanFilter(Protocol):
-    """What is used of `filterpy.kalman.ExtendedKalmanFilter`, which has no type information."""
+    """The interface of `filterpy.kalman.ExtendedKalmanFilter`, which has no type information."""
 
     x: Array
     P: Array
@@ -61,7 +61,7 @@ class GuardedFilter:
         state: First estimate.
         variances: Its variances, greater than zero.
         angles: Which states are angles; they stay within [-pi, pi).
-        gate_probability: A measurement is refused when its NIS is beyond this quantile of chi-square.
+        gate_probability: A measurement is rejected when its NIS exceeds this quantile of chi-square.
     """
 
     def __init__(
@@ -99,12 +99,12 @@ class GuardedFilter:
 
         Args:
             dt_s: Time passed, not negative.
-            state: Where the motion model takes the present estimate.
+            state: The present estimate moved by the motion model.
             transition: Jacobian of that motion model at the present estimate.
-            noise: Covariance that the motion adds.
+            noise: Covariance added by the motion.
 
         Returns:
-            False when anything is not finite or `dt_s` is negative; the estimate is then left as it was.
+            False when a number is not finite or `dt_s` is negative; the estimate is then unchanged.
         """
         if not 0.0 <= dt_s < math.inf:
             return False
@@ -120,7 +120,7 @@ class GuardedFilter:
         """Correct the estimate by a scalar measurement.
 
         Args:
-            name: Which measurement, for the report.
+            name: Name of the measurement, for the report.
             residual: Measured minus expected at the present estimate; wrapped by the caller for an angle.
             row: Jacobian of the expected measurement, one number per state.
             variance: Variance of the measurement's own error, greater than zero.
@@ -138,10 +138,10 @@ class GuardedFilter:
     def update_together(
         self, names: Sequence[str], residuals: Array, rows: Array, variances: Array
     ) -> tuple[Innovation, ...]:
-        """Correct the estimate by what belongs together: all of it is accepted, or nothing.
+        """Correct the estimate by measurements that are accepted or rejected together.
 
         Args:
-            names: Which measurements, for the report.
+            names: Names of the measurements, for the report.
             residuals: As for `update`, shape (n,).
             rows: Jacobians, shape (n, number of states).
             variances: Of the measurements' own errors, shape (n,).
@@ -170,11 +170,11 @@ class GuardedFilter:
         )
 
     def assign(self, index: int, value: float) -> None:
-        """Set a state that is not known yet, so that its first measurement is linearised where it is."""
+        """Set a state that is unknown so far, so that its first measurement is linearised at its value."""
         self._filter.x[index] = value
 
     def widen(self, index: int, variance: float) -> None:
-        """Make a state less certain by a variance, not negative."""
+        """Increase the variance of a state by a number that is not negative."""
         self._filter.P[index, index] += variance
 
     def _correct(self, residuals: Array, rows: Array, noise: Array) -> bool:
@@ -183,7 +183,7 @@ class GuardedFilter:
         return self._settle(before)
 
     def _settle(self, before: tuple[Array, Array]) -> bool:
-        """Wrap angles and make the covariance valid again; go back to `before` if that cannot be done."""
+        """Wrap angles and make the covariance valid; return to `before` if a number is not finite."""
         state, covariance = self._filter.x, self._filter.P
         if not (math.isfinite(float(state.sum())) and math.isfinite(float(covariance.sum()))):
             self._filter.x, self._filter.P = before
@@ -195,7 +195,7 @@ class GuardedFilter:
 
 
 def _positive(covariance: Array) -> Array:
-    """Return the symmetric matrix, its correlations lifted above zero where rounding made it indefinite."""
+    """Return the symmetric matrix, its eigenvalues raised above zero where rounding made it indefinite."""
     try:
         np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:

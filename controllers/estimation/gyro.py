@@ -1,15 +1,16 @@
-"""The angle that a gyro has turned."""
+"""Angle turned, by a gyro."""
 
 from drivers.clock import nanoseconds, seconds
 
 GREATEST_RATE_RAD_S = 100.0
+"""Greatest plausible reading; chosen by hand."""
 
 
 class GyroIntegrator:
-    """Integrates yaw rates by the trapezoid rule, never across too long a gap.
+    """Integrates yaw rates by the trapezoid rule, except across long gaps.
 
     Args:
-        greatest_gap_s: Readings further apart leave a turn between them unknown.
+        greatest_gap_s: The turn between readings that are further apart is unknown.
 
     Attributes:
         rate_rad_s: Newest reading.
@@ -24,7 +25,7 @@ class GyroIntegrator:
         self._covered_s = 0.0
 
     def feed(self, t_ns: int, rate_rad_s: float) -> bool:
-        """Take a reading; False when it is not newer, not finite, or beyond 100 rad/s."""
+        """Take a reading; return False when it is not newer, not finite, or exceeds 100 rad/s."""
         if not abs(rate_rad_s) <= GREATEST_RATE_RAD_S or (self.t_ns is not None and t_ns <= self.t_ns):
             return False
         if self.t_ns is not None and t_ns - self.t_ns <= self._greatest_gap_ns:
@@ -35,7 +36,7 @@ class GyroIntegrator:
         return True
 
     def is_fresh(self, now_ns: int) -> bool:
-        """Say whether the newest reading is no older than the greatest gap."""
+        """Return whether the newest reading is at most as old as the greatest gap."""
         return self.t_ns is not None and now_ns - self.t_ns <= self._greatest_gap_ns
 
     def take(self) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""How far the wheels say the rover has moved."""
+"""Motion of the rover by its wheels."""
 
 import math
 from dataclasses import dataclass
@@ -7,19 +7,22 @@ from controllers.motion.kinematics import Kinematics
 from controllers.motion.planar import Pose, move
 from drivers.clock import nanoseconds, seconds
 
+# Chosen by hand.
 VELOCITY_TIME_CONSTANT_S = 0.05
 PLAUSIBLE_SPEED_FACTOR = 1.5
+"""Greatest plausible wheel speed, over the greatest set-point."""
 ARRIVAL_JITTER_S = 0.05
 STILL_RAD = 0.005
+"""A wheel that has turned by less is at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyIncrement:
-    """What the wheels turned since the last increment, as motion in the body frame: m, m, rad, s.
+    """Motion of the wheels since the last increment, in the body frame: m, m, rad, s.
 
     Attributes:
         turned_rad: Angle of each wheel.
-        is_sure: False where the wheels slip and how much is not known.
+        is_sure: False where the wheels slip by an unknown amount.
     """
 
     x_m: float
@@ -55,23 +58,23 @@ class _Track:
 
 
 class WheelOdometry:
-    """Turns wheel positions into body increments, velocities and a pose of its own.
+    """Turns wheel positions into body increments, velocities and the pose of wheel odometry.
 
-    The wheels report one by one. An increment is taken when all of them have, between positions interpolated
-    to one common time: positions of different times would look like a turn.
+    The wheels report one by one. An increment is taken when all have reported, between positions interpolated
+    to a common time: positions at different times would look like a turn.
 
     Args:
         kinematics: Geometry of the wheels.
         wheel_speed_limit_rad_s: Greatest set-point. A position that differs from the one before by more than
-            1.5 times what it allows in the elapsed time (plus 0.05 s of arrival jitter) is not motion: the
-            device has restarted or its counter was reset. The odometry then rebases.
+            1.5 times the angle at that speed in the elapsed time (plus 0.05 s of arrival jitter) is not
+            motion: the device has restarted or its counter was reset. The odometry then rebases.
 
     Attributes:
         t_ns: Time up to which the motion is known; None while there is no base.
-        pose: The integral of the increments: pure wheel odometry.
+        pose: The integral of the increments: wheel odometry alone.
         velocity: Body velocity in m/s, m/s, rad/s, smoothed over 0.05 s; from zero after a rebase.
-        wheel_speed_rad_s: Speed of each wheel, smoothed alike.
-        rebases: How often the base was lost, each time with the motion meanwhile.
+        wheel_speed_rad_s: Speed of each wheel, smoothed in the same way.
+        rebases: Number of times the base was lost, together with the motion in between.
     """
 
     def __init__(self, kinematics: Kinematics, wheel_speed_limit_rad_s: float) -> None:
@@ -79,7 +82,7 @@ class WheelOdometry:
         self._kinematics = kinematics
         self._plausible_rad_s = PLAUSIBLE_SPEED_FACTOR * wheel_speed_limit_rad_s
         self._tracks: list[_Track | None] = [None] * count
-        self._unheard = set(range(count))
+        self._missing = set(range(count))
         self._base_rad = [0.0] * count
         self._still_rad = [0.0] * count
         self._moved_ns = 0
@@ -90,7 +93,7 @@ class WheelOdometry:
         self.rebases = 0
 
     def feed(self, wheel: int, t_ns: int, position_rad: float) -> bool:
-        """Take the position of one wheel; False when it is not finite, not newer, or of no such wheel."""
+        """Take the position of a wheel; return False when it is not finite or newer, or the wheel unknown."""
         if not 0 <= wheel < len(self._tracks) or not math.isfinite(position_rad):
             return False
         track = self._tracks[wheel]
@@ -102,17 +105,17 @@ class WheelOdometry:
             track.add(t_ns, position_rad)
         else:
             self._tracks[wheel] = _Track(t_ns, position_rad, t_ns, position_rad)
-        self._unheard.discard(wheel)
+        self._missing.discard(wheel)
         return True
 
     def take(self) -> BodyIncrement | None:
-        """Return the motion since the last increment; None until all wheels have reported anew."""
-        if self._unheard:
+        """Return the motion since the last increment; None until all wheels have reported again."""
+        if self._missing:
             return None
         tracks = [track for track in self._tracks if track is not None]
         before_ns, self.t_ns = self.t_ns, min(track.newest_ns for track in tracks)
         before_rad, self._base_rad = self._base_rad, [track.position_at(self.t_ns) for track in tracks]
-        self._unheard.update(range(len(tracks)))
+        self._missing.update(range(len(tracks)))
         self._watch_standstill(is_new_base=before_ns is None)
         if before_ns is None:
             return None
@@ -120,24 +123,24 @@ class WheelOdometry:
         return self._integrate(turned_rad, seconds(self.t_ns - before_ns))
 
     def rebase(self) -> None:
-        """Forget the base, as after a broken link: what the wheels turned meanwhile is unknown."""
+        """Forget the base, as after a broken link: the motion in between is unknown."""
         if self.t_ns is not None:
             self.rebases += 1
         self.t_ns = None
-        self._unheard.update(range(len(self._tracks)))
+        self._missing.update(range(len(self._tracks)))
         self.velocity = (0.0, 0.0, 0.0)
         self.wheel_speed_rad_s = (0.0,) * len(self._tracks)
 
     def is_still(self, now_ns: int, for_s: float) -> bool:
-        """Say whether all wheels are heard of and have not moved for `for_s` seconds."""
+        """Return whether all wheels report and have not moved for `for_s` seconds."""
         if self.t_ns is None:
             return False
         for_ns = nanoseconds(for_s)
         return self.t_ns - self._moved_ns >= for_ns and now_ns - self.t_ns <= for_ns
 
     def _is_current(self, wheel: int) -> bool:
-        """Say whether the wheel's track is not from before the base was lost."""
-        return self.t_ns is not None or wheel not in self._unheard
+        """Return whether the wheel has reported since the base was lost."""
+        return self.t_ns is not None or wheel not in self._missing
 
     def _is_jump(self, track: _Track, t_ns: int, position_rad: float) -> bool:
         elapsed_s = seconds(t_ns - track.newest_ns) + ARRIVAL_JITTER_S

@@ -1,4 +1,4 @@
-"""Where the rover is: an extended Kalman filter over pose, gyro bias and what ties other frames to it."""
+"""Pose of the rover: an extended Kalman filter of pose, gyro bias, and the frames of other devices."""
 
 import cmath
 import math
@@ -11,19 +11,19 @@ import numpy as np
 from controllers.estimation.guarded_filter import GuardedFilter, Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_fixes import Step, WayBack
+from controllers.estimation.settings import FilterSettings
 from controllers.motion.planar import Pose, move, wrap_angle
-from controllers.settings import FilterSettings
 from drivers.samples import HeadingReference, PoseFixSample
 
 X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
 CERTAIN = 1e-12
 UNKNOWN_ANGLE_RAD2 = 10.0
 UNKNOWN_POSITION_M2 = 1e4
-MOST_REFUSALS = 2
+MOST_REJECTIONS = 2
 
 
 class YawSource(StrEnum):
-    """What turns the estimate: the gyro, or the wheels while there is no fresh gyro or the rover stands."""
+    """Source of the yaw: the gyro, or the wheels at rest and while there is no fresh gyro."""
 
     GYRO = "gyro"
     WHEELS = "wheels"
@@ -31,11 +31,11 @@ class YawSource(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """How far the rover turned.
+    """Measured turn of the rover.
 
     Attributes:
-        angle_rad: As measured, the gyro's bias included.
-        source: Who measured it.
+        angle_rad: Bias of the gyro included.
+        source: Source of the measurement.
         covered_s: The time over which the gyro's bias entered; 0 for the wheels.
     """
 
@@ -49,11 +49,11 @@ class PoseEstimate:
     """The estimated motion in the local frame: origin and x axis are the pose at start, y to the left.
 
     Attributes:
-        t_ns: Time of the wheel positions that the pose stands on.
+        t_ns: Time of the wheel positions that the pose is based on.
         velocity_x_m_s: In the body frame, as are `velocity_y_m_s` and `yaw_rate_rad_s`.
         gyro_bias_rad_s: Reading of the gyro at rest.
         covariance: Upper triangle over (x, y, yaw) by rows: xx, xy, x yaw, yy, y yaw, yaw yaw.
-        yaw_source: What turned the estimate last.
+        yaw_source: Source of the last turn.
     """
 
     t_ns: int
@@ -69,7 +69,7 @@ class PoseEstimate:
 
     @property
     def is_finite(self) -> bool:
-        """Say whether every number is finite."""
+        """Return whether every number is finite."""
         return math.isfinite(
             self.x_m
             + self.y_m
@@ -85,12 +85,12 @@ class PoseEstimate:
 class PoseFilter:
     """State [x, y, yaw, gyro bias, offsets, origins]: one offset per heading device and reference.
 
-    An offset is what a heading reads when the yaw is zero. It starts unknown; while the rover settles the yaw
-    is certain, so the first headings teach the offset, and later ones correct the yaw only as far as the
-    offset is known. Magnetic and true headings have offsets of their own and are never mixed.
+    An offset is the heading at a yaw of zero. It starts unknown. While the rover settles the yaw is certain,
+    so the first headings give the offset, and later ones correct the yaw as far as the offset is known.
+    Magnetic and true headings have offsets of their own.
 
     An origin is the pose of the local frame on the floor of a device that gives fixes, three states. It is
-    learnt in the same way: the first fix ties the frames together, best while the rover still stands, and the
+    estimated in the same way: the first fix ties the frames together, best while the rover is at rest, and
     later ones correct pose and origin as far as each is known. The mission stays in the local frame.
 
     Args:
@@ -107,7 +107,7 @@ class PoseFilter:
         self._offset_index = {source: FIRST_OFFSET + i for i, source in enumerate(sources)}
         first_origin = FIRST_OFFSET + len(sources)
         self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
-        self._refusals: dict[str, int] = {}
+        self._rejections: dict[str, int] = {}
         size = first_origin + 3 * len(fix_devices)
         self._filter = GuardedFilter(
             state=[0.0] * size,
@@ -143,10 +143,10 @@ class PoseFilter:
         return (x_row[X], x_row[Y], x_row[YAW], y_row[Y], y_row[YAW], yaw_row[YAW])
 
     def predict(self, increment: BodyIncrement, turn: Turn) -> Step:
-        """Move by the wheels' increment, turned by the mid heading; `turn` replaces the increment's own.
+        """Move by the wheels' increment, rotated by the mid heading; `turn` replaces the turn of the wheels.
 
         Returns:
-            The step as it was taken.
+            The step that was made.
         """
         state = self._filter.state
         before = Pose(x_m=state[X], y_m=state[Y], yaw_rad=state[YAW])
@@ -174,7 +174,7 @@ class PoseFilter:
     def correct_heading(
         self, device: str, reference: HeadingReference, heading_rad: float, turned_since_rad: float
     ) -> Innovation:
-        """Correct by a heading; `turned_since_rad` is how far the rover has turned since it was true."""
+        """Correct by a heading; `turned_since_rad` is the turn of the rover since it was measured."""
         source = (device, reference)
         state = self._filter.state
         expected_rad = state[YAW] - turned_since_rad + state[self._offset_index[source]]
@@ -195,40 +195,40 @@ class PoseFilter:
         )
 
     def correct_pose(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
-        """Correct by a fix of the pose; `way_back` leads from the present pose to that in the picture.
+        """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure.
 
-        A fix is accepted or refused as a whole. After two refusals in a row the rover has evidently been
-        moved, or has slipped more than the noise allows: the pose then becomes as uncertain as the next fix
-        differs from it.
+        A fix is accepted or rejected as a whole. After two rejections in a row the rover has been moved, or
+        has slipped more than the noise allows: the uncertainty of the pose then becomes its difference from
+        the next fix.
         """
         origin = self._origin_index[fix.device]
-        if fix.device not in self._refusals and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
-            self._refusals[fix.device] = 0
+        if fix.device not in self._rejections and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
+            self._rejections[fix.device] = 0
             self._assign_origin(origin, fix, way_back)
         innovations = self._update_pose(origin, fix, way_back)
         if innovations[0].accepted:
-            self._refusals[fix.device] = 0
+            self._rejections[fix.device] = 0
             return innovations
-        off = [innovation.residual for innovation in innovations if innovation.residual is not None]
-        if len(off) < len(innovations):
+        residuals = [innovation.residual for innovation in innovations if innovation.residual is not None]
+        if len(residuals) < len(innovations):
             return innovations
-        self._refusals[fix.device] += 1
-        if self._refusals[fix.device] <= MOST_REFUSALS:
+        self._rejections[fix.device] += 1
+        if self._rejections[fix.device] <= MOST_REJECTIONS:
             return innovations
         # The axes of the floor are not those of the local frame: widen both by the distance.
-        distance_m2 = off[X] ** 2 + off[Y] ** 2
-        for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, off[YAW] ** 2)):
+        distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2
+        for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, residuals[YAW] ** 2)):
             self._filter.widen(index, variance)
         return self._update_pose(origin, fix, way_back)
 
     def _then(self, way_back: WayBack) -> tuple[complex, float]:
-        """Return place and yaw of the rover in the local frame when the picture was taken."""
+        """Return place and yaw of the rover in the local frame at exposure."""
         x_m, y_m, yaw_rad = self._filter.state[:BIAS]
         arm_m = complex(way_back.x_m, way_back.y_m) * cmath.rect(1.0, yaw_rad)
         return complex(x_m, y_m) + arm_m, yaw_rad - way_back.turned_rad
 
     def _assign_origin(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> None:
-        """Put the origin where the first fix wants it; nothing is known of it yet."""
+        """Set the unknown origin by the first fix."""
         then_m, then_rad = self._then(way_back)
         origin_rad = wrap_angle(fix.yaw_rad - then_rad)
         origin_m = complex(fix.x_m, fix.y_m) - then_m * cmath.rect(1.0, origin_rad)
@@ -239,9 +239,9 @@ class PoseFilter:
         state = self._filter.state
         then_m, then_rad = self._then(way_back)
         frame = cmath.rect(1.0, state[origin + YAW])
-        seen_m = complex(state[origin + X], state[origin + Y]) + frame * then_m
-        off_m = complex(fix.x_m, fix.y_m) - seen_m
-        # How the place that is seen moves with each state; x is the real part, y the imaginary one.
+        expected_m = complex(state[origin + X], state[origin + Y]) + frame * then_m
+        residual_m = complex(fix.x_m, fix.y_m) - expected_m
+        # Derivatives of the expected place over the states; x is the real part, y the imaginary one.
         slopes = np.zeros(len(state), dtype=complex)
         slopes[X], slopes[Y] = frame, 1j * frame
         slopes[YAW] = 1j * frame * (then_m - complex(state[X], state[Y]))
@@ -253,7 +253,9 @@ class PoseFilter:
         yaw_rad2 = fix.yaw_std_rad**2 + way_back.yaw_rad2
         return self._filter.update_together(
             [f"{fix.device} {part}" for part in ("x", "y", "yaw")],
-            np.array([off_m.real, off_m.imag, wrap_angle(fix.yaw_rad - then_rad - state[origin + YAW])]),
+            np.array(
+                [residual_m.real, residual_m.imag, wrap_angle(fix.yaw_rad - then_rad - state[origin + YAW])]
+            ),
             np.array([slopes.real, slopes.imag, yaw_row]),
             np.array([position_m2, position_m2, yaw_rad2]),
         )

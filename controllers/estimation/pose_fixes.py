@@ -1,4 +1,4 @@
-"""Absolute fixes arrive late: each gets the way back from the present pose to the one in its picture."""
+"""Late absolute fixes: each gets the motion from the present pose back to the pose at exposure."""
 
 import math
 from collections import deque
@@ -36,7 +36,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WayBack:
-    """Where the rover was, in its present body frame, and the variances of the motion since."""
+    """Past pose in the present body frame, and the variances of the motion since."""
 
     x_m: float
     y_m: float
@@ -58,8 +58,8 @@ class _Mark:
 class FixQueue:
     """Waiting fixes, and the motion of the last two seconds.
 
-    Dead reckoning is kept apart from the estimate, so that what other measurements correct meanwhile does not
-    pass for motion.
+    Dead reckoning is separate from the estimate, so that corrections by other measurements do not count as
+    motion.
 
     Args:
         devices: Names of the devices that give fixes; others are ignored.
@@ -81,7 +81,7 @@ class FixQueue:
             self._waiting.append((capture_ns, fix))
 
     def move(self, t_ns: int, step: Step) -> None:
-        """Note the step that ended at `t_ns`; after a gap the motion starts anew."""
+        """Record the step that ended at `t_ns`; after a gap the motion starts anew."""
         start_ns = t_ns - nanoseconds(step.duration_s)
         marks = self._marks
         # Durations are rounded to less than a microsecond.
@@ -101,9 +101,9 @@ class FixQueue:
             marks.popleft()
 
     def take(self) -> list[tuple[PoseFixSample, WayBack | None]]:
-        """Return the fixes up to whose picture the motion is known, with the way back to it.
+        """Return the fixes whose exposure the recorded motion has reached, with the motion back to it.
 
-        The way back is None for a fix from before the motion that is remembered.
+        The motion is None for a fix from before the recorded motion.
         """
         if not self._marks:
             return []
@@ -133,7 +133,7 @@ class FixQueue:
 
 
 def late(fix: PoseFixSample) -> Innovation:
-    """Return the report of a fix whose picture is too old to be compared with anything."""
+    """Return the innovation of a fix that is too old to be compared."""
     return Innovation(name=f"{fix.device} too late", residual=None, variance=None, nis=None, accepted=False)
 
 

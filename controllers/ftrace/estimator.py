@@ -7,50 +7,31 @@ import numpy as np
 
 from controllers.ftrace.ground.frame import Frame, is_usable
 from controllers.ftrace.hough.tracker import HoughTracker
+from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
 from controllers.ftrace.rig import RigGeometry
 from controllers.ftrace.rig_geometry import Floats, GroundPatch
 from controllers.ftrace.rut.tracker import RutTracker
 from drivers.clock import seconds
 from drivers.errors import ModelError
 from drivers.samples import Image
-from drivers.settings import Settings
-
-GYRO_SD_RAD = 0.001
-GYRO_RATE_SD_RAD_S = 0.004
-"""Bias and noise of a small gyro, with what the rate does between two samples."""
-FREE_TILT_SD_RAD = 0.006
-FREE_TURN_RATE_SD_RAD_S = 0.05
 
 Rates = tuple[float, float, float]
-Method = Literal["ftrace", "rut", "memory", "fused"]
-
-
-class TraceSettings(Settings):
-    """How the trace is looked for.
-
-    Attributes:
-        method: `ftrace`, the paper's: Hough lines and fuzzy reasoning; `rut`, cross-sections of single
-            images; `memory`, with the path travelled; `fused`, with the ground's optical flow as well.
-        most_misses: Frames in a row without a trace for which the last one is kept.
-    """
-
-    method: Method = "fused"
-    most_misses: int = 3
+Method = Literal["fused", "hough"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceAngle:
-    """What is known after a frame.
+    """Estimate after a frame.
 
     Attributes:
         t_ns: Time of the frame.
-        detected: The trace is in this frame.
+        detected: The trace is detected in this frame.
         theta_rad: Angle of the wheel's current velocity from its axis, counter-clockwise; for at most
-            `most_misses` frames after the last trace that of the kept path; None without one.
+            `parameters.most_misses` frames after the last trace that of the kept path; None without one.
         offset_m: Place of the trace at the contact, left of it positive; None like `theta_rad`.
         distance_m: Distance of the trace's line from the vehicle's origin, positive when it passes left of it
             (the paper's d_t); None like `theta_rad`.
-        confidence: 0..1, how sure it is that `theta_rad` is right within 5 deg.
+        confidence: 0..1, probability that the error of `theta_rad` is below 5 deg.
         path_m: Centre line of the trace in the vehicle frame, rows of x, y, z; empty without one.
     """
 
@@ -73,19 +54,23 @@ class TraceEstimator:
 
     Args:
         rig: Calibrated camera and wheel.
-        settings: Method.
+        method: `fused`: cross-sections of the rut, the path travelled, and the optical flow of the ground;
+            `hough`: the paper's method, Hough lines and fuzzy reasoning.
+        parameters: Tuned numbers.
 
     Raises:
         ConfigError: The camera does not see the ground behind the wheel.
     """
 
-    def __init__(self, rig: RigGeometry, settings: TraceSettings) -> None:
+    def __init__(
+        self, rig: RigGeometry, method: Method = "fused", parameters: FTraceParameters = DEFAULTS
+    ) -> None:
         self._rig = rig
+        self._parameters = parameters
         self._ground = GroundPatch(rig)
-        self._most_misses = settings.most_misses
-        method = settings.method
-        self._tracker = HoughTracker(self._ground) if method == "ftrace" else RutTracker(self._ground, method)
-        self._misses = settings.most_misses + 1
+        make = HoughTracker if method == "hough" else RutTracker
+        self._tracker: HoughTracker | RutTracker = make(self._ground, parameters)
+        self._misses = parameters.most_misses + 1
         self._confidence = 0.0
         self._t_ns: int | None = None
         self._rates: Rates | None = None
@@ -103,17 +88,17 @@ class TraceEstimator:
         Args:
             t_ns: Time of exposure.
             image: Grey pixels, of the rig's size.
-            wheel_speed_m_s: Speed of the wheel's rim; the rig's nominal speed where not told.
+            wheel_speed_m_s: Speed of the wheel's rim; None for the rig's nominal speed.
             rates_rad_s: Turn rates of the body about x, y, z, or None.
 
         Raises:
-            ModelError: Time does not go forward, or the frame has another size than the rig's.
+            ModelError: Time does not increase, or the frame has another size than the rig's.
         """
         frame = self._frame(t_ns, image, wheel_speed_m_s, rates_rad_s)
         reading = self._tracker.track(frame)
         self._misses = 0 if reading.found else self._misses + 1
-        is_kept = self._misses <= self._most_misses and reading.theta_rad is not None
-        if self._misses == self._most_misses + 1:
+        is_kept = self._misses <= self._parameters.most_misses and reading.theta_rad is not None
+        if self._misses == self._parameters.most_misses + 1:
             self._tracker.lose()
         self._confidence = reading.confidence if reading.found else self._confidence / 2
         theta = reading.theta_rad if is_kept else None
@@ -141,7 +126,7 @@ class TraceEstimator:
         patch = self._ground.rectify(image)
         frame = Frame(
             patch=patch,
-            usable=is_usable(patch, self._ground.visible),
+            usable=is_usable(patch, self._ground.visible, self._parameters.frame),
             distance_m=abs(speed) * dt_s,
             turn_rad=turn,
             turn_sd_rad=turn_sd,
@@ -152,18 +137,19 @@ class TraceEstimator:
 
     def _turn(self, rates: Rates | None, dt_s: float) -> tuple[Rates, Rates]:
         """Return the angles turned since the last frame and their standard deviations."""
+        noise = self._parameters.turn
         if rates is None or self._rates is None:
-            tilt, yaw = FREE_TILT_SD_RAD, FREE_TURN_RATE_SD_RAD_S * dt_s
+            tilt, yaw = noise.free_tilt_sd_rad, noise.free_turn_rate_sd_rad_s * dt_s
             return (0.0, 0.0, 0.0), (tilt, tilt, yaw)
         pairs = tuple(zip(rates, self._rates, strict=True))
-        # A rate known at both ends only: what it did between is the less known the more the two differ.
+        # The rate is known at both ends only: the more the two differ, the less certain is the rate between.
         x, y, z = ((now + then) / 2 * dt_s for now, then in pairs)
-        sd = GYRO_SD_RAD + GYRO_RATE_SD_RAD_S * dt_s
+        sd = noise.gyro_sd_rad + noise.gyro_rate_sd_rad_s * dt_s
         sd_x, sd_y, sd_z = (sd + abs(now - then) * dt_s / 4 for now, then in pairs)
         return (x, y, z), (sd_x, sd_y, sd_z)
 
     def _distance(self, theta_rad: float, offset_m: float) -> float:
-        """Return how far the line through the trace's place at the contact passes left of the origin."""
+        """Return the distance of the trace's line from the origin, positive where it passes left of it."""
         direction = theta_rad + self._rig.steer_rad
         x, y = self._ground.to_vehicle(np.zeros(1), np.full(1, offset_m))[0, :2]
         return float(y * np.cos(direction) - x * np.sin(direction))

@@ -199,9 +199,7 @@ class RigFile(Settings):
         size, camera_size = (self.image.width, self.image.height), (width, height)
         if size == camera_size:
             return ""
-        return (
-            f"trace_slip.rig is of frames of {size} pixels, the camera gives {camera_size}: make them equal"
-        )
+        return f"scomp.rig is of frames of {size} pixels, the camera gives {camera_size}: make them equal"
 
     def _lead_m(self) -> tuple[float, float] | None:
         """Return the next wheel ahead in about the same track."""

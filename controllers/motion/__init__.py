@@ -1,1 +1,1 @@
-"""Where the rover shall go: kinematics, path following, mission, limits."""
+"""Motion of the rover: kinematics, path following, mission, limits."""

@@ -1,4 +1,4 @@
-"""From body motion to wheels and back, without slip. Plain floats: for so few numbers faster than arrays."""
+"""Kinematics of rolling wheels. Plain floats: faster than arrays for so few numbers."""
 
 import math
 from collections.abc import Sequence
@@ -6,14 +6,14 @@ from typing import Protocol
 
 import numpy as np
 
-from controllers.settings import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
 
 BodyMotion = tuple[float, float, float]
 """Forward, to the left, and counter-clockwise: m/s, m/s, rad/s or m, m, rad."""
 
 
 class Kinematics(Protocol):
-    """The geometry of a rover's wheels."""
+    """Geometry of a rover's wheels."""
 
     wheel_count: int
     moves_sideways: bool
@@ -21,7 +21,7 @@ class Kinematics(Protocol):
     def wheel_speeds(
         self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float
     ) -> tuple[float, ...]:
-        """Return the wheel speeds in rad/s that make the body move so; the sideways part only if it can."""
+        """Return the wheel speeds in rad/s for a body velocity; without the sideways part if impossible."""
         ...
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
@@ -35,7 +35,7 @@ class Kinematics(Protocol):
 class OmniKinematics:
     """Three omnidirectional wheels: R w = J v, rows of J = [-sin th, cos th, L].
 
-    Source: Robotino paper (003), inverse kinematics; J^-1 is inverted numerically, so any angles will do.
+    Source: Robotino paper (003), inverse kinematics; J is inverted numerically, for any angles.
     """
 
     wheel_count = 3

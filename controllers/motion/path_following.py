@@ -7,11 +7,14 @@ from itertools import pairwise
 
 from controllers.motion.mission import Point, corner_points
 from controllers.motion.planar import Pose, wrap_angle
-from controllers.settings import MissionSettings
+from controllers.motion.settings import MissionSettings
 from drivers.errors import ConfigError
 
+# Chosen by hand.
 SLOWEST_SHARE = 0.2
+"""Least speed, over that of the mission."""
 SPOT_TURN_RAD = 0.5
+"""With a greater course error a rover that cannot move sideways turns on the spot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,17 +36,17 @@ class Guidance:
 class PathFollower:
     """Follows a mission.
 
-    The course points to the line `lookahead_m` ahead, so a deviation decays over that distance whatever the
-    speed. Speed falls in proportion to the distance left to the corner, but not below a fifth: coarse drives
-    do not turn at all below one step of theirs.
+    The course points to the line `lookahead_m` ahead, so a deviation decays over that distance at any speed.
+    Speed is proportional to the remaining distance to the corner, but not below a fifth: drives with coarse
+    steps do not turn at all below one step.
 
     Args:
         mission: Path, speed and gains.
         moves_sideways: Whether the rover can move in any direction at any heading.
 
     Raises:
-        ConfigError: A rover that cannot move sideways is to hold its heading, or two corners are within the
-            position tolerance of each other.
+        ConfigError: The rover cannot move sideways but the mission holds its heading, or two corners are
+            within the position tolerance of each other.
     """
 
     def __init__(self, mission: MissionSettings, moves_sideways: bool) -> None:
@@ -55,12 +58,12 @@ class PathFollower:
         self._index = 0
 
     def guide(self, pose: Pose, drift_rad: float = 0.0) -> Guidance:
-        """Return the velocity for `pose`, after going on to the next line where this one's end is reached.
+        """Return the velocity for `pose`, on the next line where the end of the present one is reached.
 
         Args:
             pose: Of the rover.
-            drift_rad: Angle from the rover's axis to the direction in which it really moves; a rover that
-                cannot move sideways is turned against it.
+            drift_rad: Angle from the rover's axis to its course over ground; a rover that cannot move
+                sideways is turned against it.
         """
         cross_m, remaining_m = _locate(pose, self._lines[self._index])
         while remaining_m <= self._mission.position_tolerance_m:
@@ -84,18 +87,18 @@ class PathFollower:
             mission.speed_m_s,
             max(mission.approach_gain_per_s * remaining_m, SLOWEST_SHARE * mission.speed_m_s),
         )
-        off_course_rad = wrap_angle(course_rad - pose.yaw_rad)
+        course_error_rad = wrap_angle(course_rad - pose.yaw_rad)
         if self._moves_sideways:
             facing_rad = 0.0 if mission.heading == "hold" else line_rad
             turn_rad = wrap_angle(facing_rad - pose.yaw_rad)
-            sideways_m_s = speed_m_s * math.sin(off_course_rad)
+            sideways_m_s = speed_m_s * math.sin(course_error_rad)
         else:
-            turn_rad, sideways_m_s = wrap_angle(off_course_rad - drift_rad), 0.0
-            if abs(off_course_rad) > SPOT_TURN_RAD:
+            turn_rad, sideways_m_s = wrap_angle(course_error_rad - drift_rad), 0.0
+            if abs(course_error_rad) > SPOT_TURN_RAD:
                 speed_m_s = 0.0
         limit_rad_s = mission.yaw_rate_limit_rad_s
         return Guidance(
-            velocity_x_m_s=speed_m_s * math.cos(off_course_rad),
+            velocity_x_m_s=speed_m_s * math.cos(course_error_rad),
             velocity_y_m_s=sideways_m_s,
             yaw_rate_rad_s=min(limit_rad_s, max(-limit_rad_s, mission.heading_gain_per_s * turn_rad)),
             cross_track_m=cross_m,
@@ -126,7 +129,7 @@ def _direction(line: tuple[Point, Point]) -> float:
 
 
 def _locate(pose: Pose, line: tuple[Point, Point]) -> tuple[float, float]:
-    """Return the distance to the left of the line and the distance left along it."""
+    """Return the distance to the left of the line and the remaining distance along it."""
     (start_x, start_y), (end_x, end_y) = line
     length_m = math.dist(*line)
     unit_x, unit_y = (end_x - start_x) / length_m, (end_y - start_y) / length_m

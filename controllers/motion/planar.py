@@ -7,7 +7,7 @@ from dataclasses import dataclass
 def wrap_angle(angle_rad: float) -> float:
     """Return the same direction within [-pi, pi)."""
     wrapped_rad = (angle_rad + math.pi) % math.tau - math.pi
-    return -math.pi if wrapped_rad >= math.pi else wrapped_rad  # a hair below -pi is rounded up to pi
+    return -math.pi if wrapped_rad >= math.pi else wrapped_rad  # slightly below -pi is rounded up to pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

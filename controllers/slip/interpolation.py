@@ -1,4 +1,4 @@
-"""Tables that rise: checked, and read between their points. Plain floats."""
+"""Monotone tables: check and linear interpolation. Plain floats."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -11,10 +11,10 @@ def check_rising(
     """Check that `points` increase and `values`, one for each, do not decrease.
 
     Raises:
-        ValueError: They do not; the message is fit for a user.
+        ValueError: They do not; the message is written for a user.
     """
     if len(points) != len(values):
-        raise ValueError(f"{points_name} and {values_name} must be equally many")
+        raise ValueError(f"{points_name} and {values_name} must have the same length")
     if any(right <= left for left, right in pairwise(points)):
         raise ValueError(f"{points_name} must increase")
     if any(right < left for left, right in pairwise(values)):

@@ -1,4 +1,4 @@
-"""`rover-hil identify probe`: slip by the transmission loss of a yaw excitation."""
+"""`rover-hil identify probe`: slip over the transmission loss of a yaw excitation."""
 
 import json
 from collections.abc import Sequence
@@ -8,28 +8,37 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.progress import track
 
-from controllers.slip.effort.yaw_excitation import YawProbeMap
+from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.map_file import read_slip_map, write_slip_map
 from rover_hil.identify.slip.probe_fit import fit_probe
 from rover_hil.identify.slip.runs import find_runs, log_notes
+from rover_hil.pages.atomic_write import check_file
 
 
 def identify_probe(
-    logs: Sequence[Path], *, maps: str, amplitude_rad_s: float, frequency_hz: float, out: Path, as_json: bool
+    logs: Sequence[Path],
+    *,
+    maps: str,
+    amplitude_rad_s: float,
+    frequency_hz: float,
+    out: Path,
+    as_json: bool,
+    force: bool = False,
 ) -> int:
     """Fit the probe to `logs` and write `maps` with it to `out`; returns the exit code.
 
     Raises:
-        ConfigError: `out` exists, the shake is out of range, `maps` cannot be read, or scikit-learn is not
-            installed.
-        LogError: A log cannot be used, or there is too little shaking in all of them.
+        ConfigError: `out` exists, the excitation is out of range, `maps` cannot be read, or scikit-learn is
+            not installed.
+        LogError: A log cannot be used, or there is too little excitation in all of them.
     """
-    if out.exists():
-        msg = f"{out} exists and a map is never overwritten: choose another --out"
-        raise ConfigError(msg)
-    shake = _shake(logs, amplitude_rad_s, frequency_hz)
+    check_file(out, force=force)
+    check_inputs(*logs)
+    excitation = _excitation(logs, amplitude_rad_s, frequency_hz)
     content = read_slip_map(maps)
     files = find_runs(logs).files
     console = Console(stderr=True)
@@ -37,32 +46,32 @@ def identify_probe(
         read_log_run(path, path.parent.name)
         for path in track(files, "reading", console=console, transient=True)
     ]
-    probe, rejected = fit_probe(runs, shake)
+    probe, rejected = fit_probe(runs, excitation)
     notes = log_notes(runs, rejected)
     write_slip_map(content.model_copy(update={"yaw_probe": probe}), out)
     if as_json:
-        record = {"logs": len(runs), **probe.model_dump(), "notes": notes}
+        record = {"logs": len(runs), **probe.model_dump(by_alias=True), "notes": notes}
         print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
     else:
         console = Console(highlight=False)
         console.print(
-            f"{len(runs)} logs: slip follows the lost share of the shake with a scatter of "
+            f"{len(runs)} logs: slip follows the transmission loss with a scatter of "
             f"{probe.slip_sd:.3f}; written to {out}"
         )
         for note in notes:
             console.print(f"Note: {note}")
-    return 0
+    return EXIT_OK
 
 
-def _shake(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawProbeMap:
-    """Return the shake of the logs, its table not yet fitted."""
+def _excitation(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawExcitationMap:
+    """Return the excitation of the logs, its table not yet fitted."""
     source = f"drives in {', '.join(path.resolve().name for path in logs)}"
     try:
-        return YawProbeMap(
+        return YawExcitationMap(
             source=source,
             amplitude_rad_s=amplitude_rad_s,
             frequency_hz=frequency_hz,
-            lost=(0, 1),
+            transmission_losses=(0, 1),
             slips=(0, 1),
             slip_sd=1.0,
             directions_rad=(0.0,),

@@ -11,20 +11,25 @@ from rich.table import Table
 from controllers.slip.scomp.parameters import Provenance, ScompParameters
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.identify.scomp.fit import Identification, identify
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
 from rover_hil.scomp.drive import TruePath, final_error_m
-from rover_hil.scomp.files import ReadDrive, parameters_text, read_drive, write_text
+from rover_hil.scomp.files import ReadDrive, parameters_text, read_drive
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.pictures import fit_pictures
 from rover_hil.scomp.read_csv import TRUTH, read_truth
 from rover_hil.scomp.read_log import log_truth
 
-EXIT_OK = 0
-
 
 def identify_scomp(
-    log: Path, *, truth: Path | None, out: Path | None, pictures: Path | None, as_json: bool
+    log: Path,
+    *,
+    truth: Path | None,
+    out: Path | None,
+    pictures: Path | None,
+    as_json: bool,
+    force: bool = False,
 ) -> int:
     """Fit the parameters to the drive in `log`, print them and how well they fit; returns the exit code.
 
@@ -34,15 +39,17 @@ def identify_scomp(
         out: Parameter file; without it the file goes to standard output.
         pictures: Folder for pictures of the fit.
         as_json: Print JSON.
+        force: Replace earlier files.
 
     Raises:
-        ConfigError: `out` exists, something cannot be written, or `log` is a CSV file and `truth` is missing.
+        ConfigError: `out` or a picture exists, something cannot be written, or `log` is a CSV file and
+            `truth` is missing.
         LogError: Log or truth cannot be read, or the log holds no true path.
         ModelError: They share too little.
     """
-    if out is not None and out.exists():
-        msg = f"{out} exists and is not overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
+    if pictures is not None:
+        refuse_overwrite(*pictures.glob("*.svg"), force=force, option="--pictures")
     source = read_drive(log)
     path, truth_name = _true_path(log, source, truth)
     with Progress(console=Console(stderr=True), transient=True) as progress:
@@ -57,9 +64,9 @@ def identify_scomp(
     if truth is None:
         notes.insert(0, f"truth: {truth_name}")
     if out is not None:
-        write_text(parameters_text(parameters), out)
+        write_file(out, parameters_text(parameters))
     if pictures is not None:
-        write_all(pictures, fit_pictures(found, result.track, path))
+        write_files(pictures, fit_pictures(found, result.track, path))
     if as_json:
         record = parameters.model_dump(mode="json", by_alias=True)
         fit = {"slip_rms": found.slip_rms, "final_error_m": error_m}
@@ -92,17 +99,17 @@ def _print(
     if not is_written:
         print(parameters_text(parameters), end="")  # noqa: T201 - the file itself
     console = Console(highlight=False, stderr=not is_written)
-    hinge, pitch, roll, trace = parameters.hinge, parameters.pitch, parameters.roll, parameters.trace
-    low, high = (math.degrees(angle) for angle in hinge.fit_range_rad)
+    law, pitch, roll, trace = parameters.two_segment_slip, parameters.pitch, parameters.roll, parameters.trace
+    low, high = (math.degrees(angle) for angle in law.fit_range_rad)
     table = Table(title=f"{len(found.windows.t_s)} windows of two seconds", title_justify="left")
     for name in ("what", "value", "known to"):
         table.add_column(name)
     table.add_row("c_rr", f"{pitch.rolling_resistance:.4f}", f"{pitch.rolling_resistance_sd:.4f}")
     table.add_row("C_x (N)", f"{pitch.model.c_x_n:.1f}", f"{100 * pitch.stiffness_sd:.0f} % for that c_rr")
     table.add_row(
-        "hinge s_x0, k (/rad), beta0 (deg)",
-        f"{hinge.slip_0:.3f}, {hinge.k_per_rad:.3f}, {math.degrees(hinge.beta_0_rad):.1f}",
-        f"rms {hinge.rms:.3f} over |beta| of {low:.0f} to {high:.0f} deg",
+        "two-segment slip s_x0, k (/rad), beta0 (deg)",
+        f"{law.slip_0:.3f}, {law.k_per_rad:.3f}, {math.degrees(law.beta_0_rad):.1f}",
+        f"rms {law.rms:.3f} over |beta| of {low:.0f} to {high:.0f} deg",
     )
     table.add_row("drift from roll, gain", f"{roll.gain:.2f}", f"{roll.gain_sd:.2f}")
     table.add_row("residual drift, rms (deg)", f"{math.degrees(roll.rest):.2f}", "")

@@ -9,7 +9,9 @@ from rich.console import Console
 from rich.progress import Progress
 
 from controllers.slip.effort.motor_model import MotorSettings
-from drivers.errors import ConfigError, LogError
+from drivers.errors import LogError
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.identification import (
     FOLDS,
     Errors,
@@ -21,9 +23,12 @@ from rover_hil.identify.slip.map_file import slip_map_file, write_slip_map
 from rover_hil.identify.slip.report import print_result, result_record
 from rover_hil.identify.slip.runs import RunFiles, find_runs, log_notes
 from rover_hil.identify.slip.scores import score_runs
+from rover_hil.pages.atomic_write import check_file
 
 
-def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None) -> int:
+def identify_slip(
+    train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None, force: bool = False
+) -> int:
     """Fit slip maps to the runs in `train`, score them on each of `test`; returns the exit code.
 
     Args:
@@ -31,14 +36,14 @@ def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool,
         test: Files and folders of runs, each scored by itself.
         as_json: Print JSON instead of tables.
         out: Data file for the maps.
+        force: Replace an earlier one.
 
     Raises:
         ConfigError: `out` exists or cannot be written, or scikit-learn is not installed.
         LogError: A run cannot be used, there are too few, or a test is in pixels without a scale.
     """
-    if out is not None and out.exists():
-        msg = f"{out} exists and a map is never overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
+    check_inputs(*train, *test)
     motor = MotorSettings()
     train_files = find_runs(train)
     test_files = {str(path): find_runs([path]) for path in test}
@@ -67,7 +72,7 @@ def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool,
         print_result(Console(highlight=False), found, tests, notes)
     if out is not None:
         write_slip_map(slip_map_file(found, motor, train), out)
-    return 0
+    return EXIT_OK
 
 
 def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[str, RunFiles]) -> list[str]:

@@ -12,13 +12,23 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.tune_settings import TuneSettings
+from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.tune.comparison import Comparison, Verdict, compare
 from rover_hil.tune.objective import MissionRunner
 from rover_hil.tune.parallel_runs import ParallelRuns
 from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values
-from rover_hil.tune.results import CONFIG_NAME, REPORT_NAME, sentence, summarise, write_results
+from rover_hil.tune.results import (
+    CONFIG_NAME,
+    REPORT_NAME,
+    RESULT_NAMES,
+    sentence,
+    study_of,
+    summarise,
+    write_results,
+)
 from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import Attempt, Study
 from rover_hil.tune.tuned_config import tuned_text
@@ -27,7 +37,14 @@ STUDY_NAME = "study.journal"
 
 
 def tune(
-    config_name: str, *, study: str, trials: int, minutes: float | None, out: Path | None, as_json: bool
+    config_name: str,
+    *,
+    study: str,
+    trials: int,
+    minutes: float | None,
+    out: Path | None,
+    as_json: bool,
+    force: bool = False,
 ) -> int:
     """Search, compare with the start on held-out scenarios, write the results; returns the exit code.
 
@@ -38,14 +55,15 @@ def tune(
         minutes: End the search after this time, or None.
         out: Folder of the study; by default `tuning/STUDY`.
         as_json: Print the result as JSON.
+        force: Replace results of another study.
 
     Raises:
-        ConfigError: Bad configuration, or a study of another one.
+        ConfigError: Bad configuration, or a study or results of another one.
     """
     config, text = load_config(config_name, TUNE_CHECKS), read_config_text(config_name)
     settings = check_parameters(config)
     tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
-    folder = _prepare_folder(study, out)
+    folder = _prepare_folder(study, out, force=force)
     trial_store = Study(folder / STUDY_NAME, study, config, settings)
     messages = Console(stderr=True)
     with ParallelRuns() as parallel_runs:
@@ -62,13 +80,15 @@ def tune(
         names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
         for name in names:
             console.print(str(folder / name), soft_wrap=True)
-    return 1 if result.verdict is Verdict.NONE_ACCEPTABLE else 0
+    return EXIT_NO if result.verdict is Verdict.NONE_ACCEPTABLE else EXIT_OK
 
 
-def _prepare_folder(study: str, out: Path | None) -> Path:
+def _prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:
     if not re.fullmatch(r"\w[\w.-]*", study):
         raise ConfigError(f"--study '{study}' is no name for a folder: use letters, digits, _, - and .")
     folder = out or Path("tuning") / study
+    if not (folder / STUDY_NAME).exists() or study_of(folder) != study:
+        refuse_overwrite(*(folder / name for name in RESULT_NAMES), force=force)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,6 +1,7 @@
 """Reads a configuration, and the files that become part of it."""
 
 import json
+import sys
 import tomllib
 from importlib import resources
 from importlib.abc import Traversable
@@ -10,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from controllers.ftrace.rig import RigFile
+from controllers.settings import OLD_SCOMP_KEY
 from drivers.errors import ConfigError
 from drivers.registry import AnyDeviceSettings
 from rover_hil.config.error_text import describe_mistakes, describe_validation_error, join_lines
@@ -44,6 +46,7 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
     except tomllib.TOMLDecodeError as error:
         msg = f"{name_or_path} is not valid TOML: {error}"
         raise ConfigError(msg) from error
+    _rename_old_sections(table)
     unreadable = _inline_files(table)
     try:
         config = Config.model_validate(table)
@@ -124,6 +127,14 @@ def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
     return table
 
 
+def _rename_old_sections(table: Table) -> None:
+    """Accept sections under the names of the version before, with a note to the user."""
+    if OLD_SCOMP_KEY in table and "scomp" not in table:
+        note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
+        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
+        table["scomp"] = table.pop(OLD_SCOMP_KEY)
+
+
 def _inline_files(table: Table) -> dict[KeyPath, str]:
     """Put the content of files in the place of their names, so that a log holds all it needs.
 
@@ -133,8 +144,8 @@ def _inline_files(table: Table) -> dict[KeyPath, str]:
     unreadable: dict[KeyPath, str] = {}
     for section, key, what, pattern in (
         ("slip", "maps", "slip map", "slip_maps/{}.toml"),
-        ("trace_slip", "parameters", "parameters", "scomp_parameters/{}.toml"),
-        ("trace_slip", "rig", "rig file", "rigs/{}.json"),
+        ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),
+        ("scomp", "rig", "rig file", "rigs/{}.json"),
     ):
         settings = table.get(section)
         name = settings.get(key) if isinstance(settings, dict) else None

@@ -56,7 +56,7 @@ class RoleSettings(Settings):
             corrected: make `safety.settle_s` longer than their period.
         require_fixes: The rover also stops when one of them sends nothing, e.g. because it does not see the
             rover any more.
-        camera: The camera that looks back at the trace of the rear left wheel, for [trace_slip].
+        camera: The camera that looks back at the trace of the rear left wheel, for [scomp].
     """
 
     wheels: str
@@ -200,16 +200,16 @@ def _find_missing_gyro(draft: Draft) -> Iterator[str]:
 
 def _find_slip_conflicts(draft: Draft) -> Iterator[str]:
     config = draft.config
-    return find_slip_conflicts(config.rover, config.slip, config.trace_slip)
+    return find_slip_conflicts(config.rover, config.slip, config.scomp)
 
 
 def _find_rig_conflicts(draft: Draft) -> Iterator[str]:
     config, name = draft.config, draft.config.roles.camera
-    rig = None if config.trace_slip is None else config.trace_slip.rig
+    rig = None if config.scomp is None else config.scomp.rig
     if rig is None and name is not None:
-        yield "roles.camera: its calibration is missing: add trace_slip.rig, or remove the role"
+        yield "roles.camera: its calibration is missing: add scomp.rig, or remove the role"
     if rig is not None and name is None:
-        yield "trace_slip.rig: it calibrates no camera: add roles.camera, or remove the rig"
+        yield "scomp.rig: it calibrates no camera: add roles.camera, or remove the rig"
     camera = None if name is None else config.devices.get(name)
     if rig is not None and isinstance(camera, CameraSettings):
         conflict = rig.size_conflict(camera.width, camera.height)
@@ -220,7 +220,7 @@ def _find_rig_conflicts(draft: Draft) -> Iterator[str]:
 SCHEMA_RULES = (
     Rule(("roles", "devices"), _find_unfit_devices),
     Rule(("roles", "slip"), _find_missing_gyro),
-    Rule(("rover", "slip", "trace_slip"), _find_slip_conflicts),
-    Rule(("roles", "devices", "trace_slip"), _find_rig_conflicts),
+    Rule(("rover", "slip", "scomp"), _find_slip_conflicts),
+    Rule(("roles", "devices", "scomp"), _find_rig_conflicts),
 )
 """What every configuration fulfils, also one read from a log."""

@@ -1,4 +1,4 @@
-"""Makes a rig file: lens from pictures of a board, pose from one picture of it on the ground."""
+"""Calibration of a camera: lens from pictures of a board, pose from a picture of it on the ground."""
 
 import json
 from dataclasses import dataclass
@@ -44,12 +44,12 @@ class Board:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundTarget:
-    """Where the board lies on the ground: its first inner corner, and the direction of its columns.
+    """Place of the board on the ground: its first inner corner, and the direction of its columns.
 
     Attributes:
         x_m: Corner in the vehicle frame.
         y_m: Corner in the vehicle frame.
-        yaw_rad: Direction of growing columns, counter-clockwise from x; rows then grow to its right.
+        yaw_rad: Direction of increasing columns, counter-clockwise from x; rows increase to its right.
     """
 
     x_m: float
@@ -75,10 +75,10 @@ def calibrate(pictures: Path, ground: Path, board: Board, target: GroundTarget) 
     """Return the calibration of a camera.
 
     Args:
-        pictures: Folder or video with the board in many poses; pictures without the board are passed over.
+        pictures: Folder or video with the board in many poses; pictures without the board are skipped.
         ground: Picture of the board on the ground.
         board: The board.
-        target: Where it lies.
+        target: Its place on the ground.
 
     Raises:
         ConfigError: Fewer than 5 pictures show the board, they differ in size, or `ground` does not.
@@ -130,7 +130,7 @@ def find_corners(image: Image, board: Board) -> tuple[Floats, Floats] | None:
         size = (board.columns, board.rows)
         pattern = cv2.aruco.CharucoBoard(size, board.square_m, MARKER_SHARE * board.square_m, dictionary)
         corners, identities, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
-        # OpenCV gives None where it sees no corner.
+        # OpenCV returns None without a corner.
         seen = np.asarray(np.atleast_1d(identities), np.float64).ravel()
         numbers = seen[np.isfinite(seen)].astype(np.intp)
         if len(numbers) < LEAST_CORNERS:
@@ -150,7 +150,7 @@ def _pose(
         raise ConfigError(msg)
     flat, pixels = found
     best: tuple[Floats, Floats, float] | None = None
-    # A chessboard looks the same turned by half a turn; the camera looks back, away from the vehicle's nose.
+    # A chessboard is symmetric to half a turn; the camera looks back, away from the vehicle's nose.
     for turned in (False, True) if board.kind == "chessboard" else (False,):
         points = _on_ground(flat[::-1] if turned else flat, target)
         ok, turn, shift = cv2.solvePnP(points, pixels, matrix, distortion)
@@ -195,7 +195,7 @@ def rig_text(rover: Path, calibration: Calibration, fps: float) -> str:
         msg = f"cannot read {rover}: {error.strerror}"
         raise ConfigError(msg) from error
     except ValueError as error:
-        msg = f"{rover} is no valid JSON: {error}"
+        msg = f"{rover} is not valid JSON: {error}"
         raise ConfigError(msg) from error
     if not isinstance(table, dict):
         msg = f"{rover} must hold an object with the keys of the rover"

@@ -1,4 +1,4 @@
-"""Frames to look at: a folder of pictures, or a video."""
+"""Source of frames: a folder of pictures, or a video."""
 
 import re
 from collections.abc import Iterator
@@ -31,10 +31,10 @@ class FrameSource:
         path: A folder of pictures, ordered by the last number in their names, or a video file.
 
     Attributes:
-        count: Number of frames, as far as it is known.
+        count: Number of frames; for a video as stated in the file.
 
     Raises:
-        ConfigError: There is nothing to read.
+        ConfigError: There are no frames.
     """
 
     def __init__(self, path: Path) -> None:
@@ -51,7 +51,7 @@ class FrameSource:
             self.count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
             capture.release()
         if self.count <= 0:
-            msg = f"{path} holds no frames: give a folder of pictures ({', '.join(PICTURES)}) or a video"
+            msg = f"{path} has no frames: give a folder of pictures ({', '.join(PICTURES)}) or a video"
             raise ConfigError(msg)
 
     def __iter__(self) -> Iterator[FrameFile]:

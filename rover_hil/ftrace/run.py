@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 from controllers.ftrace.estimator import TraceAngle, TraceEstimator
 from controllers.ftrace.rig import RigFile
@@ -18,7 +17,7 @@ HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected"
 
 @dataclass(frozen=True, slots=True)
 class FrameAngle:
-    """A frame's number, time in s, grey pixels, and what was found."""
+    """A frame's number, time in s, grey pixels, and the estimate."""
 
     number: int
     t_s: float
@@ -29,7 +28,7 @@ class FrameAngle:
 def estimate(
     source: FrameSource, rig: RigFile, telemetry: dict[int, TelemetryRow] | None, estimator: TraceEstimator
 ) -> Iterator[FrameAngle]:
-    """Yield what the estimator finds, frame by frame.
+    """Yield the estimate of each frame.
 
     Raises:
         ConfigError: A frame has another size than the rig's, no row in the telemetry, or an earlier time.
@@ -39,11 +38,11 @@ def estimate(
         row = TelemetryRow(frame.number / rig.image.fps, None, None)
         if telemetry is not None:
             if frame.number not in telemetry:
-                msg = f"the telemetry has no row for frame {frame.number}: it needs one for each frame"
+                msg = f"the telemetry has no row for frame {frame.number}: every frame needs one"
                 raise ConfigError(msg)
             row = telemetry[frame.number]
         if row.t_s <= before:
-            msg = f"time goes backwards: frame {frame.number} is of {row.t_s:g} s, after one of {before:g} s"
+            msg = f"time goes backwards: frame {frame.number} at {row.t_s:g} s follows one at {before:g} s"
             raise ConfigError(msg)
         before = row.t_s
         grey = to_grey(frame, rig.image.width, rig.image.height)
@@ -54,28 +53,11 @@ def estimate(
 
 
 def csv_row(item: FrameAngle) -> str:
-    """Return a line of the output; angles in degrees, `nan` where there is no trace."""
+    """Return a line of the output; angles in degrees, `nan` without a trace."""
     angle = item.angle
     distance = float("nan") if angle.distance_m is None else angle.distance_m
     found = f"{angle.theta_deg:.4f},{distance:.5f},{angle.confidence:.4f},{int(angle.detected)}"
     return f"{item.number},{item.t_s:.6f},{found}"
-
-
-def write_csv(path: Path, rows: list[str]) -> None:
-    """Write the output, whole or not at all.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def longest_gap(found: list[bool]) -> int:

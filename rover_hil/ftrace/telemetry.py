@@ -1,4 +1,4 @@
-"""Telemetry beside the frames: a CSV file with one row per frame."""
+"""Telemetry of the frames: a CSV file with one row per frame."""
 
 import math
 from dataclasses import dataclass

@@ -1,6 +1,5 @@
 """Measured Robotino 2 runs as replies of their board, so that they can be replayed through its codec."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from drivers.robotino_board.codec import BoardReply, Counts, build_reply
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, read_record
 
+LARGEST_MM_PER_PX = 1000.0
 START_NS = NANOSECONDS_PER_SECOND
 """Time given to t = 0 of a run: not zero, so that an unset time stamp cannot pass for a real one."""
 
@@ -56,11 +56,14 @@ def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
             the runs on the smooth table.
 
     Raises:
-        ConfigError: The scale is not a positive number.
+        ConfigError: The scale is not a positive number, or too large for a camera.
         LogError: The file cannot be read, or holds something wrong; the message names line and column.
     """
-    if not 0 < millimetres_per_pixel < math.inf:
-        msg = f"millimetres per pixel must be a positive number, not {millimetres_per_pixel}"
+    if not 0 < millimetres_per_pixel <= LARGEST_MM_PER_PX:
+        msg = (
+            f"millimetres per pixel must be a positive number up to {LARGEST_MM_PER_PX:g}, "
+            f"not {millimetres_per_pixel}"
+        )
         raise ConfigError(msg)
     record = read_record(path, with_camera=True)
     counts, camera = board_counts(record), camera_poses(record.columns)

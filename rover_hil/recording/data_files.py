@@ -72,7 +72,7 @@ def with_controller_of(logged: Config, other: Config) -> Config:
         "limits": other.limits,
         "safety": other.safety,
         "slip": other.slip,
-        "trace_slip": other.trace_slip,
+        "scomp": other.scomp,
     }
     if logged.mission is not None and other.mission is not None:
         update["mission"] = other.mission

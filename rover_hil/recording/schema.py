@@ -15,7 +15,7 @@ from typing_extensions import TypedDict
 from controllers.control_loop import StepOutput
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.slip.effort.compensator import SlipReport
-from controllers.slip.scomp.compensator import DriftReport
+from controllers.slip.scomp.compensator import ScompReport
 from drivers.driver import Health
 from drivers.link import LinkChange
 from drivers.samples import (
@@ -283,7 +283,7 @@ def _slip(report: SlipReport) -> SlipRecord:
     }
 
 
-def _drift(report: DriftReport) -> DriftRecord:
+def _drift(report: ScompReport) -> DriftRecord:
     return {
         "slip": report.slip,
         "slip_angle_rad": report.slip_angle_rad,

@@ -50,15 +50,23 @@ class LogWriter:
         config_json: The effective configuration.
         attachments: Data files that the configuration names, by the name they get in the log.
         origin: What made this log: "virtual", "real", or what was imported.
+        final_path: Where the file is moved to while it is written, for messages.
 
     Raises:
         FileExistsError: `path` exists; a log is never overwritten.
     """
 
     def __init__(
-        self, path: Path, start_ns: int, config_json: bytes, attachments: Mapping[str, bytes], origin: str
+        self,
+        path: Path,
+        start_ns: int,
+        config_json: bytes,
+        attachments: Mapping[str, bytes],
+        origin: str,
+        *,
+        final_path: Path | None = None,
     ) -> None:
-        self._path = path
+        self._path = final_path or path
         self._stream = path.open("xb")
         self._failure = ""
         self._lock = threading.Lock()
@@ -90,11 +98,6 @@ class LogWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing has been written but the header."""
-        return not self._channels
 
     def close(self) -> None:
         """Finish the file; may be called again, also after it could not be written.

@@ -7,8 +7,8 @@ import numpy as np
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.safety import Mode
-from controllers.settings import SkidSteerRoverSettings
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError

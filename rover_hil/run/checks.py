@@ -59,16 +59,16 @@ def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
 
 
 def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
-    trace_slip = draft.config.trace_slip
-    if trace_slip is None or trace_slip.rig is None:
+    scomp = draft.config.scomp
+    if scomp is None or scomp.rig is None:
         return
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
     from controllers.ftrace.rig_geometry import GroundPatch
 
     try:
-        GroundPatch(trace_slip.rig.geometry())
+        GroundPatch(scomp.rig.geometry())
     except ConfigError as error:
-        yield f"trace_slip.rig: {error}"
+        yield f"scomp.rig: {error}"
 
 
 def _find_simulation_conflicts(draft: Draft) -> Iterator[str]:
@@ -97,7 +97,7 @@ ROVER_CHECKS = (
     Rule(("devices",), _find_data_file_mistakes),
     Rule(("rover", "roles", "devices"), _find_wheel_count_conflict),
     Rule(("rover", "mission"), _find_mission_conflicts),
-    Rule(("trace_slip",), _find_rig_mistakes),
+    Rule(("scomp",), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),
 )
 """What every command checks that drives a real or a simulated rover."""

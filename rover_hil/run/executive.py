@@ -29,13 +29,13 @@ class End(StrEnum):
 
 @dataclass(slots=True)
 class RunResult:
-    """How a run went.
+    """Outcome of a run.
 
     Attributes:
         end: Why it ended; None while it runs.
-        reason: The same in words, with the particulars.
-        mode: What the rover was doing at the end.
-        skipped: Cycles left out because an earlier one took too long; never made up for in a burst.
+        reason: The same in words, with details.
+        mode: Mode of the controller at the end.
+        skipped: Cycles skipped because an earlier one took too long; they are not run later.
     """
 
     end: End | None = None
@@ -52,7 +52,7 @@ class Executive:
 
     Args:
         rig: Drivers and control loop, connected.
-        log: Where everything goes.
+        log: Records every cycle.
         rate_hz: Cycles per second.
         on_cycle: Called at the end of each cycle, e.g. to record a simulated rover's truth.
         on_status: Called about ten times per second of real time, for a live display.
@@ -80,11 +80,11 @@ class Executive:
         self._is_stopping = False
 
     def request_stop(self) -> None:
-        """End the run after the present cycle on the user's wish; for signal handlers.
+        """End the run after the present cycle at the user's request; for signal handlers.
 
         Raises:
-            KeyboardInterrupt: Asked again, so that a cycle that hangs ends too; but never while the drive is
-                being stopped.
+            KeyboardInterrupt: At the second request, so that a cycle that hangs ends too; never while the
+                drive is being stopped.
         """
         if self._stop_request is not None and not self._is_stopping:
             raise KeyboardInterrupt
@@ -95,9 +95,9 @@ class Executive:
         return self._clock.now_ns()
 
     def run(self, duration_s: float) -> RunResult:
-        """Run until the mission ends, something forbids to go on, or `duration_s` is over.
+        """Run until the mission ends, a stop is final, or `duration_s` is over.
 
-        The drive is told to stop however the run ends.
+        The drive is commanded to stop however the run ends.
         """
         result = RunResult()
         start_ns = deadline_ns = self._clock.now_ns()

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from controllers.ftrace.estimator import TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import TraceEstimator
 from controllers.ftrace.rig import RigFile
 from controllers.slip.scomp.compensator import Rates, TraceReading
 from drivers.camera.settings import CameraSettings
@@ -16,7 +16,7 @@ class LiveTraceFinder:
 
     Args:
         rig: Calibration of the camera.
-        camera: The camera that the rig is of.
+        camera: The camera of the rig.
 
     Raises:
         ConfigError: The camera does not see the ground behind the wheel, or its frames have another size.
@@ -26,14 +26,14 @@ class LiveTraceFinder:
         conflict = rig.size_conflict(camera.width, camera.height)
         if conflict:
             raise ConfigError(conflict)
-        self._estimator = TraceEstimator(rig.geometry(), TraceSettings())
+        self._estimator = TraceEstimator(rig.geometry())
         self._shape = (rig.image.height, rig.image.width)
         self._before_ns: int | None = None
 
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
     ) -> TraceReading | None:
-        """Return what a frame says; None for one of another size, or not newer than the one before."""
+        """Return the reading of a frame; None for one of another size, or not newer than the one before."""
         t_ns = frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns
         if frame.image.shape[:2] != self._shape or (self._before_ns is not None and t_ns <= self._before_ns):
             return None

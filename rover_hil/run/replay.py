@@ -1,4 +1,4 @@
-"""Run a log again: same raw bytes, same times, same estimates and commands, or it says where not."""
+"""Run a log again with the same raw bytes at the same times, and compare estimates and commands."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -22,14 +22,14 @@ PayloadT = TypeVar("PayloadT", bytes, CameraImage)
 
 @dataclass(slots=True)
 class Difference:
-    """One field that came out different.
+    """One field that differs from the log.
 
     Attributes:
         count: In how many cycles.
         first_t_ns: When for the first time.
         largest: Largest distance between the two, where both are numbers; else None.
-        recorded: What the log says, the last time.
-        replayed: What the replay says, the last time.
+        recorded: Value in the log, the last time.
+        replayed: Value in the replay, the last time.
     """
 
     field: str
@@ -49,14 +49,14 @@ class Difference:
 
 @dataclass(slots=True)
 class ReplayResult:
-    """Outcome of a replay: the number of cycles, and what came out different by name of the field."""
+    """Outcome of a replay: the number of cycles, and the differences by name of the field."""
 
     cycles: int = 0
     by_field: dict[str, Difference] = field(default_factory=dict)
 
     @property
     def differences(self) -> list[Difference]:
-        """What came out different, in the order of first occurrence."""
+        """The differences in the order of first occurrence."""
         return list(self.by_field.values())
 
     def note(self, t_ns: int, name: str, recorded: object, replayed: object) -> None:
@@ -173,7 +173,7 @@ def _feed_link(link: ReplayLink[PayloadT], message: LogMessage, payload: Payload
         return
     change = message.json()
     if not isinstance(change, dict):
-        msg = f"message on {message.topic} at {message.t_ns} ns is no link change: the log is damaged"
+        msg = f"message on {message.topic} at {message.t_ns} ns is not a link change: the log is damaged"
         raise LogError(msg)
     link.feed(LinkChange(message.t_ns, bool(change["up"]), str(change["reason"]), bool(change["gave_up"])))
 

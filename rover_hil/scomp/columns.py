@@ -1,4 +1,4 @@
-"""Turn the columns of a recorded drive into input of the odometry, with the sensors there are."""
+"""Turn the columns of a recorded drive into a `Drive`, for any set of sensors."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from rover_hil.datasets.arrays import Array
 from rover_hil.scomp.drive import Drive
 
 WHEELS = ("enc1_rad", "enc2_rad", "enc3_rad", "enc4_rad")
-"""Front left, front right, rear left, rear right; only plain odometry needs to know."""
+"""Front left, front right, rear left, rear right; the order matters without a gyro only."""
 LEFT = ("enc1_rad", "enc3_rad")
 SENSORS = (
     "compass_deg",
@@ -24,22 +24,22 @@ FIXES = ("fix_x_m", "fix_y_m")
 KNOWN = ("t_s", *WHEELS, *SENSORS, *FIXES)
 
 LONGEST_HOLD_S = 1.0
-"""A compass that repeats itself for longer than this has really not moved."""
+"""A compass that repeats a reading for a longer time has not moved."""
 LONGEST_FILLED_S = 1.0
 """Longer gaps of a sensor are reported."""
 LARGEST_ENCODER_DIFFERENCE = 0.3
 
 
 def drive_of(columns: Mapping[str, Array], where: str) -> tuple[Drive, list[str]]:
-    """Return the drive, and one sentence for everything that was left out of it.
+    """Return the drive, and a sentence for each change to the data.
 
     Args:
         columns: By name as in `KNOWN`, all of one length, NaN for empty cells; only `t_s` and one encoder
-            must be there.
-        where: Names the source in errors.
+            are required.
+        where: Name of the source in errors.
 
     Raises:
-        LogError: A column is missing or the times do not rise.
+        LogError: A column is missing or the times do not increase.
     """
     t_s = _times(columns, where)
     notes: list[str] = []
@@ -72,18 +72,18 @@ def _times(columns: Mapping[str, Array], where: str) -> Array:
         raise LogError(msg)
     wrong = np.flatnonzero(~(np.diff(t_s) > 0.0))
     if wrong.size:
-        msg = f"{where}: the time does not rise or is missing after {t_s[wrong[0]]:g} s: sort the rows"
+        msg = f"{where}: the time does not increase or is missing after {t_s[wrong[0]]:g} s: sort the rows"
         raise LogError(msg)
     return t_s
 
 
 def _wheels(columns: Mapping[str, Array], t_s: Array, where: str, notes: list[str]) -> dict[str, Array]:
-    """Return the angles turned since the start, without wheels that disagree with the others."""
+    """Return the angles turned since the start, without wheels that contradict the others."""
     turned: dict[str, Array] = {}
     for name in WHEELS:
         values = _numbers(columns, name)
         if values is None:
-            notes.append(f"no {name}: the other wheels replace it")
+            notes.append(f"no {name}: the mean of the other wheels is used")
             continue
         seen = np.isfinite(values)
         filled = np.interp(t_s, t_s[seen], values[seen])
@@ -95,12 +95,12 @@ def _wheels(columns: Mapping[str, Array], t_s: Array, where: str, notes: list[st
     forward = sum(values[-1] > 0.5 * typical for values in turned.values())
     backwards = [name for name, values in turned.items() if values[-1] < -0.5 * typical]
     if 0 < len(backwards) < forward:
-        notes.append(f"{', '.join(backwards)} turned against the others: read as mounted the other way round")
+        notes.append(f"{', '.join(backwards)} turned against the others: its sign is inverted")
         turned = {name: -values if name in backwards else values for name, values in turned.items()}
     centre = float(np.median([values[-1] for values in turned.values()]))
     odd = [n for n, v in turned.items() if abs(v[-1] - centre) > LARGEST_ENCODER_DIFFERENCE * abs(centre)]
     if odd and len(odd) < len(turned):
-        notes.append(f"{', '.join(odd)} turned by another angle than the other wheels: left out")
+        notes.append(f"{', '.join(odd)} turned by another angle than the other wheels: not used")
         turned = {name: values for name, values in turned.items() if name not in odd}
     return turned
 
@@ -141,7 +141,7 @@ def _trace(columns: Mapping[str, Array]) -> Array | None:
 
 
 def _filled(columns: Mapping[str, Array], name: str, t_s: Array, notes: list[str]) -> Array | None:
-    """Return a column in deg as rad, its empty cells on straight lines between the others."""
+    """Return a column in deg as rad, its empty cells interpolated linearly."""
     values = _numbers(columns, name)
     if values is None:
         return None
@@ -149,7 +149,7 @@ def _filled(columns: Mapping[str, Array], name: str, t_s: Array, notes: list[str
     # Also before the first and after the last.
     gap_s = float(np.diff(np.concatenate((t_s[:1], t_s[seen], t_s[-1:]))).max())
     if gap_s > LONGEST_FILLED_S:
-        notes.append(f"{name} has no reading for {gap_s:.1f} s: interpolated linearly")
+        notes.append(f"{name} has no data for {gap_s:.1f} s: interpolated linearly")
     filled: Array = np.radians(np.interp(t_s, t_s[seen], values[seen]))
     return filled
 

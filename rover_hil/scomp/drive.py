@@ -1,4 +1,4 @@
-"""A recorded drive, sensor by sensor, at common times."""
+"""A recorded drive, its true path, and the estimated track."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ class Drive:
     """A recorded drive; n rows. NaN means no new reading, None no such sensor.
 
     Attributes:
-        t_s: Times, rising, shape (n,) as everything else.
+        t_s: Increasing times, shape (n,) as all other arrays.
         wheel_rad: Mean angle turned by the wheels, forward positive, without NaN.
         wheel_yaw_rad: Half the difference of right and left wheels' angles.
-        compass_rad: Readings as the log has them, in rad, unwrapped from one to the next.
+        compass_rad: Readings with the sign of the log, unwrapped from one to the next.
         gyro_rad_s: Yaw rate, counter-clockwise positive, without NaN.
-        pitch_rad: As the log counts it, without NaN.
-        roll_rad: As the log counts it, without NaN.
+        pitch_rad: With the sign of the log, without NaN.
+        roll_rad: With the sign of the log, without NaN.
         trace_rad: Angle of the rear left wheel's trace, new valid readings only.
         fix_m: Absolute positions in the frame of the pose at start, shape (n, 2).
         fix_sd_m: Their standard deviation.
@@ -38,13 +38,13 @@ class Drive:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Track:
-    """A path with what was estimated along it; n rows.
+    """An estimated path; n rows.
 
     Attributes:
         heading_rad: Unwrapped.
         slip: Slip ratio of the rover, eq 3.
         slip_angle_rad: Of the centre of mass, eq 1.
-        sigma_x_m: Standard deviation of x; NaN for methods that know none. Likewise sigma_y_m.
+        sigma_x_m: Standard deviation of x; NaN where unknown. Likewise sigma_y_m.
     """
 
     t_s: Array
@@ -59,7 +59,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TruePath:
-    """The true path: position in m and unwrapped heading in rad over time."""
+    """True path: position in m and unwrapped heading in rad over time."""
 
     t_s: Array
     x_m: Array

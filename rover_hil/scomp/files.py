@@ -1,4 +1,4 @@
-"""Logs in, parameters in and out, paths out."""
+"""Reading of drives and parameters, writing of parameters and paths."""
 
 import json
 import tomllib
@@ -35,7 +35,7 @@ def read_drive(path: Path) -> ReadDrive:
     """Read one of our logs (`.mcap`) or a CSV file.
 
     Raises:
-        LogError: It cannot be read, lacks wheels, or its time does not rise.
+        LogError: It cannot be read, has no wheels, or its time does not increase.
     """
     if path.suffix == ".mcap":
         recorded = read_log(path, with_traces=True)
@@ -53,7 +53,7 @@ def read_parameters(path: Path) -> ScompParameters:
     """Return the parameters in a file.
 
     Raises:
-        ConfigError: It cannot be read, or holds something wrong; the message names the key.
+        ConfigError: It cannot be read or has an invalid value; the message names the key.
     """
     table: dict[str, object] = {}
     try:
@@ -72,23 +72,6 @@ def read_parameters(path: Path) -> ScompParameters:
 def parameters_text(parameters: ScompParameters) -> str:
     """Return parameters as the text of a file."""
     return _tables(parameters.model_dump(by_alias=True, exclude_none=True))
-
-
-def write_text(text: str, path: Path) -> None:
-    """Write a file in one piece; nothing half-written stays behind.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def track_text(track: Track) -> str:

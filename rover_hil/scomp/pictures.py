@@ -1,6 +1,5 @@
 """Pictures of the slip model (figures 7-12 of paper 000) and of drives (figures 15-21), as SVG texts."""
 
-import io
 from collections.abc import Mapping
 
 import matplotlib as mpl
@@ -9,10 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
-from controllers.slip.scomp.two_segment_slip_law import hinge_of_model
+from controllers.slip.scomp.two_segment_slip_law import two_segments_of_model
 from rover_hil.identify.scomp.fit import Identification
-from rover_hil.identify.scomp.single_wheel_data import BedData
-from rover_hil.report.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
+from rover_hil.identify.scomp.single_wheel_data import SingleWheelData
+from rover_hil.pages.picture import svg
+from rover_hil.pages.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
 from rover_hil.scomp.drive import Track, TruePath
 from rover_hil.scomp.windows import true_velocity
 
@@ -21,16 +21,16 @@ SLOPE_DEG = 12.0
 RANGE_DEG = (0.0, 25.0)
 
 
-def model_pictures(model: CombinedSlip, bed: BedData | None = None) -> dict[str, str]:
-    """Return figures 7 to 12 for a model, by file name; 7 and 8 with the trials of a test bed where given."""
+def model_pictures(model: CombinedSlip, trials: SingleWheelData | None = None) -> dict[str, str]:
+    """Return figures 7 to 12 for a model, by file name; 7 and 8 with single-wheel trials where given."""
     with mpl.rc_context(STYLE):
         return {
-            "fig07_longitudinal_force.svg": _forces(model, bed, 0),
-            "fig08_lateral_force.svg": _forces(model, bed, 1),
+            "fig07_longitudinal_force.svg": _forces(model, trials, 0),
+            "fig08_lateral_force.svg": _forces(model, trials, 1),
             "fig09_traction.svg": _traction(model),
             "fig10_cornering.svg": _cornering(model),
             "fig11_ellipses.svg": _ellipses(model),
-            "fig12_slip_over_angle.svg": _hinge(model),
+            "fig12_slip_over_angle.svg": _two_segments(model),
         }
 
 
@@ -42,9 +42,12 @@ def fit_pictures(found: Identification, track: Track, truth: TruePath) -> dict[s
         angle = np.degrees(np.abs(found.windows.slip_angle_rad))
         axes.plot(angle, found.windows.slip, ".", color=TRUTH, label="windows of the drive")
         line = np.linspace(0.0, max(float(angle.max()), 1.0), 200)
-        hinge = found.parameters.hinge
+        law = found.parameters.two_segment_slip
         axes.plot(
-            line, [hinge.slip_at(a) for a in np.radians(line).tolist()], color=ESTIMATE, label="hinge, eq 12"
+            line,
+            [law.slip_at(a) for a in np.radians(line).tolist()],
+            color=ESTIMATE,
+            label="two segments, eq 12",
         )
         pictures["slip_over_angle.svg"] = _svg(figure, axes)
     return pictures | drive_pictures({"estimate": track}, truth)
@@ -75,17 +78,17 @@ def drive_pictures(tracks: Mapping[str, Track], truth: TruePath) -> dict[str, st
         return {"slip_angle.svg": _svg(angle, angle_axes), "path.svg": _svg(path, path_axes)}
 
 
-def _forces(model: CombinedSlip, bed: BedData | None, which: int) -> str:
+def _forces(model: CombinedSlip, trials: SingleWheelData | None, which: int) -> str:
     figure, axes = _one("slip ratio", ("longitudinal force (N)", "lateral force (N)")[which])
     slip = np.linspace(0.0, 1.0, 200)
-    angles = ANGLES_DEG[:5] if bed is None else np.degrees(np.unique(bed.slip_angle_rad)).tolist()
+    angles = ANGLES_DEG[:5] if trials is None else np.degrees(np.unique(trials.slip_angle_rad)).tolist()
     for angle in angles:
         force_n = model.forces_n(slip, np.full_like(slip, np.radians(angle)))[which]
         line = axes.plot(slip, force_n, label=f"{angle:.0f} deg")[0]
-        if bed is not None:
-            use = np.isclose(bed.slip_angle_rad, np.radians(angle))
-            measured_n = (bed.force_x_n, bed.force_y_n)[which][use]
-            axes.plot(bed.slip[use], measured_n, "o", markersize=4, color=line.get_color())
+        if trials is not None:
+            use = np.isclose(trials.slip_angle_rad, np.radians(angle))
+            measured_n = (trials.force_x_n, trials.force_y_n)[which][use]
+            axes.plot(trials.slip[use], measured_n, "o", markersize=4, color=line.get_color())
     return _svg(figure, axes)
 
 
@@ -130,19 +133,19 @@ def _ellipses(model: CombinedSlip) -> str:
     return _svg(figure, axes)
 
 
-def _hinge(model: CombinedSlip) -> str:
+def _two_segments(model: CombinedSlip) -> str:
     figure, axes = _one("slip angle (deg)", "slip ratio")
     low, high = RANGE_DEG
-    hinge = hinge_of_model(model, np.radians(SLOPE_DEG), (np.radians(low), np.radians(high)))
+    law = two_segments_of_model(model, np.radians(SLOPE_DEG), (np.radians(low), np.radians(high)))
     angle = np.linspace(0.0, 30.0, 61)
     radians = np.radians(angle).tolist()
     traction = float(np.sin(np.radians(SLOPE_DEG)))
     axes.plot(angle, [model.slip_at(traction, a) for a in radians], ".-", color=TRUTH, label="model, eqs 5-9")
     axes.plot(
         angle,
-        [hinge.slip_at(a) for a in radians],
+        [law.slip_at(a) for a in radians],
         color=ESTIMATE,
-        label=f"hinge fitted over {low:.0f}-{high:.0f} deg",
+        label=f"two segments fitted over {low:.0f}-{high:.0f} deg",
     )
     return _svg(figure, axes)
 
@@ -157,6 +160,4 @@ def _one(x_label: str, y_label: str) -> tuple[Figure, Axes]:
 
 def _svg(figure: Figure, axes: Axes) -> str:
     axes.legend(fontsize="small")
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None})
-    return stream.getvalue()
+    return svg(figure).decode()

@@ -1,4 +1,4 @@
-"""Read drives and true paths from CSV files: one header line of names, numbers, empty cells for nothing."""
+"""Reader of drives and true paths in CSV files: a header line, numbers, empty cells for missing ones."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,7 +28,7 @@ def read_truth(path: Path) -> TruePath:
     """Return a true path; columns beyond t_s, x_m, y_m, psi_rad have no effect.
 
     Raises:
-        LogError: The file cannot be read, lacks a column, has an empty cell, or its time does not rise.
+        LogError: The file cannot be read, a column or a cell is missing, or its time does not increase.
     """
     table = _read(path)
     table.require(TRUTH, f"the true path needs {', '.join(TRUTH)}")
@@ -40,7 +40,7 @@ def read_truth(path: Path) -> TruePath:
             raise LogError(msg)
     t_s, x_m, y_m, psi_rad = columns
     if not (np.diff(t_s) > 0.0).all():
-        msg = f"{path}: the time goes backwards or does not advance: sort the rows"
+        msg = f"{path}: the time does not increase: sort the rows"
         raise LogError(msg)
     return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=np.unwrap(psi_rad))
 

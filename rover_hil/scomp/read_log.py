@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from controllers.settings import SkidSteerRoverSettings
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
@@ -16,8 +16,8 @@ STANDSTILL_RAD = 0.02
 def log_columns(drive: RecordedDrive) -> tuple[dict[str, Array], RoverGeometry]:
     """Return a log as columns in the units of the CSV files, a row per position of the first wheel.
 
-    The heading is that of the first heading device, the rate that of the gyro. Nose and left side up are
-    positive. The trace angles are those that the run itself found in its frames.
+    The heading is that of the first heading device, the rate that of the gyro. Raised nose and left side are
+    positive. The trace angles are those that the run found in its frames.
 
     Raises:
         LogError: The log is of another kind of rover, or lacks wheel positions.

@@ -1,4 +1,4 @@
-"""Smooth a filtered drive backwards, after Rauch, Tung and Striebel."""
+"""Smoother of Rauch, Tung and Striebel: estimates of each moment from the whole drive."""
 
 from collections.abc import Sequence
 
@@ -13,14 +13,14 @@ def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Arr
 
     Args:
         steps: In order of time.
-        angles: Which states are angles in rad; the results are as continuous as the estimates.
+        angles: Indices of the states that are angles in rad; the results are as continuous as the estimates.
     """
     state, covariance = steps[-1].estimate
     smoothed = [(state, covariance)]
     for after, step in zip(reversed(steps), reversed(steps[:-1]), strict=False):
         filtered, spread = step.estimate
         predicted, predicted_spread = after.predicted
-        # Scaled to correlations, so that certain states do not drown in doubtful ones.
+        # Scaled to correlations, so that states with small variances keep their precision.
         scale = np.sqrt(np.diag(predicted_spread))
         correlation = predicted_spread / np.outer(scale, scale)
         gain = np.linalg.solve(correlation, (after.transition @ spread) / scale[:, None]).T / scale

@@ -6,9 +6,9 @@ from rover_hil.scomp.odometry import Result
 
 
 def summary_of(result: Result) -> dict[str, float]:
-    """Return end, uncertainty and way of a path, and mean normalised innovation squared (NIS) by sensor.
+    """Return end, uncertainty and distance of a path, and the mean NIS of each sensor.
 
-    An honest filter has a mean NIS near 1; refused readings are not counted.
+    A consistent filter has a mean NIS near 1; rejected readings do not count.
     """
     track = result.track
     summary = {

@@ -1,4 +1,4 @@
-"""Slip by truth and wheels, window by window."""
+"""True slip and slip angle of a drive in windows."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ POINTS = 31
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Windows:
-    """A drive cut into windows in which the wheels turn; k windows.
+    """A drive divided into k windows in which the wheels turn.
 
     Attributes:
         t_s: Middle of each, shape (k,) as everything else.
@@ -39,7 +39,7 @@ class Windows:
 
 
 def smoothed(t_s: Array, values: Array, memory_s: float = TILT_MEMORY_S) -> Array:
-    """Return values through a first-order low-pass, as a filter on the rover would have them."""
+    """Return values through a first-order low-pass, as on the rover."""
     result = np.empty_like(values)
     state = float(values[0])
     steps_s = np.diff(t_s, prepend=t_s[0])
@@ -50,10 +50,10 @@ def smoothed(t_s: Array, values: Array, memory_s: float = TILT_MEMORY_S) -> Arra
 
 
 def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
-    """Cut a drive into windows of two seconds and compare its wheels with the truth.
+    """Divide a drive into windows of two seconds and compare its wheels with the truth.
 
     Raises:
-        ModelError: Log and truth overlap for less than eight windows in which the wheels turn.
+        ModelError: Log and truth overlap in fewer than eight windows in which the wheels turn.
     """
     start = max(float(drive.t_s[0]), float(truth.t_s[0]))
     end = min(float(drive.t_s[-1]), float(truth.t_s[-1]))
@@ -71,7 +71,7 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
             f"{FEWEST_WINDOWS} are needed: check that both use the same clock, and give a longer drive"
         )
         raise ModelError(msg)
-    ahead_m, aside_m = _body_way(truth, edges)
+    ahead_m, aside_m = _body_travel(truth, edges)
     return Windows(
         t_s=0.5 * (edges[1:] + edges[:-1])[use],
         slip=(1.0 - ahead_m[use] / way_m[use]),
@@ -92,7 +92,7 @@ class TrueVelocity:
 
 
 def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
-    """Return the true motion at times, by parabolas through three seconds of the truth around each."""
+    """Return the true motion at times, from parabolas through three seconds of the truth around each."""
     # Imported here because scipy takes a second that `--help` must not cost.
     from scipy.signal import savgol_filter
 
@@ -109,8 +109,8 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
     )
 
 
-def _body_way(truth: TruePath, edges: Array) -> tuple[Array, Array]:
-    """Return the way ahead and to the left in each window, turned by the heading in its middle."""
+def _body_travel(truth: TruePath, edges: Array) -> tuple[Array, Array]:
+    """Return the travel ahead and to the left in each window, by the heading in its middle."""
     dx, dy = (np.diff(np.interp(edges, truth.t_s, way)) for way in (truth.x_m, truth.y_m))
     psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.psi_rad)
     return in_body_frame(dx, dy, psi)

@@ -2,16 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from controllers.motion.mission import Point
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.report import style
-from rover_hil.report.figures import Picture
+from rover_hil.pages import style
+from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.objective import case_cost
 from rover_hil.tune.simulated_mission import SimulatedMission
@@ -34,10 +34,9 @@ class TuningData:
     comparison: Comparison
 
 
-def draw_pictures(data: TuningData) -> list[Picture]:
+def draw_report(data: TuningData) -> list[Picture]:
     """Return the pictures in the order of the report."""
-    with mpl.rc_context(style.STYLE):
-        return [Picture(title, caption, style.data_uri(draw(data))) for title, caption, draw in PICTURES]
+    return draw_pictures(Drawing(title, caption, partial(draw, data)) for title, caption, draw in PICTURES)
 
 
 def _draw_scenarios(data: TuningData) -> Figure:

@@ -1,21 +1,21 @@
 """Result of a tuning: as JSON, as a page, and as a new configuration."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from pydantic_core import to_json
 
 from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import write_files
+from rover_hil.pages.render import render
 from rover_hil.tune.comparison import Comparison, Verdict
-from rover_hil.tune.figures import TuningData, draw_pictures
+from rover_hil.tune.figures import TuningData, draw_report
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
@@ -26,6 +26,7 @@ from rover_hil.tune.tuned_config import tuned_text
 CONFIG_NAME = "tuned.toml"
 RESULT_NAME = "tuning.json"
 REPORT_NAME = "report.html"
+RESULT_NAMES = (CONFIG_NAME, RESULT_NAME, REPORT_NAME)
 GRADES = {Verdict.IMPROVED: "good", Verdict.CONFIRMED: "neutral", Verdict.NONE_ACCEPTABLE: "bad"}
 
 
@@ -148,12 +149,20 @@ def write_results(
     result_json = to_json(result, indent=2).decode()
     texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}
     provenance = _provenance(result)
+    if provenance is not None:
+        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
+    write_files(folder, texts)
     if provenance is None:
         (folder / CONFIG_NAME).unlink(missing_ok=True)
-    else:
-        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
-    write_all(folder, texts)
     return result_json
+
+
+def study_of(folder: Path) -> str:
+    """Return the name of the study whose results a folder holds; empty where it holds none."""
+    try:
+        return str(json.loads((folder / RESULT_NAME).read_text("utf-8"))["study"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
 
 
 def sentence(result: TuningResult) -> str:
@@ -206,13 +215,10 @@ def _spreads(missions: Sequence[SimulatedMission], quantile: float) -> dict[str,
 
 
 def _page(data: TuningData, result: TuningResult) -> str:
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = (resources.files("rover_hil.tune") / REPORT_NAME).read_text("utf-8")
-    return environment.from_string(template).render(
+    return render(
+        "tune/report.html",
         result=result,
         grade=GRADES[result.verdict],
         sentence=sentence(result),
-        pictures=draw_pictures(data),
+        pictures=draw_report(data),
     )

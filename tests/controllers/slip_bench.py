@@ -8,7 +8,7 @@ import numpy as np
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import OmniKinematics
-from controllers.slip.effort.compensator import SlipCompensator, SlipReport
+from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S
 from controllers.slip.effort.settings import SlipSettings
 from drivers.samples import WheelSample
@@ -43,12 +43,13 @@ class Bench:
     def __post_init__(self) -> None:
         maps = make_maps(self.drift_rad, self.directions_rad)
         slip = SlipSettings(maps=maps, use=self.use, known_surfaces=self.known)
-        self.slip = SlipCompensator(slip, OMNI, KINEMATICS)
+        self.slip = EffortCompensator(slip, OMNI, KINEMATICS, "wheels")
 
     @property
     def report(self) -> SlipReport:
-        assert self.slip.report is not None
-        return self.slip.report
+        report = self.slip.report()
+        assert report is not None
+        return report
 
     def step(
         self,
@@ -63,7 +64,7 @@ class Bench:
         for wheel, current_a in enumerate(currents):
             self.slip.feed(
                 WheelSample(
-                    device="w",
+                    device="wheels",
                     t_ns=self.t_ns,
                     wheel=wheel,
                     current_a=current_a,

@@ -6,14 +6,14 @@ from datetime import date
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.slip_map import PolynomialMap, SlipMapFile
 from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
-from controllers.slip.effort.yaw_excitation import YawProbeMap
+from controllers.slip.effort.yaw_excitation import YawExcitationMap
 
 ALL_AROUND = tuple(math.radians(degrees) for degrees in range(-180, 180, 20))
-PROBE = YawProbeMap(
+PROBE = YawExcitationMap(
     source="by hand",
     amplitude_rad_s=0.5,
     frequency_hz=5.0,
-    lost=(0.0, 0.5),
+    transmission_losses=(0.0, 0.5),
     slips=(0.0, 1.0),
     slip_sd=0.05,
     directions_rad=ALL_AROUND,

@@ -11,7 +11,7 @@ from rover_hil.run.composition import build_replay_rig
 
 def test_a_drive_with_another_number_of_wheels_than_the_rover_is_refused() -> None:
     table = load_config("el-dorado").model_dump(by_alias=True)
-    table["trace_slip"] = table["roles"]["camera"] = None
+    table["scomp"] = table["roles"]["camera"] = None
     table["rover"] = {"kinematics": "omni3", "wheel_radius_m": 0.04, "base_radius_m": 0.125}
     with pytest.raises(ConfigError, match=r"'omni3', which has 3 wheels, but device 'wheels' has 4"):
         build_replay_rig(Config.model_validate(table), VirtualClock(), NoTap())

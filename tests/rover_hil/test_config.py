@@ -32,6 +32,18 @@ def test_shipped_configurations_load_and_survive_a_round_trip(name: str) -> None
     assert Config.model_validate_json(config.model_dump_json(by_alias=True)) == config
 
 
+def test_the_old_name_of_the_scomp_section_is_accepted_with_a_note(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (SHIPPED / "el-dorado.toml").read_text()
+    path = tmp_path / "old.toml"
+    path.write_text(text.replace("[scomp]", "[trace_slip]"))
+    assert load_config(str(path)) == load_config("el-dorado")
+    assert capsys.readouterr().err.splitlines() == [
+        "[trace_slip] is now called [scomp]: rename it, the next version knows the new name only"
+    ]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

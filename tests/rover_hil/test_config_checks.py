@@ -130,8 +130,8 @@ def test_all_mistakes_come_at_once_one_line_each(tmp_path: Path, monkeypatch: py
         (('port = "ports/imu"', 'port = "ports/compass"'), "devices.imu.port: 'ports/compass' is already t"),
         (("max_age_s = 0.7", "max_age_s = 0.1"), "devices.camera: max_age_s = 0.1 is not longer than one p"),
         (("length_m = 3.0", "length_m = 300"), "mission.length_m: input should be less than or equal to 10"),
-        (('parameters = "el-dorado"', 'parameters = "none"'), "trace_slip.parameters: cannot read paramete"),
-        (('rig = "el-dorado"', 'rig = "none.json"'), "trace_slip.rig: cannot read rig file none.json"),
+        (('parameters = "el-dorado"', 'parameters = "none"'), "scomp.parameters: cannot read paramete"),
+        (('rig = "el-dorado"', 'rig = "none.json"'), "scomp.rig: cannot read rig file none.json"),
         (("wheel_radius_error", "mass"), "simulation.plant.mass: unknown key; did you mean mass_kg?"),
     )
     path = write(tmp_path, "el-dorado", *(change for change, _ in changes_and_lines))
@@ -150,3 +150,14 @@ def test_devices_may_share_a_can_interface_and_recorded_frames(
     shared = f"[devices.a]\n{bus}\n[devices.b]\n{bus}\n[devices.c]\n{video}\n[devices.d]\n{video}\n"
     path = write(tmp_path, "el-dorado", ("[mission]", f"{shared}\n[mission]"))
     assert load_config(path, ROVER_CHECKS).devices.keys() >= {"a", "b", "c", "d"}
+
+
+def test_a_broken_device_is_no_reason_to_miss_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor to find [devices] empty, or the other device without a role."""
+    monkeypatch.chdir(tmp_path)
+    broken = (('port = "ports/board"', "port = 1"), ('port = "ports/imu"', "port = 2"))
+    lines = mistakes("run", write(tmp_path, "robotino", *broken))
+    assert lines == [
+        "rover.toml: devices.board.port: input should be a valid string, got 1",
+        "rover.toml: devices.imu.port: input should be a valid string, got 2",
+    ]

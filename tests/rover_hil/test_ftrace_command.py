@@ -85,6 +85,23 @@ def test_without_telemetry_times_come_from_the_rig(drive: Path, tmp_path: Path) 
     assert float(rows[-1]["theta_t_deg"]) == pytest.approx(float(truth[-1]["theta_t_deg"]), abs=3.0)
 
 
+def test_old_names_of_methods(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def run_method(method: str) -> int:
+        return trace_angles(
+            drive / "frames", rig_path=drive / "rig.json", telemetry_path=None, out=tmp_path / "a.csv",
+            overlay=None, method=method, as_json=True,
+        )  # fmt: skip
+
+    assert run_method("ftrace") == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["method"] == "hough"
+    assert "--method ftrace is now called hough" in printed.err
+    with pytest.raises(ConfigError, match="--method memory was removed, it was a part of fused: use"):
+        run_method("memory")
+    with pytest.raises(ConfigError, match="--method best is unknown: use fused, or hough"):
+        run_method("best")
+
+
 def test_overlay_pictures_show_the_trace(drive: Path, tmp_path: Path) -> None:
     run(drive, tmp_path / "a.csv", overlay=tmp_path / "pictures")
 

@@ -8,14 +8,20 @@ import pytest
 from rover_hil.gap.data.readers.side_slope import read_side_slope
 from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
 from rover_hil.gap.verdict import Answer
+from rover_hil.gap.verdict_rules import intervals
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope.model import make_model
 from tests.nature.side_slope import Experiment, some_nature, write
 
+CONDITIONS = ((10.0, 23.8), (20.0, 23.8), (20.0, 33.8))
+ROLLS_DEG = (0.0, 10.0, 20.0)
+"""Fewer runs than the battery has: each test takes seconds."""
+
 
 def folder_with(path: Path, seed: int, kind: str, **hidden: float) -> Path:
     rng = np.random.default_rng(seed)
-    write(path, some_nature(rng, **hidden), Experiment(kind=kind), rng)
+    experiment = Experiment(kind=kind, conditions=CONDITIONS, rolls=ROLLS_DEG)
+    write(path, some_nature(rng, **hidden), experiment, rng)
     return path
 
 
@@ -35,7 +41,8 @@ def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) 
     assert found.findings is not None
     assert found.findings.best is not None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    file = describe_model(model, "side-slope", provenance, found.findings.best.fit, {})
+    best = found.findings.best
+    file = describe_model(model, "side-slope", provenance, best.fit, intervals(found.findings, best))
     again = analyse(ExtendedModel(model, file), runs).verdict
     assert again.verdict is Answer.NO_GAP, again.sentence
 

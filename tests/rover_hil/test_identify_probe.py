@@ -1,4 +1,4 @@
-"""`rover-hil identify probe` on logs whose slip is twice the share of the shake that is lost."""
+"""`rover-hil identify probe` on logs whose slip is twice the transmission loss."""
 
 import json
 import math
@@ -36,7 +36,7 @@ def write_shaken_drive(
     seed: int = 1,
     fix_period_s: float | None = None,
 ) -> Path:
-    """Write a drive to the left with a shake; on each stretch another share of it is lost."""
+    """Write a drive to the left with yaw excitation; each stretch has another transmission loss."""
     path.parent.mkdir(parents=True, exist_ok=True)
     config = load_config("robotino") if fix_period_s is None else config_with()
     config_json = config.model_dump_json(by_alias=True).encode()
@@ -83,7 +83,7 @@ def write_shaken_drive(
 
 def identify(logs: list[Path], out: Path, **changes: float) -> int:
     shake = {"amplitude_rad_s": 0.5, "frequency_hz": 5.0, **changes}
-    return identify_probe(logs, maps="robotino", out=out, as_json=True, **shake)
+    return identify_probe(logs, maps="robotino", out=out, as_json=True, force=False, **shake)
 
 
 def test_the_law_of_the_drives_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,7 +130,7 @@ def test_the_command(tmp_path: Path) -> None:
     arguments = ["identify", "probe", str(tmp_path / "drives"), "--out", str(tmp_path / "map.toml")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0
-    assert "slip follows the lost share of the shake with a scatter of 0.0" in " ".join(result.output.split())
+    assert "slip follows the transmission loss with a scatter of 0.0" in " ".join(result.output.split())
     assert read_slip_map(str(tmp_path / "map.toml")).yaw_probe is not None
 
 
@@ -152,8 +152,8 @@ def test_a_log_without_a_gyro_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("drive", "message"),
     [
-        ({"amplitude_rad_s": 0.0}, "1 runs give 0 windows with a shake, fewer than 100: drive more"),
-        ({"stretch_s": 2.0}, "windows with a shake, fewer than 100: drive more"),
+        ({"amplitude_rad_s": 0.0}, "1 runs give 0 windows with excitation, 100 needed: drive more"),
+        ({"stretch_s": 2.0}, "windows with excitation, 100 needed: drive more"),
     ],
 )
 def test_too_little_shaking_is_refused(tmp_path: Path, drive: dict[str, float], message: str) -> None:

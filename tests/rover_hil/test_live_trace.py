@@ -19,16 +19,13 @@ from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
 from rover_hil.run.live_trace import LiveTraceFinder
+from tests.rover_hil.conftest import EL_DORADO_S
 from tests.rover_hil.test_virtual_run import with_changes
-
-DRIVE_S = 12.0
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("live") / "run.mcap"
-    run_virtual(load_config("el-dorado"), path, DRIVE_S, None)
-    return path
+def log(el_dorado_log: Path) -> Path:
+    return el_dorado_log
 
 
 def summary_of(path: Path) -> Summary:
@@ -38,9 +35,9 @@ def summary_of(path: Path) -> Summary:
 def finder(**changes: object) -> LiveTraceFinder:
     config = load_config("el-dorado")
     camera = config.devices["camera"].model_copy(update=changes)
-    assert config.trace_slip is not None
-    assert config.trace_slip.rig is not None
-    return LiveTraceFinder(config.trace_slip.rig, camera)  # type: ignore[arg-type]
+    assert config.scomp is not None
+    assert config.scomp.rig is not None
+    return LiveTraceFinder(config.scomp.rig, camera)  # type: ignore[arg-type]
 
 
 def picture(t_ns: int, shape: tuple[int, ...] = (480, 640, 3)) -> FrameSample:
@@ -55,7 +52,7 @@ def test_the_trace_is_seen_and_the_slip_counted(log: Path, tmp_path: Path) -> No
     assert drift is not None
     assert error is not None
     assert plain is not None
-    assert 20 < drift.traces <= 5 * DRIVE_S
+    assert 20 < drift.traces <= 5 * EL_DORADO_S
     assert drift.slip_angle_error_rms_deg is not None
     assert drift.slip_angle_error_rms_deg < 1.5
     assert drift.slip_error_rms is not None
@@ -89,7 +86,7 @@ def test_every_angle_found_is_in_the_log_once_and_right(log: Path) -> None:
 
 def test_without_the_compensation_nothing_is_told(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    config = with_changes("el-dorado", trace_slip=None, roles__camera=None)
+    config = with_changes("el-dorado", scomp=None, roles__camera=None)
     run_virtual(config, path, 1.5, None)
     assert summary_of(path).drift is None
 
@@ -124,11 +121,11 @@ def test_a_rig_of_another_camera_is_refused() -> None:
 
 def test_a_rig_in_a_log_is_checked_again() -> None:
     table = load_config("el-dorado").model_dump(by_alias=True)
-    del table["trace_slip"]["rig"]["b_m"]
+    del table["scomp"]["rig"]["b_m"]
     with pytest.raises(ValidationError) as caught:
         Config.model_validate(table)
     message = describe_validation_error("run.mcap", caught.value, table)
-    assert message == "run.mcap: trace_slip.rig.b_m: this key is missing; add it"
+    assert message == "run.mcap: scomp.rig.b_m: this key is missing; add it"
 
 
 def changed_config(tmp_path: Path, old: str, new: str) -> str:
@@ -144,7 +141,7 @@ def changed_config(tmp_path: Path, old: str, new: str) -> str:
     ("old", "new", "message"),
     [
         ('rig = "el-dorado" ', 'rig = "nowhere" ', "cannot read rig file nowhere"),
-        ('rig = "el-dorado" ', "# ", "its calibration is missing: add trace_slip.rig"),
+        ('rig = "el-dorado" ', "# ", "its calibration is missing: add scomp.rig"),
         ('parameters = "el-dorado" ', 'parameters = "nowhere" ', "cannot read parameters nowhere"),
         (
             'camera = "camera"',

@@ -126,6 +126,7 @@ def test_another_rover_has_no_robotino_effects(tmp_path: Path) -> None:
         extend_simulation(load_config("el-dorado"), path)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_virtual_run_has_the_effects_in_its_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

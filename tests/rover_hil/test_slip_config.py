@@ -62,7 +62,11 @@ def test_every_shipped_map_can_be_used_and_survives_the_log(tmp_path: Path, use:
         ('[slip]\nmap = "robotino"\n', "slip.map: unknown key; did you mean maps?"),
         (
             '[slip]\nmaps = "robotino"\n[slip.torque_correction]\nmatrix = "printed"\n',
-            "slip.torque_correction.matrix: input should be 'dual' or 'as_printed', got 'printed'",
+            "slip.torque_correction.matrix: input should be 'dual', got 'printed'",
+        ),
+        (
+            '[slip]\nmaps = "robotino"\n[slip.torque_correction]\nmatrix = "as_printed"\n',
+            "slip.torque_correction.matrix: 'as_printed' was removed, it weighs yaw twice: leave matrix out",
         ),
         (
             '[slip]\nmaps = "robotino"\n[slip.torque_correction]\nbound_rad_s = 50\n',

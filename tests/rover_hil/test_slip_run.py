@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from controllers.safety import Mode
@@ -13,7 +12,7 @@ from rover_hil.tune.scenarios import with_scenario
 from rover_hil.tune.simulated_mission import drive
 from tests.rover_hil.test_virtual_run import records, replay_file, with_changes
 
-CORRECTION = {"matrix": "dual", "gain_rad_s_nm": 1.0, "bound_rad_s": 0.5}
+CORRECTION = {"gain_rad_s_nm": 1.0, "bound_rad_s": 0.5}
 REVERSAL_RAD_S = 0.5
 
 
@@ -52,27 +51,23 @@ def test_no_slip_is_told_once_the_wheels_are_silent(tmp_path: Path) -> None:
     assert not any(told[round(3.4 * 50) : round(4.4 * 50)])
 
 
-def rehearse(correction: dict[str, object] | None, site: int) -> tuple[Mode, float, float]:
-    """Return mode, reversals of the busiest wheel per second, and effort of the set-points."""
+def rehearse(correction: dict[str, object] | None, site: int) -> tuple[Mode, float]:
+    """Return the mode, and the reversals of the busiest wheel per second."""
     config = with_changes("robotino", slip__use="linear_m", slip__torque_correction=correction)
     driven = drive(with_scenario(config, site))
     period_s = 1.0 / config.loop.rate_hz
-    steps = np.abs(np.diff(driven.set_points_rad_s, axis=0)).mean() / period_s
-    return driven.mode, reversals_per_s(driven.set_points_rad_s, period_s, REVERSAL_RAD_S), float(steps)
+    return driven.mode, reversals_per_s(driven.set_points_rad_s, period_s, REVERSAL_RAD_S)
 
 
 @pytest.mark.parametrize("site", [1, 3])
 def test_the_torque_correction_is_stable_with_the_gain_and_bound_it_ships_with(site: int) -> None:
-    plain_mode, plain, _ = rehearse(None, site)
-    mode, reversals, effort = rehearse({}, site)
+    plain_mode, plain = rehearse(None, site)
+    mode, reversals = rehearse({}, site)
     assert plain_mode is mode is Mode.FINISHED
     assert reversals <= plain + 0.3
-    # The printed matrix weighs yaw twice: at the same gain it works the wheels twice as hard.
-    _, _, printed_effort = rehearse({"matrix": "as_printed"}, site)
-    assert printed_effort > 1.7 * effort
 
 
 def test_it_is_positive_feedback_that_only_the_bound_tames() -> None:
-    _, tamed, _ = rehearse({"gain_rad_s_nm": 50.0, "bound_rad_s": 0.1}, 1)
-    _, wild, _ = rehearse({"gain_rad_s_nm": 50.0, "bound_rad_s": 5.0}, 1)
+    _, tamed = rehearse({"gain_rad_s_nm": 50.0, "bound_rad_s": 0.1}, 1)
+    _, wild = rehearse({"gain_rad_s_nm": 50.0, "bound_rad_s": 5.0}, 1)
     assert wild > tamed + 1.0

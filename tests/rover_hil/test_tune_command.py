@@ -51,6 +51,7 @@ def result_in(tmp_path: Path) -> dict[str, object]:
     return result
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_better_configuration_is_written_with_its_provenance(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -80,6 +81,7 @@ def test_a_better_configuration_is_written_with_its_provenance(
     assert record.held_out_cost_after < record.held_out_cost_before
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_only_what_was_tuned_differs(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -106,6 +108,7 @@ def test_the_page_is_complete_and_needs_nothing_else(
     assert "6 scenarios that the search did not use: seeds" in html
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_count_goes_on_and_a_finished_study_is_not_searched_again(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -121,6 +124,7 @@ def test_the_count_goes_on_and_a_finished_study_is_not_searched_again(
     assert all(seed > 1000 for _, seed in parallel_runs.driven)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -139,6 +143,7 @@ def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
     assert result_in(tmp_path)["trials"] == 6
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_time_over_ends_the_search_too(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -148,6 +153,7 @@ def test_time_over_ends_the_search_too(
     assert result_in(tmp_path)["verdict"] == "confirmed"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_best_start_is_confirmed(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -162,6 +168,7 @@ def test_the_best_start_is_confirmed(
     assert tuned.tune.provenance.changes == {}
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_trials_that_cost_more_than_the_start_are_not_called_better(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -179,6 +186,7 @@ def test_trials_that_cost_more_than_the_start_are_not_called_better(
     assert "Driven on the held-out scenarios, and not taken" in page
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_no_acceptable_values_is_a_no_and_leaves_no_configuration(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

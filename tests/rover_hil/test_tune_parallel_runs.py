@@ -16,7 +16,7 @@ from rover_hil.tune.simulated_mission import simulate_mission
 from tests.rover_hil.tuning import make_config
 
 POLL_S = 0.05
-LIMIT_S = 20.0
+LIMIT_S = 60.0
 PARENT = """
 import os, sys
 from rover_hil.tune.parallel_runs import ParallelRuns
@@ -36,7 +36,7 @@ def is_alive(process_id: int) -> bool:
 
 def test_results_come_in_order_and_are_those_of_one_process(tmp_path: Path) -> None:
     config = make_config(tmp_path)
-    with ParallelRuns() as parallel_runs, closing(parallel_runs.drive(config, range(1, 6))) as results:
+    with ParallelRuns() as parallel_runs, closing(parallel_runs.drive(config, range(1, 4))) as results:
         first, second = next(results), next(results)
     assert (first.seed, second.seed) == (1, 2)
     assert [first.terms, second.terms] == [simulate_mission(config, seed).terms for seed in (1, 2)]

@@ -144,7 +144,7 @@ def test_cameras_without_a_role_change_only_the_steps_of_the_integration(tmp_pat
     mission = {"type": "line", "length_m": 0.1, "heading": "along_path"}
     table = load_config("el-dorado").model_dump(by_alias=True)
     table["mission"] = mission
-    table["trace_slip"] = table["roles"]["camera"] = None
+    table["scomp"] = table["roles"]["camera"] = None
     table["tune"] = make_config(tmp_path).model_dump(by_alias=True)["tune"]
     config = Config.model_validate(table)
     slim = with_scenario(config, 3)

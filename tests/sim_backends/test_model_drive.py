@@ -223,7 +223,7 @@ def test_lost_ticks_hide_motion() -> None:
 def test_logs_without_truth_and_of_other_rovers_are_refused(tmp_path: Path) -> None:
     wheels = {f"enc{wheel}_rad": np.arange(50.0) for wheel in (1, 2, 3, 4)}
     write_table(tmp_path / "drive.csv", {"t_s": np.arange(50.0), **wheels})
-    with pytest.raises(ConfigError, match="no truth beside it"):
+    with pytest.raises(ConfigError, match="no truth in its folder"):
         read_four_wheel_runs(tmp_path)
     log = DriveLog(name="drive", columns={}, kind="omni3")
     with pytest.raises(ConfigError, match="four wheels"):

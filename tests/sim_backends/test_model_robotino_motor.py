@@ -202,7 +202,7 @@ def test_reads_a_table_with_voltages(tmp_path: Path) -> None:
         ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,1\n0,1,1,1\n", "time"),
         ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,x\n", "is not a number"),
         ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1\n", "cells"),
-        ("nothing here\n", "no table"),
+        ("nothing here\n", "not a table"),
     ],
 )
 def test_wrong_tables_are_refused(tmp_path: Path, text: str, wrong: str) -> None:

@@ -1,8 +1,8 @@
-"""How the rover moved between two frames, from how the rectified ground moved.
+"""Motion of the rover between two frames, from the optical flow of the rectified ground.
 
-Points of the ground are followed from patch to patch (pyramidal Lucas-Kanade); motion of the contact, turn,
-and change of roll and pitch are solved for together, with the gyro's angles as prior knowledge, and points
-that do not move with the ground are left out.
+Points of the ground are followed from patch to patch (pyramidal Lucas-Kanade). A robust fit with the gyro's
+angles as prior gives the motion of the contact, the turn, and the change of roll and pitch. Points that do
+not move with the ground are rejected.
 """
 
 from dataclasses import dataclass
@@ -12,23 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.ftrace.ground.frame import Frame
+from controllers.ftrace.parameters import FlowParameters
 from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch, Mask
 from drivers.samples import Image
-
-SPACING_M = 0.056
-WINDOW = 15
-LEAST_POINTS = 14
-POINT_SD_M = 0.0006
-STANDING_M = 0.008
-STANDING_SHARE = 0.3
-"""Points that move less than this share of what the ground should stand still in the image."""
-ROUNDS = 4
-CUT = 3.0
-MOST_SCALE_M = 0.0025
-"""Points that scatter more than this follow nothing."""
-INLIER_WEIGHT = 0.2
-COVARIANCE_FACTOR = 2.0
-"""Neighbouring windows overlap: the points are fewer than they look."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +27,7 @@ class Motion:
         turn_rad: Counter-clockwise.
         left_sd_m: Standard deviation of `left_m`.
         turn_sd_rad: Standard deviation of `turn_rad`.
-        share: Share of the points in both views that moved with the ground.
+        share: Share of the points in both views that move with the ground.
     """
 
     forward_m: float
@@ -53,14 +39,20 @@ class Motion:
 
 
 class GroundFlow:
-    """Measures motion between patches of one rig."""
+    """Measures motion between patches of one rig.
 
-    def __init__(self, ground: GroundPatch) -> None:
-        step = round(SPACING_M / RESOLUTION_M)
+    Args:
+        ground: The rectified ground.
+        parameters: Tuned numbers.
+    """
+
+    def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
+        self._parameters = parameters
+        window = round(parameters.window_m / RESOLUTION_M)
+        self._window = (window, window)
+        step = round(self._parameters.spacing_m / RESOLUTION_M)
         rows, columns = np.mgrid[step // 2 : ground.shape[0] : step, step // 2 : ground.shape[1] : step]
-        margin = cv2.erode(
-            ground.visible.astype(np.uint8), np.ones((WINDOW, WINDOW), np.uint8), borderValue=0
-        )
+        margin = cv2.erode(ground.visible.astype(np.uint8), np.ones(self._window, np.uint8), borderValue=0)
         keep = margin[rows, columns] > 0
         self._pixels = np.stack([columns[keep], rows[keep]], axis=1).astype(np.float32)
         self._seen = ground.visible
@@ -74,13 +66,13 @@ class GroundFlow:
         expected_m: tuple[float, float],
         frame: Frame,
     ) -> Motion | None:
-        """Return the motion between two patches, or None where too few points could be followed.
+        """Return the motion between two patches, or None where too few points can be followed.
 
         Args:
             before: Earlier ground, slow light removed.
             after: Later ground.
-            expected_m: Motion forward and left to begin with.
-            frame: The later frame, for what the gyro says.
+            expected_m: Expected motion, forward and left.
+            frame: The later frame, for the angles by the gyro.
         """
         roll, pitch, yaw = frame.turn_rad
         roll_sd, pitch_sd, yaw_sd = frame.turn_sd_rad
@@ -88,7 +80,7 @@ class GroundFlow:
         guess = (self._design @ prior).reshape(2, -1).T
         first = (self._pixels + guess / RESOLUTION_M).astype(np.float32)
         found, status, _ = cv2.calcOpticalFlowPyrLK(
-            before, after, self._pixels, first, winSize=(WINDOW, WINDOW), maxLevel=1,
+            before, after, self._pixels, first, winSize=self._window, maxLevel=1,
             criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.02),
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=2e-4,
         )  # fmt: skip
@@ -96,9 +88,9 @@ class GroundFlow:
         overlapping = int(self._is_visible(np.asarray(first, np.float64)).sum())
         usable = (status.ravel() > 0) & self._is_visible(np.asarray(found, np.float64))
         length = float(np.linalg.norm(guess, axis=1).mean())
-        if length > STANDING_M:
-            usable &= np.linalg.norm(moved, axis=1) > STANDING_SHARE * length
-        if usable.sum() < LEAST_POINTS:
+        if length > self._parameters.standing_m:
+            usable &= np.linalg.norm(moved, axis=1) > self._parameters.standing_share * length
+        if usable.sum() < self._parameters.least_points:
             return None
         free = 0.5 * max(length, RESOLUTION_M)
         return self._solve(
@@ -114,19 +106,19 @@ class GroundFlow:
         x, scale = prior, RESOLUTION_M / 2
         normal: Floats = information
         weight: Floats = usable.astype(np.float64)
-        for _ in range(ROUNDS):
+        for _ in range(self._parameters.rounds):
             error = np.hypot(*np.asarray(target - self._design @ x, np.float64).reshape(2, -1))
-            scale = max(POINT_SD_M, 1.2 * float(np.median(error[usable])))
-            bent = np.clip(1 - (error / (CUT * scale)) ** 2, 0.0, 1.0) ** 2
+            scale = max(self._parameters.point_sd_m, 1.2 * float(np.median(error[usable])))
+            bent = np.clip(1 - (error / (self._parameters.cut * scale)) ** 2, 0.0, 1.0) ** 2
             weight = np.asarray(np.where(usable, bent, 0.0), np.float64)
             both = np.asarray(np.concatenate([weight, weight]) / scale**2, np.float64)
             normal = np.asarray(self._design.T @ (both[:, None] * self._design) + information, np.float64)
             pulled = self._design.T @ (both * target) + information @ prior
             x = np.asarray(np.linalg.solve(normal, pulled), np.float64)
-        inliers = int((weight > INLIER_WEIGHT).sum())
-        if inliers < LEAST_POINTS or scale > MOST_SCALE_M:
+        inliers = int((weight > self._parameters.inlier_weight).sum())
+        if inliers < self._parameters.least_points or scale > self._parameters.most_scale_m:
             return None
-        sd = np.sqrt(COVARIANCE_FACTOR * np.diag(np.linalg.inv(normal)))
+        sd = np.sqrt(self._parameters.covariance_factor * np.diag(np.linalg.inv(normal)))
         return Motion(
             forward_m=float(x[0]),
             left_m=float(x[1]),
@@ -146,8 +138,8 @@ class GroundFlow:
         y = (pixels[:, 0] - self._ground.centre) * RESOLUTION_M
         x = -(pixels[:, 1] + 0.5) * RESOLUTION_M
         one, none = np.ones_like(y), np.zeros_like(y)
-        # Turned by small angles about the vehicle's origin, a ground point (x, y) stands out of the plane by
-        # pitch x - roll y, and is seen that share of the camera's height further away from its foot.
+        # After small turns about the vehicle's origin a ground point (x, y) is pitch x - roll y above the
+        # plane, and appears further away from the camera's foot by that share of the camera's height.
         roll, pitch = -(y - origin_left) / height, (x + origin_back) / height
         to_left = [none, -one, -x, (y - camera_y) * roll, (y - camera_y) * pitch]
         ahead = [-one, none, y, (x - camera_x) * roll, (x - camera_x) * pitch]

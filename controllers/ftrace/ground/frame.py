@@ -1,30 +1,26 @@
-"""One frame as the trackers get it, and what they say about it."""
+"""Input and output of a tracker for one frame."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from controllers.ftrace.parameters import FrameParameters
 from controllers.ftrace.rig_geometry import Floats, Mask
 from drivers.samples import Image
-
-DARKEST_GREY = 6
-BRIGHTEST_GREY = 250
-LEAST_CONTRAST = 3.0
-MOST_BURNT = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """Rectified ground and what is known of the motion since the frame before.
+    """Rectified ground, and the motion since the frame before.
 
     Attributes:
         patch: Grey ground behind the wheel.
         usable: False for black, burnt or empty frames.
         distance_m: Distance by the wheel's speed, or by the rig's nominal one; 0 for the first frame.
-        turn_rad: Angles turned about x, y, z by the gyro; zeros where it tells nothing.
+        turn_rad: Angles turned about x, y, z by the gyro; zeros without one.
         turn_sd_rad: Standard deviation of each.
-        is_first: No frame came before.
+        is_first: True for the first frame.
     """
 
     patch: Image
@@ -37,13 +33,13 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """What a tracker found.
+    """Result of a tracker.
 
     Attributes:
-        found: The trace is in this frame.
-        theta_rad: Angle of the current velocity from the wheel's axis, or None where nothing is known.
+        found: The trace is detected in this frame.
+        theta_rad: Angle of the current velocity from the wheel's axis, or None where unknown.
         offset_m: Place of the trace at the contact, left of it positive.
-        confidence: Probability-like, 0..1, that `theta_rad` is right within 5 deg.
+        confidence: 0..1, probability that the error of `theta_rad` is below 5 deg.
         path_m: Centre line: rows of (behind, left of the contact) in the wheel's axes.
     """
 
@@ -54,14 +50,14 @@ class Reading:
     path_m: Floats
 
 
-def is_usable(patch: Image, visible: Mask) -> bool:
-    """Return whether the ground shows anything at all: not black, not burnt, not uniform."""
+def is_usable(patch: Image, visible: Mask, parameters: FrameParameters) -> bool:
+    """Return True for ground that is not black, not burnt out and not uniform."""
     counts = cv2.calcHist([patch], [0], np.asarray(visible, np.uint8), [256], [0.0, 256.0]).ravel()
     share = np.asarray(counts, np.float64) / max(float(counts.sum()), 1.0)
     level = np.arange(256.0)
     median = int(np.searchsorted(np.cumsum(share), 0.5))
     mean = float(share @ level)
     spread = float(np.sqrt(share @ (level - mean) ** 2))
-    return bool(
-        median >= DARKEST_GREY and share[BRIGHTEST_GREY:].sum() < MOST_BURNT and spread >= LEAST_CONTRAST
-    )
+    burnt = share[parameters.brightest_grey :].sum()
+    is_exposed = median >= parameters.darkest_grey and burnt < parameters.most_burnt
+    return bool(is_exposed and spread >= parameters.least_contrast)

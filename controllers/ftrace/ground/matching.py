@@ -1,20 +1,11 @@
-"""Finds the ground behind the wheel again in a frame taken decimetres later, where optical flow is lost."""
+"""Matches ground between frames that are decimetres apart, where optical flow fails."""
 
 import cv2
 import numpy as np
 
+from controllers.ftrace.parameters import MatchingParameters
 from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch
 from drivers.samples import Image
-
-LENGTH_M = 0.16
-HALF_WIDTH_M = 0.16
-LEAST_SEEN = 0.97
-SHORTEST, LONGEST = 0.5, 1.15
-"""Range of the distance moved, as shares of the wheel's: slip, and errors of scale."""
-LEAST_CORRELATION = 0.35
-LEAST_LEAD = 0.08
-"""By this the best place must beat any other one: grouser prints and bricks repeat."""
-SAME_PLACE_PIXELS = 5
 
 
 class GroundMatch:
@@ -22,20 +13,23 @@ class GroundMatch:
 
     Args:
         ground: The rectified ground.
+        parameters: Tuned numbers.
     """
 
-    def __init__(self, ground: GroundPatch) -> None:
+    def __init__(self, ground: GroundPatch, parameters: MatchingParameters) -> None:
         self._ground = ground
-        half = min(round(HALF_WIDTH_M / RESOLUTION_M), ground.centre)
+        self._parameters = parameters
+        self._same_place = round(parameters.same_place_m / RESOLUTION_M)
+        half = min(round(self._parameters.half_width_m / RESOLUTION_M), ground.centre)
         self._columns = slice(ground.centre - half, ground.centre + half + 1)
-        seen = ground.visible[:, self._columns].mean(axis=1) > LEAST_SEEN
+        seen = ground.visible[:, self._columns].mean(axis=1) > self._parameters.least_seen
         first = int(np.argmax(seen)) if seen.any() else ground.shape[0]
-        self._rows = slice(first, first + round(LENGTH_M / RESOLUTION_M))
+        self._rows = slice(first, first + round(self._parameters.length_m / RESOLUTION_M))
 
     def measure(
         self, before: Image, after: Image, distance_m: float, turn_rad: float
     ) -> tuple[float, float] | None:
-        """Return motion of the contact forward and left in m, or None where the ground is not found again.
+        """Return motion of the contact forward and left in m, or None where no place matches.
 
         Args:
             before: Earlier ground, slow light removed.
@@ -43,24 +37,27 @@ class GroundMatch:
             distance_m: Distance by the wheel's speed.
             turn_rad: Turn between the two.
         """
-        top = self._rows.start + int(SHORTEST * distance_m / RESOLUTION_M)
-        bottom = self._rows.stop + int(LONGEST * distance_m / RESOLUTION_M)
+        top = self._rows.start + int(self._parameters.shortest * distance_m / RESOLUTION_M)
+        bottom = self._rows.stop + int(self._parameters.longest * distance_m / RESOLUTION_M)
         bottom = min(bottom, after.shape[0])
         aside = int(np.tan(self._ground.rig.max_slip_rad) * distance_m / RESOLUTION_M)
         left = max(self._columns.start - aside, 0)
         right = min(self._columns.stop + aside, after.shape[1])
         template, searched = before[self._rows, self._columns], after[top:bottom, left:right]
-        if min(template.shape) < SAME_PLACE_PIXELS or (np.array(searched.shape) < template.shape).any():
+        if min(template.shape) < self._same_place or (np.array(searched.shape) < template.shape).any():
             return None
         score = np.asarray(cv2.matchTemplate(searched, template, cv2.TM_CCOEFF_NORMED), np.float32)
         row, column = np.unravel_index(int(score.argmax()), score.shape)
         best = float(score[row, column])
         near = np.s_[
-            max(row - SAME_PLACE_PIXELS, 0) : row + SAME_PLACE_PIXELS + 1,
-            max(column - SAME_PLACE_PIXELS, 0) : column + SAME_PLACE_PIXELS + 1,
+            max(row - self._same_place, 0) : row + self._same_place + 1,
+            max(column - self._same_place, 0) : column + self._same_place + 1,
         ]
         score[near] = -1.0
-        if best < LEAST_CORRELATION or best - float(score.max()) < LEAST_LEAD:
+        if (
+            best < self._parameters.least_correlation
+            or best - float(score.max()) < self._parameters.least_lead
+        ):
             return None
         middle_m = (self._rows.start + self._rows.stop) / 2 * RESOLUTION_M
         forward = (int(row) + top - self._rows.start) * RESOLUTION_M

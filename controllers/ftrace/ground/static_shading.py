@@ -1,9 +1,9 @@
-"""Shadows fixed to the rover: what stands still in the image while the ground moves through it.
+"""Static shading: shadows of the rover, which are fixed in the image while the ground moves through it.
 
-The logarithm of a picture is ground plus light. The same piece of ground seen from two places gives the
-difference of the light at these two places; from many such differences the field of the light follows,
-smallest in the least-squares sense (Kaczmarz' iteration). Light that is constant along the way cannot be
-told from ground. How much a shadow takes from the ground's roughness is learned in the same way.
+The logarithm of a picture is ground plus light. The same piece of ground seen at two places gives the
+difference of the light between these places. From many such differences the field of the light follows, the
+smallest one in the least-squares sense (Kaczmarz' iteration). Light that is constant along the motion cannot
+be separated from ground. The effect of a shadow on the ground's roughness is estimated in the same way.
 """
 
 from collections import deque
@@ -13,50 +13,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.ftrace.ground.flow import Motion
+from controllers.ftrace.parameters import ShadingParameters
 from controllers.ftrace.rig_geometry import RESOLUTION_M, Patch
 
 PIXELS = 2
-"""The light is kept in pixels this many times as large as the ground's: shadows have soft edges."""
+"""Pixels of the light over those of the ground: shadows have soft edges."""
 PIXEL_M = PIXELS * RESOLUTION_M
-GAIN = 0.3
-LEAK = 0.998
-BASELINES_M = (0.04, 0.09)
-"""Distances between the two places, in turn: short ones for sharp edges, long ones for wide shadows."""
-PAST_FRAMES = 12
-MOST_DIFFERENCE = 0.6
-"""Larger differences (of logarithms) are mismatched edges, not light."""
-LEAST_PIXELS = 250
 MEDIAN_STRIDE = 3
 ROW_STRIDE = 2
-"""Medians and the like of every few pixels are as good here, and take less time."""
-STEEPEST, LEAST_ALONG = 1.0, 1e-3
+"""Medians over every few pixels are as good here, and take less time."""
+LEAST_ALONG = 1e-3
+"""Least motion along the image, in pixels of the light, that has a direction."""
 
 Matrix = NDArray[np.float64]
 
 
-class StandingLight:
-    """The light of one rig, learned while it drives.
+class StaticShading:
+    """Estimates the light of one rig while it drives.
 
     Args:
         visible: Pixels of the rectified ground that the camera sees, 0 or 1.
         centre: Column of the contact.
-        lit_share: Share of each line along the way that is darker than what counts as lit.
+        lit_share: Share of each line along the motion that may be darker than lit ground.
+        parameters: Tuned numbers.
 
     Attributes:
         field: Logarithm of the light at each pixel of the ground, relative to lit ground.
     """
 
-    def __init__(self, visible: Patch, centre: int, lit_share: float) -> None:
+    def __init__(self, visible: Patch, centre: int, lit_share: float, parameters: ShadingParameters) -> None:
+        self._parameters = parameters
         self.field: Patch = np.zeros_like(visible)
         self._visible = _coarse(visible)
         self._coarse_field: Patch = np.zeros_like(self._visible)
         self._centre = centre / PIXELS
-        self._past: deque[tuple[Patch, Matrix]] = deque(maxlen=PAST_FRAMES)
+        self._past: deque[tuple[Patch, Matrix]] = deque(maxlen=self._parameters.past_frames)
         self._count = 0
         self._lit_row = int(lit_share * len(self._visible[::ROW_STRIDE]))
 
     def update(self, log_grey: Patch, motion: Motion | None) -> None:
-        """Take in the logarithm of the next frame and the motion since the last, None if unknown."""
+        """Take the logarithm of the next frame and the motion since the last one, None if unknown."""
         now = _coarse(log_grey)
         if motion is None:
             self._past.clear()
@@ -65,7 +61,8 @@ class StandingLight:
             for place, (patch, pose) in enumerate(self._past):
                 self._past[place] = (patch, pose @ step)
             self._count += 1
-            baseline = BASELINES_M[self._count % len(BASELINES_M)] / PIXEL_M
+            baselines_m = self._parameters.baselines_m
+            baseline = baselines_m[self._count % len(baselines_m)] / PIXEL_M
             for patch, pose in reversed(self._past):
                 if np.linalg.norm(self._contact_moved(pose)) > baseline:
                     self._correct(now, patch, pose[:2])
@@ -81,23 +78,26 @@ class StandingLight:
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         ground = cv2.warpAffine(before - self._coarse_field, pose, size, flags=flags)
         both = self._visible * cv2.warpAffine(self._visible, pose, size, flags=flags) > 0.99
-        if both.sum() < LEAST_PIXELS:
+        if both.sum() < self._parameters.least_pixels:
             return
         error = now - self._coarse_field - ground
         error -= np.median(error[both][::MEDIAN_STRIDE])
-        error = np.clip(error, -MOST_DIFFERENCE, MOST_DIFFERENCE) * both
+        most = self._parameters.most_difference
+        error = np.clip(error, -most, most) * both
         back = cv2.warpAffine(error, pose, size, flags=cv2.INTER_LINEAR)
-        field = np.asarray(LEAK * self._coarse_field + GAIN * (error - back), np.float32)
+        step = self._parameters.gain * (error - back)
+        field = np.asarray(self._parameters.leak * self._coarse_field + step, np.float32)
         self._coarse_field = (field - self._level(field, pose)) * self._visible
         rows, columns = self._coarse_field.shape
         smooth = cv2.GaussianBlur(self._coarse_field, (0, 0), 1.0)
         self.field[: PIXELS * rows, : PIXELS * columns] = cv2.resize(smooth, None, fx=PIXELS, fy=PIXELS)
 
     def _level(self, field: Patch, pose: Matrix) -> Patch:
-        """Return the level of each line along the way, which no difference tells: that of its lit part."""
+        """Return the level of each line along the motion, which no difference shows: that of its lit part."""
         aside, along = self._contact_moved(pose)
         moved = abs(along) > LEAST_ALONG
-        slope = float(np.clip(aside / along, -STEEPEST, STEEPEST)) if moved else 0.0
+        steepest = self._parameters.steepest
+        slope = float(np.clip(aside / along, -steepest, steepest)) if moved else 0.0
         few = np.ascontiguousarray(field[::ROW_STRIDE])
         upright = _sheared(few, (1.0, slope * ROW_STRIDE), (0.0, 1.0), len(few))
         lit = np.partition(upright, self._lit_row, axis=0)[self._lit_row : self._lit_row + 1]
@@ -112,7 +112,7 @@ def _coarse(picture: Patch) -> Patch:
 
 
 def _sheared(picture: Patch, column: tuple[float, float], row: tuple[float, float], rows: int) -> Patch:
-    """Return a picture of so many rows that takes the pixel at (column, row) from these multiples of both."""
+    """Return a picture with this number of rows; `column` and `row` are the rows of the inverse map."""
     matrix = np.array([[*column, 0.0], [*row, 0.0]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     sheared = cv2.warpAffine(
@@ -122,7 +122,7 @@ def _sheared(picture: Patch, column: tuple[float, float], row: tuple[float, floa
 
 
 def _matrix(motion: Motion, centre: float) -> Matrix:
-    """Return what takes pixels (column, row, 1) of the later frame to the same ground in the earlier."""
+    """Return the matrix from pixels (column, row, 1) of the later frame to the same ground in the earlier."""
     left, ahead = motion.left_m / PIXEL_M, motion.forward_m / PIXEL_M
     turn = motion.turn_rad
     return np.array([[1.0, -turn, left], [turn, 1.0, -ahead - turn * centre], [0.0, 0.0, 1.0]])

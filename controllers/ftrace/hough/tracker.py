@@ -1,4 +1,4 @@
-"""FTrace as the paper does it: edges, Hough candidates, fuzzy choice of the one that fits the trace model."""
+"""FTrace of the paper: edges, Hough candidates, and a fuzzy choice of the best one."""
 
 from itertools import combinations
 
@@ -7,21 +7,9 @@ import numpy as np
 
 from controllers.ftrace.ground.frame import Frame, Reading
 from controllers.ftrace.hough.fuzzy import Candidate, confidence
+from controllers.ftrace.parameters import FTraceParameters
 from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch
 from drivers.samples import Image
-
-EDGE_PERCENTILES = (85.0, 95.0)
-MOST_LINES = 14
-LEAST_VOTES = 30
-ANGLE_STEP_RAD = np.radians(1.0)
-NEAR_PIXELS = 2.0
-ROUNDS = 3
-ROI_WIDTHS = 1.2
-"""Half width of the searched band around the last trace, in widths of the wheel."""
-PARALLEL_RAD = np.radians(5.0)
-ACCEPTED = 0.62
-ACCEPTED_AT_START = 0.75
-START_M = 0.20
 
 Line = tuple[float, float, float]
 """Slope dy/ds, place y at the contact (m), share of the length in view covered by edges."""
@@ -32,10 +20,12 @@ class HoughTracker:
 
     Args:
         ground: The rectified ground.
+        parameters: Tuned numbers.
     """
 
-    def __init__(self, ground: GroundPatch) -> None:
+    def __init__(self, ground: GroundPatch, parameters: FTraceParameters) -> None:
         self._ground = ground
+        self._parameters, self._fuzzy = parameters.hough, parameters.fuzzy
         self._inner: Image = np.asarray(
             cv2.erode(ground.visible.astype(np.uint8), np.ones((7, 7), np.uint8), borderValue=0), np.uint8
         )
@@ -44,12 +34,14 @@ class HoughTracker:
         self._rows = (np.arange(ground.shape[0]) + 0.5) * RESOLUTION_M
 
     def track(self, frame: Frame) -> Reading:
-        """Return what the next frame shows."""
+        """Return the trace in the next frame."""
         self._travelled_m += frame.distance_m
         best, match = None, 0.0
         if frame.usable:
             best, match = self._select(self._candidates(self._edges(frame.patch)))
-        accepted = ACCEPTED if self._travelled_m > START_M else ACCEPTED_AT_START
+        numbers = self._parameters
+        is_start = self._travelled_m <= numbers.start_m
+        accepted = numbers.accepted_at_start if is_start else numbers.accepted
         found = best is not None and match > accepted
         if found:
             self._last = best
@@ -66,20 +58,20 @@ class HoughTracker:
         )
 
     def lose(self) -> None:
-        """Forget the last trace: the whole view is searched again, without asking for continuity."""
+        """Forget the last trace: the whole view is searched again, and continuity does not count."""
         self._last = None
 
     def _edges(self, patch: Image) -> Image:
         """Return edge pixels (255) in view, near the last trace if there is one."""
         smooth = cv2.GaussianBlur(patch, (5, 5), 1.2)
         gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
-        weak, strong = np.percentile(gradient[self._inner > 0], EDGE_PERCENTILES)
+        weak, strong = np.percentile(gradient[self._inner > 0], self._parameters.edge_percentiles)
         edges = np.asarray(cv2.Canny(smooth, weak, strong, L2gradient=True), np.uint8)
         edges *= self._inner
         if self._last is not None:
             middle = self._last.offset_m - self._rows * np.tan(self._last.theta_rad)
             columns = (np.arange(patch.shape[1]) - self._ground.centre) * RESOLUTION_M
-            reach = ROI_WIDTHS * self._ground.rig.wheel_width_m
+            reach = self._parameters.roi_widths * self._ground.rig.wheel_width_m
             edges[np.abs(columns[None, :] - middle[:, None]) > reach] = 0
         return edges
 
@@ -94,7 +86,7 @@ class HoughTracker:
         ]
         far = self._rows[-1] / 2
         for one, other in combinations(lines, 2):
-            if abs(np.arctan(one[0]) - np.arctan(other[0])) < PARALLEL_RAD:
+            if abs(np.arctan(one[0]) - np.arctan(other[0])) < self._parameters.parallel_rad:
                 slope = (one[0] + other[0]) / 2
                 apart = abs(one[1] - other[1] + far * (one[0] - other[0])) / np.sqrt(1 + slope**2)
                 place = (one[1] + other[1]) / 2
@@ -106,29 +98,32 @@ class HoughTracker:
         steepest = 1.2 * self._ground.rig.max_slip_rad
         rows, columns = (place.astype(np.float64) for place in np.nonzero(edges))
         lines: list[Line] = []
-        if len(rows) < LEAST_VOTES:
+        numbers = self._parameters
+        if len(rows) < numbers.least_votes:
             return lines
         # OpenCV measures the angle of the line's normal from the column axis: 0 is a line along the wheel.
         for low, high in ((0.0, steepest), (np.pi - steepest, np.pi)):
-            voted = cv2.HoughLines(edges, 1.0, ANGLE_STEP_RAD, LEAST_VOTES, min_theta=low, max_theta=high)
-            for rho, angle in [] if voted is None else voted.reshape(-1, 2)[: MOST_LINES // 2]:
+            voted = cv2.HoughLines(
+                edges, 1.0, numbers.angle_step_rad, numbers.least_votes, min_theta=low, max_theta=high
+            )
+            for rho, angle in [] if voted is None else voted.reshape(-1, 2)[: numbers.most_lines // 2]:
                 start = (-np.tan(angle), rho / np.cos(angle))
                 line = self._fit(rows, columns, start)
-                if line is not None and not any(_same(line, known) for known in lines):
+                if line is not None and not any(self._is_same(line, known) for known in lines):
                     lines.append(line)
         return lines
 
     def _fit(self, rows: Floats, columns: Floats, start: tuple[float, float]) -> Line | None:
         slope, place = start
         near = np.zeros(len(rows), np.bool_)
-        for _ in range(ROUNDS):
-            near = np.abs(columns - place - slope * rows) < NEAR_PIXELS
-            if near.sum() < LEAST_VOTES // 2:
+        for _ in range(self._parameters.rounds):
+            near = np.abs(columns - place - slope * rows) < self._parameters.near_pixels
+            if near.sum() < self._parameters.least_votes // 2:
                 return None
             slope, place = np.polyfit(rows[near], columns[near], 1)
         on_line = np.clip(np.round(place + slope * np.arange(len(self._rows))), 0, self._inner.shape[1] - 1)
         in_view = self._inner[np.arange(len(self._rows)), on_line.astype(np.intp)].sum()
-        support = len(np.unique(rows[near])) / max(int(in_view), LEAST_VOTES)
+        support = len(np.unique(rows[near])) / max(int(in_view), self._parameters.least_votes)
         at_contact = (place - 0.5 * slope - self._ground.centre) * RESOLUTION_M
         return float(slope), float(at_contact), float(min(support, 1.0))
 
@@ -136,11 +131,11 @@ class HoughTracker:
         rig = self._ground.rig
         best, match = None, 0.0
         for candidate in candidates:
-            value = confidence(candidate, rig.wheel_width_m, rig.max_slip_rad, self._last)
+            value = confidence(candidate, rig.wheel_width_m, rig.max_slip_rad, self._last, self._fuzzy)
             if value > match:
                 best, match = candidate, value
         return best, match
 
-
-def _same(one: Line, other: Line) -> bool:
-    return abs(one[0] - other[0]) < np.tan(ANGLE_STEP_RAD) and abs(one[1] - other[1]) < 2 * RESOLUTION_M
+    def _is_same(self, one: Line, other: Line) -> bool:
+        step = np.tan(self._parameters.angle_step_rad)
+        return abs(one[0] - other[0]) < step and abs(one[1] - other[1]) < 2 * RESOLUTION_M

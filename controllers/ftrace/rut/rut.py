@@ -1,10 +1,10 @@
-"""Looks for the rut: cross-sections of the ground against what a wheel of this width can leave.
+"""Cross-sections of the ground: the response of kernels with the width of the wheel's rut.
 
-The rectified ground is cut into blocks across the way. Kernels of the wheel's width answer, for every block
-and place: a floor darker or brighter than its surroundings, walls lit from the side, a change of texture, a
-floor that is smooth across the way but for the prints of grousers. What a rut shows of light and texture
-depends on soil and sun and is learned; that it shows the same in all blocks along one smooth curve through
-the contact is what makes it a rut.
+The rectified ground is divided into blocks across the direction of travel. Kernels respond, for every block
+and place, to a floor darker or brighter than its surroundings, to walls lit from the side, to a change of
+texture, and to a floor that is smooth but for the prints of grousers. Light and texture of a rut depend on
+soil and sun and are estimated. A rut has the same signature in all blocks along one smooth curve through the
+contact.
 """
 
 from dataclasses import dataclass
@@ -13,42 +13,26 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.ftrace.parameters import SectionParameters
 from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch, Mask, Patch
 
-BLOCK_ROWS = 10
-BLOCK_M = BLOCK_ROWS * RESOLUTION_M
-LIGHT_M = 0.5
-"""Brightness that varies more slowly than this is light, not rut."""
-KERNEL_REACH = 2.0
-"""Kernels reach this many half widths to either side."""
-LEAST_WEIGHT = 0.5
-CLIP = 2.5
-"""Answers are limited to about this many standard deviations, so that no stone decides alone."""
 MEDIAN_STRIDE = 3
-ENERGY_FLOOR = 0.02
-TEXTURE_WINDOW = (3, 11)
-SOFTNESS = 0.12
-NEAR_M = 0.016
-ALIKE, LEAST_PEAK = 0.45, 1.3
-"""A block shows the rut when it answers with this share of what the better ones do, and beyond chance."""
-LEAST_BLOCKS = 4
-ONE_SIDED_SHARE = 0.3
 
 
 Answers = NDArray[np.float32]
 Edges = tuple[Floats, Floats]
-"""Curves of the trace whose right edge is seen, and of the one whose left edge is."""
+"""Curves of the trace with the visible right edge, and of the one with the visible left edge."""
 EVEN = slice(0, 3, 2)
-"""Steps, which both sides of a rut show alike."""
+"""Steps, which are alike on both sides of a rut."""
 SURE = slice(3, 5)
-"""Those that a rut answers with a positive number, wherever the sun is."""
+"""Kernels with a positive answer in a rut for every direction of the sun."""
 PLACING = np.array([0.0, 1.0, 0.0, 1.0, 1.0] * 2)
-"""Kernels that place the rut: where a step seems to be depends on which wall is in the sun."""
+"""Kernels that locate the rut: the apparent place of a step depends on which wall is in the sun."""
 
 
 @dataclass(frozen=True, slots=True)
 class Roughness:
-    """Logarithms of how much the ground changes along the way, as prints of grousers do, and across it."""
+    """Logarithms of the gradients along the direction of travel (prints of grousers) and across it."""
 
     bars: Patch
     grain: Patch
@@ -59,7 +43,7 @@ class Roughness:
         return np.asarray((self.bars + self.grain) / 2, np.float32)
 
     def without(self, field: Patch) -> "Roughness":
-        """Return what is left when a field that both share is taken out."""
+        """Return the roughness without a field that both share."""
         return Roughness(self.bars - field, self.grain - field)
 
 
@@ -69,7 +53,7 @@ class CrossSections:
 
     Attributes:
         answers: Kernel, block, column.
-        sides: The same to look up places: side, block and column, kernel.
+        sides: The same, ordered by side, block and column, kernel.
     """
 
     answers: Answers
@@ -78,7 +62,7 @@ class CrossSections:
 
 @dataclass(frozen=True, slots=True)
 class RutPoints:
-    """Places of the rut's centre line, one for each block that shows it: behind and left of the contact."""
+    """Places of the rut's centre line in the blocks that show it: behind and left of the contact."""
 
     s_m: Floats
     y_m: Floats
@@ -90,22 +74,28 @@ class RutFinder:
 
     Args:
         ground: The rectified ground.
+        parameters: Tuned numbers.
     """
 
-    def __init__(self, ground: GroundPatch) -> None:
+    def __init__(self, ground: GroundPatch, parameters: SectionParameters) -> None:
+        self._parameters = parameters
+        rows = round(parameters.block_m / RESOLUTION_M)
+        self.block_m = rows * RESOLUTION_M
+        along, across = (round(length_m / RESOLUTION_M) for length_m in parameters.texture_m)
+        self._texture_window = along, across
         self._centre = ground.centre
         self._columns = ground.shape[1]
-        self.blocks = ground.shape[0] // BLOCK_ROWS
-        self.s_m: Floats = np.asarray((np.arange(self.blocks) + 0.5) * BLOCK_M, np.float64)
-        self._rows = self.blocks * BLOCK_ROWS
+        self.blocks = ground.shape[0] // rows
+        self.s_m: Floats = np.asarray((np.arange(self.blocks) + 0.5) * self.block_m, np.float64)
+        self._rows = self.blocks * rows
         self._visible = ground.visible[: self._rows].astype(np.float32)
-        window = 2 * round(LIGHT_M / 2 / RESOLUTION_M) + 1
+        window = 2 * round(self._parameters.light_m / 2 / RESOLUTION_M) + 1
         self._window = (window, window)
         self._share: Patch = np.asarray(np.maximum(cv2.blur(self._visible, self._window), 1e-3), np.float32)
         self.inner: Patch = np.asarray(
             cv2.erode(self._visible, np.ones((5, 5), np.uint8), borderValue=0), np.float32
         )
-        self._kernels = _kernels(ground.rig.wheel_width_m)
+        self._kernels = _kernels(ground.rig.wheel_width_m, parameters)
         self._size = (self._columns, self.blocks)
         self._weight = np.maximum(self._to_blocks(self._visible), 0.1)
         self._inner_weight = np.maximum(self._to_blocks(self.inner), 0.1)
@@ -115,11 +105,12 @@ class RutFinder:
         self._block = np.arange(self.blocks)
 
     def roughness(self, detail: Patch) -> Roughness:
-        """Return how much the ground changes along and across the way."""
+        """Return the roughness along and across the direction of travel."""
         smooth = cv2.GaussianBlur(detail, (5, 5), 1.0)
-        along = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 0, 1)), TEXTURE_WINDOW)
-        across = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 1, 0)), TEXTURE_WINDOW)
-        bars, grain = (np.asarray(cv2.log(e + ENERGY_FLOOR), np.float32) for e in (along, across))
+        along = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 0, 1)), self._texture_window)
+        across = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 1, 0)), self._texture_window)
+        floor = self._parameters.energy_floor
+        bars, grain = (np.asarray(cv2.log(e + floor), np.float32) for e in (along, across))
         return Roughness(bars, grain)
 
     def cross_sections(self, detail: Patch, rough: Roughness) -> CrossSections:
@@ -138,7 +129,7 @@ class RutFinder:
         some = answers.reshape(len(answers), -1)[:, self._sample]
         spread = 1.4826 * np.median(np.abs(some), axis=1)
         answers /= np.maximum(spread, 1e-4)[:, None, None]
-        answers /= np.sqrt(1 + (answers / CLIP) ** 2)
+        answers /= np.sqrt(1 + (answers / self._parameters.clip) ** 2)
         answers *= self.valid
         flat = answers.reshape(2, len(answers) // 2, -1).transpose(0, 2, 1)
         return CrossSections(answers, np.ascontiguousarray(flat))
@@ -155,9 +146,9 @@ class RutFinder:
 
         Args:
             sections: Answers.
-            edges_m: Places to the left at `s_m` (curve, block) of the trace whose right edge is seen, and of
-                the one whose left edge is: the same but where two traces overlap.
-            reaches: Numbers of blocks to count, from the contact on.
+            edges_m: Places to the left at `s_m` (curve, block) of the trace with the visible right edge, and
+                of the one with the visible left edge: equal but where two traces overlap.
+            reaches: Numbers of blocks to sum, from the contact on.
 
         Returns:
             For each reach the sums (curve, kernel), in ground without a rut of variance about 1, and the
@@ -165,7 +156,7 @@ class RutFinder:
         """
         answers, valid = self._answers(sections, edges_m)
         within = (self._block[:, None] < np.array(reaches)).astype(np.float32)
-        # One product of matrices adds up blocks for every reach, many times faster than sums along an axis.
+        # One matrix product adds up blocks for every reach, many times faster than sums along an axis.
         adds = np.kron(within, np.eye(answers.shape[-1], dtype=np.float32))
         sums = answers.reshape(len(answers), -1) @ adds
         counts = np.rint(valid @ within).astype(np.int_)
@@ -179,14 +170,17 @@ class RutFinder:
         answers, valid = self._answers(sections, edges_m)
         return np.asarray(answers[valid].T)
 
-    def points(self, sections: CrossSections, curve_m: Floats, edges_m: Edges, look: Floats) -> RutPoints:
-        """Return where near a curve each block shows a rut like `look`, one weight for each kernel."""
-        near = round(NEAR_M / RESOLUTION_M)
+    def points(
+        self, sections: CrossSections, curve_m: Floats, edges_m: Edges, signature: Floats
+    ) -> RutPoints:
+        """Return the place in each block near a curve that best matches `signature`, a weight per kernel."""
+        numbers = self._parameters
+        near = round(numbers.near_m / RESOLUTION_M)
         columns = self._column(curve_m)
         span = columns[:, None] + np.arange(-near - 1, near + 2)
         here = np.zeros(span.shape)
         for weights, answers, edge in zip(
-            np.split(_placing(look), 2), np.split(sections.answers, 2), edges_m, strict=True
+            np.split(_placing(signature), 2), np.split(sections.answers, 2), edges_m, strict=True
         ):
             matched = np.tensordot(weights, answers, 1)
             there = span + (self._column(edge) - columns)[:, None]
@@ -195,10 +189,12 @@ class RutFinder:
         before, peak, after = (here[self._block, best + step] for step in (-1, 0, 1))
         bend = np.maximum(2 * peak - before - after, 1e-3)
         place = span[self._block, best] - self._centre + np.clip((after - before) / (2 * bend), -0.5, 0.5)
-        strong = peak > max(ALIKE * float(np.percentile(peak, 75)), LEAST_PEAK)
+        strong = peak > max(numbers.alike * float(np.percentile(peak, 75)), numbers.least_peak)
         for edge in (curve_m, *edges_m):
             strong &= self.valid[self._block, np.clip(self._column(edge), 0, self._columns - 1)]
-        sd = 0.004 * np.clip(2.5 / np.maximum(peak, 0.6), 0.7, 3.0)
+        sd = numbers.point_sd_m * np.clip(
+            numbers.usual_peak / np.maximum(peak, numbers.faintest_peak), *numbers.point_sd_range
+        )
         return RutPoints(self.s_m[strong], place[strong] * RESOLUTION_M, sd[strong])
 
     def _column(self, place_m: Floats) -> NDArray[np.intp]:
@@ -206,7 +202,7 @@ class RutFinder:
         return columns
 
     def _answers(self, sections: CrossSections, edges_m: Edges) -> tuple[Floats, Mask]:
-        """Return answers along the edges of curves (..., block, kernel), 0 out of view; and where valid."""
+        """Return answers along edges (..., block, kernel), 0 out of view; and where they are valid."""
         sides = []
         valid: Mask = np.ones(np.shape(edges_m[0]), np.bool_)
         for answers, edge_m in zip(sections.sides, edges_m, strict=True):
@@ -223,65 +219,68 @@ class RutFinder:
         )
 
     def _valid_places(self) -> Mask:
-        """Return where a kernel sees ground enough on both sides."""
+        """Return the places with enough ground in view on both sides."""
         reach = int(0.8 * (self._kernels[0][0].shape[1] // 2))
-        thin = (self._to_blocks(self._visible) < LEAST_WEIGHT).astype(np.float32)
+        thin = (self._to_blocks(self._visible) < self._parameters.least_weight).astype(np.float32)
         near = cv2.filter2D(thin, -1, np.ones((1, 2 * reach + 1), np.float32), borderType=cv2.BORDER_CONSTANT)
-        valid = near < LEAST_WEIGHT
+        valid = near < self._parameters.least_weight
         valid[:, :reach] = valid[:, -reach:] = False
         return valid
 
 
-def floor_evidence(answers: Floats) -> float:
-    """Return what the sure kernels say on the weaker side, in about standard deviations.
+def floor_evidence(answers: Floats, least_blocks: int) -> float:
+    """Return the evidence of the sure kernels on the weaker side, in about standard deviations.
 
-    Of all lengths of trace that begin at the wheel the one that says most counts.
+    It is the greatest over all lengths of trace that begin at the wheel.
 
     Args:
         answers: Along one curve: kernel, block, the nearest first.
+        least_blocks: Shorter lengths do not count.
     """
-    count = np.arange(1, answers.shape[1] + 1)[LEAST_BLOCKS:]
+    count = np.arange(1, answers.shape[1] + 1)[least_blocks:]
     if not count.size:
         return 0.0
     sides = answers.reshape(2, -1, answers.shape[1])[:, SURE].sum(axis=1)
-    sums = np.cumsum(sides, axis=1)[:, LEAST_BLOCKS:] / np.sqrt(count * (SURE.stop - SURE.start))
+    sums = np.cumsum(sides, axis=1)[:, least_blocks:] / np.sqrt(count * (SURE.stop - SURE.start))
     return float(sums.min(axis=0).max())
 
 
-def two_sided(sums: Floats) -> Floats:
-    """Return how strongly both sides of a rut answer, kernel by kernel the weaker side counting.
+def two_sided(sums: Floats, one_sided_share: float) -> Floats:
+    """Return the strength of both sides of a rut, for each kernel that of the weaker side.
 
-    Floor and texture differ from the ground on both sides alike; walls may be lit from one side.
+    Floor and texture differ from the ground on both sides; walls may be lit from one side, so evidence on one
+    side counts with `one_sided_share`.
     """
     sides = sums.reshape(len(sums), 2, -1).copy()
     sides[:, :, SURE] = np.maximum(sides[:, :, SURE], 0.0)
     squares = sides**2
     both = 2 * squares.min(axis=1)
     both[:, EVEN] *= sides[:, 0, EVEN] * sides[:, 1, EVEN] > 0
-    return np.asarray(both.sum(axis=1) + ONE_SIDED_SHARE * squares.sum(axis=(1, 2)))
+    return np.asarray(both.sum(axis=1) + one_sided_share * squares.sum(axis=(1, 2)))
 
 
-def _placing(look: Floats) -> Floats:
-    """Return the weights that place a rut of this look: both sides alike where they must be."""
-    sides = look.reshape(2, -1).copy()
+def _placing(signature: Floats) -> Floats:
+    """Return the kernel weights that locate a rut with this signature; sure kernels are made symmetric."""
+    sides = signature.reshape(2, -1).copy()
     sides[:, SURE] = np.maximum(sides[:, SURE].mean(axis=0), 0.0)
     weights = sides.ravel() * PLACING
     return np.asarray(weights / max(float(np.linalg.norm(weights)), 1e-6))
 
 
-def _kernels(width_m: float) -> list[list[Answers]]:
-    """Return kernels of unit norm across the way, for the right side of the rut and for the left.
+def _kernels(width_m: float, parameters: SectionParameters) -> list[list[Answers]]:
+    """Return kernels of unit norm across the direction of travel, for the right and the left side of the rut.
 
-    They are: step in grey, wall, step in roughness, walls that change across the way more than the floor, a
-    floor that changes along the way (grouser prints) more than the walls.
+    They are: step in grey, wall, step in roughness, walls rougher across the direction of travel than the
+    floor, floor rougher along it (grouser prints) than the walls.
     """
     half = width_m / 2 / RESOLUTION_M
-    reach = int(np.ceil(1.2 * KERNEL_REACH * half))
+    reach = int(np.ceil(1.2 * parameters.kernel_reach * half))
     n = np.arange(-reach, reach + 1) / half
 
     def within(side: int, low: float, high: float) -> Floats:
         place = side * n
-        window = 1 / (1 + np.exp((low - place) / SOFTNESS)) / (1 + np.exp((place - high) / SOFTNESS))
+        softness = parameters.softness
+        window = 1 / (1 + np.exp((low - place) / softness)) / (1 + np.exp((place - high) / softness))
         return np.asarray(window / window.sum())
 
     kernels = []

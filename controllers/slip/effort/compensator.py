@@ -1,4 +1,4 @@
-"""Slip of each wheel from its effort, and the motion of the body that is left of what the wheels turned."""
+"""Slip of each wheel from its effort, and the motion of the body without it."""
 
 import cmath
 import math
@@ -8,31 +8,23 @@ from typing import NamedTuple
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import BodyMotion, Kinematics
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S, EffortFlag, EffortObserver, WheelEffort
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_map import wheel_slip
 from controllers.slip.effort.slip_sharing import share_slip
+from controllers.slip.effort.stuck_wheels import StuckWheels
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Travel
+from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
-from controllers.slip.effort.yaw_excitation import YawProbe, range_problem, slip_of
-from drivers.samples import WheelSample
+from controllers.slip.effort.yaw_excitation import YawExcitation, range_problem, slip_of
+from drivers.samples import Sample, WheelSample
 
 HOLD_S = 1.0
-"""A slip that can no longer be found decays to that of the surface with this time constant."""
-
-STUCK_AFTER_S = 0.3
-"""A wheel that draws current and does not turn is stuck after this long: until then it may be starting."""
-
-STUCK_CURRENT = 2.0
-"""Current of a stuck wheel, over the no-load current."""
+"""Without a new value the slip of a wheel decays to that of the surface with this time constant."""
 
 LEAST_SPEED_M_S = 0.02
 """Slower travel has no direction."""
-
-STANDING_RAD_S = 0.02
-"""A stuck wheel turns no faster. Not the step of the speed field: with the droop of its speed loop, 0.4 rad/s
-per ampere, a loaded wheel creeps with 0.1 rad/s and moves the rover, and a slip of 1 would hide that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +36,7 @@ class WheelSlip:
         paper_torque_nm: M of paper 003, at the motor.
         wheel_torque_nm: Torque at the wheel.
         slip: Slip ratio that the odometry uses, -1 to 1.
-        valid: False where the slip is held, or beyond what the map was fitted to.
+        valid: False where the slip is held, and outside the training range of the map.
         reason: Why it is not valid; empty where it is.
     """
 
@@ -63,7 +55,7 @@ class SlipReport:
     Attributes:
         map: Name of the map in use.
         surface: The recognised surface; None where it is unknown.
-        drift_rad: How far the true course is taken to lie to the left of the encoders' one.
+        drift_rad: Angle from the encoders' course to the true course, positive to the left.
         wheels: One after the other.
     """
 
@@ -73,56 +65,66 @@ class SlipReport:
     wheels: tuple[WheelSlip, ...]
 
 
-class _Judgement(NamedTuple):
-    """Slips of the wheels; None where they can only be held. Valid where `reason` is empty."""
+class _WindowSlip(NamedTuple):
+    """Slips of the wheels in a window; None where they can only be held. Valid where `reason` is empty."""
 
     slips: tuple[float, ...] | None
     drift_rad: float
     reason: str
 
 
-class SlipCompensator:
+class EffortCompensator:
     """Turns wheel increments into body increments of a slipping rover.
 
     Args:
         settings: Maps and which of them to use.
         rover: Geometry of the wheels.
         kinematics: Of the same rover.
+        wheels: Name of the wheel device.
 
     Attributes:
-        report: As of the newest increment; None before the first.
-        efforts: Of the wheels, alike; empty before the first.
-        probe: Shakes the yaw; None where another map is in use.
+        efforts: Of the wheels, as of the newest increment; empty before the first.
+        excitation: Excites the yaw; None where another map is in use.
     """
 
-    def __init__(self, settings: SlipSettings, rover: OmniRoverSettings, kinematics: Kinematics) -> None:
+    def __init__(
+        self, settings: SlipSettings, rover: OmniRoverSettings, kinematics: Kinematics, wheels: str
+    ) -> None:
         count = kinematics.wheel_count
         surfaces, probe_map = settings.maps.surfaces, settings.maps.yaw_probe
         if settings.known_surfaces:
             surfaces = surfaces.only(settings.known_surfaces)
-        self.report: SlipReport | None = None
+        self._report: SlipReport | None = None
+        self._device = wheels
         self.efforts: tuple[WheelEffort, ...] = ()
-        self.probe = YawProbe(probe_map) if settings.use == YAW_PROBE and probe_map is not None else None
+        self.excitation = YawExcitation(probe_map) if settings.use == YAW_PROBE and probe_map else None
         self._probe_map = probe_map
+        correction = settings.torque_correction
+        self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
         self._wheel_map = settings.maps.wheel_maps.get(settings.use)
-        self._no_load_a = settings.maps.motor.coulomb_torque_nm / settings.maps.motor.torque_constant_nm_a
+        self._stuck = StuckWheels(settings.maps.motor, count)
         self._kinematics = kinematics
         self._tracker = SurfaceTracker(surfaces, rover.base_radius_m)
         self._surface = self._tracker.step(NO_TRAVEL)
         self._currents: list[WheelSample | None] = [None] * count
         self._current_ns = [-1] * count
         self._observers: list[EffortObserver] = []
-        self._stalled_s = [0.0] * count
-        self._judgement = _Judgement(None, 0.0, "too little way so far")
+        self._window_slip = _WindowSlip(None, 0.0, "too little way so far")
         self._slips = [self._tracker.prior_slip] * count
         self._held = [self._tracker.prior_slip] * count
         self._window_rad = [0.0] * count
         self._window_s = 0.0
-        self._told_m = 0j
+        self._reported_m = 0j
 
-    def feed(self, sample: WheelSample, t_ns: int) -> None:
+    def report(self) -> SlipReport | None:
+        """Return the slip as of the newest increment; None before the first."""
+        return self._report
+
+    def feed(self, sample: Sample, t_ns: int) -> None:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
+        if not isinstance(sample, WheelSample) or sample.device != self._device:
+            return
         if not 0 <= sample.wheel < len(self._currents) or t_ns <= self._current_ns[sample.wheel]:
             return
         if sample.current_a is not None and math.isfinite(sample.current_a):
@@ -131,9 +133,9 @@ class SlipCompensator:
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
-        return self._moved(wheel_values, self._slips, self._judgement.drift_rad)
+        return self._motion(wheel_values, self._slips, self._window_slip.drift_rad)
 
-    def _moved(self, wheel_values: Sequence[float], slips: Sequence[float], drift_rad: float) -> BodyMotion:
+    def _motion(self, wheel_values: Sequence[float], slips: Sequence[float], drift_rad: float) -> BodyMotion:
         rolled = [value * (1.0 - slip) for value, slip in zip(wheel_values, slips, strict=True)]
         x, y, turn = self._kinematics.body_motion(rolled)
         moved = complex(x, y) * cmath.rect(1.0, drift_rad)
@@ -142,17 +144,13 @@ class SlipCompensator:
     def compensate(
         self, increment: BodyIncrement, set_speed_rad_s: Sequence[float], gyro_rate_rad_s: float | None
     ) -> BodyIncrement:
-        """Return what is left of an increment of rolling wheels.
+        """Return the increment of the body for an increment of rolling wheels, see `SlipCompensator`.
 
-        Slip is judged at the end of half a second; the difference to what was told meanwhile is made up then.
-
-        Args:
-            increment: Of the wheels, as if they rolled.
-            set_speed_rad_s: Set-points of the wheels in that time.
-            gyro_rate_rad_s: Newest yaw rate of the gyro, less its bias; None without a fresh one.
+        Surface and excitation are evaluated over windows of half a second. The end of a window corrects the
+        motion that was reported during it with the slip before.
         """
         self.efforts = tuple(self._observe(increment, set_speed_rad_s))
-        made_up_m = self._judge(increment, gyro_rate_rad_s)
+        correction_m = self._update(increment, gyro_rate_rad_s)
         wheels = [
             self._wheel_slip(wheel, increment.duration_s, set_speed_rad_s[wheel])
             for wheel in range(len(self.efforts))
@@ -162,28 +160,30 @@ class SlipCompensator:
         x_m, y_m, turn_rad = self.body_motion(increment.turned_rad)
         self._window_rad = [sum(pair) for pair in zip(self._window_rad, increment.turned_rad, strict=True)]
         self._window_s += increment.duration_s
-        self._told_m += complex(x_m, y_m)
-        self.report = SlipReport(
+        self._reported_m += complex(x_m, y_m)
+        self._report = SlipReport(
             map=self._settings.use,
             surface=self._surface.surface,
-            drift_rad=self._judgement.drift_rad,
+            drift_rad=self._window_slip.drift_rad,
             wheels=tuple(wheels),
         )
         return replace(
             increment,
-            x_m=x_m + made_up_m.real,
-            y_m=y_m + made_up_m.imag,
+            x_m=x_m + correction_m.real,
+            y_m=y_m + correction_m.imag,
             turn_rad=turn_rad,
             is_sure=all(
-                wheel.valid or self._rests(index, set_speed_rad_s[index])
+                wheel.valid or self._is_at_rest(index, set_speed_rad_s[index])
                 for index, wheel in enumerate(wheels)
             ),
         )
 
-    def _rests(self, wheel: int, set_speed_rad_s: float) -> bool:
-        """Say whether a wheel map tells nothing of a wheel because it stands as told: it takes no part."""
-        is_told_to = abs(set_speed_rad_s) < SLOWEST_RAD_S
-        return self._wheel_map is not None and is_told_to and self.efforts[wheel].flags == (EffortFlag.SLOW,)
+    def _is_at_rest(self, wheel: int, set_speed_rad_s: float) -> bool:
+        """Return True for a wheel at rest as commanded; wheel maps do not apply to it."""
+        is_commanded = abs(set_speed_rad_s) < SLOWEST_RAD_S
+        return (
+            self._wheel_map is not None and is_commanded and self.efforts[wheel].flags == (EffortFlag.SLOW,)
+        )
 
     def _observe(self, increment: BodyIncrement, set_speed_rad_s: Sequence[float]) -> list[WheelEffort]:
         if not self._observers and all(self._currents):
@@ -212,26 +212,40 @@ class SlipCompensator:
         """Whether the torques of all wheels are known."""
         return bool(self.efforts) and all(effort.unknown_torque is None for effort in self.efforts)
 
-    def _judge(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> complex:
-        """Judge surface and slip; return the way to add to what was told since the judgement before."""
-        judgement = self._judge_surface(increment)
-        if self.probe is not None:
-            judgement = self._judge_shake(increment, gyro_rate_rad_s)
-        if judgement is None or self._wheel_map is not None:
-            return 0j
-        self._judgement = judgement
-        told_m, window_rad = self._told_m, self._window_rad
-        self._told_m, self._window_rad, self._window_s = 0j, [0.0] * len(window_rad), 0.0
-        if judgement.slips is None:
-            return 0j
-        x_m, y_m, _ = self._moved(window_rad, judgement.slips, judgement.drift_rad)
-        return complex(x_m, y_m) - told_m
+    def set_point_changes(self, commanded_twist: Sequence[float]) -> tuple[float, ...] | None:
+        """Return what the torque correction adds to each set-point, rad/s.
 
-    def _judge_surface(self, increment: BodyIncrement) -> _Judgement | None:
+        Args:
+            commanded_twist: Velocity x, y in m/s and yaw rate in rad/s.
+
+        Returns:
+            None without torque correction, and while the torque of any wheel is unknown.
+        """
+        if self._correction is None or not self.knows_force:
+            return None
+        torques_nm = [effort.wheel_torque_nm for effort in self.efforts]
+        return self._correction.set_point_changes(torques_nm, commanded_twist)
+
+    def _update(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> complex:
+        """Update the slip of the window; return the correction of the motion reported since the last one."""
+        found = self._slip_by_surface(increment)
+        if self.excitation is not None:
+            found = self._slip_by_excitation(increment, gyro_rate_rad_s)
+        if found is None or self._wheel_map is not None:
+            return 0j
+        self._window_slip = found
+        reported_m, window_rad = self._reported_m, self._window_rad
+        self._reported_m, self._window_rad, self._window_s = 0j, [0.0] * len(window_rad), 0.0
+        if found.slips is None:
+            return 0j
+        x_m, y_m, _ = self._motion(window_rad, found.slips, found.drift_rad)
+        return complex(x_m, y_m) - reported_m
+
+    def _slip_by_surface(self, increment: BodyIncrement) -> _WindowSlip | None:
         unknown = next((effort.unknown_work for effort in self.efforts if effort.unknown_work), None)
         if unknown is not None:
             self._tracker.interrupt()
-            return _Judgement(None, self._judgement.drift_rad, unknown.value)
+            return _WindowSlip(None, self._window_slip.drift_rad, unknown.value)
         work_j = sum(
             effort.wheel_torque_nm * turned_rad
             for effort, turned_rad in zip(self.efforts, increment.turned_rad, strict=True)
@@ -243,28 +257,30 @@ class SlipCompensator:
         if self._surface is before:
             return None
         slips = (self._surface.slip,) * self._kinematics.wheel_count
-        return _Judgement(slips, self._surface.drift_rad, self._surface.reason)
+        return _WindowSlip(slips, self._surface.drift_rad, self._surface.reason)
 
-    def _judge_shake(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> _Judgement | None:
-        if self.probe is None or self._probe_map is None:
+    def _slip_by_excitation(
+        self, increment: BodyIncrement, gyro_rate_rad_s: float | None
+    ) -> _WindowSlip | None:
+        if self.excitation is None or self._probe_map is None:
             return None
         rate_rad_s = increment.turn_rad / increment.duration_s
-        shake = self.probe.step(increment.duration_s, rate_rad_s, gyro_rate_rad_s)
-        if shake is None:
+        response = self.excitation.step(increment.duration_s, rate_rad_s, gyro_rate_rad_s)
+        if response is None:
             return None
-        if shake.reason:
-            return _Judgement(None, 0.0, shake.reason)
+        if response.reason:
+            return _WindowSlip(None, 0.0, response.reason)
         x_m, y_m, _ = self._kinematics.body_motion(self._window_rad)
-        problem = range_problem(self._probe_map, shake.lost, complex(x_m, y_m))
-        slip = slip_of(self._probe_map, shake.lost)
-        missing_rad_s = (1.0 - slip) * shake.wheel_rate_rad_s - shake.gyro_rate_rad_s
+        problem = range_problem(self._probe_map, response.transmission_loss, complex(x_m, y_m))
+        slip = slip_of(self._probe_map, response.transmission_loss)
+        missing_rad_s = (1.0 - slip) * response.wheel_rate_rad_s - response.gyro_rate_rad_s
         slips = share_slip(self._kinematics, self._window_rad, slip, missing_rad_s * self._window_s)
-        return _Judgement(slips, 0.0, problem)
+        return _WindowSlip(slips, 0.0, problem)
 
     def _wheel_slip(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> WheelSlip:
         effort = self.efforts[wheel]
         slip, reason = self._found_slip(wheel)
-        if self._is_stuck(wheel, elapsed_s, set_speed_rad_s):
+        if self._stuck.check(wheel, effort, elapsed_s, set_speed_rad_s):
             slip, reason = 1.0, "stuck"
         elif slip is not None:
             self._held[wheel] = slip
@@ -282,28 +298,17 @@ class SlipCompensator:
         )
 
     def _found_slip(self, wheel: int) -> tuple[float | None, str]:
-        """Return the slip that the map tells, None where nothing can be told, and why it is not valid."""
+        """Return the slip by the map in use, None where it gives none, and why it is not valid."""
         if self._wheel_map is not None:
             effort = self.efforts[wheel]
             found = wheel_slip(self._wheel_map, effort)
             return (None if effort.flags else found.slip), found.reason or self._direction_problem()
-        slips = self._judgement.slips
-        return (None if slips is None else slips[wheel]), self._judgement.reason
+        slips = self._window_slip.slips
+        return (None if slips is None else slips[wheel]), self._window_slip.reason
 
     def _direction_problem(self) -> str:
-        """Say that a map of one wheel was not trained on this direction of travel; else empty."""
+        """Return why a wheel map does not hold for this direction of travel; else empty."""
         x_m_s, y_m_s, _ = self._kinematics.body_motion([effort.speed_rad_s for effort in self.efforts])
         if math.hypot(x_m_s, y_m_s) < LEAST_SPEED_M_S:
             return ""
         return direction_problem(self._settings.maps.surfaces.directions_rad, math.atan2(y_m_s, x_m_s))
-
-    def _is_stuck(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> bool:
-        effort = self.efforts[wheel]
-        stalls = (
-            abs(effort.speed_rad_s) < STANDING_RAD_S
-            and abs(set_speed_rad_s) > SLOWEST_RAD_S
-            and abs(effort.current_a) > STUCK_CURRENT * self._no_load_a
-            and effort.unknown_torque in (None, EffortFlag.SATURATED)
-        )
-        self._stalled_s[wheel] = self._stalled_s[wheel] + elapsed_s if stalls else 0.0
-        return self._stalled_s[wheel] >= STUCK_AFTER_S

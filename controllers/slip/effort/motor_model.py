@@ -1,4 +1,4 @@
-"""What the current of a gear motor tells: the paper's quantity M and a torque at the wheel. Plain floats."""
+"""Effort of a gear motor from its current: the paper's quantity M and the wheel torque. Plain floats."""
 
 import math
 from enum import StrEnum
@@ -12,7 +12,7 @@ SPEED_STEP_RAD_S = 27.0 * math.tau / 60.0 / 16.0
 """One step of a Robotino's speed field at the wheel: 27 rpm at the motor, gear 16."""
 
 SLOWEST_RAD_S = 3.0 * SPEED_STEP_RAD_S
-"""Wheel speed below which slip and M are not defined well enough to be used: 0.53 rad/s."""
+"""Wheel speed below which slip and M are too uncertain to be used: 0.53 rad/s."""
 
 FILTER_TIME_S = 0.1
 """Time constant of the low-pass on current and speed; about the delay of the inner speed loop."""
@@ -22,20 +22,23 @@ SIGN_SETTLE_S = 0.1
 
 
 class MotorSettings(Settings):
-    """A permanent-magnet gear motor. The defaults are those of a Robotino 2.
+    """One of three gear motors, Dunkermotoren GR 42x25, 24 V, with planetary gear, wheel and rollers.
+
+    Source: BrOleg5/Slippage-compensation and research-wheel-slippage: R, Ke, Kt, L and inertia (with gear
+    and wheel) as identified there; friction from the no-load record (0.165 A at 20 rad/s, 0.22 A at
+    168 rad/s). Gear efficiency and breakaway are assumed.
 
     Attributes:
-        resistance_ohm: Of the windings; 5.34 identified by the paper's authors, 5.95 by the data sheet.
-        back_emf_v_s_rad: Voltage per motor speed.
-        torque_constant_nm_a: Torque per current at the motor's shaft.
-        gear_ratio: Motor turns per wheel turn.
-        gear_efficiency: Share of the power that passes the gear, either way.
-        coulomb_torque_nm: Dry friction at the motor's shaft, from a no-load current of 0.2 A.
-        viscous_torque_nm_s_rad: Friction per motor speed.
-        inertia_kg_m2: Of the rotor.
-        current_full_scale_a: Greatest current that the sensor can tell; 6.5 A on an EA05 board.
-
-    Source: BrOleg5/Slippage-compensation `scripts/model_parameters.m`; data sheet Dunkermotoren GR 42x25.
+        resistance_ohm: Resistance of the winding.
+        inductance_h: Inductance of the winding.
+        torque_constant_nm_per_a: Torque per current at the motor.
+        speed_constant_v_s_per_rad: Induced voltage per motor speed.
+        inertia_kg_m2: Inertia of rotor, gear and wheel, at the motor.
+        friction_nm: Coulomb friction at the turning motor.
+        breakaway: Friction at rest divided by friction while turning.
+        viscous_nm_s: Friction per motor speed.
+        gear_ratio: Turns of the motor per turn of the wheel.
+        gear_efficiency: Share of the torque that passes the gear, in either direction of power.
     """
 
     resistance_ohm: Annotated[float, Field(ge=0.01, le=1000.0)] = 5.34
@@ -75,7 +78,7 @@ def wheel_torque(
     wheel_speed_rad_s: float,
     wheel_acceleration_rad_s2: float = 0.0,
 ) -> float:
-    """Return the torque at the wheel in N m: what the current makes less what motor and gear keep.
+    """Return the torque at the wheel in N m: the electric torque less the losses of motor and gear.
 
     tau_w = k_red (eta^sgn k_t I - T_c sgn w - b w - J_m dw/dt); finite everywhere. Dry friction is faded in
     up to `SLOWEST_RAD_S`: at rest its direction is unknown.
@@ -92,12 +95,12 @@ def wheel_torque(
     electric_nm *= motor.gear_efficiency if electric_nm * speed >= 0.0 else 1.0 / motor.gear_efficiency
     fade = max(-1.0, min(1.0, wheel_speed_rad_s / SLOWEST_RAD_S))
     inertia_nm = motor.inertia_kg_m2 * motor.gear_ratio * wheel_acceleration_rad_s2
-    lost_nm = motor.coulomb_torque_nm * fade + motor.viscous_torque_nm_s_rad * speed + inertia_nm
-    return motor.gear_ratio * (electric_nm - lost_nm)
+    losses_nm = motor.coulomb_torque_nm * fade + motor.viscous_torque_nm_s_rad * speed + inertia_nm
+    return motor.gear_ratio * (electric_nm - losses_nm)
 
 
 class EffortFlag(StrEnum):
-    """Why a wheel's effort cannot be used."""
+    """Why the effort of a wheel cannot be used."""
 
     NO_CURRENT = "no current"
     SATURATED = "current saturated"
@@ -116,7 +119,7 @@ TORQUE_UNKNOWN = frozenset(
         EffortFlag.CLOCK,
     )
 )
-"""With one of these the torque of a wheel is not known. That of a slow one is."""
+"""With one of these the torque of a wheel is unknown. The torque of a slow wheel is known."""
 
 SIGN_UNKNOWN = frozenset((EffortFlag.BRAKING, EffortFlag.SIGN_CHANGE))
 
@@ -129,7 +132,7 @@ class WheelEffort(NamedTuple):
         speed_rad_s: Speed of the wheel.
         paper_torque_nm: M of the paper, see `paper_torque`.
         wheel_torque_nm: See `wheel_torque`.
-        flags: Empty where all of it may be used.
+        flags: Empty where all values may be used.
     """
 
     current_a: float
@@ -140,31 +143,31 @@ class WheelEffort(NamedTuple):
 
     @property
     def unknown_torque(self) -> EffortFlag | None:
-        """Why the torque is not known; None where it is."""
+        """Why the torque is unknown; None where it is known."""
         return next((flag for flag in self.flags if flag in TORQUE_UNKNOWN), None)
 
     @property
     def unknown_work(self) -> EffortFlag | None:
-        """Why torque times speed is not known; None where it is.
+        """Why torque times speed is unknown; None where it is known.
 
-        That of a slow wheel is next to nothing, whichever sign its current has: a wheel that is to stand
-        trembles to and fro, and its sign is hardly ever known.
+        That of a slow wheel is almost zero for either sign of its current. A wheel at rest trembles, so the
+        sign of its current is hardly ever known.
         """
         unknown = TORQUE_UNKNOWN - SIGN_UNKNOWN if EffortFlag.SLOW in self.flags else TORQUE_UNKNOWN
         return next((flag for flag in self.flags if flag in unknown), None)
 
 
 class EffortObserver:
-    """Gives an unsigned current its sign and forms M and torque, for one wheel.
+    """Finds the sign of an unsigned current, and computes M and torque, for one wheel.
 
     Current and speed pass the same first-order low-pass before M is formed: a ratio of two signals with
     different delays would show torque where there is none.
 
     Args:
         motor: The motor.
-        current_is_signed: False where the sensor tells a magnitude only. The sign is then that of the speed,
-            or of the set-point while the wheel stands; both fail while the wheel is faster than its
-            set-point.
+        current_is_signed: False where the sensor measures a magnitude only. The sign is then that of the
+            speed, or of the set-point while the wheel is at rest; both fail while the wheel is faster than
+            its set-point.
     """
 
     def __init__(self, motor: MotorSettings, *, current_is_signed: bool) -> None:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from controllers.slip.effort.slip_map import SlipMapFile
 from drivers.settings import Settings
@@ -12,29 +12,36 @@ YAW_PROBE = "yaw_probe"
 
 
 class TorqueCorrectionSettings(Settings):
-    """How strongly the paper's torque correction acts. It is positive feedback, so it is bounded.
+    """Strength of the torque correction of paper 003. It is positive feedback, so it is bounded.
 
     Attributes:
-        matrix: `dual` is R J^-T, the inverse of the statics; `as_printed` is the matrix of paper 003, which
-            weighs yaw twice and is there for comparison only.
+        matrix: `dual` is R J^-T, the inverse of the statics; the matrix printed in paper 003 counts the yaw
+            twice.
         gain_rad_s_nm: Change of a set-point per torque.
         bound_rad_s: Greatest change of a set-point.
     """
 
-    matrix: Literal["dual", "as_printed"] = "dual"
+    matrix: Literal["dual"] = "dual"
     gain_rad_s_nm: Annotated[float, Field(ge=0.0, le=50.0)] = 1.0
     bound_rad_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.5
 
+    @field_validator("matrix", mode="before")
+    @classmethod
+    def _check_matrix(cls, matrix: object) -> object:
+        if matrix == "as_printed":
+            raise ValueError("'as_printed' was removed, it weighs yaw twice: leave matrix out")
+        return matrix
+
 
 class SlipSettings(Settings):
-    """How slip is found and what is done about it.
+    """How wheel slip is estimated and compensated.
 
     Attributes:
-        maps: Fitted maps; in a configuration file the name of a shipped file or the path of one.
-        use: `yaw_probe` to shake the yaw a little and see what is lost of it, `surfaces` for the map that
-            recognises the surface, or the name of one of the wheel maps.
-        known_surfaces: Where the ground is known: only these surfaces come into question.
-        torque_correction: Also correct the set-points; None leaves them alone.
+        maps: Fitted maps: name of a shipped file or path of one.
+        use: `yaw_probe` excites the yaw a little and measures how much of the motion is lost; `surfaces` uses
+            the map of the recognised surface; the name of a wheel map uses that one.
+        known_surfaces: Where the ground is known: only these surfaces are considered.
+        torque_correction: Also corrects the set-points; without it they stay as they are.
     """
 
     maps: SlipMapFile

@@ -1,4 +1,4 @@
-"""From the effort of a wheel to its slip: the forms of map, and one way to evaluate them. Plain floats."""
+"""Slip of a wheel from its effort: the forms of map, and their evaluation. Plain floats."""
 
 import math
 from datetime import date
@@ -8,12 +8,12 @@ from pydantic import Field, model_validator
 
 from controllers.slip.effort.motor_model import MotorSettings, WheelEffort
 from controllers.slip.effort.surface_map import SurfaceMap
-from controllers.slip.effort.yaw_excitation import YawProbeMap
+from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from controllers.slip.interpolation import check_rising, interpolate
 from drivers.settings import Settings
 
 Feature = Literal["paper_torque_nm", "current_a", "wheel_torque_nm"]
-"""What of a wheel's effort a map reads, positive where the motor drives the wheel onwards."""
+"""Quantity of a wheel's effort that a map reads, positive where the motor drives the wheel onwards."""
 
 
 class SlipEstimate(NamedTuple):
@@ -35,8 +35,8 @@ class MapSettings(Settings):
     """Common part of the maps of one wheel.
 
     Attributes:
-        feature: What the map reads.
-        valid_from: Least value of the feature that the training data held.
+        feature: Quantity that the map reads.
+        valid_from: Least value of the feature in the training data.
         valid_to: Greatest.
     """
 
@@ -111,7 +111,7 @@ def wheel_slip(wheel_map: WheelMap, effort: WheelEffort) -> SlipEstimate:
 
 
 def feature_value(feature: Feature, effort: WheelEffort) -> float:
-    """Return what a map reads, positive where the motor drives the wheel in the direction it turns."""
+    """Return the quantity that a map reads, positive where the motor drives the turning wheel onwards."""
     value: float = getattr(effort, feature)
     return value * math.copysign(1.0, effort.speed_rad_s)
 
@@ -125,8 +125,8 @@ def slip_at(wheel_map: WheelMap, value: float) -> float:
         case MonotoneMap():
             slip = interpolate(wheel_map.points, wheel_map.slips, inside)
         case TractionMap():
-            left = 1.0 - inside / wheel_map.greatest
-            slip = 1.0 if left <= 0.0 else -wheel_map.slip_scale * math.log(left)
+            reserve = 1.0 - inside / wheel_map.greatest
+            slip = 1.0 if reserve <= 0.0 else -wheel_map.slip_scale * math.log(reserve)
     return max(-1.0, min(1.0, slip))
 
 
@@ -135,7 +135,7 @@ class MapScore(Settings):
 
     Attributes:
         rms: Root mean square.
-        bias: Mean; positive means that the map tells too long a way.
+        bias: Mean; positive means that the map overestimates the distance.
         n: Number of runs.
     """
 
@@ -156,8 +156,8 @@ class SlipMapFile(Settings):
         motor: The motor that turned currents into torques; a map holds for these numbers only.
         wheel_maps: Maps of one wheel for all surfaces together, by name.
         surface_wheel_maps: Isotonic maps over the wheel's torque for each surface, by its name.
-        surfaces: The map that recognises the surface; the best one for a rover that does not shake.
-        yaw_probe: What a shake of the yaw tells; None where no drives with it were fitted.
+        surfaces: The map that recognises the surface; the best one without yaw excitation.
+        yaw_probe: Slip by yaw excitation; None where no drives with it were fitted.
         cross_validation: Score of each map within the training data.
     """
 
@@ -170,5 +170,5 @@ class SlipMapFile(Settings):
     wheel_maps: dict[str, WheelMap]
     surface_wheel_maps: dict[str, WheelMap]
     surfaces: SurfaceMap
-    yaw_probe: YawProbeMap | None = None
+    yaw_probe: YawExcitationMap | None = None
     cross_validation: dict[str, MapScore]

@@ -1,4 +1,4 @@
-"""One slip of the rover, and a turn that it does not explain: which wheel slips how much?"""
+"""Slip of each wheel from the slip of the rover and the turn that it leaves unexplained."""
 
 from collections.abc import Sequence
 
@@ -16,15 +16,15 @@ def share_slip(
 ) -> tuple[float, ...]:
     """Return the likeliest slip of each wheel, -1 to 1.
 
-    The wheels' slips scatter alike about the rover's, and together they explain the turn that is missing. A
-    wheel that hardly turns can lose hardly anything: it goes on rolling, and tells of drift along its rim. So
-    the gyro of an omnidirectional rover tells how it drifts.
+    The slips of the wheels scatter equally about that of the rover, and together they explain the missing
+    turn. A wheel that hardly turns loses hardly anything: it rolls on and measures drift along its rim. So
+    the gyro of an omnidirectional rover measures its drift.
 
     Args:
         kinematics: Of the wheels.
-        turned_rad: What each wheel turned.
+        turned_rad: Angle turned by each wheel.
         slip: Slip ratio of the rover.
-        missing_turn_rad: What the body turned less than wheels would have made it that all had this slip.
+        missing_turn_rad: Turn that this slip at every wheel would give, less the measured turn.
     """
     count = kinematics.wheel_count
     turns_rad = [

@@ -1,9 +1,9 @@
-"""Which surface is this, and how much does it slip? Drive force per direction of travel tells. Plain floats.
+"""Recognition of the surface, and its slip, from drive force and direction of travel. Plain floats.
 
-The force that the wheels must bring up against a surface, and the slip that comes with it, depend on the
-direction of travel far more than on anything else: three wheels carry unequal loads on rollers that touch at
-changing places. So each known surface holds two curves over direction, force and slip. A measured force lies
-near the curve of one surface, between two, or near none: an unknown surface.
+Drive force and slip on a surface depend on the direction of travel far more than on anything else: three
+wheels carry unequal loads on rollers that touch at changing places. So each known surface has two curves over
+direction, force and slip. A measured force lies near the curve of one surface, between two, or near none: an
+unknown surface.
 """
 
 import math
@@ -17,13 +17,13 @@ from controllers.slip.effort.travel_range import travel_problem
 from drivers.settings import Settings
 
 WINDOW_S = 0.5
-"""Force is work per distance over this long: over a single cycle it would be noise."""
+"""Force is work per distance over this time: over a single cycle it would be noise."""
 
 MEMORY_S = 2.0
-"""The force is averaged over about this long while it stays the same."""
+"""The force is averaged over about this time while it stays the same."""
 
 UNKNOWN_DEVIATIONS = 3.0
-"""A force further than this from every surface, in standard deviations, belongs to none of them."""
+"""A force further than this from every surface, in standard deviations, means an unknown surface."""
 
 TURNING_SHARE = 0.35
 """Rim speed from turning, over travel speed, up to which the curves of straight travel still hold."""
@@ -61,10 +61,10 @@ class SurfaceModel(Settings):
         name: Its name in the training data.
         force_n: Drive force.
         slip: Slip ratio of the whole rover.
-        drift_rad: How far the true course lies to the left of the encoders' one.
+        drift_rad: Angle from the encoders' course to the true course, positive to the left.
         force_window_sd_n: Scatter of the force from one half second to the next.
-        force_run_sd_n: Scatter of its mean from one run to another: averaging does not take it away.
-        speed_range_m_s: Speeds of training; beyond them the curves are held.
+        force_run_sd_n: Scatter of its mean from run to run: averaging does not reduce it.
+        speed_range_m_s: Speeds of training; outside them the curves are held.
     """
 
     name: str
@@ -82,7 +82,7 @@ class SurfaceModel(Settings):
 
 
 class SurfaceMap(Settings):
-    """All known surfaces, and where the map holds.
+    """All known surfaces, and the training range.
 
     Attributes:
         surfaces: At least one.
@@ -99,23 +99,23 @@ class SurfaceMap(Settings):
         return self
 
     def only(self, names: Sequence[str]) -> "SurfaceMap":
-        """Return the map with the named surfaces alone, for a rover that is told where it is."""
+        """Return the map with the named surfaces alone, for a rover on known ground."""
         surfaces = tuple(surface for surface in self.surfaces if surface.name in names)
         return SurfaceMap(surfaces=surfaces, directions_rad=self.directions_rad)
 
     def range_problem(self, direction_rad: float, speed_m_s: float) -> str:
-        """Say why the map does not hold for this travel; empty where it does."""
+        """Return why the map does not hold for this travel; empty where it does."""
         low = min(surface.speed_range_m_s[0] for surface in self.surfaces)
         high = max(surface.speed_range_m_s[1] for surface in self.surfaces)
         return travel_problem(self.directions_rad, (low, high), direction_rad, speed_m_s)
 
 
 class SurfaceEstimate(NamedTuple):
-    """What the drive force tells.
+    """Surface and slip by the drive force.
 
     Attributes:
         slip: Slip ratio of the whole rover; every wheel takes it.
-        drift_rad: How far the true course lies to the left of the encoders' one.
+        drift_rad: Angle from the encoders' course to the true course, positive to the left.
         valid: False outside the training range and on an unknown surface.
         surface: The likeliest surface, or None where it is unknown.
         reason: Why the slip is not valid; empty where it is.
@@ -129,11 +129,11 @@ class SurfaceEstimate(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """How the wheels moved and worked for a while.
+    """Motion and work of the wheels.
 
     Attributes:
-        elapsed_s: How long.
-        x_m, y_m, yaw_rad: Way of the body by the encoders, in the body frame.
+        elapsed_s: Duration.
+        x_m, y_m, yaw_rad: Motion of the body by the encoders, in the body frame.
         work_j: Work of the wheels: torque times angle, summed.
     """
 
@@ -148,7 +148,7 @@ NO_TRAVEL = Travel(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class _Node(NamedTuple):
-    """What one surface says for a direction and a speed; sorted by force."""
+    """One surface at a direction and a speed; sorted by force."""
 
     force_n: float
     sd_n: float
@@ -158,7 +158,7 @@ class _Node(NamedTuple):
 
 
 class SurfaceTracker:
-    """Follows the drive force and tells surface and slip.
+    """Follows the drive force and estimates surface and slip.
 
     Args:
         surface_map: The known surfaces.
@@ -178,12 +178,12 @@ class SurfaceTracker:
         """Take the travel since the step before; a new estimate comes about every `WINDOW_S`."""
         self._pending = Travel(*(a + b for a, b in zip(self._pending, travel, strict=True)))
         if self._pending.elapsed_s >= WINDOW_S:
-            self._estimate = self._judge(self._pending)
+            self._estimate = self._evaluate(self._pending)
             self._pending = NO_TRAVEL
         return self._estimate
 
     def interrupt(self) -> None:
-        """Forget the travel of the window begun: part of it is not known."""
+        """Forget the travel of the open window: part of it is unknown."""
         self._pending = NO_TRAVEL
 
     @property
@@ -192,24 +192,24 @@ class SurfaceTracker:
         slips = [surface.slip.mean for surface in self._map.surfaces]
         return sum(slips) / len(slips)
 
-    def _judge(self, travel: Travel) -> SurfaceEstimate:
-        way_m = math.hypot(travel.x_m, travel.y_m)
-        speed_m_s = way_m / travel.elapsed_s
+    def _evaluate(self, travel: Travel) -> SurfaceEstimate:
+        distance_m = math.hypot(travel.x_m, travel.y_m)
+        speed_m_s = distance_m / travel.elapsed_s
         low_m_s = min(surface.speed_range_m_s[0] for surface in self._map.surfaces)
         if speed_m_s < 0.5 * low_m_s:
             self._excess_n = None
             return self._estimate._replace(valid=False, reason="too slow to judge the surface")
         direction_rad = math.atan2(travel.y_m, travel.x_m)
-        force_n = self._averaged(travel.work_j / way_m, direction_rad, speed_m_s, travel.elapsed_s)
+        force_n = self._averaged(travel.work_j / distance_m, direction_rad, speed_m_s, travel.elapsed_s)
         estimate = self._classify(force_n, direction_rad, speed_m_s)
         problem = self._map.range_problem(direction_rad, speed_m_s)
-        if abs(travel.yaw_rad) * self._base_radius_m > TURNING_SHARE * way_m:
+        if abs(travel.yaw_rad) * self._base_radius_m > TURNING_SHARE * distance_m:
             problem = "turning: the map is one of straight travel"
         return estimate._replace(valid=False, reason=problem) if problem else estimate
 
     def _averaged(self, force_n: float, direction_rad: float, speed_m_s: float, elapsed_s: float) -> float:
-        # What is averaged is the force above the mean of the known surfaces in this direction, so that a
-        # curve does not smear the average. A jump means another surface: forget the old one at once.
+        # Averages the force above the mean of the known surfaces in this direction, so that a curve does not
+        # smear the average. A jump means another surface: forget the old one at once.
         surfaces = self._map.surfaces
         forces_n = [s.force_n.at(direction_rad, s.held_speed_m_s(speed_m_s)) for s in surfaces]
         common_n = sum(forces_n) / len(forces_n)
@@ -255,7 +255,7 @@ class SurfaceTracker:
 
 
 def _between(points: Sequence[float], values: Sequence[float], at: float) -> float:
-    """Return the value at a place between sorted points that may coincide; held beyond the ends."""
+    """Return the value at a place between sorted points that may coincide; constant outside the ends."""
     for index in range(1, len(points)):
         if at <= points[index]:
             width = points[index] - points[index - 1]

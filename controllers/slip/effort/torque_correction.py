@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.settings import TorqueCorrectionSettings
 
 
 class TorqueCorrection:
-    """Finds the part of the wheels' force that does not push along the commanded motion.
+    """Finds the part of the wheels' force that does not act along the commanded motion.
 
-    Force on the body is F = J^T tau / R. F', what is left of it across the commanded twist, comes from
+    Force on the body is F = J^T tau / R. F', its part across the commanded twist, comes from
     uneven ground; tau_c = R J^-T F' is the wheels' share in it, and each set-point is changed by
     gain * tau_c. Forces and twists are compared with the moment divided, the yaw rate multiplied, by the
     base radius.
@@ -21,7 +21,7 @@ class TorqueCorrection:
 
     Args:
         rover: Geometry of the wheels.
-        settings: Matrix, gain and bound.
+        settings: Gain and bound.
     """
 
     def __init__(self, rover: OmniRoverSettings, settings: TorqueCorrectionSettings) -> None:
@@ -30,10 +30,7 @@ class TorqueCorrection:
         jacobian = np.array([[-math.sin(angle), math.cos(angle), base_m] for angle in angles_rad])
         self._scale = np.array([1.0, 1.0, base_m])
         self._to_force = jacobian.T / radius_m
-        if settings.matrix == "dual":
-            self._to_torque = radius_m * np.linalg.inv(jacobian.T)
-        else:
-            self._to_torque = radius_m * np.column_stack((jacobian[:, :2], np.full(3, 1.0 / base_m)))
+        self._to_torque = radius_m * np.linalg.inv(jacobian.T)
         self._settings = settings
 
     def set_point_changes(
@@ -43,7 +40,7 @@ class TorqueCorrection:
 
         Args:
             wheel_torque_nm: Torque at each wheel, positive where it pushes counter-clockwise.
-            commanded_twist: Velocity x, y in m/s and yaw rate in rad/s asked for; none at rest.
+            commanded_twist: Commanded velocity x, y in m/s and yaw rate in rad/s; at rest nothing is added.
         """
         force = self._to_force @ np.asarray(wheel_torque_nm) / self._scale
         twist = np.asarray(commanded_twist) * self._scale

@@ -1,4 +1,4 @@
-"""The travel that a map was trained on, and whether another travel is within it. Plain floats."""
+"""The training range of a map: directions and speeds of travel. Plain floats."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ DIRECTION_GAP_RAD = math.radians(30.0)
 """A direction of travel further than this from every trained one is outside the training range."""
 
 SPEED_MARGIN = 0.3
-"""A speed may leave the trained range by this share of its end."""
+"""A speed may exceed the trained range by this share of its end."""
 
 
 def travel_problem(
@@ -16,7 +16,7 @@ def travel_problem(
     direction_rad: float,
     speed_m_s: float,
 ) -> str:
-    """Say why a map does not hold for this travel in the body frame; empty where it does."""
+    """Return why a map does not hold for this travel in the body frame; empty where it does."""
     problem = direction_problem(directions_rad, direction_rad)
     if problem:
         return problem
@@ -27,8 +27,8 @@ def travel_problem(
 
 
 def direction_problem(directions_rad: Sequence[float], direction_rad: float) -> str:
-    """Say that nothing was trained near a direction in the body frame; empty where something was."""
+    """Return why a map does not hold for a direction in the body frame; empty where it does."""
     gaps = (abs(math.remainder(direction_rad - known, math.tau)) for known in directions_rad)
-    if min(gaps) > DIRECTION_GAP_RAD:
+    if all(gap > DIRECTION_GAP_RAD for gap in gaps):
         return f"direction {math.degrees(direction_rad):.0f} deg is outside the training range"
     return ""

@@ -1,7 +1,7 @@
-"""Forces of a wheel that slips lengthways and sideways at once, and the slip that a force needs.
+"""Forces of a wheel that slips longitudinally and laterally, and the slip required for a force.
 
 Source: Reina, Ishigami, Nagatani and Yoshida, "Odometry correction using visual slip angle estimation for
-planetary exploration rovers" (paper 000), eqs 3-11, table 3. What its print gets wrong: C_y reads "20 | 0"
+planetary exploration rovers" (paper 000), eqs 3-11, table 3. Misprints in the paper: C_y reads "20 | 0"
 and is 200 N; sigma_x and sigma_y of eqs 8 and 9 are s_x and tan(beta); eq 10 is not the limit of eq 8 (28.1 N
 against 38.8 N for table 3), so eq 11 with it is no ellipse of this model.
 """
@@ -96,7 +96,7 @@ class CombinedSlip(Settings):
         """Return the slip ratio in [-1, 1] at which a wheel delivers a traction (eqs 7 and 8, figure 12).
 
         Args:
-            traction: R_x / W: the force asked for over the load.
+            traction: R_x / W: the required force over the load.
             slip_angle_rad: In (-pi/2, pi/2).
             c_x_n: Longitudinal stiffness in N in place of the model's own.
 
@@ -127,7 +127,7 @@ class CombinedSlip(Settings):
 
         Args:
             traction: R_x / W.
-            side_pull: Lateral force asked for over the load; its sign is that of the angle.
+            side_pull: Required lateral force over the load; its sign is that of the angle.
 
         Returns:
             The angle; where the ground cannot give both, that of the greatest force, at most 60 deg.
@@ -154,12 +154,12 @@ class CombinedSlip(Settings):
 
 
 def _root(low: float, high: float, reserve: Callable[[float], float]) -> float:
-    """Return where `reserve` turns positive, by false position with the Illinois step.
+    """Return the root of `reserve`, by false position with the Illinois step.
 
     Args:
-        low: Where the wheel cannot give the forces; the least total slip.
-        high: Where it can.
-        reserve: By what share the wheel could give more; rises with the total slip.
+        low: The least total slip, at which the wheel cannot deliver the forces.
+        high: A total slip at which it can.
+        reserve: Share by which the wheel could deliver more; rises with the total slip.
     """
     below, above = reserve(low) if low > 0.0 else -1.0, reserve(high)
     kept_side = 0
@@ -168,7 +168,7 @@ def _root(low: float, high: float, reserve: Callable[[float], float]) -> float:
         at = reserve(middle)
         if abs(at) < TOLERANCE:
             return middle
-        # The end that stays for a second time counts half, or it would stay for ever.
+        # An end that is kept for a second time counts half, or it would never move.
         if at > 0.0:
             high, above, below = middle, at, 0.5 * below if kept_side < 0 else below
             kept_side = -1

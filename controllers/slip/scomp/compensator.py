@@ -1,4 +1,4 @@
-"""Slip and slip angle while driving: tilt, gyro and the rear wheel's trace, by the sComp estimator."""
+"""Slip and slip angle while driving, from tilt, gyro and the rear wheel's trace, by the sComp filter."""
 
 import math
 from collections.abc import Sequence
@@ -9,28 +9,28 @@ from controllers.estimation.gyro import GREATEST_RATE_RAD_S
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.roles import DeviceRoles
-from controllers.slip.scomp.filter import START_CERTAIN_RAD, TILT_MEMORY_S, PoseEstimator, StartHeading
+from controllers.slip.scomp.filter import START_CERTAIN_RAD, TILT_MEMORY_S, ScompFilter, StartHeading
 from controllers.slip.scomp.motion_model import Motion, expected_drift
-from controllers.slip.scomp.settings import TraceSlipSettings
+from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.slip_laws import PitchLaw
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
 
 STEP_S = 0.05
-"""The estimator moves on in steps of at least this: its states change slowly, and a step has its price."""
+"""Least step of the filter: its states change slowly, and each step costs time."""
 
 Rates = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceReading:
-    """What one frame says.
+    """The trace in one frame.
 
     Attributes:
-        t_ns: When it was exposed.
-        detected: The trace is in it.
+        t_ns: Time of exposure.
+        detected: The trace is in the frame.
         theta_rad: Direction of the rear left wheel's velocity in the body, left positive; None where unknown.
-        confidence: 0..1, how sure it is that `theta_rad` is right within 5 deg.
+        confidence: 0..1, probability that the error of `theta_rad` is below 5 deg.
     """
 
     t_ns: int
@@ -45,7 +45,7 @@ class TraceFinder(Protocol):
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
     ) -> TraceReading | None:
-        """Return what a frame says; None for a frame that cannot be looked at.
+        """Return the trace in a frame; None for a frame that cannot be evaluated.
 
         Args:
             frame: Newer than the one before.
@@ -56,14 +56,14 @@ class TraceFinder(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriftReport:
-    """How the rover slips.
+class ScompReport:
+    """Slip of the rover.
 
     Attributes:
         slip: Slip ratio of the rover, eq 3 of paper 000.
         slip_angle_rad: Angle of its velocity from its axis, left positive, eq 1.
-        trace: What the frame said that was looked at in this cycle; None when there was none.
-        reason: Why slip and slip angle are not sure; empty where they are.
+        trace: The trace in the frame evaluated in this cycle; None without one.
+        reason: Why slip and slip angle are uncertain; empty where they are not.
     """
 
     slip: float
@@ -72,47 +72,47 @@ class DriftReport:
     reason: str
 
 
-class TraceSlipCompensator:
-    """Turns the wheels' increments into those of a rover that slips and drifts.
+class ScompCompensator:
+    """Turns wheel increments into body increments of a rover that slips and drifts.
 
     Args:
         settings: Parameters of the estimator.
-        roles: Which device is gyro (and tells the tilt), and which the rearward camera.
+        roles: Names the gyro, which also measures the tilt, and the rearward camera.
         kinematics: Of the wheels.
         finder: Of the trace; None without a camera.
     """
 
     def __init__(
         self,
-        settings: TraceSlipSettings,
+        settings: ScompSettings,
         roles: DeviceRoles,
         kinematics: Kinematics,
         finder: TraceFinder | None,
     ) -> None:
-        self._report: DriftReport | None = None
+        self._report: ScompReport | None = None
         self._settings = settings
         self._roles = roles
         self._kinematics = kinematics
         self._finder = finder
         start = StartHeading(heading_rad=0.0, standard_deviation_rad=START_CERTAIN_RAD)
         parameters = settings.parameters
-        self._estimator = PoseEstimator(parameters, PitchLaw(parameters), start, follows_roll=True)
+        self._filter = ScompFilter(parameters, PitchLaw(parameters), start, follows_roll=True)
         self._tilt = _Tilt()
         self._frame: FrameSample | None = None
         self._frame_ns: int | None = None
         self._rates: Rates | None = None
         self._readings_rad_s: list[float] = []
         self._since_trace_s = math.inf
-        self._slip = self._drift_rad = 0.0
+        self._slip = self._slip_angle_rad = 0.0
         self._pending = _Pending()
 
     @property
-    def drift_rad(self) -> float:
-        """The slip angle."""
-        return self._drift_rad
+    def slip_angle_rad(self) -> float:
+        """Angle of the velocity from the axis of the rover, left positive."""
+        return self._slip_angle_rad
 
     def feed(self, sample: Sample, t_ns: int) -> None:
-        """Take what gyro and camera say as of `t_ns`; other samples have no effect."""
+        """Take a sample of gyro or camera as of `t_ns`; other samples have no effect."""
         if isinstance(sample, FrameSample):
             if self._finder is not None and sample.device == self._roles.camera:
                 self._take_frame(sample)
@@ -126,8 +126,8 @@ class TraceSlipCompensator:
             known = x is not None and y is not None and abs(x) + abs(y) <= GREATEST_RATE_RAD_S
             self._rates = (x or 0.0, y or 0.0, sample.rate_z_rad_s) if known else None
 
-    def take_report(self) -> DriftReport | None:
-        """Return how the rover slips; None before the first increment. A frame is told once."""
+    def report(self) -> ScompReport | None:
+        """Return the newest slip; None before the first increment. A frame is reported once."""
         report = self._report
         if report is not None:
             self._report = replace(report, trace=None)
@@ -137,26 +137,23 @@ class TraceSlipCompensator:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
         rolled, _, turn = self._kinematics.body_motion(wheel_values)
         ahead = rolled * (1.0 - self._slip)
-        return ahead, ahead * math.tan(self._drift_rad), turn
+        return ahead, ahead * math.tan(self._slip_angle_rad), turn
 
     def compensate(
         self, increment: BodyIncrement, set_speed_rad_s: Sequence[float], gyro_rate_rad_s: float | None
     ) -> BodyIncrement:
-        """Return what is left of an increment of rolling wheels.
+        """Return the increment of the body for an increment of rolling wheels, see `SlipCompensator`.
 
-        Args:
-            increment: Of the wheels, as if they rolled.
-            set_speed_rad_s: Has no effect.
-            gyro_rate_rad_s: Has no effect; the gyro's samples are taken by `feed`.
+        Set-points and gyro rate have no effect: `feed` takes the samples of the gyro.
         """
         trace = None
         self._pending.add(increment)
         if self._pending.duration_s >= STEP_S:
             trace = self._step()
         x_m, y_m, _ = self.body_motion(increment.turned_rad)
-        reason = self._doubt()
-        self._report = DriftReport(
-            slip=self._slip, slip_angle_rad=self._drift_rad, trace=trace, reason=reason
+        reason = self._uncertainty()
+        self._report = ScompReport(
+            slip=self._slip, slip_angle_rad=self._slip_angle_rad, trace=trace, reason=reason
         )
         return replace(increment, x_m=x_m, y_m=y_m, is_sure=not reason)
 
@@ -168,13 +165,13 @@ class TraceSlipCompensator:
             self._frame = sample
 
     def _step(self) -> TraceReading | None:
-        """Move the estimator on, and look at the newest frame."""
+        """Predict and correct the filter, the trace of the newest frame included."""
         pending, self._pending = self._pending, _Pending()
         readings, self._readings_rad_s = self._readings_rad_s, []
         parameters = self._settings.parameters
         pitch_rad, roll_rad = self._tilt.pitch_rad, self._tilt.roll_rad
-        estimator = self._estimator
-        estimator.move(
+        scomp_filter = self._filter
+        scomp_filter.move(
             Motion(
                 duration_s=pending.duration_s,
                 wheel_rad=pending.rim_m / parameters.rover.wheel_radius_m,
@@ -186,28 +183,28 @@ class TraceSlipCompensator:
                 expected_drift_rad=expected_drift(parameters, pitch_rad, roll_rad),
             )
         )
-        estimator.correct_standstill()
+        scomp_filter.correct_standstill()
         self._since_trace_s += pending.duration_s
-        trace = self._look(pending.rim_m / pending.duration_s)
-        state = estimator.step.estimate[0]
-        self._slip = estimator.model.slip(state, estimator.motion)
-        self._drift_rad = estimator.model.drift(state, estimator.motion)
+        trace = self._measure_trace(pending.rim_m / pending.duration_s)
+        state = scomp_filter.step.estimate[0]
+        self._slip = scomp_filter.model.slip(state, scomp_filter.motion)
+        self._slip_angle_rad = scomp_filter.model.drift(state, scomp_filter.motion)
         return trace
 
-    def _look(self, rim_m_s: float) -> TraceReading | None:
-        """Find the trace in the newest frame and take it as a measurement."""
+    def _measure_trace(self, rim_m_s: float) -> TraceReading | None:
+        """Find the trace in the newest frame and correct the filter with it."""
         frame, self._frame = self._frame, None
         if frame is None or self._finder is None:
             return None
         self._frame_ns = _exposed_ns(frame)
         reading = self._finder.find(frame, rim_m_s, self._rates)
         if reading is not None and reading.detected and reading.theta_rad is not None:
-            innovation = self._estimator.correct_trace(reading.theta_rad)
+            innovation = self._filter.correct_trace(reading.theta_rad)
             if innovation is not None and innovation.accepted:
                 self._since_trace_s = 0.0
         return reading
 
-    def _doubt(self) -> str:
+    def _uncertainty(self) -> str:
         if not self._tilt.is_known:
             return "no tilt"
         if self._finder is not None and self._since_trace_s > self._settings.trace_age_s:
@@ -217,7 +214,7 @@ class TraceSlipCompensator:
 
 @dataclass(slots=True)
 class _Pending:
-    """What the wheels told since the last step."""
+    """Motion of the wheels since the last step."""
 
     duration_s: float = 0.0
     rim_m: float = 0.0

@@ -1,4 +1,4 @@
-"""Where a slipping rover is: wheels, gyro, compass, trace and tilt in one extended Kalman filter."""
+"""Pose of a slipping rover from wheels, gyro, compass, trace and tilt: an extended Kalman filter."""
 
 import math
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from controllers.slip.scomp.motion_model import (
     GAIN,
     LAGGED,
     OFFSET,
-    REST,
-    REST_RATE,
+    RESIDUAL,
+    RESIDUALS,
     SECOND,
     STATES,
     TRACE_NOISE,
@@ -36,16 +36,26 @@ Array = NDArray[np.float64]
 
 CERTAIN = 1e-10
 UNKNOWN_RAD2 = 10.0
+
+# Chosen by hand; what a drive determines is in `parameters`.
 SLOWEST_M_S = 0.01
+"""Below this speed a trace has no direction."""
 STANDSTILL_RAD_S = 0.02
+"""Wheels that turn more slowly are at rest."""
 RATE_MEMORY_S = 0.3
+"""Time constant of the yaw rate that the trace is compared with."""
 TRACE_GRAIN_RAD = math.radians(0.3)
-MOST_TRACE_REFUSALS = 2
-MOST_COMPASS_REFUSALS = 20
+"""White noise of a trace angle."""
+MOST_TRACE_REJECTIONS = 2
+MOST_COMPASS_REJECTIONS = 20
 WIDENED_BIAS_RAD_S = math.radians(0.1)
+"""Standard deviation added to the gyro's bias after that many rejections of the compass."""
 GATE = 0.9995
+"""A measurement is rejected when its NIS exceeds this quantile of chi-square."""
 TILT_MEMORY_S = 0.5
+"""Time constant of the low-pass on pitch and roll."""
 START_CERTAIN_RAD = math.radians(0.05)
+"""Standard deviation of a heading at start that defines the frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,17 +75,17 @@ class FilterStep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartHeading:
-    """How the heading at start is known; `standard_deviation_rad` None: by the compass alone."""
+    """Heading at start; with `standard_deviation_rad` None it is taken from the compass."""
 
     heading_rad: float
     standard_deviation_rad: float | None
 
 
-class PoseEstimator:
+class ScompFilter:
     """The filter; its state is described at `motion_model.STATES`. It starts at the origin.
 
-    The trace is alpha_r = beta - b r / V_x (eq 2, no steering). A position fix corrects everything that has
-    led there, the parameters of the slip law among it: that is their on-line adaptation.
+    The trace is alpha_r = beta - b r / V_x (eq 2, no steering). A position fix corrects all states that are
+    correlated with the position, among them the parameters of the slip law: they adapt on-line.
 
     Args:
         parameters: Rover, ground and sensors.
@@ -90,15 +100,15 @@ class PoseEstimator:
         self._parameters = parameters
         self._compass_sign = parameters.compass.sign or 1
         self._reference_waves = _waves(parameters.compass.reference_rad)
-        self._heading_is_open = start.standard_deviation_rad is None
-        self._offset_is_open = not self._heading_is_open
+        self._heading_is_unknown = start.standard_deviation_rad is None
+        self._offset_is_unknown = not self._heading_is_unknown
         self.model = MotionModel(parameters, law, follows_roll=follows_roll)
         self.motion = Motion(duration_s=1.0, wheel_rad=0.0, rate_rad_s=0.0, is_gyro=False)
         self._velocity_x_m_s = self._yaw_rate_rad_s = 0.0
-        self._trace_refusals = self._compass_refusals = 0
+        self._trace_rejections = self._compass_rejections = 0
         state, variances = self._start(law, start, follows_roll=follows_roll)
         self._filter = GuardedFilter(state.tolist(), variances.tolist(), ANGLES, GATE)
-        # Heading and lagged heading are equal, however little is known of them.
+        # Heading and lagged heading are equal at start, however uncertain.
         self._transition = np.eye(STATES)
         self._transition[LAGGED, [LAGGED, YAW]] = 0.0, 1.0
         self._filter.predict(0.0, state.tolist(), self._transition, np.diag([CERTAIN] * STATES))
@@ -134,11 +144,11 @@ class PoseEstimator:
     def correct_compass(self, reading_rad: float) -> Innovation:
         """Correct by a compass reading, in the compass' own sense of rotation.
 
-        After twenty refusals in a row the gyro's bias is taken for less certain than it was.
+        After more than `MOST_COMPASS_REJECTIONS` rejections in a row the gyro's bias becomes less certain.
         """
         reading_rad *= self._compass_sign
         if math.isfinite(reading_rad):
-            self._open(reading_rad)
+            self._initialise(reading_rad)
         state = self._filter.state
         heading = state[LAGGED]
         waves = _waves(heading) - self._reference_waves
@@ -148,17 +158,17 @@ class PoseEstimator:
         deviation = float(waves @ np.array(state[DEVIATION : DEVIATION + 4]))
         residual = wrap_angle(reading_rad - heading - state[OFFSET] - deviation)
         innovation = self._filter.update("compass", residual, row, self._parameters.compass.noise_rad**2)
-        self._compass_refusals = 0 if innovation.accepted else self._compass_refusals + 1
-        if self._compass_refusals > MOST_COMPASS_REFUSALS:
+        self._compass_rejections = 0 if innovation.accepted else self._compass_rejections + 1
+        if self._compass_rejections > MOST_COMPASS_REJECTIONS:
             self._widen(BIAS, WIDENED_BIAS_RAD_S**2)
-            self._compass_refusals = 0
+            self._compass_rejections = 0
         return innovation
 
     def correct_trace(self, angle_rad: float) -> Innovation | None:
-        """Correct by a new trace angle; None at a standstill, where a trace tells no velocity.
+        """Correct by a new trace angle; None at a standstill, where a trace has no direction of velocity.
 
-        After two refusals in a row the ground has evidently changed: the slip angle then becomes as
-        uncertain as the reading differs from it.
+        After more than `MOST_TRACE_REJECTIONS` rejections in a row the ground has changed: the slip angle
+        then becomes as uncertain as its difference from the reading.
         """
         if abs(self._velocity_x_m_s) < SLOWEST_M_S:
             return None
@@ -169,7 +179,7 @@ class PoseEstimator:
         error_rad = state[TRACE_NOISE] + state[TRACE_OFFSET]
         residual = wrap_angle(settings.sign * angle_rad - expected - error_rad)
         row = np.zeros(STATES)
-        row[[REST, TRACE_NOISE, TRACE_OFFSET]] = 1.0
+        row[[RESIDUAL, TRACE_NOISE, TRACE_OFFSET]] = 1.0
         row[GAIN] = self.motion.expected_drift_rad
         rate_sd_rad_s = WHEEL_WALK_RAD_SQRT_S
         if self.motion.is_gyro:
@@ -177,10 +187,10 @@ class PoseEstimator:
             rate_sd_rad_s = self._parameters.gyro.walk_rad_sqrt_s / math.sqrt(RATE_MEMORY_S)
         variance = TRACE_GRAIN_RAD**2 + (arm_s * rate_sd_rad_s) ** 2
         innovation = self._filter.update("trace", residual, row, variance)
-        self._trace_refusals = 0 if innovation.accepted else self._trace_refusals + 1
-        if self._trace_refusals > MOST_TRACE_REFUSALS and math.isfinite(residual):
-            self._widen(REST, residual**2)
-            self._trace_refusals = 0
+        self._trace_rejections = 0 if innovation.accepted else self._trace_rejections + 1
+        if self._trace_rejections > MOST_TRACE_REJECTIONS and math.isfinite(residual):
+            self._widen(RESIDUAL, residual**2)
+            self._trace_rejections = 0
             innovation = self._filter.update("trace", residual, row, variance)
         return innovation
 
@@ -203,9 +213,9 @@ class PoseEstimator:
         variances[YAW] = UNKNOWN_RAD2 if spread is None else spread**2
         variances[BIAS] = parameters.gyro.bias_rad_s**2
         state[OFFSET] = compass.offset_rad or 0.0
-        variances[OFFSET] = UNKNOWN_RAD2 if self._offset_is_open else compass.offset_sd_rad**2
+        variances[OFFSET] = UNKNOWN_RAD2 if self._offset_is_unknown else compass.offset_sd_rad**2
         variances[DEVIATION : DEVIATION + 4] = compass.deviation_rad**2
-        variances[REST : REST_RATE + 1] = self.model.rest_variances()
+        variances[RESIDUALS] = self.model.residual_variances()
         variances[TRACE_NOISE] = trace.noise_rad**2
         state[TRACE_OFFSET], variances[TRACE_OFFSET] = trace.offset_rad, trace.offset_sd_rad**2
         if follows_roll:
@@ -214,21 +224,21 @@ class PoseEstimator:
         state[SECOND], variances[SECOND] = law.second, law.second_sd**2 + CERTAIN
         return state, variances
 
-    def _open(self, reading_rad: float) -> None:
-        """Give what is not known yet the value that the first reading tells."""
+    def _initialise(self, reading_rad: float) -> None:
+        """Set the offset or the heading that is still unknown by the first reading."""
         state = self._filter.state
-        if self._offset_is_open:
+        if self._offset_is_unknown:
             self._filter.assign(OFFSET, wrap_angle(reading_rad - state[LAGGED]))
-        elif self._heading_is_open:
+        elif self._heading_is_unknown:
             for index in (YAW, LAGGED):
                 self._filter.assign(index, wrap_angle(reading_rad - state[OFFSET]))
-        self._offset_is_open = self._heading_is_open = False
+        self._offset_is_unknown = self._heading_is_unknown = False
 
     def _snapshot(self) -> tuple[Array, Array]:
         return np.array(self._filter.state), np.array(self._filter.covariance)
 
     def _widen(self, index: int, variance: float) -> None:
-        """Make a state less certain, as if the last step had done so."""
+        """Increase the variance of a state, as if the last step had done so."""
         self._filter.widen(index, variance)
         self._predicted[1][index, index] += variance
 

@@ -1,4 +1,4 @@
-"""How the state of the pose estimator moves on by one step, and how uncertain that makes it."""
+"""Prediction of the filter's state and covariance by one step."""
 
 import math
 from dataclasses import dataclass
@@ -13,29 +13,33 @@ from controllers.slip.scomp.slip_laws import SlipLaw, slopes
 Array = NDArray[np.float64]
 
 X, Y, YAW, BIAS, LAGGED, OFFSET, DEVIATION = range(7)
-REST, REST_RATE, TRACE_NOISE, TRACE_OFFSET, GAIN, FIRST, SECOND = range(10, 17)
+RESIDUAL, RESIDUAL_RATE, TRACE_NOISE, TRACE_OFFSET, GAIN, FIRST, SECOND = range(10, 17)
+RESIDUALS = slice(RESIDUAL, RESIDUAL_RATE + 1)
 STATES = 17
-"""x, y, heading; gyro bias; the compass' lagged heading, its offset, four harmonics of its deviation; what
-the slip angle is beyond the roll's share, and its rate; the trace's correlated and its constant error; the
-roll's share; the two parameters of the slip law."""
+"""x, y, heading; gyro bias; lagged heading, offset and four harmonics of the deviation of the compass;
+residual of the slip angle beyond the roll's share, and its rate; correlated and constant error of the trace;
+gain of the roll; the two parameters of the slip law."""
 ANGLES = (YAW, LAGGED, OFFSET)
 
+# Chosen by hand.
 WHEEL_WALK_RAD_SQRT_S = math.radians(1.0)
+"""Noise of the yaw by the wheels."""
 FIRST_WALK_SQRT_M = 0.004
+"""Change of the slip law's first parameter per square root of distance."""
 LARGEST_DRIFT_RAD = 1.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What moves the rover during one step.
+    """Motion and tilt of the rover during one step.
 
     Attributes:
         duration_s: Positive.
         wheel_rad: Mean angle turned by the wheels.
         rate_rad_s: Yaw rate: mean of the gyro's readings at both ends, or by the wheels.
-        is_gyro: By which of them.
-        pitch_rad: As the log counts it; 0 where unknown.
-        expected_drift_rad: Slip angle that the roll asks for, see `expected_drift`; 0 where unknown.
+        is_gyro: True where the rate is the gyro's.
+        pitch_rad: With the sign of the log; 0 where unknown.
+        expected_drift_rad: Slip angle expected from the roll, see `expected_drift`; 0 where unknown.
     """
 
     duration_s: float
@@ -48,14 +52,14 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
-    """Where a step leads.
+    """Result of a step.
 
     Attributes:
-        state: The state after it.
-        transition: Its Jacobian over the state before.
-        noise: Covariance that the step adds.
+        state: State after the step.
+        transition: Jacobian over the state before it.
+        noise: Covariance added by the step.
         velocity_x_m_s: Eq 15 with the estimator's slip.
-        yaw_rate_rad_s: Without the gyro's bias.
+        yaw_rate_rad_s: Gyro bias removed.
     """
 
     state: list[float]
@@ -66,7 +70,7 @@ class Prediction:
 
 
 def expected_drift(parameters: ScompParameters, pitch_rad: float, roll_rad: float) -> float:
-    """Return the slip angle in rad that the combined-slip model gives for the weight on a tilted rover.
+    """Return the slip angle in rad that the combined-slip model gives for the weight of a tilted rover.
 
     A raised left side pulls the rover to the right: a negative angle, for a positive gain.
     """
@@ -87,16 +91,16 @@ class MotionModel:
         self._parameters = parameters
         self._law = law
         roll = parameters.roll
-        self._rest = roll.rest if follows_roll else roll.alone
-        self._pace = math.sqrt(3.0) / (roll.rest_time_s if follows_roll else roll.alone_time_s)
+        self._residual_sd = roll.rest if follows_roll else roll.alone
+        self._rate_per_s = math.sqrt(3.0) / (roll.rest_time_s if follows_roll else roll.alone_time_s)
 
-    def rest_variances(self) -> tuple[float, float]:
-        """Return the variances of the slip angle's rest and of its rate, in the long run."""
-        return self._rest**2, (self._rest * self._pace) ** 2
+    def residual_variances(self) -> tuple[float, float]:
+        """Return the stationary variances of the slip angle's residual and of its rate."""
+        return self._residual_sd**2, (self._residual_sd * self._rate_per_s) ** 2
 
     def drift(self, state: Array | list[float], motion: Motion) -> float:
-        """Return the slip angle in rad: the roll's share and the rest."""
-        beta = float(state[GAIN]) * motion.expected_drift_rad + float(state[REST])
+        """Return the slip angle in rad: the roll's share and the residual."""
+        beta = float(state[GAIN]) * motion.expected_drift_rad + float(state[RESIDUAL])
         return min(max(beta, -LARGEST_DRIFT_RAD), LARGEST_DRIFT_RAD)
 
     def slip(self, state: Array | list[float], motion: Motion) -> float:
@@ -105,44 +109,44 @@ class MotionModel:
         return self._law.slip_at(beta, motion.pitch_rad, float(state[FIRST]), float(state[SECOND]))
 
     def predict(self, state: list[float], motion: Motion) -> Prediction:
-        """Return where a step leads from a state."""
+        """Return the state after a step, with its Jacobian and noise."""
         dt_s = motion.duration_s
         turn = (motion.rate_rad_s - (state[BIAS] if motion.is_gyro else 0.0)) * dt_s
         middle = state[YAW] + 0.5 * turn
         follow = -math.expm1(-dt_s / max(self._parameters.compass.lag_s, 1e-3))
         keep_noise = math.exp(-dt_s / self._parameters.trace.noise_time_s)
-        rest = self._rest_transition(dt_s)
+        residual = self._residual_transition(dt_s)
 
         rim_m = self._parameters.rover.wheel_radius_m * motion.wheel_rad
-        way_m, over = self._way(state, motion, rim_m)
+        travel_m, over = self._travel(state, motion, rim_m)
         toward = complex(math.cos(middle), math.sin(middle))
-        moved_m = toward * way_m
+        moved_m = toward * travel_m
         moved = list(state)
         moved[X], moved[Y] = state[X] + moved_m.real, state[Y] + moved_m.imag
         moved[YAW] = state[YAW] + turn
         moved[LAGGED] = state[LAGGED] + follow * wrap_angle(middle - state[LAGGED])
-        moved[REST : REST_RATE + 1] = (rest @ state[REST : REST_RATE + 1]).tolist()
+        moved[RESIDUALS] = (residual @ state[RESIDUALS]).tolist()
         moved[TRACE_NOISE] = keep_noise * state[TRACE_NOISE]
 
         transition = np.eye(STATES)
         covered_s = dt_s if motion.is_gyro else 0.0
-        over |= {YAW: 1j * way_m, BIAS: -0.5j * covered_s * way_m}
+        over |= {YAW: 1j * travel_m, BIAS: -0.5j * covered_s * travel_m}
         for index, slope_m in over.items():
             transition[X, index], transition[Y, index] = (toward * slope_m).real, (toward * slope_m).imag
         transition[YAW, BIAS], transition[LAGGED, BIAS] = -covered_s, -0.5 * covered_s * follow
         transition[LAGGED, LAGGED], transition[LAGGED, YAW] = 1.0 - follow, follow
-        transition[REST : REST_RATE + 1, REST : REST_RATE + 1] = rest
+        transition[RESIDUALS, RESIDUALS] = residual
         transition[TRACE_NOISE, TRACE_NOISE] = keep_noise
         return Prediction(
             state=moved,
             transition=transition,
             noise=self._noise(motion, rim_m, toward * complex(1.0, math.tan(self.drift(state, motion)))),
-            velocity_x_m_s=way_m.real / dt_s,
+            velocity_x_m_s=travel_m.real / dt_s,
             yaw_rate_rad_s=turn / dt_s,
         )
 
-    def _way(self, state: list[float], motion: Motion, rim_m: float) -> tuple[complex, dict[int, complex]]:
-        """Return the way in the body frame, left as imaginary part, and how it grows with the states."""
+    def _travel(self, state: list[float], motion: Motion, rim_m: float) -> tuple[complex, dict[int, complex]]:
+        """Return the travel in the body frame, left as imaginary part, and its slopes over the states."""
         beta = self.drift(state, motion)
         slip, over_beta, over_first, over_second = slopes(
             self._law, beta, motion.pitch_rad, state[FIRST], state[SECOND]
@@ -151,31 +155,31 @@ class MotionModel:
         across = 1j * rim_m * (1.0 - slip) * (1.0 + math.tan(beta) ** 2)
         by_beta = -rim_m * over_beta * direction + across
         return rim_m * (1.0 - slip) * direction, {
-            REST: by_beta,
+            RESIDUAL: by_beta,
             GAIN: by_beta * motion.expected_drift_rad,
             FIRST: -rim_m * over_first * direction,
             SECOND: -rim_m * over_second * direction,
         }
 
-    def _rest_transition(self, dt_s: float) -> Array:
-        """Return how the rest and its rate go on: a Matern process of order 3/2, once differentiable."""
-        pace = self._pace
-        return math.exp(-pace * dt_s) * np.array(
-            [[1.0 + pace * dt_s, dt_s], [-(pace**2) * dt_s, 1.0 - pace * dt_s]]
+    def _residual_transition(self, dt_s: float) -> Array:
+        """Return the transition of the residual and its rate: a Matern process of order 3/2."""
+        rate = self._rate_per_s
+        return math.exp(-rate * dt_s) * np.array(
+            [[1.0 + rate * dt_s, dt_s], [-(rate**2) * dt_s, 1.0 - rate * dt_s]]
         )
 
     def _noise(self, motion: Motion, rim_m: float, along: complex) -> Array:
         parameters, dt_s = self._parameters, motion.duration_s
         noise = np.zeros((STATES, STATES))
-        # The slip's fluctuation is short against the drive: white, with the same effect on the position.
+        # The slip fluctuates fast against the drive: white noise with the same effect on the position.
         size, time_s = self._law.fluctuation
-        way = np.array([along.real, along.imag])
-        noise[:2, :2] = (rim_m * size) ** 2 * 2.0 * time_s / dt_s * np.outer(way, way)
+        direction = np.array([along.real, along.imag])
+        noise[:2, :2] = (rim_m * size) ** 2 * 2.0 * time_s / dt_s * np.outer(direction, direction)
         walk = parameters.gyro.walk_rad_sqrt_s if motion.is_gyro else WHEEL_WALK_RAD_SQRT_S
         noise[YAW, YAW] = walk**2 * dt_s
         noise[BIAS, BIAS] = parameters.gyro.bias_walk_rad_s_sqrt_s**2 * dt_s
-        spread, rest = np.diag(self.rest_variances()), self._rest_transition(dt_s)
-        noise[REST : REST_RATE + 1, REST : REST_RATE + 1] = spread - rest @ spread @ rest.T
+        spread, residual = np.diag(self.residual_variances()), self._residual_transition(dt_s)
+        noise[RESIDUALS, RESIDUALS] = spread - residual @ spread @ residual.T
         trace = parameters.trace
         noise[TRACE_NOISE, TRACE_NOISE] = trace.noise_rad**2 * -math.expm1(-2.0 * dt_s / trace.noise_time_s)
         noise[FIRST, FIRST] = FIRST_WALK_SQRT_M**2 * abs(rim_m)

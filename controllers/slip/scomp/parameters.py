@@ -1,12 +1,12 @@
-"""What the odometry knows about rover, ground and sensors; `identify` fits it to a drive."""
+"""Parameters of rover, ground and sensors; `rover-hil identify scomp` fits them to a drive."""
 
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
-from controllers.slip.scomp.two_segment_slip_law import Hinge
+from controllers.slip.scomp.two_segment_slip_law import TwoSegmentSlip
 from drivers.settings import Settings
 
 Share = Annotated[float, Field(ge=0.0, le=2.0)]
@@ -15,18 +15,18 @@ Seconds = Annotated[float, Field(ge=0.01, le=100.0)]
 Angle = Annotated[float, Field(ge=-math.tau, le=math.tau)]
 Sign = Literal[-1, 1]
 
-PAPER_HINGE = Hinge(
+PAPER_TWO_SEGMENT_SLIP = TwoSegmentSlip(
     slip_0=0.3118, k_per_rad=0.186, beta_0_rad=math.radians(6.4), fit_range_rad=(0.0, math.radians(25.0))
 )
 
 
 class RoverGeometry(Settings):
-    """The rover El-Dorado of paper 000; what the paper does not tell is marked.
+    """The rover El-Dorado of paper 000; values that are not in the paper are marked.
 
     Attributes:
         wheel_radius_m: r^w, that of the single-wheel tests.
         rear_axle_m: b, from the rear axle to the centre of mass; not in the paper, chosen.
-        track_m: Between left and right wheels; not in the paper, chosen. Plain odometry alone uses it.
+        track_m: Between left and right wheels; not in the paper, chosen. Used where there is no gyro.
     """
 
     wheel_radius_m: Annotated[float, Field(ge=0.005, le=1.0)] = 0.092
@@ -40,13 +40,13 @@ class SlipFromPitch(Settings):
     Attributes:
         model: The ground under a wheel.
         rolling_resistance: c_rr.
-        rolling_resistance_sd: How well c_rr is known.
-        stiffness_sd: How well the logarithm of `model.c_x_n` is known when c_rr is right.
-        stiffness_follows: By how much that logarithm grows with c_rr when the slip of the fitted drive is
-            kept: a drive determines the two together better than each.
+        rolling_resistance_sd: Standard deviation of c_rr.
+        stiffness_sd: Standard deviation of the logarithm of `model.c_x_n` for a given c_rr.
+        stiffness_follows: Increase of that logarithm per c_rr at the slip of the fitted drive: a drive
+            determines the two together better than each.
         fluctuation: Standard deviation of the slip about the model.
         fluctuation_time_s: Its correlation time.
-        pitch_sign: 1 when the log counts a raised nose as positive, -1 when it counts it as negative.
+        pitch_sign: 1 where a raised nose is positive in the log, -1 where it is negative.
     """
 
     model: CombinedSlip = CombinedSlip()
@@ -63,12 +63,12 @@ class DriftFromRoll(Settings):
     """Slip angle expected from the roll: `gain` times that of eqs 5-9 for the weight's sideways part.
 
     Attributes:
-        gain: 0 when the roll tells nothing.
-        gain_sd: How well the gain is known on other ground.
+        gain: 0 where the roll explains nothing.
+        gain_sd: Standard deviation of the gain on other ground.
         rest: Standard deviation of the slip angle about the expected one, rad.
-        rest_time_s: How long that stays alike.
+        rest_time_s: Its correlation time.
         alone: Standard deviation of the whole slip angle, for drives without roll, rad.
-        alone_time_s: How long that stays alike.
+        alone_time_s: Its correlation time.
     """
 
     gain: Annotated[float, Field(ge=-10.0, le=10.0)] = 1.0
@@ -80,13 +80,13 @@ class DriftFromRoll(Settings):
 
 
 class CompassModel(Settings):
-    """How the compass reads: offset + heading (or minus it), lagged, with a deviation over the heading.
+    """Compass: reading = offset + heading (or minus heading), lagged, with a deviation over the heading.
 
     Attributes:
-        sign: 1 when readings grow counter-clockwise, as yaw does; -1 for clockwise ones.
-        offset_rad: Reading at heading zero in the frame of the truth; None when nobody knows.
-        offset_sd_rad: How well.
-        reference_rad: The heading near which that was measured; the deviation counts from there.
+        sign: 1 where readings are positive counter-clockwise, as yaw is; -1 where clockwise.
+        offset_rad: Reading at heading zero in the frame of the truth; None where unknown.
+        offset_sd_rad: Its standard deviation.
+        reference_rad: Heading at which the offset was measured; the deviation is zero there.
         lag_s: First-order lag.
         noise_rad: White noise of a reading.
         deviation_rad: Size of each of the harmonics sin, cos, sin 2, cos 2 of the deviation over the heading.
@@ -116,12 +116,12 @@ class GyroModel(Settings):
 
 
 class TraceModel(Settings):
-    """How the trace angle of the rear left wheel is measured.
+    """Measurement of the trace angle of the rear left wheel.
 
     Attributes:
-        sign: 1 when a velocity to the left of the wheel's axis is positive.
+        sign: 1 where a velocity to the left of the wheel's axis is positive.
         offset_rad: Constant error, from the camera's mounting.
-        offset_sd_rad: How well that is known.
+        offset_sd_rad: Its standard deviation.
         noise_rad: Standard deviation of the correlated noise.
         noise_time_s: Its correlation time.
     """
@@ -134,7 +134,7 @@ class TraceModel(Settings):
 
 
 class Provenance(Settings):
-    """Where the parameters are from: names of log and truth, and the day of the fit."""
+    """Names of the log and the truth that the parameters were fitted to, and the day of the fit."""
 
     log: str = "defaults"
     truth: str = ""
@@ -142,19 +142,21 @@ class Provenance(Settings):
 
 
 class ScompParameters(Settings):
-    """All of it; the file that `rover-hil identify scomp` writes.
+    """The file that `rover-hil identify scomp` writes.
 
     Attributes:
-        starts_along_x: The frame of the truth began at the rover's start with x ahead; a compass that agrees
-            within its offset then takes nothing away from that.
-        hinge: Eq 12; used where there is no pitch, and by the paper's own odometry.
+        starts_along_x: The frame of the truth has its origin at the rover's start and x ahead. Then a compass
+            that agrees within its offset does not change the heading at start.
+        two_segment_slip: Eq 12; key `hinge` in the file. Used where there is no pitch.
     """
+
+    model_config = ConfigDict(populate_by_name=True)
 
     schema_name: Annotated[Literal["rover-hil-scomp/1"], Field(alias="schema")] = "rover-hil-scomp/1"
     starts_along_x: bool = True
     provenance: Provenance = Provenance()
     rover: RoverGeometry = RoverGeometry()
-    hinge: Hinge = PAPER_HINGE
+    two_segment_slip: Annotated[TwoSegmentSlip, Field(alias="hinge")] = PAPER_TWO_SEGMENT_SLIP
     pitch: SlipFromPitch = SlipFromPitch()
     roll: DriftFromRoll = DriftFromRoll()
     compass: CompassModel = CompassModel()

@@ -1,4 +1,4 @@
-"""How much a rover slips: from its pitch through the combined-slip model, or by the paper's hinge alone."""
+"""Slip of the rover: from its pitch by the combined-slip model, or by the two-segment law alone."""
 
 import math
 from typing import Protocol
@@ -9,12 +9,13 @@ STEP = 1e-5
 
 
 class SlipLaw(Protocol):
-    """Slip as a function of slip angle and pitch, with two parameters that can be learnt while driving.
+    """Slip as a function of slip angle and pitch, with two parameters that can be adapted while driving.
 
     Attributes:
-        first: First parameter as it is known at start, and its standard deviation; likewise `second`.
-        first_sd: Not negative.
-        second_sd: Not negative.
+        first: First parameter at start.
+        first_sd: Its standard deviation.
+        second: Second parameter at start.
+        second_sd: Its standard deviation.
         fluctuation: Standard deviation of the slip about the law, and its correlation time in s.
     """
 
@@ -32,7 +33,7 @@ class SlipLaw(Protocol):
 class PitchLaw:
     """R_x / W = sin(pitch) + c_rr, eqs 7-8 solved for the slip.
 
-    Learns c_rr, and the logarithm of C_x beyond what follows from c_rr by `stiffness_follows`.
+    Adapts c_rr, and the logarithm of C_x beyond what follows from c_rr by `stiffness_follows`.
     """
 
     def __init__(self, parameters: ScompParameters) -> None:
@@ -51,15 +52,15 @@ class PitchLaw:
         return self._model.slip_at(traction, slip_angle_rad, stiffness_n)
 
 
-class HingeLaw:
-    """Eq 12 with |beta|; learns s_x0 and k. The fluctuation covers what the pitch would have told."""
+class TwoSegmentLaw:
+    """Eq 12 with |beta|; adapts s_x0 and k. The fluctuation covers the unknown effect of the pitch."""
 
     def __init__(self, parameters: ScompParameters) -> None:
-        hinge = parameters.hinge
-        self._corner_rad = hinge.beta_0_rad
-        self.first, self.first_sd = hinge.slip_0, 0.05
-        self.second, self.second_sd = hinge.k_per_rad, 0.2
-        self.fluctuation = (max(hinge.rms, 0.05), parameters.pitch.fluctuation_time_s)
+        law = parameters.two_segment_slip
+        self._corner_rad = law.beta_0_rad
+        self.first, self.first_sd = law.slip_0, 0.05
+        self.second, self.second_sd = law.k_per_rad, 0.2
+        self.fluctuation = (max(law.rms, 0.05), parameters.pitch.fluctuation_time_s)
 
     def slip_at(self, slip_angle_rad: float, pitch_rad: float, first: float, second: float) -> float:
         """Return the slip ratio; the pitch has no effect."""

@@ -19,17 +19,17 @@ LAST_CORNER = 0.8
 STEEPEST_PER_RAD = 10.0
 
 
-class Hinge(Settings):
+class TwoSegmentSlip(Settings):
     """s_x = s_x0 up to |beta| = beta0, then rising by k per rad.
 
     The fit depends on the range of slip angles it is made over, which the paper does not state: it is part
-    of the hinge.
+    of the law.
 
     Attributes:
         slip_0: s_x0.
         k_per_rad: Slope beyond the corner, not negative.
         beta_0_rad: The corner.
-        fit_range_rad: Smallest and greatest |beta| that the fit used.
+        fit_range_rad: Smallest and greatest |beta| of the fit.
         rms: Deviation of the fit from its data.
     """
 
@@ -44,10 +44,10 @@ class Hinge(Settings):
         return min(1.0, self.slip_0 + self.k_per_rad * max(0.0, abs(slip_angle_rad) - self.beta_0_rad))
 
 
-def fit_hinge(
+def fit_two_segments(
     slip_angle_rad: Array, slip: Array, fit_range_rad: tuple[float, float], slip_0: float | None = None
-) -> Hinge:
-    """Fit the hinge by least squares: both lines for each of 200 corners, none in the last fifth of angles.
+) -> TwoSegmentSlip:
+    """Fit by least squares: both segments for each of 200 corners, none in the last fifth of angles.
 
     Args:
         slip_angle_rad: beta; its sign does not matter.
@@ -63,13 +63,13 @@ def fit_hinge(
     inside = (angle >= low) & (angle <= high) & np.isfinite(slip)
     if np.count_nonzero(inside) < FEWEST_POINTS:
         msg = (
-            f"fit_hinge needs {FEWEST_POINTS} points with |beta| in [{low:.3f}, {high:.3f}] rad, got "
-            f"{np.count_nonzero(inside)}: widen the range or give a longer run"
+            f"the two-segment law needs {FEWEST_POINTS} points with |beta| in [{low:.3f}, {high:.3f}] rad, "
+            f"got {np.count_nonzero(inside)}: widen the range or give a longer run"
         )
         raise ModelError(msg)
     angle, value = angle[inside], slip[inside]
     if not abs(float(value.mean())) <= 1.0:
-        msg = f"fit_hinge: the mean slip is {value.mean():.2f}, beyond 1: check wheel radius and truth"
+        msg = f"the mean slip is {value.mean():.2f}, beyond 1: check wheel radius and truth"
         raise ModelError(msg)
     best = (np.inf, 0.0, 0.0, 0.0)
     for corner in np.linspace(float(angle.min()), float(np.quantile(angle, LAST_CORNER)), CORNERS).tolist():
@@ -78,7 +78,7 @@ def fit_hinge(
         if square < best[0] - 1e-15:
             best = (square, level, slope, corner)
     square, level, slope, corner = best
-    return Hinge(
+    return TwoSegmentSlip(
         slip_0=level, k_per_rad=slope, beta_0_rad=corner, fit_range_rad=fit_range_rad, rms=square**0.5
     )
 
@@ -92,12 +92,14 @@ def _lines(beyond: Array, value: Array, slip_0: float | None) -> tuple[float, fl
     return (float(value.mean() - slope * beyond.mean()) if slip_0 is None else slip_0), slope
 
 
-def hinge_of_model(model: CombinedSlip, slope_rad: float, fit_range_rad: tuple[float, float]) -> Hinge:
-    """Return the hinge of a slope: the model at R_x = W sin(slope), sampled every tenth of a degree.
+def two_segments_of_model(
+    model: CombinedSlip, slope_rad: float, fit_range_rad: tuple[float, float]
+) -> TwoSegmentSlip:
+    """Return the law for a slope, fitted to the model at R_x = W sin(slope) every tenth of a degree.
 
     s_x0 is the model's own slip without drift, as section 3.3 defines it.
     """
     traction = math.sin(slope_rad)
     angle = np.arange(fit_range_rad[0], fit_range_rad[1] + 1e-9, math.radians(0.1))
     slip = np.array([model.slip_at(traction, beta) for beta in angle.tolist()])
-    return fit_hinge(angle, slip, fit_range_rad, slip_0=model.slip_at(traction, 0.0))
+    return fit_two_segments(angle, slip, fit_range_rad, slip_0=model.slip_at(traction, 0.0))

@@ -1,4 +1,4 @@
-"""Measured series as named columns: tables in files, and what a model asks of the log of a drive."""
+"""Measured series as named columns of tables and logs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,12 +22,12 @@ class DriveLog:
 
     Attributes:
         name: Its own among all.
-        columns: All of one length; NaN where nothing was said. `t_s`; by wheel from 1 `enc1_rad`,
+        columns: All of one length; NaN where there is no value. `t_s`; by wheel from 1 `enc1_rad`,
             `speed1_rad_s`, `set1_rad_s`, `current1_a`, `voltage1_v` (all at the wheel, current a magnitude
-            where its sign is not told); `compass_deg`, `gyro_z_deg_s`, `pitch_deg` (nose up), `roll_deg`
+            where its sign is unknown); `compass_deg`, `gyro_z_deg_s`, `pitch_deg` (nose up), `roll_deg`
             (left side up); the true pose `x_m`, `y_m`, `psi_rad`.
-        facts: What is known of the rover: `wheel_radius_m`, `track_m`, `base_radius_m`, `gear_ratio`,
-            `speed_step_rad_s`, `current_step_a`, where it is known.
+        facts: Constants of the rover: `wheel_radius_m`, `track_m`, `base_radius_m`, `gear_ratio`,
+            `speed_step_rad_s`, `current_step_a`, where known.
         kind: Kinematics: "omni3", "skid_steer_4", ...
     """
 
@@ -45,7 +45,7 @@ class LogModel(Protocol):
         """Return the runs in a log.
 
         Raises:
-            ConfigError: It lacks what the model is compared with.
+            ConfigError: It lacks columns of the model.
         """
         ...
 
@@ -98,7 +98,7 @@ def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
 def _read(path: Path) -> CsvTable:
     table = read_csv(path, ConfigError, delimiter=None, header_lines=None)
     if not table.names or not table.rows:
-        raise ConfigError(f"{path} is no table of measurements: a header and rows of numbers are needed")
+        raise ConfigError(f"{path} is not a table of measurements: it needs a header and rows of numbers")
     table.check_shape("repair the line")
     return table
 
@@ -108,10 +108,10 @@ def _columns(table: CsvTable) -> dict[str, Array]:
 
 
 def need(columns: Columns, names: Sequence[str], where: str, why: str) -> None:
-    """Check that columns are there.
+    """Check that columns exist.
 
     Raises:
-        ConfigError: One is not.
+        ConfigError: A column is missing.
     """
     missing = [name for name in names if name not in columns]
     if missing:
@@ -144,15 +144,15 @@ def missing_values(columns: Columns, names: Sequence[str], where: str) -> dict[s
 
 
 def whole_rows(columns: Columns, names: Sequence[str]) -> slice:
-    """Return the rows from the first to the last in which all of these columns say something.
+    """Return the rows from the first to the last with a value in all of these columns.
 
     Raises:
         ConfigError: There are none.
     """
-    told = np.flatnonzero(np.all([np.isfinite(columns[name]) for name in names], axis=0))
-    if told.size == 0:
-        raise ConfigError(f"{', '.join(names)} never all have a value at one time: mend the record")
-    return slice(int(told[0]), int(told[-1]) + 1)
+    valid = np.flatnonzero(np.all([np.isfinite(columns[name]) for name in names], axis=0))
+    if valid.size == 0:
+        raise ConfigError(f"{', '.join(names)} never have values at the same time: repair the record")
+    return slice(int(valid[0]), int(valid[-1]) + 1)
 
 
 def check_times(t_s: Array, where: str) -> None:
@@ -165,4 +165,4 @@ def check_times(t_s: Array, where: str) -> None:
         raise ConfigError(f"{where} has {t_s.size} rows: a series needs two or more")
     wrong = np.flatnonzero(~(np.diff(t_s) > 0.0))
     if wrong.size:
-        raise ConfigError(f"{where}: the time stands, goes backwards or is missing after {t_s[wrong[0]]:g} s")
+        raise ConfigError(f"{where}: the time does not increase or is missing after {t_s[wrong[0]]:g} s")

@@ -1,21 +1,28 @@
-"""Models by name, and models in files of a user's own."""
+"""Models by name or from a user's file, and their measured runs."""
 
 import importlib
 import importlib.util
 import pkgutil
 import sys
-from collections.abc import Sequence
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
 from drivers.errors import ConfigError, RoverHilError
+from rover_hil.gap.data import readers
+from rover_hil.gap.data.columns import LogModel
 from rover_hil.gap.data.logs import find_logs, read_logs
-from rover_hil.gap.data.reader import reader_of
+from rover_hil.gap.data.reader import Reader
+from rover_hil.gap.data.table import read_table
 from rover_hil.gap.plan import LEAST_RUNS
 from sim_backends import models
-from sim_backends.models.interface import Model, Run
+from sim_backends.models.interface import Model, Run, RunReader, StretchReader
 
 SHIPPED = tuple(one.name.replace("_", "-") for one in pkgutil.iter_modules(models.__path__) if one.ispkg)
 FACTORY = "make_model"
@@ -24,10 +31,10 @@ NULL_TOLERANCE = 1e-9
 
 
 def load_model(name: str) -> Model:
-    """Return a shipped model, or what `file.py:factory` makes.
+    """Return a shipped model, or the result of `file.py:factory`.
 
     Raises:
-        ConfigError: There is no such model, or it is none.
+        ConfigError: There is no such model, or it lacks a part.
     """
     if name in SHIPPED:
         factory_name = FACTORY
@@ -39,35 +46,60 @@ def load_model(name: str) -> Model:
         module = _load_file(Path(file))
     factory = getattr(module, factory_name, None)
     if not callable(factory):
-        raise ConfigError(f"{name}: there is no function '{factory_name}' that makes the model")
-    model = factory()
+        raise ConfigError(f"{name}: there is no function '{factory_name}' to make the model")
+    with name_model_errors(Path(name.rpartition(":")[0])):
+        model = factory()
     missing = [part for part in PARTS if not hasattr(model, part)]
     if missing:
-        raise ConfigError(f"{name}: what {factory_name}() returns has no '{missing[0]}'")
+        raise ConfigError(f"{name}: the result of {factory_name}() has no '{missing[0]}'")
     return cast("Model", model)
 
 
 def _load_file(path: Path) -> object:
     spec = importlib.util.spec_from_file_location(f"_user_model_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise ConfigError(f"cannot read the model file {path}: is the path right?")
+        raise ConfigError(f"cannot read the model file {path}: check the path")
     module = importlib.util.module_from_spec(spec)
     # Dataclasses look their module up by name.
     sys.modules[spec.name] = module
-    try:
+    with name_model_errors(path):
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise ConfigError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
     return module
 
 
-def read_runs(model: Model, path: Path) -> list[Run]:
-    """Return measured runs: from logs, by the model's own reader, or from a table.
+@contextmanager
+def name_model_errors(path: Path) -> Iterator[None]:
+    """Give an exception that comes from a model of a user's own the file and line where it was raised.
 
-    Drives that are too few to split are cut into stretches, where the model can begin in the middle of one.
+    Args:
+        path: The file of the model.
 
     Raises:
-        ConfigError, LogError: The data is not what it should be.
+        ConfigError: In place of such an exception.
+    """
+    file = path.resolve()
+    try:
+        yield
+    except RoverHilError:
+        raise
+    except (Exception, SystemExit) as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == file]
+        if isinstance(error, SyntaxError):
+            lines.append(error.lineno)
+        if not lines:
+            raise
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise ConfigError(f"{path}, line {lines[-1]}: {what}; correct the model file") from error
+
+
+def read_runs(model: Model, path: Path) -> list[Run]:
+    """Return measured runs from logs, files of the model, or tables.
+
+    Where there are too few drives to split, they are cut into stretches if the model can start in the middle.
+
+    Raises:
+        ConfigError, LogError: The data is unusable.
     """
     reader = reader_of(model)
     if not find_logs(path):
@@ -81,11 +113,31 @@ def read_runs(model: Model, path: Path) -> list[Run]:
     return runs
 
 
+def reader_of(model: Model) -> Reader:
+    """Return the reader of a model: its own methods, else that of the shipped model, else tables."""
+    reader = _shipped(model.name) or Reader(read=partial(read_table, model))
+    if isinstance(model, RunReader):
+        reader = replace(reader, read=model.read_runs)
+    if isinstance(model, LogModel):
+        reader = replace(reader, runs_of_log=model.runs_of_log)
+    if isinstance(model, StretchReader):
+        reader = replace(reader, cut=model.stretches_of)
+    return reader
+
+
+def _shipped(model_name: str) -> Reader | None:
+    name = model_name.replace("-", "_")
+    if name not in {one.name for one in pkgutil.iter_modules(readers.__path__)}:
+        return None
+    reader: Reader = importlib.import_module(f"{readers.__name__}.{name}").READER
+    return reader
+
+
 def check_model(model: Model, runs: Sequence[Run]) -> None:
-    """Try a model on a few runs: every effect at its null must change nothing.
+    """Check on a few runs that effects at their null change nothing.
 
     Raises:
-        ConfigError: A card is wrong.
+        ConfigError: An effect changes a prediction at its null, or fails.
     """
     some = list(runs[:3])
     base = model.predict(some, {}, {})

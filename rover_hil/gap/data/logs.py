@@ -1,10 +1,10 @@
-"""Logs of this software as columns, for models that are compared with recorded drives."""
+"""Logs of this software as columns."""
 
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from controllers.settings import OmniRoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.errors import LogError
 from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
@@ -46,7 +46,7 @@ def read_log(path: Path, name: str) -> DriveLog:
     """Return a log as columns, a row for each reading of the first wheel.
 
     Raises:
-        LogError: It cannot be read, or holds no drive.
+        LogError: It cannot be read, or contains no drive.
     """
     drive = read_drive(path)
     columns = drive.table((*WHEELS, *BODY), outside=math.nan)

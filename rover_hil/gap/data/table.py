@@ -1,8 +1,8 @@
 """Runs from tables: one CSV file of all runs, or a folder of files with one run each.
 
 A row is a steady experiment, or a sample of a series where several rows carry the same `run`. Columns:
-`run`, the model's conditions, its channels, its inputs. Units stand in the header, `current [A]`, or in the
-name, `speed_rad_s`; they must be the model's.
+`run`, the model's conditions, its channels, its inputs. Units are part of the header, `current [A]`, or of
+the name, `speed_rad_s`; they must be those of the model.
 """
 
 import re
@@ -20,7 +20,7 @@ def read_table(model: Model, path: Path) -> list[Run]:
     """Return the runs in a CSV file, or in all CSV files of a folder.
 
     Raises:
-        ConfigError: A column or a unit is missing, or a cell holds no number; the message says where.
+        ConfigError: A column or a unit is missing, or a cell holds no number; the message contains the place.
     """
     files = sorted(path.glob("*.csv")) if path.is_dir() else [path]
     if not files:
@@ -91,6 +91,6 @@ def _check_unit(path: Path, name: str, given: str | None, unit: str) -> None:
 
 
 def _plain(unit: str) -> str:
-    """Return a unit as it stands at the end of a name: rad/s is rad_s, N m is nm, % is percent."""
+    """Return a unit as in the end of a name: rad/s is rad_s, N m is nm, % is percent."""
     text = unit.strip().lower().replace("%", "percent").replace("°", "deg").replace("/", "_")
     return re.sub(r"[\s·*.]", "", text) or "1"

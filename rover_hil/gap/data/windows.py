@@ -1,4 +1,4 @@
-"""Recorded drives cut into windows of equal length: mean rates between their edges."""
+"""Recorded drives in windows of equal length: mean rates between their edges."""
 
 import itertools
 import math
@@ -33,14 +33,14 @@ class Windows:
         return middle
 
     def rate(self, t_s: Array, values: Array) -> Array:
-        """Return the mean change per second of a cumulated quantity, NaN outside of what was recorded."""
+        """Return the mean change per second of a cumulated quantity, NaN outside the record."""
         good = np.isfinite(values)
         at = np.interp(self.edges_s, t_s[good], values[good], left=np.nan, right=np.nan)
         rate: Array = np.diff(at) / np.diff(self.edges_s)
         return rate
 
     def mean(self, t_s: Array, values: Array) -> Array:
-        """Return the mean of a quantity in each window, interpolated where a window holds no value."""
+        """Return the mean of a quantity in each window, interpolated in windows without a value."""
         good = np.isfinite(values)
         t_s, values = t_s[good], values[good]
         place = np.searchsorted(self.edges_s, t_s, side="right") - 1
@@ -69,8 +69,8 @@ def windows_over(first_s: float, last_s: float, where: str) -> Windows:
 def stretches(run: Run) -> list[Run]:
     """Return a run of windows cut into four or more of at least 64; itself where it is too short.
 
-    What is late reaches back over a cut, and what is ahead of it over the other: values at both ends of each
-    are left out. Missing values of the drive are counted with its first stretch.
+    Delays reach over a cut from both sides: values at both ends of each stretch are left out. Missing values
+    of the drive are counted with its first stretch.
     """
     size = run.inputs["t_s"].size
     count = size // LEAST_STRETCH

@@ -1,4 +1,4 @@
-"""Find the parameters of the odometry from one drive whose true path is known."""
+"""Fit the parameters of the odometry to one drive with known truth."""
 
 import math
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ from controllers.slip.scomp.parameters import (
     SlipFromPitch,
     TraceModel,
 )
-from controllers.slip.scomp.two_segment_slip_law import fit_hinge
+from controllers.slip.scomp.two_segment_slip_law import fit_two_segments
 from drivers.errors import ModelError
 from rover_hil.datasets.arrays import Array
 from rover_hil.scomp.drive import Drive, TruePath
 from rover_hil.scomp.windows import LONGEST_TRUTH_GAP_S, WINDOW_S, Windows, cut, smoothed, true_velocity
 
-HINGE_RANGE_RAD = (0.0, math.radians(25.0))
+TWO_SEGMENT_RANGE_RAD = (0.0, math.radians(25.0))
 SMALLEST_FLUCTUATION = 0.03
 RESISTANCE_PRIOR = (0.06, 0.05)
 STIFFNESS_PRIOR_SD = 0.6
@@ -47,7 +47,7 @@ STUCK_SLIP = 0.95
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
-    """Parameters, what they were fitted to, and what was noticed.
+    """Parameters, the windows that they were fitted to, and notes for the user.
 
     Attributes:
         slip_rms: Of the slip by the pitch about the windows; None without pitch.
@@ -60,12 +60,13 @@ class Identification:
 
 
 def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) -> Identification:
-    """Fit hinge, slip from pitch, drift from roll, and the errors of compass, gyro and trace.
+    """Fit the two-segment law, slip from pitch, drift from roll, and the errors of compass, gyro and trace.
 
-    Priors keep what a drive does not show near the defaults: c_rr 0.06 +- 0.05, C_x within a factor of 1.8.
+    Priors keep what a drive does not determine near the defaults: c_rr 0.06 +- 0.05, C_x within a factor
+    of 1.8.
 
     Raises:
-        ModelError: Log and truth share too little, or do not belong together.
+        ModelError: Log and truth overlap too little, or are not of the same drive.
     """
     rover = rover or RoverGeometry()
     windows = cut(drive, truth, rover.wheel_radius_m)
@@ -81,7 +82,7 @@ def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) 
     parameters = ScompParameters(
         starts_along_x=abs(float(truth.psi_rad[0])) < STARTS_ALONG_X_RAD,
         rover=rover.model_copy(update={"rear_axle_m": rear_axle_m}),
-        hinge=fit_hinge(windows.slip_angle_rad, windows.slip, HINGE_RANGE_RAD),
+        two_segment_slip=fit_two_segments(windows.slip_angle_rad, windows.slip, TWO_SEGMENT_RANGE_RAD),
         pitch=pitch,
         compass=fit_compass(drive, truth, notes),
         gyro=fit_gyro(drive, truth),
@@ -92,7 +93,7 @@ def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) 
 
 
 def _check_windows(windows: Windows) -> None:
-    """Refuse a truth that cannot be that of the log.
+    """Reject a truth that cannot be that of the log.
 
     Raises:
         ModelError: In most windows the rover moves against its own heading, or does not move.
@@ -101,23 +102,23 @@ def _check_windows(windows: Windows) -> None:
     astray = np.count_nonzero(np.abs(windows.slip_angle_rad) > LARGEST_SLIP_ANGLE_RAD)
     if astray > 0.5 * count:
         msg = (
-            f"by the truth the rover moves backwards or aside in {astray} of {count} windows although its "
+            f"in the truth the rover moves backwards or sideways in {astray} of {count} windows although its "
             f"wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
         )
         raise ModelError(msg)
     if float(np.median(windows.slip)) > STUCK_SLIP:
-        msg = "by the truth the rover does not move although its wheels turn: use a drive in which it moves"
+        msg = "the rover does not move in the truth although its wheels turn: use a drive in which it moves"
         raise ModelError(msg)
 
 
 def _checked(parameters: ScompParameters) -> ScompParameters:
-    """Return the parameters when a file may hold them."""
+    """Return the parameters if they are valid in a file."""
     try:
         return ScompParameters.model_validate(parameters.model_dump(by_alias=True))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        msg = f"the fit gives {place} = {first['input']}, which cannot be: do log and truth belong together?"
+        msg = f"the fit gives {place} = {first['input']}, out of range: are log and truth of one drive?"
         raise ModelError(msg) from error
 
 
@@ -128,7 +129,7 @@ def fit_pitch(windows: Windows, notes: list[str]) -> tuple[SlipFromPitch, float 
         return SlipFromPitch(), None
     upward, downward = (_fit_pitch_signed(windows, windows.pitch_rad, sign) for sign in (1, -1))
     if downward[1] < 0.7 * upward[1]:
-        notes.append("the log counts a raised nose as negative pitch")
+        notes.append("pitch in the log is negative for a raised nose")
         return downward
     return upward
 
@@ -142,28 +143,28 @@ def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[Sl
     log_stiffness = math.log(start.model.c_x_n)
     spread = SMALLEST_FLUCTUATION
 
-    def rest_of(values: Array) -> Array:
+    def residual_of(values: Array) -> Array:
         resistance, stiffness_n = float(values[0]), math.exp(float(values[1]))
         trials = zip(pulls, angles, strict=True)
         model = [start.model.slip_at(pull + resistance, angle, stiffness_n) for pull, angle in trials]
-        rest: Array = windows.slip - np.array(model)
-        return rest
+        residual: Array = windows.slip - np.array(model)
+        return residual
 
     def misfit(values: Array) -> Array:
         prior = (
             (values[0] - RESISTANCE_PRIOR[0]) / RESISTANCE_PRIOR[1],
             (values[1] - log_stiffness) / STIFFNESS_PRIOR_SD,
         )
-        return np.concatenate([rest_of(values) / spread, prior])
+        return np.concatenate([residual_of(values) / spread, prior])
 
     found = np.array([RESISTANCE_PRIOR[0], log_stiffness])
     limits = ((-0.15, log_stiffness - 2.0), (0.5, log_stiffness + 2.0))
     for _ in range(2):
         fit = least_squares(misfit, found, loss="soft_l1", f_scale=3.0, bounds=limits)
         found = fit.x
-        rest = rest_of(found)
-        rms, memory_s = float(np.sqrt(np.mean(rest**2))), _correlation_time_s(rest)
-        # Windows that are alike count for less.
+        residual = residual_of(found)
+        rms, memory_s = float(np.sqrt(np.mean(residual**2))), _correlation_time_s(residual)
+        # Correlated windows count for less.
         spread = max(rms, 0.01) * math.sqrt(max(1.0, 2.0 * memory_s / WINDOW_S))
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)
     fluctuation = {"fluctuation": max(rms, SMALLEST_FLUCTUATION), "fluctuation_time_s": memory_s}
@@ -184,7 +185,7 @@ def _pitch_update(found: Array, covariance: Array) -> dict[str, object]:
 
 
 def fit_roll(windows: Windows, parameters: ScompParameters) -> DriftFromRoll:
-    """Fit the share of the drift that the roll explains; the residual is its uncertainty."""
+    """Fit the share of the drift that the roll explains; the residual gives its uncertainty."""
     beta = windows.slip_angle_rad
     alone, alone_s = _at_least(beta, 3.0), _smooth_time_s(beta)
     if windows.roll_rad is None or windows.pitch_rad is None:
@@ -199,12 +200,12 @@ def fit_roll(windows: Windows, parameters: ScompParameters) -> DriftFromRoll:
         weight = 1.0 / (float(np.mean((beta - gain * expected) ** 2)) + 1e-6)
         precision = weight * float(expected @ expected) + prior_weight
         gain = (weight * float(expected @ beta) + GAIN_PRIOR[0] * prior_weight) / precision
-    rest = beta - gain * expected
+    residual = beta - gain * expected
     return DriftFromRoll(
         gain=gain,
         gain_sd=math.hypot(precision**-0.5, GAIN_TRANSFER * abs(gain)),
-        rest=_at_least(rest, 1.5),
-        rest_time_s=_smooth_time_s(rest),
+        rest=_at_least(residual, 1.5),
+        rest_time_s=_smooth_time_s(residual),
         alone=alone,
         alone_time_s=alone_s,
     )
@@ -221,15 +222,15 @@ def fit_compass(drive: Drive, truth: TruePath, notes: list[str]) -> CompassModel
         return model
     heading = np.interp(drive.t_s, truth.t_s, truth.psi_rad)
     lagged = smoothed(drive.t_s, heading, model.lag_s)[new]
-    apart = {sign: sign * reading - lagged for sign in (1, -1)}
-    sign = -1 if float(np.std(apart[-1])) < 0.7 * float(np.std(apart[1])) else 1
+    errors = {sign: sign * reading - lagged for sign in (1, -1)}
+    sign = -1 if float(np.std(errors[-1])) < 0.7 * float(np.std(errors[1])) else 1
     if sign < 0:
-        notes.append("the compass counts clockwise")
-    noise_rad = float(np.std(np.diff(apart[sign]))) / math.sqrt(2.0)
+        notes.append("the compass is positive clockwise")
+    noise_rad = float(np.std(np.diff(errors[sign]))) / math.sqrt(2.0)
     return model.model_copy(
         update={
             "sign": sign,
-            "offset_rad": wrap_angle(float(np.mean(apart[sign]))),
+            "offset_rad": wrap_angle(float(np.mean(errors[sign]))),
             "offset_sd_rad": COMPASS_TRANSFER_RAD,
             "reference_rad": wrap_angle(float(np.mean(lagged))),
             "noise_rad": max(noise_rad, math.radians(0.05)),
@@ -238,10 +239,10 @@ def fit_compass(drive: Drive, truth: TruePath, notes: list[str]) -> CompassModel
 
 
 def fit_gyro(drive: Drive, truth: TruePath) -> GyroModel:
-    """Fit the noise of the gyro to what is left of it about the true rate.
+    """Fit the noise of the gyro to its residual about the true rate.
 
-    Where the heading of the truth is noisy, the second differences of the gyro itself, which hardly hold any
-    motion, are then the smaller.
+    Where the heading of the truth is noisy, the second differences of the gyro itself are the smaller
+    estimate; they hardly contain motion.
     """
     model = GyroModel()
     if drive.gyro_rad_s is None:
@@ -252,9 +253,9 @@ def fit_gyro(drive: Drive, truth: TruePath) -> GyroModel:
     t_s, rate_rad_s = drive.t_s[new], drive.gyro_rad_s[new]
     step_s = np.diff(t_s)
     true_rad_s = np.diff(np.interp(t_s, truth.t_s, truth.psi_rad)) / step_s
-    about_truth = np.diff(rate_rad_s[1:] - true_rad_s) / math.sqrt(2.0)
+    against_truth = np.diff(rate_rad_s[1:] - true_rad_s) / math.sqrt(2.0)
     alone = np.diff(rate_rad_s, 2) / math.sqrt(6.0)
-    noise_rad_s = min(float(np.std(about_truth)), float(np.std(alone)))
+    noise_rad_s = min(float(np.std(against_truth)), float(np.std(alone)))
     walk = noise_rad_s * math.sqrt(float(np.median(step_s)))
     return model.model_copy(update={"walk_rad_sqrt_s": max(walk, math.radians(0.01))})
 
@@ -262,7 +263,7 @@ def fit_gyro(drive: Drive, truth: TruePath) -> GyroModel:
 def fit_trace(
     drive: Drive, truth: TruePath, rover: RoverGeometry, notes: list[str]
 ) -> tuple[TraceModel, float]:
-    """Fit sign, offset and noise of the trace angle, and b of eq 2; b stays near the drawing's."""
+    """Fit sign, offset and noise of the trace angle, and b of eq 2; a prior keeps b near the drawing's."""
     model = TraceModel()
     if drive.trace_rad is None:
         return model, rover.rear_axle_m
@@ -275,64 +276,65 @@ def fit_trace(
     straight, mirrored = (float(np.median(np.abs(sign * seen - beta))) for sign in (1, -1))
     sign: Literal[-1, 1] = -1 if mirrored < 0.5 * straight else 1
     if sign < 0:
-        notes.append("the trace angle is positive to the right: its sign is turned")
-    away = sign * seen - beta
-    near = np.abs(away) < LARGEST_TRACE_ERROR_RAD
+        notes.append("the trace angle is positive to the right: its sign is inverted")
+    error = sign * seen - beta
+    near = np.abs(error) < LARGEST_TRACE_ERROR_RAD
     if np.count_nonzero(near) < FEWEST_TRACES:
-        notes.append("the trace angles are nowhere near the true ones: their errors keep the defaults")
+        notes.append("the trace angles are far from the true ones: their errors keep the defaults")
         return model, rover.rear_axle_m
     turn = (velocity.yaw_rate_rad_s / np.maximum(velocity.speed_m_s, SLOWEST_M_S))[use]
     step_s = float(np.median(np.diff(drive.t_s[use])))
-    update, rear_axle_m = _trace_errors(away[near], turn[near], step_s, rover.rear_axle_m)
+    update, rear_axle_m = _trace_errors(error[near], turn[near], step_s, rover.rear_axle_m)
     return model.model_copy(update={"sign": sign, **update}), rear_axle_m
 
 
 def _trace_errors(
-    away: Array, turn: Array, step_s: float, rear_axle_m: float
+    error: Array, turn: Array, step_s: float, rear_axle_m: float
 ) -> tuple[dict[str, object], float]:
-    """Fit eq 2: away = offset - b turn + noise that stays alike for a while; return the errors, and b."""
+    """Fit eq 2: error = offset - b turn + correlated noise; return the errors, and b."""
     prior_weight = REAR_AXLE_PRIOR_SD_M**-2
     b, offset, time_s, offset_weight = rear_axle_m, 0.0, TraceModel().noise_time_s, 1.0
-    rest = away
+    residual = error
     for _ in range(3):
-        rest = away + b * turn - offset
-        time_s = _memory_s(rest, step_s)
-        noise2 = float(np.var(rest)) * max(1.0, 2.0 * time_s / step_s)
-        pull = float(turn @ (offset - away)) / noise2
+        residual = error + b * turn - offset
+        time_s = _memory_s(residual, step_s)
+        noise2 = float(np.var(residual)) * max(1.0, 2.0 * time_s / step_s)
+        pull = float(turn @ (offset - error)) / noise2
         b = (pull + rear_axle_m * prior_weight) / (float(turn @ turn) / noise2 + prior_weight)
-        weight = len(away) / noise2
+        weight = len(error) / noise2
         offset_weight = weight + TRACE_OFFSET_PRIOR_RAD**-2
-        offset = weight * float(np.mean(away + b * turn)) / offset_weight
+        offset = weight * float(np.mean(error + b * turn)) / offset_weight
     return {
         "offset_rad": offset,
         "offset_sd_rad": offset_weight**-0.5,
-        "noise_rad": max(float(np.std(rest)), math.radians(0.2)),
+        "noise_rad": max(float(np.std(residual)), math.radians(0.2)),
         "noise_time_s": min(max(time_s, 0.05), 2.0),
     }, b
 
 
-def _at_least(rest: Array, smallest_deg: float) -> float:
-    return max(float(np.sqrt(np.mean(rest**2))), math.radians(smallest_deg))
+def _at_least(residual: Array, smallest_deg: float) -> float:
+    return max(float(np.sqrt(np.mean(residual**2))), math.radians(smallest_deg))
 
 
-def _correlation_time_s(rest: Array) -> float:
-    """Return the correlation time of what is left in the windows, within [2, 20] s."""
-    return min(max(_memory_s(rest, WINDOW_S), WINDOW_S), 20.0)
+def _correlation_time_s(residual: Array) -> float:
+    """Return the correlation time of the residual in the windows, within [2, 20] s."""
+    return min(max(_memory_s(residual, WINDOW_S), WINDOW_S), 20.0)
 
 
-def _smooth_time_s(rest: Array) -> float:
-    """Return the length of a Matern process of order 3/2 that is as like its neighbours, in [4, 20] s."""
+def _smooth_time_s(residual: Array) -> float:
+    """Return the time of a Matern process of order 3/2 with the same neighbour correlation, in [4, 20] s."""
     times_s = np.geomspace(4.0, 20.0, 100)
     paces = math.sqrt(3.0) * WINDOW_S / times_s
-    return float(times_s[np.argmin(np.abs((1.0 + paces) * np.exp(-paces) - _likeness(rest)))])
+    return float(
+        times_s[np.argmin(np.abs((1.0 + paces) * np.exp(-paces) - _neighbour_correlation(residual)))]
+    )
 
 
-def _memory_s(rest: Array, step_s: float) -> float:
-    """Return the correlation time of exponentially correlated noise, from neighbours."""
-    return step_s / -math.log(min(max(_likeness(rest), 0.01), 0.95))
+def _memory_s(residual: Array, step_s: float) -> float:
+    """Return the correlation time of exponentially correlated noise, from the correlation of neighbours."""
+    return step_s / -math.log(min(max(_neighbour_correlation(residual), 0.01), 0.95))
 
 
-def _likeness(rest: Array) -> float:
-    """Return the correlation of neighbours."""
-    off = rest - rest.mean()
+def _neighbour_correlation(residual: Array) -> float:
+    off = residual - residual.mean()
     return float(off[1:] @ off[:-1]) / (float(off @ off) + 1e-30)

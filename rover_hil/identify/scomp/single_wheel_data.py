@@ -2,8 +2,8 @@
 
 The paper takes mu from F_x,max = mu W (eq 10). That is not the limit of its own model, eq 8, at full slip,
 and contradicts its table 3 (28.1 N against 38.8 N), so here step (i) compares eq 8 itself with the data. The
-steps then depend on each other: they are repeated, and because they settle slowly (a higher mu with a higher
-A_x is nearly the same curve) one least-squares fit of all parameters to all forces ends the procedure.
+steps then depend on each other and are repeated. They converge slowly (a higher mu with a higher A_x is
+nearly the same curve), so one least-squares fit of all parameters to all forces ends the procedure.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ LIMITS = {"mu": (0.05, 2.0), "c_x_n": (1.0, 1e4), "c_y_n": (1.0, 1e4), "a_x": (-
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BedData:
+class SingleWheelData:
     """Steady forces of one wheel under a constant load; n trials.
 
     Attributes:
@@ -43,15 +43,15 @@ class BedData:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BedFit:
-    """The model, and the rms of what it leaves of both forces in N."""
+class SingleWheelFit:
+    """The model, and the rms residual of both forces in N."""
 
     model: CombinedSlip
     force_x_rms_n: float
     force_y_rms_n: float
 
 
-def tune(data: BedData) -> BedFit:
+def fit_single_wheel_data(data: SingleWheelData) -> SingleWheelFit:
     """Fit mu, C_x, C_y, A_x and A_y.
 
     (i) mu from F_x at high slip and small angles, (ii) C_y from F_y at low slip, (iii) C_x from F_x at low
@@ -65,7 +65,7 @@ def tune(data: BedData) -> BedFit:
     angles = np.unique(data.slip_angle_rad[high])
     if len(data.slip) < 8 or not (low.any() and high.any()):
         msg = (
-            f"the tuning needs eight trials with slips up to {LOW_SLIP:g} and from {HIGH_SLIP:g} on, got "
+            f"the fit needs eight trials with slips up to {LOW_SLIP:g} and from {HIGH_SLIP:g} on, got "
             f"{len(data.slip)}, {np.count_nonzero(low)} and {np.count_nonzero(high)}: measure more slips"
         )
         raise ModelError(msg)
@@ -79,7 +79,7 @@ def tune(data: BedData) -> BedFit:
         model = _fit(model, data, ("a_y",), high, along=False, across=True)
     model = _fit(model, data, tuple(LIMITS), np.ones_like(low), along=True, across=True)
     force_x_n, force_y_n = model.forces_n(data.slip, data.slip_angle_rad)
-    return BedFit(
+    return SingleWheelFit(
         model=model,
         force_x_rms_n=float(np.sqrt(np.mean((force_x_n - data.force_x_n) ** 2))),
         force_y_rms_n=float(np.sqrt(np.mean((force_y_n - data.force_y_n) ** 2))),
@@ -88,7 +88,7 @@ def tune(data: BedData) -> BedFit:
 
 def _fit(
     model: CombinedSlip,
-    data: BedData,
+    data: SingleWheelData,
     names: Sequence[str],
     use: NDArray[np.bool_],
     *,

@@ -14,6 +14,7 @@ from rover_hil.config import describe_validation_error, load_slip_map
 from rover_hil.identify.slip.identification import SlipIdentification
 from rover_hil.identify.slip.scores import Score
 from rover_hil.identify.slip.wheel_fit import collect_samples, fit_monotone
+from rover_hil.pages.atomic_write import write_file
 
 DIGITS = 6
 """Significant digits kept: a slip is not known to more than three."""
@@ -46,20 +47,9 @@ def write_slip_map(content: SlipMapFile, path: Path) -> None:
     """Write a data file.
 
     Raises:
-        ConfigError: It exists or cannot be written.
+        ConfigError: It cannot be written.
     """
-    if path.exists():
-        msg = f"{path} exists and a map is never overwritten: choose another --out"
-        raise ConfigError(msg)
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(_to_toml(content.model_dump(exclude_none=True)), encoding="utf-8")
-        part.rename(path)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
+    write_file(path, _to_toml(content.model_dump(by_alias=True, exclude_none=True)))
 
 
 def read_slip_map(name_or_path: str) -> SlipMapFile:

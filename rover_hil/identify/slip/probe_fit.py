@@ -1,4 +1,4 @@
-"""Fit slip as a function of the transmission loss of the yaw excitation, from drives with known truth."""
+"""Fit slip over the transmission loss of the yaw excitation, to drives with known truth."""
 
 import math
 from collections import Counter
@@ -6,7 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.slip.effort.yaw_excitation import LEAST_WAY_M, WINDOW_S, YawProbe, YawProbeMap, slip_of
+from controllers.slip.effort.yaw_excitation import (
+    LEAST_DISTANCE_M,
+    WINDOW_S,
+    YawExcitation,
+    YawExcitationMap,
+    slip_of,
+)
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
 from rover_hil.identify.slip.run_data import MeasuredRun, to_wheels
@@ -25,8 +31,8 @@ LEAST_SHARE = 0.03
 """Share of the windows that makes a sector a trained direction: at corners every direction occurs."""
 
 
-def probe_windows(run: MeasuredRun, probe: YawProbeMap) -> tuple[Array, Counter[str]]:
-    """Return rows of lost share, true slip, wheels' distance (m forward, m left) and duration (s) of windows.
+def probe_windows(run: MeasuredRun, probe: YawExcitationMap) -> tuple[Array, Counter[str]]:
+    """Return windows as rows: transmission loss, true slip, distance of the wheels in m forward and left, s.
 
     Slip is the part of the wheels' distance that is missing along its direction. A window is half a second;
     with noisy pose fixes it is as many half seconds as make the slip known well enough. The second result
@@ -36,7 +42,7 @@ def probe_windows(run: MeasuredRun, probe: YawProbeMap) -> tuple[Array, Counter[
         LogError: The run has no gyro.
     """
     if len(run.gyro) < 2:
-        msg = f"log {run.path} holds no yaw rates of its gyro: the shake cannot be compared"
+        msg = f"log {run.path} holds no yaw rates of its gyro: the transmission loss cannot be measured"
         raise LogError(msg)
     to_body = np.linalg.inv(to_wheels(run.rover))
     moved = np.diff(run.position_rad, axis=0) @ to_body.T
@@ -46,29 +52,29 @@ def probe_windows(run: MeasuredRun, probe: YawProbeMap) -> tuple[Array, Counter[
     middle_rad = 0.5 * (truth[2, 1:] + truth[2, :-1])
     true_m = np.diff(truth[0] + 1j * truth[1]) * np.exp(-1j * middle_rad)
     encoder_m = moved[:, 0] + 1j * moved[:, 1]
-    finder = YawProbe(probe)
+    excitation = YawExcitation(probe)
     rows: list[tuple[float, ...]] = []
     rejected: Counter[str] = Counter()
-    lost_shares: list[float] = []
+    losses: list[float] = []
     first = 0
     for index, step_s in enumerate(elapsed_s.tolist()):
-        shake = finder.step(step_s, moved[index, 2] / step_s, float(gyro_rad_s[index]))
-        if shake is None:
+        response = excitation.step(step_s, moved[index, 2] / step_s, float(gyro_rad_s[index]))
+        if response is None:
             continue
-        if not shake.reason:
-            lost_shares.append(shake.lost)
+        if not response.reason:
+            losses.append(response.transmission_loss)
             problem = _slip_problem(run, first, index + 1)
             if problem in CURABLE and run.t_s[index + 1] - run.t_s[first] < LONGEST_WINDOW_S:
                 continue
             wheels_m, body_m = encoder_m[first : index + 1].sum(), true_m[first : index + 1].sum()
             if problem:
                 rejected[problem] += 1
-            elif abs(wheels_m) >= LEAST_WAY_M:
+            elif abs(wheels_m) >= LEAST_DISTANCE_M:
                 slip = 1.0 - float((body_m / wheels_m).real)
-                duration_s = len(lost_shares) * WINDOW_S
-                lost = sum(lost_shares) / len(lost_shares)
-                rows.append((lost, slip, float(wheels_m.real), float(wheels_m.imag), duration_s))
-        lost_shares, first = [], index + 1
+                duration_s = len(losses) * WINDOW_S
+                loss = sum(losses) / len(losses)
+                rows.append((loss, slip, float(wheels_m.real), float(wheels_m.imag), duration_s))
+        losses, first = [], index + 1
     return np.array(rows).reshape(-1, 5), rejected
 
 
@@ -84,11 +90,11 @@ def _slip_problem(run: MeasuredRun, start: int, end: int) -> str:
     return slip_problem(run, first, last, moved_m)
 
 
-def fit_probe(runs: Sequence[MeasuredRun], probe: YawProbeMap) -> tuple[YawProbeMap, Counter[str]]:
+def fit_probe(runs: Sequence[MeasuredRun], probe: YawExcitationMap) -> tuple[YawExcitationMap, Counter[str]]:
     """Return `probe` with the table fitted to `runs`, and how many windows were rejected, by reason.
 
     Raises:
-        LogError: There is too little shaking in them, or one has no gyro.
+        LogError: There is too little yaw excitation in them, or one has no gyro.
     """
     windows = [probe_windows(run, probe) for run in runs]
     rows = np.concatenate([found for found, _ in windows])
@@ -96,15 +102,15 @@ def fit_probe(runs: Sequence[MeasuredRun], probe: YawProbeMap) -> tuple[YawProbe
     if len(rows) < LEAST_WINDOWS:
         reasons = "".join(f"; {count} rejected: {reason}" for reason, count in rejected.items())
         msg = (
-            f"{len(runs)} runs give {len(rows)} windows with a shake, fewer than {LEAST_WINDOWS}: drive "
+            f"{len(runs)} runs give {len(rows)} windows with excitation, fewer than {LEAST_WINDOWS}: drive "
             f"more{reasons}"
         )
         raise LogError(msg)
-    lost, slips = fit_rising_table(rows[:, 0], rows[:, 1])
-    if len(lost) < 2:
-        msg = f"the shake loses {lost[0]:.2f} in all {len(runs)} runs: drive on firm and on soft ground"
+    losses, slips = fit_rising_table(rows[:, 0], rows[:, 1])
+    if len(losses) < 2:
+        msg = f"all {len(runs)} runs lose {losses[0]:.2f} of the excitation: drive on firm and on soft ground"
         raise LogError(msg)
-    fitted = probe.model_copy(update={"lost": lost, "slips": slips})
+    fitted = probe.model_copy(update={"transmission_losses": losses, "slips": slips})
     residual = rows[:, 1] - [slip_of(fitted, value) for value in rows[:, 0].tolist()]
     distance_m = np.hypot(rows[:, 2], rows[:, 3])
     fast = distance_m > np.median(distance_m) / 2.0

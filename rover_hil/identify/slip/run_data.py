@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers.motion.kinematics import OmniKinematics
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from rover_hil.datasets.arrays import Array, Flags
 from rover_hil.datasets.robotino_csv import ROBOTINO
 

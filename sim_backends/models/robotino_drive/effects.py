@@ -1,14 +1,18 @@
 """Effects that may be missing in the odometry of a Robotino under an overhead camera: one card each."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import numpy as np
 
+from sim_backends.models.drive_effects import GYRO_SCALE, encoder_dropouts, gyro_bias
+from sim_backends.models.interface import Array, EffectCard, Values, parameter
+
+MOST_SLIP = 0.98
 PAPER = "Slippage compensation of a Robotino (paper 003)"
 
 
 WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
-    sentence="The wheels are larger or smaller than thought, so that every way and every turn is, too.",
-    place="kinematics: way per turn of the wheels",
+    sentence="The wheels are larger or smaller than assumed, and so are every distance and turn.",
+    place="kinematics: distance per turn of the wheels",
     parameters=(parameter("error", "1", 0.0, 0.05, -0.25, 0.25, "true over nominal radius, less one"),),
     claims=("the same share in all directions and at all speeds", "turns change by the same share"),
     experiment="pure rotation: the camera's scale does not touch it",
@@ -17,13 +21,13 @@ WHEEL_RADIUS = EffectCard(
 )
 BASE_RADIUS = EffectCard(
     name="base_radius",
-    sentence="The wheels stand nearer to or farther from the centre than thought.",
-    place="kinematics: turn per way of the wheels",
+    sentence="The wheels are nearer to or farther from the centre than assumed.",
+    place="kinematics: turn per distance of the wheels",
     parameters=(
         parameter("error", "1", 0.0, 0.05, -0.4, 0.4, "true over nominal radius of the base, less one"),
     ),
     claims=("turns change by its inverse", "straight drives do not change"),
-    experiment="pure rotation beside straight drives",
+    experiment="pure rotation and straight drives",
     source="contact of two rows of rollers",
     releases="base_error",
 )
@@ -48,7 +52,7 @@ MARKER_YAW = EffectCard(
     parameters=(
         parameter("angle", "rad", 0.0, 0.05, -0.8, 0.8, "of the marker's x axis, left of the rover's"),
     ),
-    claims=("turns every seen motion by one angle", "its length stays"),
+    claims=("turns every measured motion by one angle", "its length stays"),
     experiment="a ruler along the rover's side",
     source="mounting",
     releases="marker_yaw_rad",
@@ -56,7 +60,7 @@ MARKER_YAW = EffectCard(
 UNEVEN_WHEEL = EffectCard(
     name="uneven_wheel",
     sentence="One wheel is larger or smaller than the other two.",
-    place="kinematics: way per turn of one wheel",
+    place="kinematics: distance per turn of one wheel",
     parameters=(
         parameter("error", "1", 0.0, 0.02, -0.4, 0.4, "its radius over that of the others, less one"),
         parameter("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
@@ -66,19 +70,11 @@ UNEVEN_WHEEL = EffectCard(
     experiment="drive straight in the direction that the wheel pulls most",
     source="wear",
 )
-DROPOUTS = EffectCard(
-    name="encoder_dropouts",
-    sentence="The counter of one wheel loses ticks, perhaps only when they come too fast.",
-    place="encoder of one wheel",
-    parameters=(
-        parameter("share", "1", 0.0, 0.05, 0.0, 0.9, "ticks lost above the onset"),
-        parameter("wheel", "1", 1.0, 0.01, 1.0, 3.0, "which one"),
-        parameter("onset", "rad/s", 2.0, 1.0, 0.0, 20.0, "wheel speed above which they are lost"),
-    ),
-    shape_grid={"wheel": (1.0, 2.0, 3.0), "onset": (0.0, 2.0, 4.0, 6.0)},
-    claims=("one wheel", "the wheel seems slower than it is, never faster", "none below the onset"),
-    experiment="the wheel off the ground, slow and fast",
-    source="interrupts missed by a counter",
+DROPOUTS = encoder_dropouts(
+    3,
+    "which one",
+    parameter("onset", "rad/s", 2.0, 1.0, 0.0, 20.0, "wheel speed above which they are lost"),
+    (0.0, 2.0, 4.0, 6.0),
 )
 LATENCY = EffectCard(
     name="latency",
@@ -90,9 +86,16 @@ LATENCY = EffectCard(
     source="exposure, transfer and search for the marker",
     releases="camera_age_s",
 )
+
+
+def radius_error(values: Values, wheel: int) -> float:
+    """Return the relative error of the radius of one wheel by `UNEVEN_WHEEL`."""
+    return values["error"] if round(values["wheel"]) == wheel else 0.0
+
+
 WHEEL_SLIP = EffectCard(
     name="wheel_slip",
-    sentence="A wheel slips on the ground in proportion to its pull, which its current above idle tells.",
+    sentence="A wheel slips on the ground in proportion to its pull, which its current above idle measures.",
     place="contact of wheel and ground",
     parameters=(
         parameter("gain", "1/A", 0.0, 0.2, 0.0, 5.0, "slip per current above that of an idle wheel"),
@@ -107,32 +110,22 @@ WHEEL_SLIP = EffectCard(
     experiment="the same drive with a load on the rover",
     source=f"{PAPER}: effective over actual speed falls linearly with current, no-load current apart",
 )
-SIDE_SLIP = EffectCard(
+
+
+def wheel_slip(values: Values, current_a: Array, idle_current_a: float, surface: float) -> Array:
+    """Return the slip of a wheel by `WHEEL_SLIP`."""
+    gain = values["gain"] if round(values["surface"]) in (0, round(surface)) else 0.0
+    return np.minimum(gain * np.maximum(current_a - idle_current_a, 0.0), MOST_SLIP)
+
+
+TURN_SCRUB = EffectCard(
     name="turn_scrub",
     sentence="Rollers scrub when the rover turns, and eat a share of the turn.",
     place="contact of wheel and ground",
     parameters=(parameter("share", "1", 0.0, 0.05, 0.0, 0.7, "of the turn that is lost"),),
-    claims=("turns fall short both ways", "straight drives do not change"),
+    claims=("turns fall short in both directions", "straight drives do not change"),
     experiment="full turns on the spot on two surfaces",
     source="width of the contact patch",
-)
-GYRO_BIAS = EffectCard(
-    name="gyro_bias",
-    sentence="The gyro shows a rate at rest.",
-    place="gyro",
-    parameters=(parameter("rate", "rad/s", 0.0, 0.01, -0.5, 0.5, "shown at rest"),),
-    claims=("the same at every rate", "wheels and camera do not know of it"),
-    experiment="log at rest",
-    source="micromechanical gyro",
-)
-GYRO_SCALE = EffectCard(
-    name="gyro_scale",
-    sentence="The gyro shows too much or too little of every rate.",
-    place="gyro",
-    parameters=(parameter("error", "1", 0.0, 0.02, -0.5, 0.5, "shown over true rate, less one"),),
-    claims=("in proportion to the rate, both ways",),
-    experiment="ten full turns",
-    source="data sheets tell 1 to 3 %",
 )
 EFFECTS = (
     WHEEL_RADIUS,
@@ -143,7 +136,7 @@ EFFECTS = (
     DROPOUTS,
     LATENCY,
     WHEEL_SLIP,
-    SIDE_SLIP,
-    GYRO_BIAS,
+    TURN_SCRUB,
+    gyro_bias("rad/s", 0.01, 0.5),
     GYRO_SCALE,
 )

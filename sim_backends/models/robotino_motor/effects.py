@@ -1,24 +1,30 @@
 """Effects that may be missing in a gear motor behind a speed loop: one card each. SI units at the motor."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import math
+
+import numpy as np
+from numba import njit
+
+from sim_backends.models.interface import Array, EffectCard, Values, parameter
 
 DATA_SHEET = "Dunkermotoren GR 42x25"
+SECONDS_PER_HOUR = 3600.0
 COPPER_PER_K = 0.0039
 """Rise of the resistance of copper with temperature."""
 
 
 COULOMB = EffectCard(
     name="coulomb_friction",
-    sentence="Dry friction in bearings, brushes and gear brakes the motor with a torque that does not depend "
-    "on its speed.",
+    sentence="Dry friction in bearings, brushes and gear brakes the motor with a torque independent "
+    "of its speed.",
     place="torque balance of the rotor",
     parameters=(parameter("torque", "N m", 0.0, 0.01, 0.0, 0.2, "friction torque at the motor"),),
     claims=(
-        "brakes, whichever way the motor turns",
+        "brakes in both directions",
         "raises the current by the same amount at every speed",
         "holds the motor at rest against small drives",
     ),
-    experiment="slow ramps of the set-point through zero, both ways",
+    experiment="slow ramps of the set-point through zero in both directions",
     source=f"Coulomb's law; no-load current of {DATA_SHEET}",
 )
 VISCOUS = EffectCard(
@@ -28,7 +34,7 @@ VISCOUS = EffectCard(
     parameters=(
         parameter("per_speed", "N m s/rad", 0.0, 2e-5, 0.0, 1e-3, "friction torque per motor speed"),
     ),
-    claims=("brakes, whichever way the motor turns", "current grows in proportion to speed", "zero at rest"),
+    claims=("brakes in both directions", "current grows in proportion to speed", "zero at rest"),
     experiment="two steady speeds far apart",
     source="Newtonian lubricant",
 )
@@ -41,7 +47,7 @@ STRIBECK = EffectCard(
         parameter("speed", "rad/s", 20.0, 10.0, 1.0, 60.0, "motor speed at which it has fallen to 1/e"),
     ),
     shape_grid={"speed": (10.0, 40.0)},
-    claims=("brakes, whichever way the motor turns", "gone at high speed", "greatest just above rest"),
+    claims=("brakes in both directions", "gone at high speed", "greatest just above rest"),
     experiment="steady speeds from just above rest",
     source="Stribeck curve, exponential form (Armstrong-Helouvry 1991)",
 )
@@ -53,9 +59,29 @@ ASYMMETRIC = EffectCard(
         parameter("excess", "N m", 0.0, 0.003, -0.1, 0.1, "more friction forwards; negative: backwards"),
     ),
     claims=("in one direction only", "does not depend on speed"),
-    experiment="the same speeds both ways",
+    experiment="the same speeds in both directions",
     source="brush angle, helical gears",
 )
+
+
+@njit(cache=True)
+def dry_friction_nm(
+    speed: float, direction: float, torque: float, excess: float, fall: float, forward: float
+) -> float:
+    """Return the friction torque that does not vanish at rest, a magnitude.
+
+    Args:
+        speed: Of the motor, rad/s.
+        direction: +1 or -1, of the motion or of what pushes.
+        torque: By `COULOMB`.
+        excess: By `STRIBECK`.
+        fall: Speed at which the excess has fallen to 1/e, rad/s.
+        forward: By `ASYMMETRIC`.
+    """
+    dry = float(torque + excess * math.exp(-abs(speed) / fall))
+    return dry + max(0.0, direction * float(forward))
+
+
 HEAT = EffectCard(
     name="winding_heat",
     sentence="Current heats the winding, and warm copper resists more.",
@@ -85,6 +111,15 @@ SAG = EffectCard(
     experiment="load one motor and look at another",
     source="lead battery as voltage source with inner resistance",
 )
+
+
+def supply_share(values: Values, t_s: Array, others_current_a: Array, supply_v: float) -> Array:
+    """Return the share of its nominal voltage that the supply gives under the other motors, by `SAG`."""
+    charge_ah = np.concatenate(([0.0], np.cumsum(others_current_a[:-1] * np.diff(t_s)))) / SECONDS_PER_HOUR
+    share: Array = 1.0 - (values["per_amp"] * others_current_a + values["per_charge"] * charge_ah) / supply_v
+    return np.maximum(share, 0.0)
+
+
 DELAY = EffectCard(
     name="loop_delay",
     sentence="A set-point acts later than its turn in the cycle: bus and board take time.",
@@ -109,7 +144,7 @@ BACK_EMF = EffectCard(
 )
 RESISTANCE = EffectCard(
     name="winding_resistance",
-    sentence="The winding with its leads and brushes has another resistance than the data sheet says.",
+    sentence="The winding with its leads and brushes has another resistance than in the data sheet.",
     place="circuit of the motor",
     parameters=(parameter("change", "ohm", 0.0, 0.6, -1.5, 3.0, "added to the resistance"),),
     claims=(
@@ -142,19 +177,27 @@ STIFFNESS = EffectCard(
 )
 DEAD_ZONE = EffectCard(
     name="dead_zone",
-    sentence="The bridge drops some voltage whichever way it drives, so that small outputs do nothing.",
+    sentence="The bridge drops some voltage in both directions, so that small outputs do nothing.",
     place="motor voltage",
     parameters=(parameter("voltage", "V", 0.0, 0.5, 0.0, 5.0, "lost by the bridge"),),
     claims=("like dry friction for the speed, but draws no current",),
     experiment="idle current at rest under a small output",
     source="saturation voltage of an H-bridge",
 )
+
+
+@njit(cache=True)
+def bridge_voltage_v(output: float, share: float, dropped: float) -> float:
+    """Return the voltage at the motor: an output, times the share of the supply, less that of `DEAD_ZONE`."""
+    return math.copysign(max(abs(output) * share - dropped, 0.0), output)
+
+
 CURRENT_OFFSET = EffectCard(
     name="current_offset",
     sentence="The current sensor shows some current where none flows.",
     place="current sensor",
     parameters=(parameter("offset", "A", 0.0, 0.03, -0.2, 0.2, "added to every reading"),),
-    claims=("the same at rest and at every speed", "the speed does not know of it"),
+    claims=("the same at rest and at every speed", "the speed does not change"),
     experiment="log at rest",
     source="offset of an amplifier",
 )

@@ -6,10 +6,10 @@
 Where the voltage at the motor was measured, it takes the place of the loop. The electric time constant,
 1.7 ms, is left out. SI units at the motor's shaft. A leaky integral in the loop multiplies its stiffness.
 
-Readings: speed in steps; current a magnitude, cut to whole steps, where the log says so. A loop answers a
-jump of its set-point within a few milliseconds, between two readings: 168 measured jumps took up to 175
-rad/s, which needs amperes, and one reading came to 1.05 A. So in a loop the current is that of friction and
-of accelerations that last; an isolated jump shows none.
+Readings: speed in steps; current a magnitude, cut to whole steps, where the labels of a run require it. A
+loop answers a jump of its set-point within a few milliseconds, between two readings: 168 measured jumps were
+up to 175 rad/s, which takes amperes, but only one reading reached 1.05 A. In a loop the current is therefore
+that of friction and of lasting accelerations; an isolated jump shows none.
 """
 
 import math
@@ -21,14 +21,19 @@ from numba import njit
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.robotino_motor.effects import COPPER_PER_K, EFFECTS
+from sim_backends.models.robotino_motor.effects import (
+    COPPER_PER_K,
+    EFFECTS,
+    bridge_voltage_v,
+    dry_friction_nm,
+    supply_share,
+)
 
 SUBSTEPS = 6
 MOST_STRETCHES = 4
 LASTING_ROWS = 5
 LEAST_OHM = 0.1
 """Below which a small base value and a large change together do not go."""
-SECONDS_PER_HOUR = 3600.0
 SPEED_STEP_RAD_S = ROBOTINO_SCALES.speed_rad_s * ROBOTINO_BOARD.gear_ratio
 """Step of the board's speeds at the motor: 27 rpm."""
 CURRENT_STEP_A = ROBOTINO_SCALES.current_step_a
@@ -76,7 +81,7 @@ class RobotinoMotor:
     """A `Model` of one motor over time.
 
     Conditions: `integral` is 1 where the loop has integral action, else 0. Labels of a run that the model
-    heeds where they are there: `speed_step_rad_s` (of the set-point), `current_step_a`, `is_unsigned`.
+    uses: `speed_step_rad_s` (of the set-point), `current_step_a`, `is_unsigned`.
 
     Attributes:
         alternative_inputs: A run has set-points or, where they were measured, voltages.
@@ -113,7 +118,8 @@ class RobotinoMotor:
             acting = _held(t_s, drive, active["loop_delay"]["time"], base["wait_share"])
         else:
             acting = np.interp(_middles(t_s), t_s, drive)
-        supply = _supply(run, t_s, base, active["battery_sag"])
+        others_a = run.inputs["others_current_a"]
+        supply = supply_share(active["battery_sag"], t_s, others_a, base["supply_v"])
         numbers = _numbers(base, active, is_loop=is_loop, integral=run.conditions["integral"])
         speed, current, brake = _simulate(t_s, acting, supply, numbers)
         if is_loop:
@@ -133,7 +139,7 @@ def _middles(t_s: Array) -> Array:
 
 
 def _held(t_s: Array, drive: Array, delay_s: float, wait_share: float) -> Array:
-    """Return what acts in each part on average; a set-point's turn comes within a share of the cycle."""
+    """Return the mean set-point that acts in each part; its turn comes within a share of the cycle."""
     at_s = _middles(t_s) - delay_s
     row = np.searchsorted(t_s, at_s, side="right") - 1
     known = np.maximum(row, 0)
@@ -142,14 +148,6 @@ def _held(t_s: Array, drive: Array, delay_s: float, wait_share: float) -> Array:
     before = np.where(row > 0, drive[np.maximum(row - 1, 0)], 0.0)
     held: Array = np.where(row < 0, 0.0, before + done * (drive[known] - before))
     return held
-
-
-def _supply(run: Run, t_s: Array, base: Values, sag: Values) -> Array:
-    """Return the share of its nominal voltage that the supply gives under the load of the other motors."""
-    others = run.inputs["others_current_a"]
-    charge_ah = np.concatenate(([0.0], np.cumsum(others[:-1] * np.diff(t_s)))) / SECONDS_PER_HOUR
-    share: Array = 1.0 - (sag["per_amp"] * others + sag["per_charge"] * charge_ah) / base["supply_v"]
-    return np.maximum(share, 0.0)
 
 
 def _numbers(base: Values, active: Mapping[str, Values], *, is_loop: bool, integral: float) -> Array:
@@ -187,20 +185,13 @@ def _lasting_rate(t_s: Array, speed: Array) -> Array:
 
 
 def _reading(run: Run, current: Array, offset_a: float) -> Array:
-    """Return what the sensor tells of a current, on average."""
+    """Return the mean reading of the sensor for a current."""
     step = run.conditions.get("current_step_a", 0.0)
     is_unsigned = run.conditions.get("is_unsigned", 0.0) > 0.5
     magnitude = np.abs(current)
     # Cutting to whole steps takes half a step away, on average, of what is above one.
     cut = magnitude - 0.5 * step * -np.expm1(-magnitude / step) if step > 0.0 else magnitude
     return np.maximum(cut + offset_a, 0.0) if is_unsigned else np.copysign(cut, current) + offset_a
-
-
-@njit(cache=True)
-def _dry(speed: float, direction: float, numbers: Array) -> float:
-    """Return the friction torque that does not vanish at rest, a magnitude."""
-    dry = float(numbers[6] + numbers[8] * math.exp(-abs(speed) / numbers[9]))
-    return dry + max(0.0, direction * float(numbers[10]))
 
 
 @njit(cache=True)
@@ -227,10 +218,10 @@ def _stretch(
         output, gain = math.copysign(supply, output), 0.0
         if stiffness > 0.0:
             free_speed = ((forward + stiffness) * drive - output) / stiffness
-    voltage = math.copysign(max(abs(output) * share - numbers[11], 0.0), output)
+    voltage = bridge_voltage_v(output, share, numbers[11])
     push = motor / resistance * (voltage - motor * speed)
     direction = math.copysign(1.0, speed) if speed != 0.0 else math.copysign(1.0, push)
-    dry = _dry(speed, direction, numbers)
+    dry = dry_friction_nm(speed, direction, numbers[6], numbers[8], numbers[9], numbers[10])
     if speed == 0.0 and abs(push) <= dry:
         return 0.0, 0.0
     damping = motor / resistance * (motor + gain * share) + numbers[7]
@@ -250,7 +241,7 @@ def _stretch(
 def _current(speed: float, drive: float, share: float, resistance: float, numbers: Array) -> float:
     output = numbers[4] * drive + numbers[3] * (drive - speed)
     output = min(max(output, -numbers[5]), numbers[5])
-    voltage = math.copysign(max(abs(output) * share - numbers[11], 0.0), output)
+    voltage = bridge_voltage_v(output, share, numbers[11])
     return float((voltage - numbers[0] * speed) / resistance)
 
 
@@ -279,7 +270,8 @@ def _simulate(t_s: Array, acting: Array, share: Array, numbers: Array) -> tuple[
         speed[row] = here
         if here != 0.0:
             direction = math.copysign(1.0, here)
-            brake[row] = direction * _dry(here, direction, numbers) + numbers[7] * here
+            dry = dry_friction_nm(here, direction, numbers[6], numbers[8], numbers[9], numbers[10])
+            brake[row] = direction * dry + numbers[7] * here
         load = brake[row] / numbers[0] if is_loop and here != 0.0 else current[row]
         if row > 0 and numbers[12] > 0.0:
             keep = math.exp(-(t_s[row] - t_s[row - 1]) / numbers[13])

@@ -1,8 +1,12 @@
 """Effects that may be missing in the side-slope rover: one card each."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import math
+
+from sim_backends.models.interface import EffectCard, Values, parameter
+from sim_backends.models.side_slope.states import Build, Site, State
 
 REFERENCE_MASS_KG = 23.8
+USUAL_SLIP = 0.1
 PAPER = "Slope Traversability Analysis of Reconfigurable Planetary Rovers"
 
 
@@ -13,7 +17,7 @@ BODY_SHARE = parameter(
 SLOPE_FAILURE = EffectCard(
     name="slope_failure",
     sentence="Above a slope the loaded soil under the wheels fails and flows downhill, and backward as the "
-    "wheels shear it, and carries the rover with it, whatever its roll.",
+    "wheels shear it, and carries the rover with it, at any roll.",
     place="speed of the soil under the wheels",
     parameters=(
         parameter(
@@ -33,6 +37,15 @@ SLOPE_FAILURE = EffectCard(
     experiment="roll equal to slope on two slopes, and one traverse mirrored",
     source=f"{PAPER}, IV.C and figure 13: soil beneath the wheel moves downhill; the law is kinematics",
 )
+
+
+def flow_of_soil(values: Values, site: Site) -> tuple[float, float]:
+    """Return the speed of the soil downhill and backward over r omega by `SLOPE_FAILURE`."""
+    above = math.radians(max(site.slope_deg - values["onset"], 0.0))
+    down = values["gain"] * above * (site.mass_kg / REFERENCE_MASS_KG) ** values["load_exponent"]
+    return down, values["backward_share"] * down
+
+
 FRICTION_ANGLE = EffectCard(
     name="friction_angle",
     sentence="The soil's angle of internal friction is not the one of the tables.",
@@ -65,7 +78,7 @@ SINKAGE_MODULUS = EffectCard(
 )
 COG_OFFSET = EffectCard(
     name="cog_offset",
-    sentence="The centre of gravity lies beside or above where it was thought, which shifts load between the "
+    sentence="The centre of gravity is beside or above its assumed place, which shifts load between the "
     "uphill and the downhill wheels.",
     place="load transfer (paper 001, eqs 3 and 4)",
     parameters=(
@@ -81,13 +94,21 @@ COG_OFFSET = EffectCard(
     experiment="static loads of the wheels on level ground and on a slope",
     source=f"{PAPER}, eqs 3 and 4, Table I",
 )
+
+
+def cog_shift_m(values: Values) -> tuple[float, float]:
+    """Return the shift of the centre of gravity uphill and up by `COG_OFFSET`."""
+    direction = math.radians(values["direction"])
+    return values["offset"] * math.cos(direction), values["offset"] * math.sin(direction)
+
+
 HEADING_DRIFT = EffectCard(
     name="heading_drift",
     sentence="The rover slowly turns, or creeps sideways faster and faster, while it travels, the more the "
     "steeper the slope or the greater its load, as the side forces of front and rear wheels do not balance.",
     place="yaw of the rover along the path",
     parameters=(
-        parameter("rate", "deg/m", 0.0, 2.0, -20.0, 20.0, "turn uphill per way on 20 deg with 23.8 kg"),
+        parameter("rate", "deg/m", 0.0, 2.0, -20.0, 20.0, "turn uphill per distance on 20 deg with 23.8 kg"),
         parameter("slope_exponent", "1", 1.0, 0.5, 0.0, 3.0, "power of the sine of the slope"),
         parameter("load_exponent", "1", 0.0, 1.0, 0.0, 4.0, f"power of mass over {REFERENCE_MASS_KG} kg"),
         BODY_SHARE,
@@ -101,6 +122,15 @@ HEADING_DRIFT = EffectCard(
     experiment="a longer traverse with a gyro or two markers",
     source=f"{PAPER}, IV.C: the heading drifted slightly downhill with the greater mass",
 )
+
+
+def drift_rate_deg_m(values: Values, site: Site) -> float:
+    """Return the turn of the rover uphill per metre by `HEADING_DRIFT`."""
+    steep = math.sin(math.radians(site.slope_deg)) / math.sin(math.radians(20.0))
+    load = (site.mass_kg / REFERENCE_MASS_KG) ** values["load_exponent"]
+    return float(values["rate"] * steep ** values["slope_exponent"] * load)
+
+
 HEADING_OFFSET = EffectCard(
     name="heading_offset",
     sentence="The rover was set down with its heading off the traverse, so that its weight also pulls "
@@ -117,16 +147,16 @@ HEADING_OFFSET = EffectCard(
         "turns from downhill to uphill when the traverse is mirrored",
     ),
     experiment="a mirrored traverse, and one on the flat",
-    source="geometry; the paper's outlook asks for the yaw angle",
+    source="geometry; the paper's outlook requires the yaw angle",
     releases="heading_deg",
 )
 CAMERA_YAW = EffectCard(
     name="camera_yaw",
-    sentence="The frame of the motion capture is turned against the slope, so that every path is seen "
+    sentence="The frame of the motion capture is turned against the slope, so that every path appears "
     "turned.",
     place="measured path",
     parameters=(
-        parameter("offset", "deg", 0.0, 1.5, -15.0, 15.0, "turn of the seen path, uphill"),
+        parameter("offset", "deg", 0.0, 1.5, -15.0, 15.0, "turn of the measured path, uphill"),
         parameter(
             "slip_share", "1", 1.0, 0.5, 0.0, 1.0, "share that also enters the speed along the traverse"
         ),
@@ -164,13 +194,25 @@ SLIP_SINKAGE = EffectCard(
     experiment="drawbar at rising slip with the sinkage watched",
     source="Reece 1965, slip sinkage in proportion to slip",
 )
+
+
+def dug_in(state: State, build: Build, values: Values) -> State:
+    """Return a state with the sinkage that `SLIP_SINKAGE` adds beyond its part in the contact."""
+    slip = max(1.0 - state.forward * build.radius_m / (build.radius_m + build.shearing_m), 0.0)
+    deeper_m = values["depth_per_slip"] * USUAL_SLIP * (slip / USUAL_SLIP) ** values["exponent"]
+    more_m = deeper_m - build.slip_sinkage_m * slip
+    return state._replace(
+        sinkage_up_m=state.sinkage_up_m + more_m, sinkage_down_m=state.sinkage_down_m + more_m
+    )
+
+
 WHEEL_RADIUS = EffectCard(
     name="wheel_radius",
     sentence="The wheels have another radius than the encoder speeds were turned into rim speeds with.",
     place="rim speed and contact",
     parameters=(parameter("change", "m", 0.0, 0.002, -0.015, 0.015, "added to the radius"),),
     claims=("slip is off by nearly one constant", "also on a hard floor", "hardly any slip angle"),
-    experiment="free rolling on a hard floor over a measured way",
+    experiment="free rolling on a hard floor over a measured distance",
     source="geometry",
     releases="wheel_radius_m",
 )

@@ -1,8 +1,8 @@
 """The rover of paper 001 that traverses a sand slope, with the effects that may be missing in it.
 
-Base: the steady states of the paper's section IV.B with the numbers of its Tables I and III. Their priors say
-how well such numbers are known after plate, shear and wheel tests in the same sand. What is measured is the
-path in the frame of the slope, so heading, soil that flows and a turned camera come after the steady state.
+Base: the steady states of the paper's section IV.B with the numbers of its Tables I and III. Their priors are
+the accuracy of plate, shear and wheel tests in the same sand. The path is measured in the frame of the slope,
+so heading, flowing soil and a turned camera are applied after the steady state.
 """
 
 import math
@@ -13,16 +13,22 @@ import numpy as np
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.side_slope.effects import EFFECTS, REFERENCE_MASS_KG
+from sim_backends.models.side_slope.effects import (
+    EFFECTS,
+    cog_shift_m,
+    drift_rate_deg_m,
+    dug_in,
+    flow_of_soil,
+)
 from sim_backends.models.side_slope.states import Build, Site, SlopeStates, State
 
 NOMINAL_RADIUS_M = 0.097
 """Radius with which encoder speeds were turned into r omega."""
-WAY_M = 1.0
+DISTANCE_M = 1.0
 START_SHARE = 0.3
-"""Share of the way that counts as start."""
-MIDDLE_M = WAY_M * (1.0 + START_SHARE) / 2.0
-"""Way after which the mean of a steady turn is reached."""
+"""Share of the distance that counts as start."""
+MIDDLE_M = DISTANCE_M * (1.0 + START_SHARE) / 2.0
+"""Distance at which a steady turn has its mean."""
 BEND = "path_bend_deg_m"
 
 CHANNELS = (
@@ -67,26 +73,25 @@ PARAMETERS = (
         0.04,
         0.005,
         0.3,
-        "way over which slip builds up at the start",
+        "distance over which slip builds up at the start",
     ),
     parameter("sinkage_zero_mm", "mm", 0.0, 0.2, -5.0, 5.0, "zero of the gauge of the ruts"),
     parameter("torque_scale", "1", 1.0, 0.01, 0.8, 1.2, "measured over true torque"),
 )
-USUAL_SLIP = 0.1
-LATE_WAY_M = np.linspace(START_SHARE * WAY_M, WAY_M, 36)
+LATE_DISTANCE_M = np.linspace(START_SHARE * DISTANCE_M, DISTANCE_M, 36)
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
 class _Seen(NamedTuple):
-    """What comes after the steady state.
+    """Changes of the measured path after the steady state.
 
     Attributes:
         flow_down: Downhill speed of the failing soil, over r omega.
         flow_back: Its speed backward.
-        creep_deg: Turn uphill of the path that the body does not make.
-        camera_yaw_deg: Turn of the seen path, uphill.
+        creep_deg: Turn of the path uphill without a turn of the body.
+        camera_yaw_deg: Turn of the measured path, uphill.
         camera_slip_share: Share of that which enters the speed along the traverse.
-        late: Mean of slip and side speed over the way that counts, in parts of their steady values.
+        late: Mean of slip and side speed after the start, over their steady values.
     """
 
     flow_down: float
@@ -129,7 +134,7 @@ class SideSlope:
         state = self._states.state(build, site)
         path = _path(state, build, seen)
         bend = path[1] * late_bend(base["start_length_m"])
-        turn = drift_rate(drift, site) * MIDDLE_M
+        turn = drift_rate_deg_m(drift, site) * MIDDLE_M
         if turn != 0.0:
             body = drift["body_share"] * turn
             turned = build._replace(heading_deg=build.heading_deg + body)
@@ -138,28 +143,12 @@ class SideSlope:
             straight = path[1]
             path = _path(state, turned, seen._replace(creep_deg=seen.creep_deg + turn - body))
             bend += (path[1] - straight) / MIDDLE_M
-        return _measured(_dug_in(state, build, active["slip_sinkage"]), path, bend, base)
-
-
-def drift_rate(drift: Values, site: Site) -> float:
-    """Return how fast the rover turns uphill, deg/m."""
-    steep = (math.sin(math.radians(site.slope_deg)) / math.sin(math.radians(20.0))) ** drift["slope_exponent"]
-    return float(drift["rate"] * steep * (site.mass_kg / REFERENCE_MASS_KG) ** drift["load_exponent"])
-
-
-def _dug_in(state: State, build: Build, digging: Values) -> State:
-    """Return a state with what slip sinkage adds to the depth beyond the part that is in the contact."""
-    slip = max(1.0 - state.forward * build.radius_m / (build.radius_m + build.shearing_m), 0.0)
-    deeper_m = digging["depth_per_slip"] * USUAL_SLIP * (slip / USUAL_SLIP) ** digging["exponent"]
-    more_m = deeper_m - build.slip_sinkage_m * slip
-    return state._replace(
-        sinkage_up_m=state.sinkage_up_m + more_m, sinkage_down_m=state.sinkage_down_m + more_m
-    )
+        return _measured(dug_in(state, build, active["slip_sinkage"]), path, bend, base)
 
 
 def _build(base: Values, active: Mapping[str, Values]) -> Build:
-    cog, heading = active["cog_offset"], active["heading_offset"]
-    direction = math.radians(cog["direction"])
+    heading = active["heading_offset"]
+    lateral_m, height_m = cog_shift_m(active["cog_offset"])
     return Build(
         friction_angle_deg=base["friction_angle_deg"] + active["friction_angle"]["change"],
         shear_modulus_m=base["shear_modulus_m"] + active["shear_modulus"]["change"],
@@ -171,19 +160,18 @@ def _build(base: Values, active: Mapping[str, Values]) -> Build:
         radius_m=base["wheel_radius_m"] + active["wheel_radius"]["change"],
         shearing_m=active["grouser_radius"]["excess"],
         slip_sinkage_m=active["slip_sinkage"]["depth_per_slip"] * active["slip_sinkage"]["contact_share"],
-        cog_lateral_m=base["cog_lateral_m"] + cog["offset"] * math.cos(direction),
-        cog_height_m=base["cog_height_m"] + cog["offset"] * math.sin(direction),
+        cog_lateral_m=base["cog_lateral_m"] + lateral_m,
+        cog_height_m=base["cog_height_m"] + height_m,
         heading_deg=base["heading_deg"] + heading["offset"] * heading["body_share"],
     )
 
 
 def _seen(base: Values, active: Mapping[str, Values], site: Site) -> _Seen:
-    failure, heading, camera = active["slope_failure"], active["heading_offset"], active["camera_yaw"]
-    above = math.radians(max(site.slope_deg - failure["onset"], 0.0))
-    down = failure["gain"] * above * (site.mass_kg / REFERENCE_MASS_KG) ** failure["load_exponent"]
+    heading, camera = active["heading_offset"], active["camera_yaw"]
+    down, back = flow_of_soil(active["slope_failure"], site)
     return _Seen(
         flow_down=down,
-        flow_back=failure["backward_share"] * down,
+        flow_back=back,
         creep_deg=heading["offset"] * (1.0 - heading["body_share"]),
         camera_yaw_deg=base["camera_yaw_deg"] + camera["offset"],
         camera_slip_share=camera["slip_share"],
@@ -192,18 +180,18 @@ def _seen(base: Values, active: Mapping[str, Values], site: Site) -> _Seen:
 
 
 def late_mean(length_m: float) -> float:
-    """Return the mean of 1 - exp(-x / length) over the way that counts."""
-    return float(np.mean(1.0 - np.exp(-LATE_WAY_M / length_m)))
+    """Return the mean of 1 - exp(-x / length) after the start."""
+    return float(np.mean(1.0 - np.exp(-LATE_DISTANCE_M / length_m)))
 
 
 def late_bend(length_m: float) -> float:
-    """Return the slope per metre of a straight line through 1 - exp(-x / length) over the way that counts."""
-    offset = LATE_WAY_M - LATE_WAY_M.mean()
-    return float(offset @ -np.exp(-LATE_WAY_M / length_m) / (offset @ offset))
+    """Return the slope per metre of a straight line through 1 - exp(-x / length) after the start."""
+    offset = LATE_DISTANCE_M - LATE_DISTANCE_M.mean()
+    return float(offset @ -np.exp(-LATE_DISTANCE_M / length_m) / (offset @ offset))
 
 
 def _path(state: State, build: Build, seen: _Seen) -> tuple[float, float]:
-    """Return slip and slip angle (deg) as the camera sees them in the frame of the slope."""
+    """Return slip and slip angle (deg) as measured by the camera in the frame of the slope."""
     heading, yaw = math.radians(build.heading_deg), math.radians(seen.camera_yaw_deg)
     forward = 1.0 - (1.0 - state.forward) * seen.late
     sideways = state.sideways * seen.late + forward * math.tan(math.radians(seen.creep_deg))

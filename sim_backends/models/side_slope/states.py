@@ -1,4 +1,4 @@
-"""Steady states of the side-slope rover, remembered: runs under equal conditions share one."""
+"""Cached steady states of the side-slope rover: runs under equal conditions share one."""
 
 import math
 import sys
@@ -28,13 +28,13 @@ REMEMBERED = 20_000
 
 
 class Build(NamedTuple):
-    """What a steady state depends on, beside the conditions.
+    """Parameters of a steady state, in addition to the conditions.
 
     Attributes:
         friction_angle_deg, shear_modulus_m, k_phi, exponent, exit_share, greatest_stress, wall_friction_deg:
             Of the soil: phi, k, k_phi, n, lambda at slip 0, a_0 and delta of paper 001, Table III.
         radius_m: Of the wheels.
-        shearing_m: What the radius at which soil is sheared exceeds that of the wheels by.
+        shearing_m: Radius at which soil is sheared, less that of the wheels.
         slip_sinkage_m: Sinkage per slip ratio.
         cog_lateral_m: Of the centre of gravity, from the middle of the rover towards its left side.
         cog_height_m: Over the surface.
@@ -57,7 +57,7 @@ class Build(NamedTuple):
 
 
 class Site(NamedTuple):
-    """Where a run was made."""
+    """Conditions of a run."""
 
     slope_deg: float
     roll_deg: float
@@ -65,7 +65,7 @@ class Site(NamedTuple):
 
 
 class State(NamedTuple):
-    """How the rover travels over its soil; NaN where it cannot.
+    """Steady motion of the rover; NaN where there is none.
 
     Attributes:
         forward: Speed of the body along its wheels, over the speed r omega of the rim.
@@ -93,10 +93,10 @@ class _Near(NamedTuple):
 
 
 class SlopeStates:
-    """Solves steady states and remembers them.
+    """Solves and caches steady states.
 
-    A search begins at the state found last at the same site with another build, which is close: ten times
-    faster than from nothing. Where that fails, or there is none, everything is searched.
+    A search starts from the last state at the same site with another build, which is close and makes it ten
+    times faster. Without one, or if that fails, all states are searched.
     """
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ class SlopeStates:
         self._near: dict[tuple[Site, int], _Near] = {}
 
     def state(self, build: Build, site: Site) -> State:
-        """Return how the rover travels at a site."""
+        """Return the steady motion at a site."""
         key = (build, site)
         if key not in self._memory:
             if len(self._memory) >= REMEMBERED:
@@ -122,19 +122,19 @@ class SlopeStates:
         conditions = Conditions(
             math.radians(site.slope_deg), math.radians(site.roll_deg), math.radians(build.heading_deg)
         )
-        asked = demand(rover, conditions)
+        required = demand(rover, conditions)
         if (
-            not asked.balanced
-            or asked.vertical_n.min() <= 0.0
+            not required.balanced
+            or required.vertical_n.min() <= 0.0
             or conditions.slope_rad >= soil.friction_angle_rad
         ):
             return NOWHERE
-        load_n, share, kind = kinds_of_wheels(asked.vertical_n)
+        load_n, share, kind = kinds_of_wheels(required.vertical_n)
         effects = Effects(slip_sinkage_m=build.slip_sinkage_m)
         place = site, load_n.size
         try:
             contact = self._contact(rover, soil, conditions)._replace(slip_sinkage_m=build.slip_sinkage_m)
-            balance = Balance(contact, self._kernel, conditions, effects, asked, load_n, share)
+            balance = Balance(contact, self._kernel, conditions, effects, required, load_n, share)
             near = _next_to(balance, self._near.get(place))
             if near is None:
                 found = solve_steady_state(
@@ -217,7 +217,7 @@ def _point_of(found: SteadyState, kind: NDArray[np.int64]) -> _Near:
 
 
 def _state(balance: Balance, near: _Near, kind: NDArray[np.int64], build: Build) -> State:
-    # The wheels of a SlopeRover stand left front, right front, left rear, right rear.
+    # The order of the wheels of a SlopeRover is left front, right front, left rear, right rear.
     columns = balance.forces(rule_for(BOUND), near.point[np.newaxis])[0][kind]
     slips, sides = balance.motion(near.point[np.newaxis])
     depth, torque = near.point[2:][kind], columns[:, 3]

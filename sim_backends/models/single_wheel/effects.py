@@ -1,16 +1,29 @@
 """Effects that may be missing in the single wheel: one card each."""
 
-from sim_backends.models.interface import EffectCard, parameter
+import math
+
+from sim_backends.models.interface import EffectCard, Values, parameter
+
+GRIP_M = 0.002
+"""Height of lugs that hold most of the soil between them."""
 
 LUGS = EffectCard(
     name="lugs",
     sentence="Lugs shear the soil outside the rim, soil on soil.",
     place="shearing radius and friction of the rim (paper 002, eq 8)",
     parameters=(parameter("height", "m", 0.0, 0.003, 0.0, 0.02, "shearing radius less rim radius"),),
-    claims=("drawbar grows at every positive slip", "none on a smooth rim: look at it"),
+    claims=("drawbar grows at every positive slip", "none on a smooth rim"),
     experiment="the same wheel with and without lugs",
     source="Longitudinal Slip versus Skid of Planetary Rovers' Wheels, eq 8",
 )
+
+
+def rim_friction_deg(values: Values, rim_deg: float, soil_deg: float) -> float:
+    """Return the friction angle of a rim by `LUGS`, which hold soil between them: soil shears on soil."""
+    grip = 1.0 - math.exp(-values["height"] / GRIP_M)
+    return rim_deg + grip * max(soil_deg - rim_deg, 0.0)
+
+
 SLIP_SINKAGE = EffectCard(
     name="slip_sinkage",
     sentence="A slipping wheel digs soil out from under itself and sinks deeper without bearing more.",
@@ -81,7 +94,7 @@ TRENCH_FLOW = EffectCard(
 )
 RIG_YAW = EffectCard(
     name="rig_yaw",
-    sentence="The wheel stands turned in the test bed against the slip angle that was set.",
+    sentence="The wheel is mounted at another slip angle than was set.",
     place="slip angle",
     parameters=(parameter("offset", "deg", 0.0, 1.0, -10.0, 10.0, "true less set slip angle"),),
     claims=("side force straight ahead", "changes sign with the slip angle's"),

@@ -1,11 +1,10 @@
 """A single wheel in a test bed, steady, at any slip and slip angle, with the effects that may be missing.
 
-Base: `sim_backends.terramechanics.soil.any_angle_wheel` with the numbers that plates and books give
-(`cmu_sand_blind`); no wheel test went into them, and their priors say so. Another wheel or soil:
+Base: `sim_backends.terramechanics.soil.any_angle_wheel` with the numbers from plate tests and books
+(`cmu_sand_blind`); they were not fitted to wheel tests, and their priors are wide. Another wheel or soil:
 `SingleWheel(wheel, soil)`.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from drivers.errors import ModelError
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.single_wheel.effects import EFFECTS
+from sim_backends.models.single_wheel.effects import EFFECTS, rim_friction_deg
 from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleForces,
     AnyAngleSoil,
@@ -123,16 +122,10 @@ class SingleWheel:
         for card in EFFECTS:
             if card.releases is not None:
                 update[card.releases] += active[card.name]["change"]
-        # Lugs hold soil between them, so that soil shears on soil.
-        grip = 1.0 - math.exp(-active["lugs"]["height"] / GRIP_M)
-        update["rim_friction_deg"] += grip * max(
-            self._soil.friction_angle_deg - update["rim_friction_deg"], 0.0
+        update["rim_friction_deg"] = rim_friction_deg(
+            active["lugs"], update["rim_friction_deg"], self._soil.friction_angle_deg
         )
         return self._soil.model_copy(update=update)
-
-
-GRIP_M = 0.002
-"""Height of lugs that hold most of the soil between them."""
 
 
 def _parameter(name: str, soil: AnyAngleSoil) -> Parameter:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator, TraceSettings
+from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
 from controllers.ftrace.rig import RigFile, RigGeometry
 from controllers.ftrace.rig_geometry import Floats
 from drivers.clock import nanoseconds
@@ -50,9 +50,7 @@ def follow(
     sequence: FrameSequence, images: Sequence[Image], method: Method, *, telemetry: bool = True
 ) -> list[TraceAngle]:
     """Return what the estimator says of a drive's frames, one for each."""
-    estimator = TraceEstimator(
-        RigFile.model_validate(sequence.rig.as_json()).geometry(), TraceSettings(method=method)
-    )
+    estimator = TraceEstimator(RigFile.model_validate(sequence.rig.as_json()).geometry(), method)
     return [
         estimator.step(
             nanoseconds(told.t),

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.ftrace.hough.fuzzy import Candidate, confidence, falls
+from controllers.ftrace.parameters import DEFAULTS
 
 WIDTH_M = 0.1
 MOST_RAD = math.radians(35)
@@ -12,7 +13,7 @@ BEST = Candidate(theta_rad=0.0, offset_m=0.0, width_m=WIDTH_M, support=1.0)
 
 
 def match(candidate: Candidate, last: Candidate | None = BEST) -> float:
-    return confidence(candidate, WIDTH_M, MOST_RAD, last)
+    return confidence(candidate, WIDTH_M, MOST_RAD, last, DEFAULTS.fuzzy)
 
 
 def test_a_perfect_candidate() -> None:
@@ -34,7 +35,7 @@ def test_each_difference_costs_confidence(worse: Candidate) -> None:
     assert match(worse, None) < 0.9
 
 
-def test_continuity_is_asked_only_after_the_first_trace() -> None:
+def test_continuity_counts_only_after_the_first_trace() -> None:
     turned = Candidate(theta_rad=math.radians(15), offset_m=0.0, width_m=WIDTH_M, support=1.0)
 
     assert match(turned) < 0.05

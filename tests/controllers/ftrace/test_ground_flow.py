@@ -6,6 +6,7 @@ import pytest
 
 from controllers.ftrace.ground.flow import GroundFlow
 from controllers.ftrace.ground.frame import Frame
+from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import geometry
@@ -55,7 +56,9 @@ def test_motion_of_the_contact(forward_m: float, left_m: float, turn_deg: float)
     ground = GroundPatch(geometry())
     before, after = moved(ground, forward_m, left_m, math.radians(turn_deg))
 
-    motion = GroundFlow(ground).measure(before, after, (0.014, 0.0), frame_of(math.radians(turn_deg)))
+    motion = GroundFlow(ground, DEFAULTS.flow).measure(
+        before, after, (0.014, 0.0), frame_of(math.radians(turn_deg))
+    )
 
     assert motion is not None
     assert motion.forward_m == pytest.approx(forward_m, abs=4e-4)
@@ -68,7 +71,7 @@ def test_ground_that_stands_still_in_the_image_is_not_motion() -> None:
     ground = GroundPatch(geometry())
     picture = texture(ground.shape)
 
-    assert GroundFlow(ground).measure(picture, picture, (0.016, 0.0), frame_of(0.0)) is None
+    assert GroundFlow(ground, DEFAULTS.flow).measure(picture, picture, (0.016, 0.0), frame_of(0.0)) is None
 
 
 def test_other_ground_is_not_followed() -> None:
@@ -76,6 +79,6 @@ def test_other_ground_is_not_followed() -> None:
     before = texture(ground.shape)
     after = np.asarray(before[::-1, ::-1].copy(), np.uint8)
 
-    motion = GroundFlow(ground).measure(before, after, (0.016, 0.0), frame_of(0.0))
+    motion = GroundFlow(ground, DEFAULTS.flow).measure(before, after, (0.016, 0.0), frame_of(0.0))
 
     assert motion is None or motion.share < 0.3

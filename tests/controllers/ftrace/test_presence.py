@@ -4,25 +4,31 @@ import numpy as np
 import pytest
 
 from controllers.ftrace.ground.frame import is_usable
+from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rut.presence import Evidence, Presence
 from controllers.ftrace.rut.rut import floor_evidence
 
 START_M, STEP_M, BLOCKS = 0.3, 0.016, 14
-LOOK = np.array([-2.0, 1.0, -2.0, 3.0, 3.0, -2.0, -1.0, -2.0, 3.0, 3.0]) / np.sqrt(54.0)
+LEAST_BLOCKS = DEFAULTS.sections.least_blocks
+SIGNATURE = np.array([-2.0, 1.0, -2.0, 3.0, 3.0, -2.0, -1.0, -2.0, 3.0, 3.0]) / np.sqrt(54.0)
 
 
 def evidence(strength: float, blocks: int = BLOCKS, around: float = 15.0) -> Evidence:
     """Return the evidence of a rut that fills the nearest `blocks` of the view."""
     answers = np.zeros((10, BLOCKS))
-    answers[:, :blocks] = np.sqrt(strength / BLOCKS) * LOOK[:, None] * BLOCKS / blocks
+    answers[:, :blocks] = np.sqrt(strength / BLOCKS) * SIGNATURE[:, None] * BLOCKS / blocks
     sums = answers.sum(axis=1) / np.sqrt(BLOCKS)
     return Evidence(
         sums=sums,
         strength=float(sums @ sums),
-        around=around,
-        floor=floor_evidence(answers),
+        neighbours=around,
+        floor=floor_evidence(answers, LEAST_BLOCKS),
         answers=answers,
     )
+
+
+def presence_from(start_m: float) -> Presence:
+    return Presence(start_m, DEFAULTS.presence, DEFAULTS.sections)
 
 
 NOTHING = evidence(0.01)
@@ -30,55 +36,50 @@ WEAK, CLEAR, STRONG = evidence(80.0), evidence(120.0), evidence(300.0)
 
 
 def after(presence: Presence, shown: Evidence, frames: int) -> bool:
-    return [presence.judge(shown, STEP_M) for _ in range(frames)][-1]
+    return [presence.update(shown, STEP_M) for _ in range(frames)][-1]
 
 
-def test_a_trace_is_believed_after_some_frames_of_it() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def test_a_trace_is_accepted_after_some_frames_of_it() -> None:
+    presence = presence_from(START_M)
     after(presence, NOTHING, 30)
 
-    assert not presence.judge(WEAK, STEP_M)
+    assert not presence.update(WEAK, STEP_M)
     assert after(presence, WEAK, 12)
 
 
-def test_a_trace_in_view_when_the_drive_begins_is_believed_with_the_second_frame() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def test_a_trace_in_view_when_the_drive_begins_is_accepted_with_the_second_frame() -> None:
+    presence = presence_from(START_M)
 
-    assert not presence.judge(CLEAR, 0.0)
-    assert presence.judge(CLEAR, STEP_M)
-
-
-def test_an_unmistakable_one_is_believed_with_the_first_frame() -> None:
-    presence = Presence(START_M, is_light_known=True)
-
-    assert presence.judge(STRONG, 0.0)
+    assert not presence.update(CLEAR, 0.0)
+    assert presence.update(CLEAR, STEP_M)
 
 
-def test_while_the_rover_stands_only_an_unmistakable_trace_is_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def test_an_unmistakable_one_is_accepted_with_the_first_frame() -> None:
+    presence = presence_from(START_M)
 
-    assert not any(presence.judge(CLEAR, 0.0) for _ in range(20))
+    assert presence.update(STRONG, 0.0)
+
+
+def test_while_the_rover_stands_only_an_unmistakable_trace_is_accepted() -> None:
+    presence = presence_from(START_M)
+
+    assert not any(presence.update(CLEAR, 0.0) for _ in range(20))
 
 
 def test_a_band_of_tone_at_the_start_may_be_a_shadow_until_light_is_known() -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = presence_from(START_M)
 
     assert not after(presence, with_floor(CLEAR, 1.0), 3)
     assert after(presence, with_floor(CLEAR, 1.0), 3)
 
 
-def test_where_light_is_not_known_only_an_unmistakable_trace_is_believed_at_the_start() -> None:
-    assert not after(Presence(START_M, is_light_known=False), WEAK, 15)
-    assert after(Presence(START_M, is_light_known=False), STRONG, 1)
-
-
 @pytest.mark.parametrize(
     ("shown", "frames_before"), [(evidence(300.0, blocks=8), 0), (evidence(30.0), 0), (CLEAR, 1)]
 )
-def test_before_there_can_be_a_trace_one_that_ends_in_view_is_faint_or_comes_later_is_not_believed(
+def test_before_there_can_be_a_trace_one_that_ends_in_view_is_faint_or_comes_later_is_not_accepted(
     shown: Evidence, frames_before: int
 ) -> None:
-    presence = Presence(START_M, is_light_known=True)
+    presence = presence_from(START_M)
     after(presence, NOTHING, frames_before + 1)
 
     assert not after(presence, shown, 15)
@@ -86,7 +87,11 @@ def test_before_there_can_be_a_trace_one_that_ends_in_view_is_faint_or_comes_lat
 
 def with_floor(shown: Evidence, floor: float) -> Evidence:
     return Evidence(
-        sums=shown.sums, strength=shown.strength, around=shown.around, floor=floor, answers=shown.answers
+        sums=shown.sums,
+        strength=shown.strength,
+        neighbours=shown.neighbours,
+        floor=floor,
+        answers=shown.answers,
     )
 
 
@@ -97,71 +102,74 @@ def one_sided(shown: Evidence) -> Evidence:
     sums = answers.sum(axis=1) / np.sqrt(BLOCKS)
     strength = float(sums @ sums)
     return Evidence(
-        sums=sums, strength=strength, around=shown.around, floor=floor_evidence(answers), answers=answers
+        sums=sums,
+        strength=strength,
+        neighbours=shown.neighbours,
+        floor=floor_evidence(answers, LEAST_BLOCKS),
+        answers=answers,
     )
 
 
-def test_a_shadow_s_edge_is_not_believed_however_long() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def test_a_shadow_s_edge_is_not_accepted_however_long() -> None:
+    presence = presence_from(START_M)
     after(presence, NOTHING, 30)
 
     assert not after(presence, one_sided(evidence(150.0)), 200)
 
 
-def test_a_plain_band_without_a_floor_is_believed_when_it_was_clear_for_a_while() -> None:
-    presence, with_shadows = Presence(START_M, is_light_known=True), Presence(START_M, is_light_known=False)
+def test_a_plain_band_without_a_floor_is_accepted_when_it_was_clear_for_a_while() -> None:
+    presence = presence_from(START_M)
     after(presence, NOTHING, 30)
     band = with_floor(STRONG, 1.0)
 
     assert not after(presence, band, 4)
     assert after(presence, band, 14)
-    assert not after(with_shadows, band, 200)
 
 
-def frames_until_believed(presence: Presence, shown: Evidence) -> int:
-    return next(frame for frame in range(1000) if presence.judge(shown, STEP_M))
+def frames_until_accepted(presence: Presence, shown: Evidence) -> int:
+    return next(frame for frame in range(1000) if presence.update(shown, STEP_M))
 
 
-def test_what_was_seen_before_there_could_be_a_trace_is_believed_much_later_than_what_is_new() -> None:
+def test_what_was_seen_before_there_could_be_a_trace_is_accepted_much_later_than_what_is_new() -> None:
     shadow = with_floor(evidence(60.0, blocks=9), 1.0)
     other = Evidence(
-        sums=-shadow.sums, strength=shadow.strength, around=15.0, floor=1.0, answers=-shadow.answers
+        sums=-shadow.sums, strength=shadow.strength, neighbours=15.0, floor=1.0, answers=-shadow.answers
     )
-    before, new = (Presence(START_M, is_light_known=True) for _ in range(2))
+    before, new = (presence_from(START_M) for _ in range(2))
     first = round(START_M / STEP_M) + 1
     for presence, seen in ((before, shadow), (new, other)):
         after(presence, seen, 6)
         after(presence, NOTHING, first)
 
-    assert frames_until_believed(before, shadow) > 1.5 * frames_until_believed(new, shadow)
+    assert frames_until_accepted(before, shadow) > 1.5 * frames_until_accepted(new, shadow)
 
 
-def test_a_plain_band_as_clear_as_others_beside_is_not_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def test_a_plain_band_as_clear_as_others_beside_is_not_accepted() -> None:
+    presence = presence_from(START_M)
     after(presence, NOTHING, 30)
 
     assert not after(presence, with_floor(evidence(150.0, around=300.0), 1.0), 200)
 
 
-def test_a_floor_for_one_frame_is_not_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def test_a_floor_for_one_frame_is_not_accepted() -> None:
+    presence = presence_from(START_M)
     shown = evidence(80.0, around=200.0)
     after(presence, with_floor(shown, 0.0), 60)
 
-    assert not presence.judge(with_floor(shown, 5.0), STEP_M)
+    assert not presence.update(with_floor(shown, 5.0), STEP_M)
 
 
-def test_the_first_trace_is_believed_when_the_way_is_long_enough() -> None:
+def test_the_first_trace_is_accepted_when_the_way_is_long_enough() -> None:
     """Its far end reaches into blocks that it does not fill: measured, it is shorter than it is."""
-    presence = Presence(START_M, is_light_known=True)
+    presence = presence_from(START_M)
     after(presence, NOTHING, 19)
 
-    assert not presence.judge(evidence(200.0, blocks=5), 0.0)
+    assert not presence.update(evidence(200.0, blocks=5), 0.0)
     assert after(presence, evidence(200.0, blocks=5), 8)
 
 
-def test_less_than_the_length_that_counts_is_not_believed() -> None:
-    presence = Presence(START_M, is_light_known=True)
+def test_less_than_the_length_that_counts_is_not_accepted() -> None:
+    presence = presence_from(START_M)
     after(presence, NOTHING, 30)
 
     assert not after(presence, evidence(200.0, blocks=4), 30)
@@ -169,27 +177,26 @@ def test_less_than_the_length_that_counts_is_not_believed() -> None:
 
 
 def test_a_trace_that_is_gone_is_lost_at_once_and_comes_back_faster() -> None:
-    presence = Presence(0.0, is_light_known=True)
+    presence = presence_from(0.0)
     after(presence, STRONG, 20)
 
-    assert not presence.judge(NOTHING, STEP_M)
+    assert not presence.update(NOTHING, STEP_M)
     presence.forget()
-    assert presence.judge(evidence(80.0, around=120.0), STEP_M)
+    assert presence.update(evidence(80.0, around=120.0), STEP_M)
 
 
 def test_as_much_beside_does_not_lose_a_trace_that_looks_as_before() -> None:
-    presence = Presence(0.0, is_light_known=True)
+    presence = presence_from(0.0)
     after(presence, STRONG, 20)
 
     assert after(presence, evidence(80.0, around=120.0), 20)
 
 
-@pytest.mark.parametrize("is_light_known", [True, False])
-def test_a_trace_in_a_shadow_that_looks_as_before_is_kept_where_light_is_known(is_light_known: bool) -> None:
-    presence = Presence(0.0, is_light_known=is_light_known)
+def test_a_trace_in_a_shadow_that_looks_as_before_is_kept() -> None:
+    presence = presence_from(0.0)
     after(presence, STRONG, 20)
 
-    assert after(presence, with_floor(evidence(70.0, around=150.0), -2.0), 40) is is_light_known
+    assert after(presence, with_floor(evidence(70.0, around=150.0), -2.0), 40)
 
 
 def test_the_weaker_side_of_the_floor_counts() -> None:
@@ -197,9 +204,9 @@ def test_the_weaker_side_of_the_floor_counts() -> None:
     one_sided = answers.copy()
     one_sided[:5] = 0
 
-    assert floor_evidence(answers) > 6
-    assert floor_evidence(one_sided) == pytest.approx(0.0)
-    assert floor_evidence(answers[:, :2]) == 0.0
+    assert floor_evidence(answers, LEAST_BLOCKS) > 6
+    assert floor_evidence(one_sided, LEAST_BLOCKS) == pytest.approx(0.0)
+    assert floor_evidence(answers[:, :2], LEAST_BLOCKS) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -209,4 +216,4 @@ def test_frames_that_show_nothing_are_not_used(mean: float, sd: float, usable: b
     noise = np.random.default_rng(2).normal(mean, sd, (60, 60))
     patch = np.asarray(np.clip(noise, 0, 255), np.uint8)
 
-    assert is_usable(patch, np.ones(patch.shape, np.bool_)) is usable
+    assert is_usable(patch, np.ones(patch.shape, np.bool_), DEFAULTS.frame) is usable

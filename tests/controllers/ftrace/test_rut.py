@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rig_geometry import GroundPatch
 from controllers.ftrace.rut.rut import CrossSections, Roughness, RutFinder
 from tests.controllers.ftrace.rigs import geometry
@@ -9,7 +10,7 @@ from tests.controllers.ftrace.rigs import geometry
 
 def made_up() -> tuple[RutFinder, CrossSections]:
     ground = GroundPatch(geometry())
-    finder = RutFinder(ground)
+    finder = RutFinder(ground, DEFAULTS.sections)
     detail = np.random.default_rng(3).normal(0, 0.1, finder.inner.shape).astype(np.float32)
     return finder, finder.cross_sections(detail, finder.roughness(detail))
 

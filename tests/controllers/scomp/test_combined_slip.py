@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
-from controllers.slip.scomp.two_segment_slip_law import fit_hinge, hinge_of_model
+from controllers.slip.scomp.two_segment_slip_law import fit_two_segments, two_segments_of_model
 from drivers.errors import ModelError
-from rover_hil.identify.scomp.single_wheel_data import BedData, tune
+from rover_hil.identify.scomp.single_wheel_data import SingleWheelData, fit_single_wheel_data
 
 TABLE_3 = CombinedSlip()
 SLOPE = math.radians(12.0)
@@ -80,38 +80,38 @@ def test_stiffness_in_place_of_the_models_own() -> None:
     assert TABLE_3.slip_at(0.2, 0.1, 40.0) > TABLE_3.slip_at(0.2, 0.1)
 
 
-def test_hinge_of_12_deg() -> None:
-    hinge = hinge_of_model(TABLE_3, SLOPE, RANGE)
-    assert hinge.slip_0 == pytest.approx(0.3118, abs=1e-4)
-    assert math.radians(hinge.k_per_rad) == pytest.approx(0.00325, abs=1e-4)
-    assert math.degrees(hinge.beta_0_rad) == pytest.approx(6.4, abs=0.3)
-    assert hinge.fit_range_rad == RANGE
-    assert hinge.slip_at(-0.3) == hinge.slip_at(0.3) > hinge.slip_at(0.0) == hinge.slip_0
+def test_two_segments_of_12_deg() -> None:
+    law = two_segments_of_model(TABLE_3, SLOPE, RANGE)
+    assert law.slip_0 == pytest.approx(0.3118, abs=1e-4)
+    assert math.radians(law.k_per_rad) == pytest.approx(0.00325, abs=1e-4)
+    assert math.degrees(law.beta_0_rad) == pytest.approx(6.4, abs=0.3)
+    assert law.fit_range_rad == RANGE
+    assert law.slip_at(-0.3) == law.slip_at(0.3) > law.slip_at(0.0) == law.slip_0
 
 
-def test_hinge_depends_on_its_range() -> None:
-    narrow, wide = (hinge_of_model(TABLE_3, SLOPE, (0.0, math.radians(end))) for end in (20.0, 30.0))
+def test_two_segments_depend_on_its_range() -> None:
+    narrow, wide = (two_segments_of_model(TABLE_3, SLOPE, (0.0, math.radians(end))) for end in (20.0, 30.0))
     assert wide.k_per_rad > 1.2 * narrow.k_per_rad
 
 
-def test_fit_hinge_finds_both_lines() -> None:
+def test_fit_two_segments_finds_both_lines() -> None:
     angle = np.linspace(-0.4, 0.4, 161)
-    hinge = fit_hinge(angle, 0.1 + 0.5 * np.maximum(0.0, np.abs(angle) - 0.15), RANGE)
-    assert (hinge.slip_0, hinge.k_per_rad, hinge.beta_0_rad) == pytest.approx((0.1, 0.5, 0.15), abs=2e-3)
-    falling = fit_hinge(angle, 0.3 - 0.5 * np.abs(angle), RANGE)
+    law = fit_two_segments(angle, 0.1 + 0.5 * np.maximum(0.0, np.abs(angle) - 0.15), RANGE)
+    assert (law.slip_0, law.k_per_rad, law.beta_0_rad) == pytest.approx((0.1, 0.5, 0.15), abs=2e-3)
+    falling = fit_two_segments(angle, 0.3 - 0.5 * np.abs(angle), RANGE)
     assert falling.k_per_rad == 0.0
 
 
-def test_fit_hinge_needs_points_in_its_range() -> None:
+def test_fit_two_segments_needs_points_in_its_range() -> None:
     with pytest.raises(ModelError, match="needs 6 points"):
-        fit_hinge(np.full(20, 1.0), np.full(20, 0.2), RANGE)
+        fit_two_segments(np.full(20, 1.0), np.full(20, 0.2), RANGE)
 
 
-def bed(model: CombinedSlip, noise_n: float = 0.0) -> BedData:
+def trials(model: CombinedSlip, noise_n: float = 0.0) -> SingleWheelData:
     slip, angle = np.meshgrid(np.linspace(0.0, 0.8, 9), np.radians([5.0, 10.0, 15.0, 20.0, 25.0]))
     force_x_n, force_y_n = model.forces_n(slip.ravel(), angle.ravel())
     noise = noise_n * np.random.default_rng(3).standard_normal((2, slip.size))
-    return BedData(
+    return SingleWheelData(
         slip=slip.ravel(),
         slip_angle_rad=angle.ravel(),
         force_x_n=force_x_n + noise[0],
@@ -124,7 +124,7 @@ def bed(model: CombinedSlip, noise_n: float = 0.0) -> BedData:
     "model", [TABLE_3, CombinedSlip(mu=0.45, c_x_n=80.0, c_y_n=130.0, a_x=0.05, a_y=-0.03, load_n=50.0)]
 )
 def test_tuning_recovers_a_model(model: CombinedSlip) -> None:
-    fit = tune(bed(model))
+    fit = fit_single_wheel_data(trials(model))
     for name in ("mu", "c_x_n", "c_y_n", "a_x", "a_y"):
         assert getattr(fit.model, name) == pytest.approx(getattr(model, name), rel=2e-3, abs=1e-3), name
     assert fit.force_x_rms_n < 1e-2
@@ -132,16 +132,16 @@ def test_tuning_recovers_a_model(model: CombinedSlip) -> None:
 
 def test_tuning_follows_noisy_forces() -> None:
     truth = CombinedSlip(mu=0.5, c_x_n=70.0, c_y_n=150.0)
-    fit = tune(bed(truth, noise_n=0.3))
+    fit = fit_single_wheel_data(trials(truth, noise_n=0.3))
     assert fit.force_x_rms_n == pytest.approx(0.3, rel=0.3)
     slip, angle = np.array([0.4]), np.array([0.2])
     assert fit.model.forces_n(slip, angle)[0][0] == pytest.approx(truth.forces_n(slip, angle)[0][0], abs=0.3)
 
 
 def test_tuning_needs_low_and_high_slip() -> None:
-    data = bed(TABLE_3)
+    data = trials(TABLE_3)
     low = data.slip < 0.4
-    short = BedData(
+    short = SingleWheelData(
         slip=data.slip[low],
         slip_angle_rad=data.slip_angle_rad[low],
         force_x_n=data.force_x_n[low],
@@ -149,12 +149,12 @@ def test_tuning_needs_low_and_high_slip() -> None:
         load_n=data.load_n,
     )
     with pytest.raises(ModelError, match="measure more slips"):
-        tune(short)
+        fit_single_wheel_data(short)
 
 
 def test_one_outlier_at_the_end_makes_no_corner() -> None:
     angle = np.linspace(0.0, 0.3, 40)
     slip = np.where(angle < 0.3, 0.2, 0.9)
-    hinge = fit_hinge(angle, slip, RANGE)
-    assert hinge.beta_0_rad < 0.25
-    assert hinge.k_per_rad < 5.0
+    law = fit_two_segments(angle, slip, RANGE)
+    assert law.beta_0_rad < 0.25
+    assert law.k_per_rad < 5.0

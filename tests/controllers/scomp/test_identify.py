@@ -88,9 +88,9 @@ def test_a_noisy_tracker_does_not_blame_the_gyro() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda path: replace(path, x_m=-path.x_m), "backwards or aside in"),
-        (lambda path: replace(path, psi_rad=path.psi_rad + 1.6), "backwards or aside in"),
-        (lambda path: replace(path, x_m=0.0 * path.x_m, y_m=0.0 * path.y_m), "does not move although its wheels turn"),
+        (lambda path: replace(path, x_m=-path.x_m), "backwards or sideways in"),
+        (lambda path: replace(path, psi_rad=path.psi_rad + 1.6), "backwards or sideways in"),
+        (lambda path: replace(path, x_m=0.0 * path.x_m, y_m=0.0 * path.y_m), "does not move in the truth"),
     ],
 )
 def test_a_truth_that_cannot_be_the_logs_is_refused(
@@ -123,11 +123,11 @@ def replace_psi(path: TruePath, turn_rad: float) -> TruePath:
     return TruePath(t_s=path.t_s, x_m=x_m, y_m=y_m, psi_rad=path.psi_rad + turn_rad)
 
 
-def test_bare_wheels_give_the_hinge() -> None:
+def test_bare_wheels_give_the_two_segment_law() -> None:
     drive, path = read(sideways())
     bare = Drive(t_s=drive.t_s, wheel_rad=drive.wheel_rad, wheel_yaw_rad=drive.wheel_yaw_rad)
     found = identify(bare, path)
-    assert found.parameters.hinge == fitted().parameters.hinge
+    assert found.parameters.two_segment_slip == fitted().parameters.two_segment_slip
     assert found.slip_rms is None
     assert "no pitch" in found.notes[0]
 

@@ -5,20 +5,14 @@ import numpy as np
 import pytest
 
 from controllers.slip.scomp.parameters import CompassModel, ScompParameters
-from controllers.slip.scomp.two_segment_slip_law import Hinge
+from controllers.slip.scomp.two_segment_slip_law import TwoSegmentSlip
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Drive, TruePath, final_error_m
-from rover_hil.scomp.odometry import (
-    compass_track,
-    estimate_track,
-    paper_track,
-    plain_track,
-    start_heading,
-)
+from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
+from rover_hil.scomp.odometry import estimate_track, start_heading
 from tests.controllers.scomp.drives import estimated, fitted, mounds, read, rms, sideways
 
-HINGE = Hinge(slip_0=0.2, k_per_rad=0.5, beta_0_rad=0.1, fit_range_rad=(0.0, 0.5))
-PARAMETERS = ScompParameters(hinge=HINGE, compass=CompassModel(sign=1, offset_rad=0.0))
+TWO_SEGMENTS = TwoSegmentSlip(slip_0=0.2, k_per_rad=0.5, beta_0_rad=0.1, fit_range_rad=(0.0, 0.5))
+PARAMETERS = ScompParameters(two_segment_slip=TWO_SEGMENTS, compass=CompassModel(sign=1, offset_rad=0.0))
 WAY_M = 5.0
 
 
@@ -33,50 +27,19 @@ def straight(beta_rad: float, heading_rad: float = 0.0) -> Drive:
     )
 
 
-@pytest.mark.parametrize("beta_rad", [0.3, -0.3])
-def test_more_drift_means_less_way_ahead(beta_rad: float) -> None:
-    track = paper_track(straight(beta_rad), PARAMETERS)
-    ahead_m = WAY_M * (1.0 - 0.2 - 0.5 * (0.3 - 0.1))
-    assert track.x_m[-1] == pytest.approx(ahead_m)
-    assert track.y_m[-1] == pytest.approx(ahead_m * math.tan(beta_rad))
-
-
-def test_below_the_corner_the_drift_costs_nothing() -> None:
-    assert paper_track(straight(0.05), PARAMETERS).x_m[-1] == pytest.approx(WAY_M * 0.8)
-
-
-def test_the_path_turns_with_the_heading() -> None:
-    track = paper_track(straight(0.05, heading_rad=math.pi / 2.0), PARAMETERS)
-    assert track.y_m[-1] == pytest.approx(WAY_M * 0.8)
-    assert track.x_m[-1] == pytest.approx(-WAY_M * 0.8 * math.tan(0.05))
-
-
-def test_plain_and_compass_odometry_know_no_slip() -> None:
-    drive = straight(0.3, heading_rad=0.2)
-    assert (plain_track(drive, PARAMETERS).x_m[-1], plain_track(drive, PARAMETERS).y_m[-1]) == (
-        pytest.approx(WAY_M),
-        0.0,
-    )
-    compass = compass_track(drive, PARAMETERS)
-    assert (compass.x_m[-1], compass.y_m[-1]) == pytest.approx((WAY_M * math.cos(0.2), WAY_M * math.sin(0.2)))
-
-
-def test_plain_odometry_turns_with_the_right_wheels() -> None:
-    drive = straight(0.0)
-    drive = replace(drive, wheel_yaw_rad=np.linspace(0.0, 0.5, len(drive.t_s)))
-    assert plain_track(drive, PARAMETERS).heading_rad[-1] == pytest.approx(0.5 * 0.092 / 0.22)
-
-
-def test_sensors_that_a_method_needs() -> None:
-    with pytest.raises(ModelError, match="trace"):
-        paper_track(replace(straight(0.1), trace_rad=None), PARAMETERS)
-    with pytest.raises(ModelError, match="compass"):
-        compass_track(replace(straight(0.1), compass_rad=None), PARAMETERS)
-
-
 def test_final_error_counts_from_each_start() -> None:
-    track = plain_track(straight(0.0), PARAMETERS)
     t_s = np.array([0.0, 50.0])
+    still = np.zeros(2)
+    track = Track(
+        t_s=t_s,
+        x_m=np.array([0.0, WAY_M]),
+        y_m=still,
+        heading_rad=still,
+        slip=still,
+        slip_angle_rad=still,
+        sigma_x_m=still,
+        sigma_y_m=still,
+    )
     truth = TruePath(t_s=t_s, x_m=np.array([7.0, 11.0]), y_m=np.array([-1.0, 2.0]), psi_rad=np.zeros(2))
     assert final_error_m(track, truth) == pytest.approx(math.hypot(1.0, 3.0))
 
@@ -98,12 +61,10 @@ def test_start_heading_is_the_frames_unless_the_compass_contradicts() -> None:
 @pytest.mark.parametrize(("which", "bar_m"), [("sideways", 0.12), ("mounds", 0.25)])
 def test_field_tests_with_parameters_of_the_first(which: str, bar_m: float) -> None:
     recorded = sideways() if which == "sideways" else mounds()
-    drive, path = read(recorded)
-    parameters = fitted().parameters
+    _, path = read(recorded)
     ours = estimated(which, online=True)
     drives = path.t_s > 3.5
     assert final_error_m(ours.track, path) < bar_m
-    assert final_error_m(plain_track(drive, parameters), path) > 1.0
     off = np.degrees(ours.track.slip_angle_rad - recorded.truth["slip_angle_rad"])[drives]
     assert rms(off) < 1.0
     assert rms((ours.track.slip - recorded.truth["slip"])[drives]) < 0.05

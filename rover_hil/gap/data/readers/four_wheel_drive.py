@@ -2,8 +2,8 @@
 
 A log is a table `t_s,enc1_rad..enc4_rad,compass_deg,gyro_z_deg_s,pitch_deg,roll_deg,...`; encoders at the
 wheels in the order front left, front right, rear left, rear right; pitch nose up, roll left side up. The
-truth is a second table `t_s,x_m,y_m,psi_rad,...` beside it: its name is that of the log with `truth` in it,
-or it is the only one of its folder. Truth in the same table, and logs of this software, will do as well.
+truth is a second table `t_s,x_m,y_m,psi_rad,...` in the same folder, with the name of the log and `truth` in
+it, or the only one of the folder. The truth may also be in the same table; logs of this software contain it.
 """
 
 import math
@@ -33,10 +33,9 @@ from sim_backends.models.interface import Array, Run
 POSE = ("x_m", "y_m", "psi_rad")
 LABELS = ("wheel_radius_m", "track_m")
 TILT_WINDOWS = 5
-"""Over which tilt is smoothed: a body on wheels 0.6 m apart turns slowly, an inclinometer's noise does not.
-Noise in an input would make effects that follow it look smaller than they are."""
+"""Windows over which tilt is smoothed: noise in an input makes effects that depend on it look smaller."""
 LEAST_DIFFERENCE = 0.02
-"""Of the sides' speeds over their mean, rms: below it they are driven alike and tell nothing of turns."""
+"""Least rms difference of the speeds of both sides over their mean; below it there are no turns."""
 
 
 def read_four_wheel_runs(path: Path) -> list[Run]:
@@ -71,7 +70,7 @@ def four_wheel_runs_of_log(log: DriveLog) -> list[Run]:
     """
     if log.kind not in ("", "skid_steer_4"):
         raise ConfigError(
-            f"{log.name} is of a {log.kind} rover: give the log of four wheels that do not steer"
+            f"{log.name} is of a {log.kind} rover: use the log of four wheels that do not steer"
         )
     # Sensors of a log have times of their own; before and after them nothing is missing.
     return [replace(four_wheel_run(log.name, log.columns, log.columns, log.facts), missing={})]
@@ -84,26 +83,31 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
         ConfigError: A column is missing, or times do not rise.
     """
     turned = [f"enc{wheel}_rad" for wheel in WHEELS]
-    need(columns, ("t_s", *turned), name, "wheels are what odometry is made of")
-    need(truth, ("t_s", *POSE), f"truth of {name}", "the true pose is what odometry is compared with")
+    need(columns, ("t_s", *turned), name, "odometry needs the wheels")
+    need(truth, ("t_s", *POSE), f"truth of {name}", "odometry is compared with the true pose")
     t_s, true_s = columns["t_s"], truth["t_s"]
     check_times(t_s, name)
     check_times(true_s, f"truth of {name}")
-    seen = np.isfinite(np.stack([truth[one] for one in POSE])).all(axis=0)
-    if seen.sum() < LEAST_WINDOWS:
-        raise ConfigError(f"truth of {name} has {int(seen.sum())} poses: {LEAST_WINDOWS} or more are needed")
+    has_pose = np.isfinite(np.stack([truth[one] for one in POSE])).all(axis=0)
+    if has_pose.sum() < LEAST_WINDOWS:
+        raise ConfigError(
+            f"truth of {name} has {int(has_pose.sum())} poses: {LEAST_WINDOWS} or more are needed"
+        )
     rows = whole_rows(columns, turned)
     recorded = {one: values[rows] for one, values in columns.items()}
     gaps = missing_values(recorded, (*turned, "gyro_z_deg_s", "pitch_deg", "roll_deg"), name)
-    told = t_s[rows]
-    first, last = max(float(told[0]), float(true_s[seen][0])), min(float(told[-1]), float(true_s[seen][-1]))
+    valid = t_s[rows]
+    first, last = (
+        max(float(valid[0]), float(true_s[has_pose][0])),
+        min(float(valid[-1]), float(true_s[has_pose][-1])),
+    )
     windows = windows_over(first, last, name)
-    x_m, y_m, psi_rad = (truth[one][seen] for one in POSE)
+    x_m, y_m, psi_rad = (truth[one][has_pose] for one in POSE)
     heading = np.unwrap(psi_rad)
-    forward, left, turn = body_rates(windows, true_s[seen], x_m, y_m, heading)
+    forward, left, turn = body_rates(windows, true_s[has_pose], x_m, y_m, heading)
     inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, columns[f"enc{wheel}_rad"]) for wheel in WHEELS}
     inputs |= {f"{one}_rad": _tilt(windows, columns, one) for one in ("pitch", "roll")}
-    inputs["heading_rad"] = np.interp(windows.middle_s, true_s[seen], heading)
+    inputs["heading_rad"] = np.interp(windows.middle_s, true_s[has_pose], heading)
     inputs["true_turn_rad_s"] = turn
     measured = {"forward_m_s": forward, "left_m_s": left}
     if _are_sides_apart(inputs):
@@ -112,7 +116,7 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
         name=name,
         conditions=_conditions(inputs, forward) | {key: facts[key] for key in LABELS if key in facts},
         inputs={"t_s": windows.middle_s, **inputs},
-        measured=measured | _sensors(windows, columns, true_s[seen], heading),
+        measured=measured | _sensors(windows, columns, true_s[has_pose], heading),
         missing=gaps,
     )
 
@@ -128,13 +132,13 @@ def _are_sides_apart(inputs: Mapping[str, Array]) -> bool:
 def _truth_of(log: Path, truths: Sequence[Path], logs: Sequence[Path]) -> Path:
     stem = _plain(log)
     named = [one for one in truths if one.parent == log.parent and _plain(one) == stem]
-    beside = [one for one in truths if one.parent == log.parent]
+    in_folder = [one for one in truths if one.parent == log.parent]
     if len(named) == 1:
         return named[0]
-    if len(beside) == 1 and sum(1 for one in logs if one.parent == log.parent) == 1:
-        return beside[0]
+    if len(in_folder) == 1 and sum(1 for one in logs if one.parent == log.parent) == 1:
+        return in_folder[0]
     raise ConfigError(
-        f"{log} has no truth beside it: put a table with t_s, x_m, y_m, psi_rad there, named "
+        f"{log} has no truth in its folder: add a table with t_s, x_m, y_m, psi_rad, named "
         f"{log.name.split('.csv')[0]}_truth.csv"
     )
 
@@ -164,7 +168,7 @@ def _conditions(inputs: Mapping[str, Array], forward: Array) -> dict[str, float]
 
 
 def _sensors(windows: Windows, columns: Columns, true_s: Array, heading: Array) -> dict[str, Array]:
-    """Return what gyro and compass say; of the compass how far it is from the true heading."""
+    """Return the readings of the gyro, and the error of the compass."""
     t_s, found = columns["t_s"], {}
     gyro = columns.get("gyro_z_deg_s")
     if gyro is not None and np.isfinite(gyro).any():

@@ -1,9 +1,9 @@
 """Measured drives of a Robotino under an overhead camera, as runs of windows.
 
 - Robotino 2 runs (BrOleg5/research-wheel-slippage): ticks and current per motor, pose of a marker in pixels.
-  The camera repeats itself now and then; such rows are left out.
+  The camera repeats some poses; such rows are left out.
 - Averages of the paper (BrOleg5/Slippage-compensation): one row per half second, motor speeds in rpm, steps
-  of the camera in mm; rows of one direction of drive, put one behind the other, make a run.
+  of the camera in mm; rows of one direction of drive, joined, are a run.
 - Tables: `t_s`, `enc1_rad..enc3_rad` at the wheels, `x_m`, `y_m`, `psi_rad`, perhaps `current1_a..`,
   `gyro_z_deg_s`, `surface` and `run`. Logs of drives have the same columns.
 """
@@ -48,7 +48,7 @@ from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 TICKS_PER_RAD = ROBOTINO_BOARD.ticks_per_motor_turn * ROBOTINO_BOARD.gear_ratio / math.tau
 NOMINAL_M_PER_PX = 1.84e-3
 MIDDLE_M = (1.45, -1.04)
-"""About the middle of the ways in the picture."""
+"""Approximate middle of the paths in the picture."""
 CURRENT_WINDOWS = 5
 """Over which currents are smoothed."""
 RPM_TO_WHEEL = math.tau / 60.0 / ROBOTINO_BOARD.gear_ratio
@@ -89,9 +89,7 @@ def drive_runs_of_log(log: DriveLog) -> list[Run]:
         ConfigError: It is of another kind of rover, or lacks wheels or the true pose.
     """
     if log.kind not in ("", "omni3"):
-        raise ConfigError(
-            f"{log.name} is of a {log.kind} rover: give the log of three omnidirectional wheels"
-        )
+        raise ConfigError(f"{log.name} is of a {log.kind} rover: use the log of three omnidirectional wheels")
     # Sensors of a log have times of their own; before and after them nothing is missing.
     return [replace(_posed(log.name, 1.0, log.columns, log.facts), missing={})]
 
@@ -102,13 +100,13 @@ def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
     gaps = missing_values(columns, (*CAMERA_UNITS, *names), str(path))
     t_s = columns["t"] / 1000.0
     check_times(t_s, str(path))
-    x_px, y_px, psi_rad, seen = camera_poses(columns)
+    x_px, y_px, psi_rad, has_pose = camera_poses(columns)
     x_m, y_m = NOMINAL_M_PER_PX * x_px, NOMINAL_M_PER_PX * y_px
-    windows = windows_over(float(t_s[0]), float(t_s[seen][-1]), str(path))
+    windows = windows_over(float(t_s[0]), float(t_s[has_pose][-1]), str(path))
     turned = [columns[f"m{wheel}pos"] / TICKS_PER_RAD for wheel in WHEELS]
     current = [columns[f"m{wheel}cur"] for wheel in WHEELS]
     name = prefix + path.name.split(".csv")[0]
-    pose = body_rates(windows, t_s[seen], x_m[seen], y_m[seen], psi_rad[seen])
+    pose = body_rates(windows, t_s[has_pose], x_m[has_pose], y_m[has_pose], psi_rad[has_pose])
     inputs = _wheels(windows, t_s, turned, current)
     inputs["image_x_m"] = windows.mean(t_s, x_m) - MIDDLE_M[0]
     inputs["image_y_m"] = windows.mean(t_s, y_m) - MIDDLE_M[1]
@@ -117,25 +115,28 @@ def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
 
 def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, float]) -> Run:
     turned_names = [f"enc{wheel}_rad" for wheel in WHEELS]
-    need(columns, ("t_s", *turned_names), name, "wheels are what odometry is made of")
-    need(columns, ("x_m", "y_m", "psi_rad"), name, "the true pose is what it is compared with")
+    need(columns, ("t_s", *turned_names), name, "odometry needs the wheels")
+    need(columns, ("x_m", "y_m", "psi_rad"), name, "odometry is compared with the true pose")
     t_s = columns["t_s"]
     check_times(t_s, name)
-    seen = np.isfinite(columns["x_m"]) & np.isfinite(columns["y_m"]) & np.isfinite(columns["psi_rad"])
-    if seen.sum() < LEAST_WINDOWS:
+    has_pose = np.isfinite(columns["x_m"]) & np.isfinite(columns["y_m"]) & np.isfinite(columns["psi_rad"])
+    if has_pose.sum() < LEAST_WINDOWS:
         raise ConfigError(
-            f"{name} has {int(seen.sum())} true poses: record one with a camera above the rover"
+            f"{name} has {int(has_pose.sum())} true poses: record one with a camera above the rover"
         )
     rows = whole_rows(columns, turned_names)
     optional = (*(f"current{wheel}_a" for wheel in WHEELS), "gyro_z_deg_s")
     recorded = {one: values[rows] for one, values in columns.items()}
     gaps = missing_values(recorded, (*turned_names, *optional), name)
-    told = t_s[rows]
-    first, last = max(float(told[0]), float(t_s[seen][0])), min(float(told[-1]), float(t_s[seen][-1]))
+    valid = t_s[rows]
+    first, last = (
+        max(float(valid[0]), float(t_s[has_pose][0])),
+        min(float(valid[-1]), float(t_s[has_pose][-1])),
+    )
     windows = windows_over(first, last, name)
     currents = [np.abs(columns.get(f"current{wheel}_a", np.zeros(t_s.size))) for wheel in WHEELS]
     wheels = _wheels(windows, t_s, [columns[one] for one in turned_names], currents)
-    pose = body_rates(windows, t_s[seen], *(columns[one][seen] for one in ("x_m", "y_m", "psi_rad")))
+    pose = body_rates(windows, t_s[has_pose], *(columns[one][has_pose] for one in ("x_m", "y_m", "psi_rad")))
     measured = _named(pose)
     if "gyro_z_deg_s" in columns:
         measured["gyro_rad_s"] = windows.mean(t_s, np.radians(columns["gyro_z_deg_s"]))
@@ -147,7 +148,7 @@ def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, floa
 def _wheels(windows: Windows, t_s: Array, turned: list[Array], current: list[Array]) -> dict[str, Array]:
     inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, turned[wheel - 1]) for wheel in WHEELS}
     for wheel in WHEELS:
-        # Noise in an input would make what follows it look smaller than it is.
+        # Noise in an input makes effects that depend on it look smaller.
         mean = windows.mean(t_s, current[wheel - 1])
         inputs[f"current_{wheel}_a"] = uniform_filter1d(mean, CURRENT_WINDOWS, mode="nearest")
     return inputs

@@ -81,7 +81,9 @@ def motor_runs_of_log(log: DriveLog) -> list[Run]:
             )
         )
     if not runs:
-        raise ConfigError(f"{log.name} holds no wheel with set-points, speeds and currents: use such a drive")
+        raise ConfigError(
+            f"{log.name} holds no wheel with set-points, speeds and currents: use a log with them"
+        )
     return runs
 
 
@@ -95,7 +97,7 @@ def _drive_of(columns: Columns, wheel: int, gear: float) -> dict[str, Array] | N
 
 def _record(path: Path, columns: Columns) -> list[Run]:
     names = [f"m{motor}{kind}" for motor in MOTORS for kind in ("setvel", "vel", "cur")]
-    need(columns, ("t", *names), str(path), "give a record of the Robotino 2 data set")
+    need(columns, ("t", *names), str(path), "use a record of the Robotino 2 data set")
     t_s = columns["t"] / 1000.0
     check_times(t_s, str(path))
     total = np.sum([np.abs(columns[f"m{motor}cur"]) for motor in MOTORS], axis=0)
@@ -117,7 +119,7 @@ def _record(path: Path, columns: Columns) -> list[Run]:
 
 def _tabled(path: Path, name: str, columns: Columns) -> Run:
     drive = "voltage_v" if "voltage_v" in columns else "set_point_rad_s"
-    need(columns, ("t_s", drive, "speed_rad_s", "current_a"), f"{path}, run {name}", "it is what is compared")
+    need(columns, ("t_s", drive, "speed_rad_s", "current_a"), f"{path}, run {name}", "the model needs it")
     check_times(columns["t_s"], f"{path}, run {name}")
     current = columns["current_a"]
     others = columns.get("others_current_a", np.zeros(current.size))

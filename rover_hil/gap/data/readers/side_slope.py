@@ -1,7 +1,7 @@
 """Measured side-slope traverses: a folder with summary.csv, one row per run, and paths.csv.
 
-The bend of the path, how fast its direction turns over the last 70 % of the way, is computed from paths.csv;
-there the rover's start is over.
+The bend of the path, the turn of its direction over the last 70 % of the distance, is computed from
+paths.csv; the start of the rover is excluded.
 """
 
 import math
@@ -24,11 +24,11 @@ PATH_COLUMNS = ("t_s", "x_mm", "y_mm")
 
 
 def read_side_slope(path: Path) -> list[Run]:
-    """Return the runs in a folder, or in a summary file beside which paths.csv may lie.
+    """Return the runs in a folder, or in a summary file with paths.csv in the same folder.
 
     Slips, angles, sinkages (mm) and torques (N m) are those of summary.csv; `path_bend_deg_m` is added where
-    paths.csv holds the run. Labels (`condition`, `rep`, `romega_mm_s`) are kept as conditions that play no
-    part in the model.
+    paths.csv holds the run. Labels (`condition`, `rep`, `romega_mm_s`) are kept as conditions that the model
+    does not use.
 
     Raises:
         ConfigError: A file cannot be read, a column is missing, or a cell holds no number.
@@ -68,7 +68,7 @@ def _bends(path: Path) -> dict[str, float]:
 
 
 def path_bend_deg_m(points: Array) -> float:
-    """Return how fast the direction of a path turns to the left after the start, deg/m; NaN for short paths.
+    """Return the turn of a path to the left per distance after the start, deg/m; NaN for short paths.
 
     Args:
         points: Rows of t (s), x (mm) and y (mm).

@@ -1,7 +1,7 @@
 """Steady trials of a single-wheel test bed, as the table of the CMU bed (`smooth_wheel_steady_state.csv`).
 
-Trials with one commanded slip angle and rim speed are replicates; their load is not exactly the same, so
-forces are brought to the mean load of the group in proportion, and sinkages stay as they are.
+Trials with one commanded slip angle and rim speed are replicates; their loads differ a little, so
+forces are scaled to the mean load of the group; sinkages are not changed.
 
 Source: GitHub robomechanics/3d-terramechanics @ 55a6e92 (MIT-style licence).
 """

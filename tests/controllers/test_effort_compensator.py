@@ -1,4 +1,4 @@
-"""Slip of the wheels from efforts that are known, and what may not be told."""
+"""Slip of the wheels from known efforts, and where no slip may be given."""
 
 import math
 
@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
-from controllers.settings import FilterSettings
-from controllers.slip.effort.compensator import HOLD_S, STUCK_AFTER_S, SlipReport
+from controllers.slip.effort.compensator import HOLD_S, SlipReport
+from controllers.slip.effort.stuck_wheels import STUCK_AFTER_S
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES
 from tests.controllers.slip_bench import KINEMATICS, PERIOD_S, PRIOR, Bench, wheel_speeds
@@ -278,8 +279,8 @@ def test_a_direction_outside_the_training_range_is_flagged(use: str) -> None:
     assert report.wheels[0].reason == "direction 115 deg is outside the training range"
 
 
-def shake(bench: Bench, lost: float, duration_s: float, *, has_gyro: bool = True) -> SlipReport:
-    """Go ahead with a shake of the yaw of which `lost` does not reach the body."""
+def excite(bench: Bench, lost: float, duration_s: float, *, has_gyro: bool = True) -> SlipReport:
+    """Go ahead with a yaw excitation of which `lost` does not reach the body."""
     for step in range(round(duration_s / PERIOD_S)):
         rate_rad_s = 0.5 * math.sin(math.tau * PROBE.frequency_hz * step * PERIOD_S)
         speeds = KINEMATICS.wheel_speeds(0.15, 0.0, rate_rad_s)
@@ -288,33 +289,33 @@ def shake(bench: Bench, lost: float, duration_s: float, *, has_gyro: bool = True
     return report
 
 
-def test_the_probe_tells_the_slip_of_all_wheels() -> None:
+def test_the_excitation_gives_the_slip_of_all_wheels() -> None:
     bench = Bench(use="yaw_probe")
-    report = shake(bench, 0.2, 3.0)
+    report = excite(bench, 0.2, 3.0)
     assert [wheel.slip for wheel in report.wheels] == pytest.approx([0.4] * 3, abs=1e-6)
     assert all(wheel.valid for wheel in report.wheels)
     assert bench.way.real == pytest.approx(3.0 * 0.15 * 0.6, rel=0.01)
     assert report.drift_rad == 0.0
 
 
-def test_the_probe_needs_no_currents_but_a_gyro() -> None:
+def test_the_excitation_needs_a_gyro_and_no_currents() -> None:
     bench = Bench(use="yaw_probe")
-    shake(bench, 0.2, 2.0)
-    report = shake(bench, 0.2, 2.0, has_gyro=False)
+    excite(bench, 0.2, 2.0)
+    report = excite(bench, 0.2, 2.0, has_gyro=False)
     assert {wheel.reason for wheel in report.wheels} == {"too few readings of the gyro"}
     assert PRIOR < report.wheels[0].slip < 0.35
 
 
-def test_a_share_beyond_the_table_of_the_probe_is_flagged() -> None:
-    report = shake(Bench(use="yaw_probe"), 0.8, 2.0)
+def test_a_transmission_loss_outside_the_table_is_flagged() -> None:
+    report = excite(Bench(use="yaw_probe"), 0.8, 2.0)
     assert {(wheel.slip, wheel.valid) for wheel in report.wheels} == {(1.0, False)}
     assert report.wheels[0].reason == "lost share of 0.80 is outside the training range"
 
 
-def test_only_a_probe_shakes() -> None:
-    assert Bench(use="yaw_probe").slip.probe is not None
-    assert Bench(use="surfaces").slip.probe is None
-    assert Bench(use="line").slip.probe is None
+def test_only_the_yaw_probe_excites_the_yaw() -> None:
+    assert Bench(use="yaw_probe").slip.excitation is not None
+    assert Bench(use="surfaces").slip.excitation is None
+    assert Bench(use="line").slip.excitation is None
 
 
 def test_stale_currents_are_none() -> None:
@@ -343,11 +344,11 @@ def test_a_clock_that_goes_backwards_moves_nothing() -> None:
 
     for step in range(1, 60):
         before = advance(step * 20 * MS, 0.06 * step)
-    report = compensator.report
+    report = compensator.report()
     assert before[0] > 0.1
     for step in range(1, 50):
         assert advance(step * 20 * MS, 9.0 + step) == before
-    assert compensator.report is report
+    assert compensator.report() is report
 
 
 values = st.floats(-20.0, 20.0)

@@ -1,10 +1,11 @@
-"""Shadows that stand in the image, told from what moves with the ground."""
+"""Shadows that are fixed in the image, separated from the moving ground."""
 
 import numpy as np
 import pytest
 
 from controllers.ftrace.ground.flow import Motion
-from controllers.ftrace.ground.static_shading import StandingLight
+from controllers.ftrace.ground.static_shading import StaticShading
+from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rig_geometry import RESOLUTION_M, Patch
 
 ROWS, COLUMNS, FRAMES, STEP = 140, 161, 90, 4
@@ -19,7 +20,7 @@ def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0, ahead: int = 1)
     rng = np.random.default_rng(7)
     ground = rng.normal(0, 0.15, (ROWS + STEP * FRAMES, COLUMNS + abs(aside) * FRAMES)).astype(np.float32)
     first = max(-aside, 0) * FRAMES
-    light = StandingLight(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75)
+    light = StaticShading(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75, DEFAULTS.shading)
     motion = Motion(
         forward_m=ahead * STEP * RESOLUTION_M,
         left_m=aside * RESOLUTION_M,
@@ -78,7 +79,7 @@ def test_a_trace_is_ground_not_light() -> None:
 
 
 def test_nothing_is_learned_where_the_motion_is_not_known() -> None:
-    light = StandingLight(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75)
+    light = StaticShading(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75, DEFAULTS.shading)
     for _ in range(20):
         light.update(wheel_shadow(), None)
 

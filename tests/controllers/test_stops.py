@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.motion.settings import WaypointsMission
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from controllers.safety.settings import SafetySettings
-from controllers.settings import WaypointsMission
 from drivers.samples import HeadingSample, LinkSample, PoseFixSample, Sample
 from tests.controllers.simulated import (
     LONG_WAY,

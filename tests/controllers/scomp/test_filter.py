@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
-from controllers.slip.scomp.filter import PoseEstimator, StartHeading
-from controllers.slip.scomp.motion_model import BIAS, GAIN, OFFSET, REST, YAW, Motion, X, Y
+from controllers.slip.scomp.filter import ScompFilter, StartHeading
+from controllers.slip.scomp.motion_model import BIAS, GAIN, OFFSET, RESIDUAL, YAW, Motion, X, Y
 from controllers.slip.scomp.parameters import (
     CompassModel,
     DriftFromRoll,
@@ -15,7 +15,7 @@ from controllers.slip.scomp.parameters import (
     SlipFromPitch,
     TraceModel,
 )
-from controllers.slip.scomp.slip_laws import HingeLaw, PitchLaw, slopes
+from controllers.slip.scomp.slip_laws import PitchLaw, TwoSegmentLaw, slopes
 
 STEP_S = 0.1
 RIM_M_S = 0.1
@@ -23,8 +23,8 @@ ALONG_X = StartHeading(heading_rad=0.0, standard_deviation_rad=1e-3)
 PITCH_RAD = math.radians(8.0)
 
 
-def estimator(parameters: ScompParameters, start: StartHeading = ALONG_X) -> PoseEstimator:
-    return PoseEstimator(parameters, PitchLaw(parameters), start, follows_roll=True)
+def estimator(parameters: ScompParameters, start: StartHeading = ALONG_X) -> ScompFilter:
+    return ScompFilter(parameters, PitchLaw(parameters), start, follows_roll=True)
 
 
 def motion(rate_rad_s: float = 0.0, *, drives: bool = True, expected_drift_rad: float = 0.0) -> Motion:
@@ -39,11 +39,11 @@ def motion(rate_rad_s: float = 0.0, *, drives: bool = True, expected_drift_rad: 
     )
 
 
-def state_of(pose: PoseEstimator) -> np.ndarray:
+def state_of(pose: ScompFilter) -> np.ndarray:
     return pose.step.estimate[0]
 
 
-def sigma_of(pose: PoseEstimator, index: int) -> float:
+def sigma_of(pose: ScompFilter, index: int) -> float:
     return float(pose.step.estimate[1][index, index] ** 0.5)
 
 
@@ -103,7 +103,7 @@ def test_heading_by_the_compass_alone() -> None:
     assert sigma_of(pose, YAW) == pytest.approx(compass.offset_sd_rad, rel=0.05)
 
 
-def drive_with_trace(pose: PoseEstimator, angle_rad: float, steps: int) -> list[Innovation | None]:
+def drive_with_trace(pose: ScompFilter, angle_rad: float, steps: int) -> list[Innovation | None]:
     found: list[Innovation | None] = []
     for index in range(steps):
         pose.move(motion())
@@ -171,7 +171,7 @@ def test_the_share_of_the_roll_is_learnt_from_the_trace() -> None:
             pose.correct_trace(2.0 * expected + math.radians(0.5) * float(rng.standard_normal()))
     assert state_of(pose)[GAIN] == pytest.approx(2.0, abs=0.25)
     assert sigma_of(pose, GAIN) < 0.3
-    assert abs(state_of(pose)[REST]) < math.radians(2.0)
+    assert abs(state_of(pose)[RESIDUAL]) < math.radians(2.0)
 
 
 def test_fixes_teach_the_slip() -> None:
@@ -205,13 +205,13 @@ def test_nonsense_is_refused() -> None:
     assert state_of(pose) == pytest.approx(before)
 
 
-@pytest.mark.parametrize("law_of", [PitchLaw, HingeLaw])
-def test_jacobian_of_the_motion(law_of: type[PitchLaw] | type[HingeLaw]) -> None:
+@pytest.mark.parametrize("law_of", [PitchLaw, TwoSegmentLaw])
+def test_jacobian_of_the_motion(law_of: type[PitchLaw] | type[TwoSegmentLaw]) -> None:
     parameters = ScompParameters()
     law = law_of(parameters)
-    pose = PoseEstimator(parameters, law, ALONG_X, follows_roll=True)
+    pose = ScompFilter(parameters, law, ALONG_X, follows_roll=True)
     state = state_of(pose)
-    state[[YAW, BIAS, REST, GAIN]] = 0.4, 0.01, 0.2, 1.3
+    state[[YAW, BIAS, RESIDUAL, GAIN]] = 0.4, 0.01, 0.2, 1.3
     step = motion(0.3, expected_drift_rad=0.1)
     transition = pose.model.predict(state.tolist(), step).transition
     for index in range(len(state)):

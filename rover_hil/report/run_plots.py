@@ -1,62 +1,18 @@
-"""How the pictures of a report look: one colour per source, everywhere."""
+"""Plots over the time of a run."""
 
-import base64
-import io
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
+from rover_hil.pages.style import STOPPED, WIDTH_IN
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary
 from rover_hil.report.tracks import Series
 
-COMMANDED = "#8a94a6"
-TRUTH = "#111827"
-ESTIMATE = "#0b63ce"
-ENCODERS = "#e07a00"
-GYRO = "#9b4dca"
-HEADINGS = ("#0f8a5f", "#7a8b00")
-MEASURED = "#0f7f9c"
-STOPPED = "#f6c6c6"
-NOT_VALID = "#fbe8c8"
-ALARM = "#c81e1e"
-
-WIDTH_IN = 6.9
 THIN_BINS = 400
 GAP_FACTOR = 10.0
-
-STYLE = mpl.RcParams(
-    {
-        "font.size": 11.0,
-        "axes.titlesize": 11.0,
-        "axes.titlelocation": "left",
-        "axes.labelcolor": "#374151",
-        "axes.edgecolor": "#9ca3af",
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.grid": True,
-        "axes.axisbelow": True,
-        "grid.color": "#e5e7eb",
-        "grid.linewidth": 0.8,
-        "xtick.color": "#4b5563",
-        "ytick.color": "#4b5563",
-        "lines.linewidth": 1.6,
-        "legend.frameon": False,
-        "figure.facecolor": "white",
-        "svg.hashsalt": "rover_hil",
-    }
-)
-
-
-def data_uri(figure: Figure) -> str:
-    """Return a figure as an SVG picture inside an address; the same figure gives the same text."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
 def rows(count: int, row_height_in: float, label: str = "") -> tuple[Figure, list[Axes]]:
@@ -73,12 +29,6 @@ def line(axes: Axes, series: Series, colour: str, label: str, width: float = 1.6
     """Draw values over time; of a long series only what can be seen."""
     seen = with_gaps(thin(series))
     axes.plot(seen.t_s, seen.value, color=colour, label=label, linewidth=width)
-
-
-def pale(colour: str) -> str:
-    """Return a colour for the noise behind a line of the given one."""
-    red, green, blue = (0.35 * part + 0.65 for part in to_rgb(colour))
-    return to_hex((red, green, blue))
 
 
 def span(axes: Axes, run: RunData) -> None:

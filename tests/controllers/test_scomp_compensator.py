@@ -14,10 +14,12 @@ from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.motion.path_following import PathFollower
 from controllers.motion.planar import Pose
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
+from controllers.motion.settings import LineMission
 from controllers.roles import DeviceRoles
-from controllers.settings import ControlSettings, LineMission, SkidSteerRoverSettings
-from controllers.slip.scomp.compensator import Rates, TraceReading, TraceSlipCompensator
-from controllers.slip.scomp.settings import TraceSlipSettings
+from controllers.settings import ControlSettings
+from controllers.slip.scomp.compensator import Rates, ScompCompensator, TraceReading
+from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample, WheelSample
 from tests.controllers.simulated import LIMITS, OMNI, ROLES, SKID
@@ -51,10 +53,10 @@ class Bench:
     """A rover that drives straight at a constant rim speed, 100 cycles a second."""
 
     def __init__(
-        self, finder: SeenTrace | None, pitch_rad: float = UPHILL, settings: TraceSlipSettings | None = None
+        self, finder: SeenTrace | None, pitch_rad: float = UPHILL, settings: ScompSettings | None = None
     ) -> None:
-        self.told = TraceSlipCompensator(
-            settings or TraceSlipSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
+        self.told = ScompCompensator(
+            settings or ScompSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
         )
         self.pitch_rad = pitch_rad
         self.t_ns = 0
@@ -90,11 +92,11 @@ class Bench:
             raw = BodyIncrement(x_m=rim_m_s * 0.01, y_m=0.0, turn_rad=0.0, duration_s=0.01, turned_rad=turned)
             self.increments.append(self.told.compensate(raw, (), None))
             self.way += (self.increments[-1].x_m, self.increments[-1].y_m)
-            report = self.told.take_report()
+            report = self.told.report()
             assert report is not None
             if report.trace is not None:
                 self.readings.append(report.trace)
-                again = self.told.take_report()
+                again = self.told.report()
                 assert again is not None
                 assert again.trace is None
 
@@ -112,7 +114,7 @@ def test_uphill_the_wheels_slip_and_the_way_is_shorter() -> None:
     level, uphill = Bench(None, 0.0), Bench(None)
     for bench in (level, uphill):
         bench.run(5.0)
-    slip = TraceSlipSettings().parameters.pitch.model.slip_at(math.sin(UPHILL) + 0.05, 0.0)
+    slip = ScompSettings().parameters.pitch.model.slip_at(math.sin(UPHILL) + 0.05, 0.0)
     # The tilt's low-pass starts where the rover stands.
     assert uphill.way[0] == pytest.approx(5.0 * RIM_M_S * (1.0 - slip), rel=0.02)
     assert level.way[0] > uphill.way[0] + 0.05
@@ -123,7 +125,7 @@ def test_the_trace_turns_the_way() -> None:
     bench = Bench(SeenTrace(math.radians(-9.0)))
     bench.run(1.0, rim_m_s=0.0)  # the gyro's bias is learnt
     bench.run(10.0)
-    report = bench.told.take_report()
+    report = bench.told.report()
     assert report is not None
     assert math.degrees(report.slip_angle_rad) == pytest.approx(-9.0, abs=1.0)
     assert report.reason == ""
@@ -145,7 +147,7 @@ def test_each_frame_is_told_once_with_the_rates() -> None:
 
 def test_frames_that_come_too_fast_are_passed_over() -> None:
     finder = SeenTrace(0.0)
-    Bench(finder, settings=TraceSlipSettings(frame_period_s=0.5)).run(4.0, 0.02)
+    Bench(finder, settings=ScompSettings(frame_period_s=0.5)).run(4.0, 0.02)
     steps_ns = np.diff(finder.looked_ns)
     assert steps_ns.min() >= 500 * MS
     assert len(finder.looked_ns) >= 7
@@ -154,13 +156,13 @@ def test_frames_that_come_too_fast_are_passed_over() -> None:
 def test_what_is_missing_is_said_and_makes_the_way_unsure() -> None:
     bench = Bench(SeenTrace(0.0))
     bench.run(1.0, has_tilt=False)
-    report = bench.told.take_report()
+    report = bench.told.report()
     assert report is not None
     assert report.reason == "no tilt"
     assert not bench.increments[-1].is_sure
     blind = Bench(SeenTrace(None))
     blind.run(4.0)
-    report = blind.told.take_report()
+    report = blind.told.report()
     assert report is not None
     assert report.reason == "no trace"
     no_camera = Bench(None)
@@ -170,7 +172,7 @@ def test_what_is_missing_is_said_and_makes_the_way_unsure() -> None:
 
 def test_a_trace_that_is_lost_is_missed_after_a_while() -> None:
     finder = SeenTrace(math.radians(5.0))
-    bench = Bench(finder, settings=TraceSlipSettings(trace_age_s=2.0))
+    bench = Bench(finder, settings=ScompSettings(trace_age_s=2.0))
     bench.run(5.0)
     assert bench.increments[-1].is_sure
     finder.theta_rad = None
@@ -209,7 +211,7 @@ def test_a_rover_that_drifts_is_turned_against_the_drift() -> None:
 
 def test_the_loop_tells_slip_and_slip_angle_and_steers_or_not() -> None:
     mission = LineMission(type="line", length_m=3.0, speed_m_s=0.1, heading="along_path")
-    control = ControlSettings(rover=SKID, limits=LIMITS, mission=mission, trace_slip=TraceSlipSettings())
+    control = ControlSettings(rover=SKID, limits=LIMITS, mission=mission, scomp=ScompSettings())
     output = ControlLoop(control, ROLES).step(1, [])
     assert output.drift is None  # nothing has moved yet
     assert output.slip is None
@@ -257,7 +259,7 @@ class AnyTrace:
 def test_no_stream_of_samples_makes_the_loop_raise(
     cycles: list[tuple[int, list[Sample]]], theta_rad: float | None
 ) -> None:
-    control = ControlSettings(rover=SKID, limits=LIMITS, trace_slip=TraceSlipSettings())
+    control = ControlSettings(rover=SKID, limits=LIMITS, scomp=ScompSettings())
     roles = DeviceRoles(wheels="wheels", required={}, gyro="gyro", camera="camera")
     loop = ControlLoop(control, roles, AnyTrace(theta_rad))
     now_ns = 10**9
@@ -274,4 +276,4 @@ def test_no_stream_of_samples_makes_the_loop_raise(
 
 def test_three_omnidirectional_wheels_leave_no_such_trace() -> None:
     with pytest.raises(ValidationError, match="four wheels"):
-        ControlSettings(rover=OMNI, limits=LIMITS, trace_slip=TraceSlipSettings())
+        ControlSettings(rover=OMNI, limits=LIMITS, scomp=ScompSettings())

@@ -1,4 +1,4 @@
-"""The share of the shake that is lost, from signals of which it is known."""
+"""Transmission loss of signals of which it is known."""
 
 import math
 
@@ -10,9 +10,9 @@ from pydantic import ValidationError
 
 from controllers.slip.effort.yaw_excitation import (
     WINDOW_S,
-    Shake,
-    YawProbe,
-    YawProbeMap,
+    ExcitationResponse,
+    YawExcitation,
+    YawExcitationMap,
     range_problem,
     slip_of,
 )
@@ -21,7 +21,7 @@ from tests.controllers.slip_maps import PROBE
 PERIOD_S = 0.02
 
 
-def shake(
+def response(
     lost: float,
     *,
     amplitude_rad_s: float = 0.5,
@@ -32,9 +32,9 @@ def shake(
     noise_rad_s: float = 0.0,
     period_s: float = PERIOD_S,
     seed: int = 0,
-) -> Shake:
-    """Return what the first full window tells of a gyro that follows the wheels by 1 - lost."""
-    probe, rng = YawProbe(PROBE), np.random.default_rng(seed)
+) -> ExcitationResponse:
+    """Return the response of the first full window for a gyro that follows the wheels by 1 - lost."""
+    probe, rng = YawExcitation(PROBE), np.random.default_rng(seed)
     for step in range(1, 200):
         t_s = step * period_s
         angle = math.tau * PROBE.frequency_hz * t_s + phase_rad
@@ -55,45 +55,45 @@ def shake(
     bias_rad_s=st.floats(-0.5, 0.5),
     trend_rad_s2=st.floats(-0.5, 0.5),
 )
-def test_the_lost_share_is_found_whatever_the_phase_bias_and_trend(
+def test_the_loss_does_not_depend_on_phase_bias_and_trend(
     lost: float, phase_rad: float, delay_rad: float, bias_rad_s: float, trend_rad_s2: float
 ) -> None:
-    found = shake(
+    found = response(
         lost, phase_rad=phase_rad, delay_rad=delay_rad, bias_rad_s=bias_rad_s, trend_rad_s2=trend_rad_s2
     )
     assert found.reason == ""
-    assert found.lost == pytest.approx(lost, abs=1e-6)
+    assert found.transmission_loss == pytest.approx(lost, abs=1e-6)
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.3, 0.8])
-def test_noise_leaves_the_share_right_on_average(lost: float) -> None:
-    found = [shake(lost, noise_rad_s=0.05, seed=seed) for seed in range(60)]
+def test_noise_does_not_bias_the_loss(lost: float) -> None:
+    found = [response(lost, noise_rad_s=0.05, seed=seed) for seed in range(60)]
     assert all(each.reason == "" for each in found)
-    values = np.array([each.lost for each in found])
+    values = np.array([each.transmission_loss for each in found])
     assert values.mean() == pytest.approx(lost, abs=0.02)
     # Least squares over 25 readings: 0.05 sqrt(2 / 25) / 0.5 = 0.028 for the gyro, alike for the wheels.
     assert values.std() < 0.045
 
 
-def test_wheels_that_do_not_shake_tell_nothing() -> None:
-    assert shake(0.3, amplitude_rad_s=0.1).reason == "the wheels do not shake as asked"
-    assert shake(0.3, amplitude_rad_s=0.0, trend_rad_s2=1.0).reason == "the wheels do not shake as asked"
+def test_without_excitation_of_the_wheels_there_is_no_loss() -> None:
+    assert response(0.3, amplitude_rad_s=0.1).reason == "the wheels do not shake as asked"
+    assert response(0.3, amplitude_rad_s=0.0, trend_rad_s2=1.0).reason == "the wheels do not shake as asked"
 
 
-def test_a_yaw_rate_that_changes_otherwise_tells_nothing() -> None:
-    assert shake(0.3, noise_rad_s=0.6).reason == "the yaw rate changes too much besides the shake"
+def test_other_changes_of_the_yaw_rate_give_no_loss() -> None:
+    assert response(0.3, noise_rad_s=0.6).reason == "the yaw rate changes too much besides the shake"
 
 
-def test_few_readings_tell_nothing() -> None:
-    assert shake(0.3, period_s=0.1).reason == "too few readings of the gyro"
-    probe = YawProbe(PROBE)
+def test_few_readings_give_no_loss() -> None:
+    assert response(0.3, period_s=0.1).reason == "too few readings of the gyro"
+    probe = YawExcitation(PROBE)
     found = [probe.step(PERIOD_S, math.sin(step), None) for step in range(26)]
     (only,) = [each for each in found if each is not None]
     assert only.reason == "too few readings of the gyro"
 
 
 def test_a_window_begins_where_the_one_before_ended() -> None:
-    probe = YawProbe(PROBE)
+    probe = YawExcitation(PROBE)
     ends = [
         step * PERIOD_S
         for step in range(1, 101)
@@ -104,14 +104,14 @@ def test_a_window_begins_where_the_one_before_ended() -> None:
 
 
 def test_a_window_holds_nothing_of_the_one_before() -> None:
-    probe = YawProbe(PROBE)
+    probe = YawExcitation(PROBE)
     found = []
     for step in range(1, 101):
         angle = math.tau * PROBE.frequency_hz * step * PERIOD_S
         share = 1.0 if step * PERIOD_S <= 1.0 else 0.4
         found.append(probe.step(PERIOD_S, 0.5 * math.sin(angle), 0.5 * share * math.sin(angle)))
-    told = [each.lost for each in found if each is not None]
-    assert (told[0], told[-1]) == pytest.approx((0.0, 0.6), abs=1e-6)
+    losses = [each.transmission_loss for each in found if each is not None]
+    assert (losses[0], losses[-1]) == pytest.approx((0.0, 0.6), abs=1e-6)
 
 
 @settings(max_examples=30)
@@ -120,19 +120,19 @@ def test_a_window_holds_nothing_of_the_one_before() -> None:
         st.tuples(st.floats(0.001, 0.2), st.floats(-50, 50), st.none() | st.floats(-50, 50)), max_size=80
     )
 )
-def test_whatever_is_read_the_answer_is_finite_or_has_a_reason(
+def test_every_response_is_finite(
     readings: list[tuple[float, float, float | None]],
 ) -> None:
-    probe = YawProbe(PROBE)
+    probe = YawExcitation(PROBE)
     for reading in readings:
         found = probe.step(*reading)
         if found is not None:
-            assert math.isfinite(found.lost)
-            assert found.lost <= 1.0
+            assert math.isfinite(found.transmission_loss)
+            assert found.transmission_loss <= 1.0
 
 
-def test_the_shake_has_the_asked_amplitude_and_frequency() -> None:
-    probe = YawProbe(PROBE)
+def test_the_excitation_has_the_set_amplitude_and_frequency() -> None:
+    probe = YawExcitation(PROBE)
     t_s = np.arange(0.0, 1.0, 1e-3)
     rates = np.array([probe.yaw_rate_rad_s(float(t)) for t in t_s])
     spectrum = np.abs(np.fft.rfft(rates)) * 2.0 / len(t_s)
@@ -165,6 +165,6 @@ def test_other_travel_than_that_of_the_drives_is_flagged(travelled_m: complex, p
     ("key", "value"),
     [("frequency_hz", 1.0), ("amplitude_rad_s", 5.0), ("lost", (0.5, 0.0)), ("slips", (1.0, 0.0))],
 )
-def test_maps_out_of_range_are_refused(key: str, value: object) -> None:
+def test_maps_out_of_range_are_rejected(key: str, value: object) -> None:
     with pytest.raises(ValidationError, match=key):
-        YawProbeMap.model_validate({**PROBE.model_dump(), key: value})
+        YawExcitationMap.model_validate({**PROBE.model_dump(by_alias=True), key: value})
