@@ -29,18 +29,18 @@ from rover_hil.pages.atomic_write import check_file
 def identify_slip(
     train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None, force: bool = False
 ) -> int:
-    """Fit slip maps to the runs in `train`, judge them on each of `test`; returns the exit code.
+    """Fit slip maps to the runs in `train`, score them on each of `test`; returns the exit code.
 
     Args:
         train: Files and folders of runs.
-        test: Files and folders of runs, each judged by itself.
+        test: Files and folders of runs, each scored by itself.
         as_json: Print JSON instead of tables.
         out: Data file for the maps.
         force: Replace an earlier one.
 
     Raises:
         ConfigError: `out` exists or cannot be written, or scikit-learn is not installed.
-        LogError: A run cannot be used, there are too few, or a test tells pixels without a scale.
+        LogError: A run cannot be used, there are too few, or a test is in pixels without a scale.
     """
     check_file(out, force=force)
     check_inputs(*train, *test)
@@ -60,7 +60,7 @@ def identify_slip(
         for name, files in test_files.items():
             runs = read_all(files.files, motor, advance)
             if found.scale.mm_per_px is None and any(run.camera_in_pixels for run in runs):
-                msg = f"{name} tells pixels, but no training run gives a camera scale: train on such runs too"
+                msg = f"{name} is in pixels, but no training run gives a camera scale: train on such runs too"
                 raise LogError(msg)
             tests[name] = score_runs(found.maps, runs, found.scale.m_per_px)
             used = [*used, *runs]
@@ -77,10 +77,10 @@ def identify_slip(
 
 def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[str, RunFiles]) -> list[str]:
     notes: list[str] = []
-    passed_over = [*train_files.passed_over, *(p for files in test_files.values() for p in files.passed_over)]
-    if passed_over:
-        names = ", ".join(sorted({path.name for path in passed_over}))
-        notes.append(f"passed over, no runs: {names}")
+    other_files = [*train_files.other_files, *(p for files in test_files.values() for p in files.other_files)]
+    if other_files:
+        names = ", ".join(sorted({path.name for path in other_files}))
+        notes.append(f"not used, no runs: {names}")
     if found.left_out:
         names = ", ".join(sorted({run.surface for run in found.left_out}))
         notes.append(f"{len(found.left_out)} runs on several surfaces are not trained on: {names}")
@@ -92,5 +92,7 @@ def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[st
     for name, files in test_files.items():
         both = len(set(files.files) & {run.path for run in found.trained_on})
         if both:
-            notes.append(f"{both} of {len(files.files)} runs in {name} were also trained on: no fair test")
+            notes.append(
+                f"{both} of {len(files.files)} runs in {name} are also trained on: not an independent test"
+            )
     return notes

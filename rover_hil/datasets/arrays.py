@@ -1,4 +1,4 @@
-"""The array types of measured data, and angles in arrays."""
+"""The array types of measured data, and plane geometry on arrays."""
 
 import math
 from typing import TypeAlias
@@ -14,3 +14,9 @@ Times: TypeAlias = NDArray[np.int64]
 def wrap_angles(angle_rad: Array) -> Array:
     """Return the same directions within [-pi, pi)."""
     return (angle_rad + math.pi) % math.tau - math.pi
+
+
+def in_body_frame(x: Array, y: Array, heading_rad: Array) -> tuple[Array, Array]:
+    """Return the components forward and to the left of vectors given in a fixed frame."""
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    return cosine * x + sine * y, cosine * y - sine * x

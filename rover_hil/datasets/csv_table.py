@@ -23,7 +23,7 @@ NAME_AND_UNIT = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CsvTable:
-    """The cells of a table; columns become numbers when they are asked for.
+    """The cells of a table; columns are parsed on demand.
 
     Attributes:
         names: Of the columns, in order.

@@ -1,1 +1,1 @@
-"""Reading measurements that others have recorded."""
+"""Import of runs recorded by others as logs."""

@@ -52,8 +52,8 @@ def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
 
     Args:
         path: The file.
-        millimetres_per_pixel: Scale of the camera; the data set's own file says 1.84, the runs on the
-            smooth table say 2.05 to 2.08.
+        millimetres_per_pixel: Scale of the camera: 1.84 in the data set's own file, 2.05 to 2.08 by
+            the runs on the smooth table.
 
     Raises:
         ConfigError: The scale is not a positive number, or too large for a camera.

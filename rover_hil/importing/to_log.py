@@ -1,4 +1,4 @@
-"""Turn a measured run into a log: its bytes take the same way as those of a live rover."""
+"""Turn a measured run into a log: its bytes pass through the same codec as those of a live rover."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,11 +37,11 @@ def write_run_as_log(run: RobotinoRun, config: Config, path: Path) -> Iterator[i
         path: The log; must not exist.
 
     Raises:
-        ConfigError: The wheels of `config` are no Robotino board.
+        ConfigError: The wheels of `config` are not a Robotino board.
     """
     wheels = config.roles.wheels
     if config.devices[wheels].type != "robotino_board":
-        msg = f"roles.wheels is '{wheels}', no robotino_board: a measured Robotino run needs one"
+        msg = f"roles.wheels is '{wheels}', not a robotino_board: a measured Robotino run needs one"
         raise ConfigError(msg)
     clock = VirtualClock(run.rows[0].t_ns)
     config_json = config.model_dump_json(by_alias=True).encode()

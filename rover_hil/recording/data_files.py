@@ -63,8 +63,8 @@ def restore_config(log: LogReader) -> Iterator[Config]:
 def with_controller_of(logged: Config, other: Config) -> Config:
     """Return the configuration of a log with rover, filter, limits, safety and slips of another one.
 
-    Devices and their roles stay: the log holds what these very devices said. A mission is taken over where
-    the log has one.
+    Devices and their roles stay: the log holds the data of these very devices. The mission changes only
+    where the log has one.
     """
     update: dict[str, object] = {
         "rover": other.rover,

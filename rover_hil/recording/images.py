@@ -16,7 +16,7 @@ _DAMAGED = "a camera image in the log cannot be decoded: the log is damaged"
 def encode_image(image: CameraImage) -> bytes:
     """Return the bytes of an image; nothing is lost, so that a replay sees the same pixels.
 
-    An image without pixels, which stands for a frame that could not be decoded, becomes the stamp alone.
+    An image without pixels, which represents a frame that could not be decoded, becomes the stamp alone.
     """
     import cv2
 

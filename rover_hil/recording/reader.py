@@ -50,10 +50,10 @@ class LogReader:
     Attributes:
         is_complete: After `messages` has ended, whether the log was closed properly. A killed run's log
             is not, and holds everything up to its last flush.
-        bytes_read: How far `messages` has come in the file.
+        bytes_read: Position of `messages` in the file.
 
     Raises:
-        LogError: The file is missing, is no MCAP file, or is not one of ours.
+        LogError: The file is missing, is not an MCAP file, or not a log of this software.
     """
 
     def __init__(self, path: Path) -> None:
@@ -63,7 +63,7 @@ class LogReader:
         self.attachments: Mapping[str, bytes]
         self.attachments, metadata = self._read_header()
         if metadata.get("schema") != LOG_SCHEMA:
-            msg = f"{path} is no log of this software: metadata 'schema' is not {LOG_SCHEMA}"
+            msg = f"{path} is not a log of this software: metadata 'schema' is not {LOG_SCHEMA}"
             raise LogError(msg)
         try:
             self.start_ns = int(metadata["start_ns"])
@@ -142,5 +142,5 @@ class LogReader:
             except (McapError, struct.error, UnicodeDecodeError, ValueError, MemoryError) as error:
                 if self.is_complete or not stream.read(1):
                     return  # only the index after the data is broken, or the last record was cut off
-                msg = f"log {self.path} is damaged or no MCAP file: {error}"
+                msg = f"log {self.path} is damaged or not an MCAP file: {error}"
                 raise LogError(msg) from error

@@ -38,7 +38,7 @@ from rover_hil.report.tracks import (
 )
 
 SLOWEST_RIM_M_S, SLOWEST_M_S = 0.03, 0.01
-"""Below the first the true slip, below the second the true slip angle says nothing."""
+"""Below the first the true slip, below the second the true slip angle is not defined."""
 SKID_STEER_PLACES = ("front left", "front right", "rear left", "rear right")
 
 

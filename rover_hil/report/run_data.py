@@ -1,4 +1,4 @@
-"""A run as its log tells it: times in s since the start of the run, everything else in SI units."""
+"""A run from its log: times in s since the start of the run, everything else in SI units."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class WheelData:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ToldSlip:
-    """What slip compensation told about one wheel, in n cycles.
+    """Slip of one wheel as estimated by slip compensation, in n cycles.
 
     Attributes:
         slip: Slip ratio that the odometry used.
@@ -65,7 +65,7 @@ class ToldSlip:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipData:
-    """What slip compensation told in n cycles.
+    """Slip as estimated by slip compensation, in n cycles.
 
     Attributes:
         map: Name of the map in use.
@@ -82,7 +82,7 @@ class SlipData:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftData:
-    """How the whole rover slipped, as told in n cycles; angles in rad, left positive.
+    """Slip of the whole rover as estimated in n cycles; angles in rad, left positive.
 
     Attributes:
         slip: Slip ratio.
@@ -102,7 +102,7 @@ class DriftData:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnovationData:
-    """What one measurement said against the estimate: residual, its expected deviation, 1 if accepted."""
+    """One measurement against the estimate: residual, its expected deviation, 1 if accepted."""
 
     t_s: Array
     residual: Array
@@ -122,13 +122,13 @@ class LinkEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunData:
-    """A run as its log tells it.
+    """A run from its log.
 
     Attributes:
         is_complete: False when the log was cut off.
         end: How the run ended by its own account; None when it was killed or imported.
         duration_s: By the run's own account, else up to the last message.
-        estimate: The filter's pose at the time of the wheel positions that it stands on.
+        estimate: The filter's pose at the time of the wheel positions that it is based on.
         covariance: Its covariance, in rows xx, xy, x yaw, yy, y yaw, yaw yaw.
         encoders: The pose of the wheels alone.
         truth: The true pose as seen from its own first one; None where nobody recorded it.
@@ -136,8 +136,8 @@ class RunData:
         headings: Yaw in the local frame, by device and reference.
         gyro: The integrated gyro, its bias taken off; None without one.
         uncompared: How many measurements could not be compared with the estimate, by name.
-        slip: What slip compensation told; None without it.
-        drift: What compensation by trace and tilt told; None without it.
+        slip: By slip compensation; None without it.
+        drift: By compensation with trace and tilt; None without it.
         health: The last health facts of each device.
         watchdog_s: When the watchdog stopped the drive.
     """

@@ -50,9 +50,9 @@ def log_truth(drive: RecordedDrive) -> tuple[TruePath, str]:
         return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=psi_rad), true.source
     wheel = drive.rows["enc1_rad"]
     turned = np.abs(wheel.value - wheel.value[0]) > STANDSTILL_RAD
-    stands = true.t_ns < (wheel.t_ns[np.argmax(turned)] if turned.any() else wheel.t_ns[-1])
-    stands[0] = True
-    start_rad = float(psi_rad[stands].mean())
-    moved_m = (x_m - x_m[stands].mean() + 1j * (y_m - y_m[stands].mean())) * np.exp(-1j * start_rad)
+    at_start = true.t_ns < (wheel.t_ns[np.argmax(turned)] if turned.any() else wheel.t_ns[-1])
+    at_start[0] = True
+    start_rad = float(psi_rad[at_start].mean())
+    moved_m = (x_m - x_m[at_start].mean() + 1j * (y_m - y_m[at_start].mean())) * np.exp(-1j * start_rad)
     path = TruePath(t_s=t_s, x_m=moved_m.real, y_m=moved_m.imag, psi_rad=psi_rad - start_rad)
     return path, true.source

@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.slip.scomp.filter import TILT_MEMORY_S
 from drivers.errors import ModelError
-from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.arrays import Array, in_body_frame
 from rover_hil.scomp.drive import Drive, TruePath
 
 WINDOW_S = 2.0
@@ -103,8 +103,7 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
         for values in (truth.x_m, truth.y_m, truth.psi_rad)
     ]
     psi = np.interp(t_s, truth.t_s, truth.psi_rad)
-    ahead = np.cos(psi) * rates[0] + np.sin(psi) * rates[1]
-    aside = np.cos(psi) * rates[1] - np.sin(psi) * rates[0]
+    ahead, aside = in_body_frame(rates[0], rates[1], psi)
     return TrueVelocity(
         slip_angle_rad=np.arctan2(aside, ahead), speed_m_s=np.hypot(ahead, aside), yaw_rate_rad_s=rates[2]
     )
@@ -114,7 +113,7 @@ def _body_travel(truth: TruePath, edges: Array) -> tuple[Array, Array]:
     """Return the travel ahead and to the left in each window, by the heading in its middle."""
     dx, dy = (np.diff(np.interp(edges, truth.t_s, way)) for way in (truth.x_m, truth.y_m))
     psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.psi_rad)
-    return np.cos(psi) * dx + np.sin(psi) * dy, np.cos(psi) * dy - np.sin(psi) * dx
+    return in_body_frame(dx, dy, psi)
 
 
 def _means(t_s: Array, values: Array | None, edges: Array, use: np.ndarray) -> Array | None:

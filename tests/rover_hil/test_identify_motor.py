@@ -219,9 +219,9 @@ def test_wrong_tables_are_refused_in_one_sentence(
 
 
 def test_paths_without_logs_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="is no log and holds none"):
+    with pytest.raises(LogError, match="is not a log and holds none"):
         find_logs([tmp_path])
-    with pytest.raises(LogError, match="is no log and holds none"):
+    with pytest.raises(LogError, match="is not a log and holds none"):
         find_logs([tmp_path / "missing.csv"])
 
 

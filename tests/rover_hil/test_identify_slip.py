@@ -91,8 +91,8 @@ def test_tables_for_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     text = " ".join(capsys.readouterr().out.split())
     for part in ("SCALE ERROR", "Cross-validation per direction", "best_known_surface", "Test:"):
         assert part in text
-    assert "passed over, no runs: readme.md" in text
-    assert "were also trained on: no fair test" in text
+    assert "not used, no runs: readme.md" in text
+    assert "are also trained on: not an independent test" in text
 
 
 def test_an_existing_data_file_is_kept(tmp_path: Path) -> None:

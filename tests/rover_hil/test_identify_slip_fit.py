@@ -214,7 +214,7 @@ def test_without_the_table_the_known_scale_is_taken_and_said() -> None:
     runs = [dataclasses.replace(run, surface="lawn") for run in table_runs(2.1)]
     scale = find_scale(runs)
     assert (scale.mm_per_px, scale.is_scale_error) == (CALIBRATED_MM_PER_PX, None)
-    assert "nothing tells a scale error from slip" in scale.verdict
+    assert "a scale error cannot be distinguished from slip" in scale.verdict
 
 
 def test_a_camera_that_sees_no_motion_is_refused() -> None:

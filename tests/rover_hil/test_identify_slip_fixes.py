@@ -98,7 +98,7 @@ def read(path: Path) -> RunWindows:
 
 
 def slips(run: RunWindows) -> np.ndarray:
-    return np.asarray(1.0 - run.camera_way_m(1.0) / run.encoder_way_m())
+    return np.asarray(1.0 - run.camera_distance_m(1.0) / run.encoder_distance_m())
 
 
 @pytest.mark.parametrize("fix_period_s", [0.1, 0.5, 2.0])
@@ -115,7 +115,7 @@ def test_slip_is_measured_with_pose_fixes(tmp_path: Path, fix_period_s: float) -
 
 def test_a_fix_counts_from_when_its_picture_was_taken(tmp_path: Path) -> None:
     run = read(write_drive(tmp_path / "run.mcap", begins_s=4.0, fix_period_s=0.1))
-    moves = run.encoder_way_m() > 0.02
+    moves = run.encoder_distance_m() > 0.02
     # With times of arrival the rover would begin to move 0.3 s, more than half a window, after its wheels.
     assert slips(run)[moves][0] == pytest.approx(0.3, abs=0.12)
 

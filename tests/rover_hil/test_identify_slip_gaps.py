@@ -16,7 +16,7 @@ from rover_hil.config import load_config
 from rover_hil.datasets.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.run_data import RunWindows
-from rover_hil.identify.slip.scores import told_by_surface
+from rover_hil.identify.slip.scores import predict_by_surface
 from rover_hil.identify.slip.surface_fit import fit_surface_map
 from rover_hil.identify.slip.windows import form_windows
 from rover_hil.recording.writer import LogWriter
@@ -123,6 +123,6 @@ def test_windows_of_unknown_work_teach_nothing_and_are_flagged() -> None:
     clean, surfaces = fit_surface_map([*lawn, *rug], 1.0), fit_surface_map([*spoilt, *rug], 1.0)
     for found, expected in zip(surfaces.surfaces, clean.surfaces, strict=True):
         assert found.force_n.mean == pytest.approx(expected.force_n.mean, rel=0.01)
-    way_m, invalid = told_by_surface(spoilt[3], surfaces)
-    assert way_m == pytest.approx(told_by_surface(lawn[3], clean)[0], rel=0.01)
+    way_m, invalid = predict_by_surface(spoilt[3], surfaces)
+    assert way_m == pytest.approx(predict_by_surface(lawn[3], clean)[0], rel=0.01)
     assert invalid == pytest.approx(0.5, abs=0.01)

@@ -37,7 +37,9 @@ def test_slip_of_a_turning_drive_is_found(tmp_path: Path, slip: float, name: str
     assert run.elapsed_s == pytest.approx(np.full(len(run.elapsed_s), 0.5), abs=0.035)
     effective = run.camera_wheel_speed_rad_s(0.002)
     assert effective == pytest.approx((1.0 - slip) * run.wheel_speed_rad_s, abs=0.02)
-    assert 1.0 - run.camera_way_m(0.002).sum() / run.encoder_way_m().sum() == pytest.approx(slip, abs=0.002)
+    assert 1.0 - run.camera_distance_m(0.002).sum() / run.encoder_distance_m().sum() == pytest.approx(
+        slip, abs=0.002
+    )
 
 
 def test_currents_take_the_sign_of_their_wheels(tmp_path: Path) -> None:
@@ -56,7 +58,7 @@ def test_a_repeated_camera_row_is_no_frame(tmp_path: Path) -> None:
         cells, before = rows[index].split(";"), rows[index - 1].split(";")
         rows[index] = ";".join(cells[:14] + before[14:])
     (run,) = read_windows(write_rows(path, rows), MOTOR)
-    slip = 1.0 - run.camera_way_m(0.002) / run.encoder_way_m()
+    slip = 1.0 - run.camera_distance_m(0.002) / run.encoder_distance_m()
     assert slip == pytest.approx(np.full(len(slip), 0.4), abs=0.01)
 
 
@@ -65,8 +67,8 @@ def test_a_log_tells_the_same_as_the_file_it_was_made_from(tmp_path: Path) -> No
     (expected,) = read_windows(csv, MOTOR)
     (run,) = read_windows(write_log(csv, tmp_path / "sand_surface" / "exp00.mcap"), MOTOR)
     assert (run.surface, run.camera_in_pixels) == ("sand_surface", False)
-    assert run.camera_way_m(9.9) == pytest.approx(expected.camera_way_m(0.002), rel=1e-3)
-    assert run.encoder_way_m() == pytest.approx(expected.encoder_way_m(), rel=1e-3)
+    assert run.camera_distance_m(9.9) == pytest.approx(expected.camera_distance_m(0.002), rel=1e-3)
+    assert run.encoder_distance_m() == pytest.approx(expected.encoder_distance_m(), rel=1e-3)
     assert run.wheel_torque_nm[1:] == pytest.approx(expected.wheel_torque_nm[1:], rel=0.02)
 
 
@@ -141,7 +143,7 @@ def test_a_log_whose_clock_goes_backwards_is_refused(tmp_path: Path) -> None:
             ]
             log.write_json("/samples", t_ns, {"WheelSample": wheels})
             log.write_json("/truth", t_ns, {"t_ns": t_ns, "x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0})
-    with pytest.raises(LogError, match="its clock goes backwards or stands"):
+    with pytest.raises(LogError, match="its clock goes backwards or does not advance"):
         read_windows(path, MOTOR)
 
 
@@ -152,9 +154,9 @@ def test_averaged_rows_become_drives(tmp_path: Path) -> None:
     path.write_text("\n".join((AVERAGED_NAMES, *rows)), encoding="utf-8")
     forward, left = read_windows(path, MOTOR)
     assert (forward.surface, len(forward.elapsed_s), len(left.elapsed_s)) == ("blue_surface", 4, 3)
-    assert forward.camera_way_m(9.9) == pytest.approx([0.02] * 4)
+    assert forward.camera_distance_m(9.9) == pytest.approx([0.02] * 4)
     # 245 rpm, gear 16, radius 40 mm, wheels at 60 degrees to the way.
-    assert forward.encoder_way_m() == pytest.approx(
+    assert forward.encoder_distance_m() == pytest.approx(
         [0.5 * 245 / 60 * 2 * np.pi / 16 * 0.04 / 0.8660] * 4, rel=1e-3
     )
     assert left.encoder_velocity[0, 1] > 0
@@ -188,7 +190,7 @@ def test_folders_are_searched_and_other_files_listed(tmp_path: Path) -> None:
     notes.write_text("-", encoding="utf-8")
     found = find_runs([tmp_path / "a", run])
     assert found.files == (run,)
-    assert found.passed_over == (motor, notes)
+    assert found.other_files == (motor, notes)
 
 
 @pytest.mark.parametrize(("name", "message"), [("empty", "holds no run"), ("missing", "does not exist")])

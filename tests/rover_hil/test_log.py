@@ -179,8 +179,8 @@ def test_random_damage_never_escapes_as_another_exception(tmp_path: Path) -> Non
     ("content", "words"),
     [
         (b"", "empty"),
-        (b"not an mcap file at all", "no MCAP file"),
-        (b"\x89MCAP0\r\n", "no log of this software"),
+        (b"not an mcap file at all", "not an MCAP file"),
+        (b"\x89MCAP0\r\n", "not a log of this software"),
     ],
 )
 def test_what_is_no_log_is_said_so(tmp_path: Path, content: bytes, words: str) -> None:

@@ -7,17 +7,22 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
 from drivers.errors import ConfigError, RoverHilError
+from rover_hil.gap.data import readers
+from rover_hil.gap.data.columns import LogModel
 from rover_hil.gap.data.logs import find_logs, read_logs
 from rover_hil.gap.data.problem import LEAST_RUNS
-from rover_hil.gap.data.reader import reader_of
+from rover_hil.gap.data.reader import Reader
+from rover_hil.gap.data.table import read_table
 from sim_backends import models
-from sim_backends.models.interface import Model, Run
+from sim_backends.models.interface import Model, Run, RunReader, StretchReader
 
 SHIPPED = tuple(one.name.replace("_", "-") for one in pkgutil.iter_modules(models.__path__) if one.ispkg)
 FACTORY = "make_model"
@@ -106,6 +111,26 @@ def read_runs(model: Model, path: Path) -> list[Run]:
     if len(runs) < LEAST_RUNS[False] and reader.cut is not None:
         runs = [part for run in runs for part in reader.cut(run)]
     return runs
+
+
+def reader_of(model: Model) -> Reader:
+    """Return the reader of a model: its own methods, else that of the shipped model, else tables."""
+    reader = _shipped(model.name) or Reader(read=partial(read_table, model))
+    if isinstance(model, RunReader):
+        reader = replace(reader, read=model.read_runs)
+    if isinstance(model, LogModel):
+        reader = replace(reader, runs_of_log=model.runs_of_log)
+    if isinstance(model, StretchReader):
+        reader = replace(reader, cut=model.stretches_of)
+    return reader
+
+
+def _shipped(model_name: str) -> Reader | None:
+    name = model_name.replace("-", "_")
+    if name not in {one.name for one in pkgutil.iter_modules(readers.__path__)}:
+        return None
+    reader: Reader = importlib.import_module(f"{readers.__name__}.{name}").READER
+    return reader
 
 
 def check_model(model: Model, runs: Sequence[Run]) -> None:

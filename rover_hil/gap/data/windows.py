@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.datasets.arrays import in_body_frame
 from sim_backends.models.interface import Array, Run
 
 WINDOW_S = 0.2
@@ -95,6 +96,4 @@ def body_rates(
     heading = np.unwrap(psi_rad)
     middle = np.interp(windows.middle_s, t_s, heading)
     east, north = windows.rate(t_s, x_m), windows.rate(t_s, y_m)
-    forward = east * np.cos(middle) + north * np.sin(middle)
-    left = north * np.cos(middle) - east * np.sin(middle)
-    return forward, left, windows.rate(t_s, heading)
+    return *in_body_frame(east, north, middle), windows.rate(t_s, heading)

@@ -45,7 +45,7 @@ class MotorFit:
         model: The best model.
         names: The parameters that were fitted.
         delay_s: Loop delay of each move.
-        delay_tells: Which moves say anything about their delay.
+        delay_is_known: Which moves determine their delay.
         jacobian: Residuals by parameters, with what each move's own delay can explain taken out.
         delay_jacobian: Residuals by the delay of their move.
         plain_jacobian: Residuals by parameters at fixed delays.
@@ -55,7 +55,7 @@ class MotorFit:
     model: MotorModel
     names: tuple[str, ...]
     delay_s: Array
-    delay_tells: NDArray[np.bool_]
+    delay_is_known: NDArray[np.bool_]
     jacobian: Array
     delay_jacobian: Array
     plain_jacobian: Array
@@ -66,7 +66,7 @@ def fit_motor(problem: MotorProblem) -> MotorFit:
     """Return the best fit; the problem's noise is that of its residuals afterwards."""
     names = NAMES if problem.has_voltage else MECHANICAL
     best_cost, model, delay_s = np.inf, MotorModel(), np.zeros(problem.moves)
-    tells = np.zeros(problem.moves, dtype=np.bool_)
+    is_known = np.zeros(problem.moves, dtype=np.bool_)
     first = _first_guess(problem)
     for lag_s in START_LAGS_S:
         start = replace(first, lag_s=lag_s)
@@ -82,7 +82,7 @@ def fit_motor(problem: MotorProblem) -> MotorFit:
             model = replace(model, inertia_a_s2_per_rad=0.0, lag_s=max(model.lag_s, LEAST_HIDDEN_LAG_S))
         problem.learn_noise(model, delay_s)
         problem.show_changes()
-        delay_s, tells = search_delays(problem, model)
+        delay_s, is_known = search_delays(problem, model)
         if is_hidden:
             problem.hide_changes(delay_s, problem.period_s + SETTLED_LAGS * model.lag_s)
         model, delay_s, _ = _minimise(problem, names, model, delay_s, LAST_EVALUATIONS)
@@ -91,7 +91,7 @@ def fit_motor(problem: MotorProblem) -> MotorFit:
     residual = problem.weighted(model, delay_s)
     problem.show_changes()
     _, by_delay, plain = _jacobians(problem, names, model, delay_s)
-    return MotorFit(model, names, delay_s, tells, profiled, by_delay, plain, residual)
+    return MotorFit(model, names, delay_s, is_known, profiled, by_delay, plain, residual)
 
 
 def search_delays(problem: MotorProblem, model: MotorModel) -> tuple[Array, NDArray[np.bool_]]:
@@ -100,12 +100,12 @@ def search_delays(problem: MotorProblem, model: MotorModel) -> tuple[Array, NDAr
         [problem.costs(problem.weighted(model, np.full(problem.moves, delay_s))) for delay_s in DELAY_GRID_S]
     )
     lowest = costs.min(axis=0)
-    # The middle of the lowest stretch: between two samples a fast motor does not tell more.
+    # The middle of the lowest stretch: between two samples of a fast motor all delays fit alike.
     is_low = costs <= lowest + 0.1
     delay_s = (is_low * DELAY_GRID_S[:, None]).sum(axis=0) / is_low.sum(axis=0)
-    tells = costs.max(axis=0) - lowest > 25.0
-    delay_s[~tells] = np.median(delay_s[tells]) if tells.any() else 0.0
-    return delay_s, tells
+    is_known = costs.max(axis=0) - lowest > 25.0
+    delay_s[~is_known] = np.median(delay_s[is_known]) if is_known.any() else 0.0
+    return delay_s, is_known
 
 
 def _first_guess(problem: MotorProblem) -> MotorModel:
@@ -115,11 +115,11 @@ def _first_guess(problem: MotorProblem) -> MotorModel:
     problem.noise = Noise(
         motion=max(0.1 * top * (problem.period_s if problem.parts[0].uses_ticks else 1.0), 1e-3)
     )
-    told = np.concatenate([np.abs(part.record.set_point.value) for part in problem.parts])
+    set_points = np.concatenate([np.abs(part.record.set_point.value) for part in problem.parts])
     speeds = np.concatenate([np.abs(part.motion_speed()[1]) for part in problem.parts])
     return MotorModel(
-        # Both have the same share of rest; the loop delay shifts it only.
-        gain=float(speeds.mean() / told.mean()) if told.any() else 1.0,
+        # Both have the same share of standstill; the loop delay shifts it only.
+        gain=float(speeds.mean() / set_points.mean()) if set_points.any() else 1.0,
         droop_rad_s_per_a=FIRST_DROOP_RAD_S_PER_A,
         coulomb_a=float(np.median(flowing)) if flowing.size else 0.2,
         electric_lag_s=ELECTRIC_LAG_S if problem.parts[0].record.is_robotino else 0.0,

@@ -14,7 +14,7 @@ from rover_hil.identify.motor.table import read_table
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 
 Record = MotorRecord | MotorDrives
-"""What a log tells about one motor: reading by reading, or as averages."""
+"""One motor in one log: reading by reading, or as averages."""
 
 
 def find_logs(paths: Sequence[Path]) -> list[Path]:
@@ -28,14 +28,14 @@ def find_logs(paths: Sequence[Path]) -> list[Path]:
         inside = sorted(path.rglob("*")) if path.is_dir() else [path]
         logs = [file for file in inside if file.is_file() and file.name.endswith(SUFFIXES)]
         if not logs:
-            msg = f"{path} is no log and holds none: give .mcap, .csv or .csv.gz files or their folder"
+            msg = f"{path} is not a log and holds none: give .mcap, .csv or .csv.gz files or their folder"
             raise LogError(msg)
         found += [log for log in logs if log not in found]
     return found
 
 
 def read_records(path: Path) -> list[Record]:
-    """Return what one log, or file of averages, tells about its motors.
+    """Return the motors in one log or file of averages.
 
     Raises:
         LogError: The log cannot be read or holds something wrong.
@@ -49,7 +49,7 @@ def identify(records: Sequence[Record], advance: Callable[[], None] = lambda: No
     """Return a report on every motor; `advance` is called after each.
 
     Raises:
-        LogError: The logs of a motor come from different devices, or tell too little.
+        LogError: The logs of a motor come from different devices, or hold too little.
     """
     reports: list[MotorReport] = []
     for motor in sorted({record.motor for record in records}):

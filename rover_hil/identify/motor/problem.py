@@ -1,4 +1,4 @@
-"""The difference between what a log says about a motor and what a model of it says."""
+"""Residuals between the log of a motor and a model of it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -244,7 +244,7 @@ def _deviation(values: Array, least: float) -> float:
 
 
 def _positions_agree(record: MotorRecord) -> bool:
-    """Tell whether positions turn as far as the reported speeds say."""
+    """Return whether the positions turn as far as the reported speeds."""
     position, speed = record.position, record.speed
     if position is None or speed is None:
         return position is not None

@@ -1,4 +1,4 @@
-"""What one log tells about one motor: set-points, positions, speeds, currents, voltages over time."""
+"""One motor in one log: set-points, positions, speeds, currents, voltages over time."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -104,7 +104,7 @@ def find_moves(set_point: Series) -> Moves:
     """Reduce a set-point to its changes.
 
     Changes closer than `HOLD_S` belong to one move. A set-point that mostly changes faster, as a controller's
-    does, is one move: ramps tell too little to give each a delay of its own.
+    does, is one move: ramps determine no delay each.
     """
     changes = np.r_[0, np.flatnonzero(np.diff(set_point.value)) + 1]
     t_s = set_point.t_s[changes]
@@ -120,14 +120,12 @@ def cut_set_point(speed_rad_s: Array, step_rad_s: float) -> Array:
 
 
 def check_times(t_s: Array, where: str) -> None:
-    """Refuse times that run backwards or stand still.
+    """Check that times rise.
 
     Raises:
-        LogError: They do.
+        LogError: They do not.
     """
     wrong = np.flatnonzero(np.diff(t_s) <= 0)
     if wrong.size:
-        msg = (
-            f"{where}: the clock goes backwards or stands still after {t_s[wrong[0]]:.3f} s: record it again"
-        )
+        msg = f"{where}: the clock goes backwards or does not advance after {t_s[wrong[0]]:.3f} s: repeat it"
         raise LogError(msg)

@@ -1,4 +1,4 @@
-"""What is said about a motor: each parameter, its interval, and whether the data determine it."""
+"""The report on a motor: each parameter, its interval, and whether the data determine it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -177,7 +177,7 @@ def _estimates(problem: MotorProblem, fit: MotorFit, uncertainty: Uncertainty) -
 
 
 def estimate(name: str, value: float | None, half: float, why: str) -> Estimate:
-    """Return what is said of a parameter whose interval is `half` wide to either side.
+    """Return the estimate of a parameter whose interval is `half` wide to either side.
 
     Args:
         name: A key of `UNITS`.
@@ -237,14 +237,14 @@ def _reasons(problem: MotorProblem, fit: MotorFit, uncertainty: Uncertainty) -> 
         if name in HIDDEN and name not in names:
             return f"the speed settles between two samples ({problem.period_s * 1e3:.0f} ms apart)"
         if name == "delay_s":
-            return "no change of the set-point tells it"
+            return "no change of the set-point determines it"
         if len(speeds) == 1:
-            return "one speed only: friction, gain and droop cannot be told apart"
+            return "one speed only: friction, gain and droop cannot be distinguished"
         partner = np.abs(uncertainty.correlation[names.index(name)]).copy()
         partner[names.index(name)] = 0.0
         most = int(partner.argmax())
         if partner[most] > 0.9:
-            return f"cannot be told from {names[most]} (correlation {partner[most]:.2f})"
+            return f"confounded with {names[most]} (correlation {partner[most]:.2f})"
         return "its interval is wide: more or longer logs, more speeds"
 
     return why

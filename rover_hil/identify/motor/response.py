@@ -14,7 +14,7 @@ first order in electric / lag, the chain
 
 whose two time constants have the sum `lag` and the product `lag * electric`. `lag` and `inertia` are fitted
 apart from each other, so that a loop with integral action or a limit on its voltage fits too. Friction and
-inertia are in units of the torque constant: that is all that a current can tell.
+inertia are in units of the torque constant: a current determines no more.
 
 Left out: voltage limit, sticking, ripple, integral action of the loop.
 """
@@ -142,7 +142,7 @@ def respond(model: MotorModel, moves: Moves, delay_s: Array, first_speed_rad_s: 
 
     Args:
         model: The motor.
-        moves: What it is told.
+        moves: Its set-points.
         delay_s: Loop delay of each move.
         first_speed_rad_s: Speed before the first set-point arrives.
     """

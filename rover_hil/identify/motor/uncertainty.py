@@ -17,14 +17,14 @@ SHORTEST_BLOCK_S = 0.5
 NULL_SHARE = 1e-5
 """A direction that the residuals feel less than this share of the strongest one is not determined at all."""
 STEEP = 1.0 / 0.04**2
-"""Slope of the residuals by the delay, squared, below which only the flat stretch tells."""
+"""Slope of the residuals by the delay, squared, below which only the flat stretch determines the delay."""
 FLAT_COST = 0.1
 FLAT_GRID_S = np.arange(-0.04, 0.0401, 0.001)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Uncertainty:
-    """What the residuals say about the fitted parameters.
+    """Uncertainty of the fitted parameters by the residuals.
 
     Attributes:
         covariance: Of the parameters in the order of the fit's names; infinite where not determined.
@@ -120,27 +120,27 @@ def _delay(problem: MotorProblem, fit: MotorFit, covariance: Array) -> tuple[flo
     Three things blur it: delays differ from move to move, the other parameters are uncertain, and between two
     samples a sudden change may have happened anywhere.
     """
-    tells = fit.delay_tells
-    count = int(tells.sum())
+    is_known = fit.delay_is_known
+    count = int(is_known.sum())
     if count == 0:
         return np.nan, np.inf, np.nan
     low_s, high_s = _flat_stretch(problem, fit)
     middle_s = fit.delay_s + (low_s + high_s) / 2
-    spread_s = float(np.std(middle_s[tells], ddof=1)) if count > 1 else 0.0
+    spread_s = float(np.std(middle_s[is_known], ddof=1)) if count > 1 else 0.0
     steep = np.bincount(problem.owner, fit.delay_jacobian**2, problem.moves)
     pulls = [
         np.bincount(problem.owner, fit.delay_jacobian * column, problem.moves) / np.maximum(steep, 1.0)
         for column in fit.plain_jacobian.T
     ]
-    pull = np.array([-values[tells].mean() for values in pulls])
-    own = float(np.mean(np.where(steep > STEEP, 1.0 / np.maximum(steep, STEEP), 0.0)[tells])) / count
+    pull = np.array([-values[is_known].mean() for values in pulls])
+    own = float(np.mean(np.where(steep > STEEP, 1.0 / np.maximum(steep, STEEP), 0.0)[is_known])) / count
     variance = max(spread_s**2 / count, own) + float(pull @ covariance @ pull)
     factor = float(student.ppf(0.5 + CONFIDENCE / 2, max(count - 1, 1)))
-    half_s = factor * np.sqrt(variance) + float((high_s - low_s)[tells].mean()) / 2
+    half_s = factor * np.sqrt(variance) + float((high_s - low_s)[is_known].mean()) / 2
     half_s += LOOP_PERIOD_S / 2  # a set-point waits for the next cycle of the speed loop
     if "lag_s" not in fit.names:
         half_s += fit.model.lag_s  # what the lag takes too much, the delay lacks
-    return float(middle_s[tells].mean()), float(half_s), spread_s
+    return float(middle_s[is_known].mean()), float(half_s), spread_s
 
 
 def _flat_stretch(problem: MotorProblem, fit: MotorFit) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The overhead camera's scale and yaw, and whether a slip on smooth ground is none but an error of scale."""
+"""The overhead camera's scale and yaw, and whether an apparent slip on smooth ground is an error of scale."""
 
 import math
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ ROLLING_SURFACE = "table_surface"
 """Smooth and hard: the wheels roll on it, so it gives the camera its scale."""
 
 NOMINAL_MM_PER_PX = 1.84
-"""What the data set's own `config/camera_params.json` says."""
+"""From the data set's own `config/camera_params.json`."""
 
 CALIBRATED_MM_PER_PX = 2.03
-"""What its runs on the smooth table say (36 runs, BrOleg5/research-wheel-slippage @ b4303b4)."""
+"""From its runs on the smooth table (36 runs, BrOleg5/research-wheel-slippage @ b4303b4)."""
 
 LEAST_RUNS = 3
 LEAST_SLIP = 0.01
@@ -32,12 +32,12 @@ class CameraScale:
     """The scale and where it comes from.
 
     Attributes:
-        mm_per_px: None where no run's camera tells pixels.
+        mm_per_px: None where no camera is in pixels.
         is_scale_error: Whether the rolling runs disagree with `NOMINAL_MM_PER_PX` by an error of scale; None
             where there are none.
         verdict: The finding in words.
         drift_rad: How far to the left of the encoders' course the camera sees rolling runs go, on average:
-            its marker is turned to the right by as much on the rover. None where there are no such runs.
+            its marker is turned to the right by as much on the rover. None without such runs.
     """
 
     mm_per_px: float | None
@@ -63,12 +63,12 @@ def find_scale(runs: Sequence[RunWindows]) -> CameraScale:
     if len(rolling) < LEAST_RUNS:
         verdict = (
             f"Fewer than {LEAST_RUNS} training runs on {ROLLING_SURFACE}: the scale of the data set's own "
-            f"table runs is taken, {CALIBRATED_MM_PER_PX:g} mm/px, and nothing tells a scale error from slip "
-            "here."
+            f"table runs is taken, {CALIBRATED_MM_PER_PX:g} mm/px, and a scale error cannot be "
+            "distinguished from slip."
         )
         return CameraScale(CALIBRATED_MM_PER_PX, None, verdict)
-    encoder_m = np.array([run.encoder_way_m().sum() for run in rolling])
-    camera_px = np.array([run.camera_way_m(1.0).sum() for run in rolling])
+    encoder_m = np.array([run.encoder_distance_m().sum() for run in rolling])
+    camera_px = np.array([run.camera_distance_m(1.0).sum() for run in rolling])
     if not (camera_px > 0.0).all():
         msg = f"{rolling[int(np.argmin(camera_px))].path}: the camera sees no motion; leave this run out"
         raise LogError(msg)
@@ -80,7 +80,7 @@ def _judge(rolling: Sequence[RunWindows], slip: Array, mm_per_px: float) -> Came
     mean = float(slip.mean())
     direction = np.array([travel_direction_rad(run) for run in rolling])
     current_a = np.array([np.abs(run.current_a).mean() for run in rolling])
-    speed = np.array([run.encoder_way_m().sum() / run.elapsed_s.sum() for run in rolling])
+    speed = np.array([run.encoder_distance_m().sum() / run.elapsed_s.sum() for run in rolling])
     waves = np.column_stack(
         [
             np.ones(len(slip)),

@@ -1,4 +1,4 @@
-"""From measured runs to slip maps: what is trained on, how it is cross-validated and tested."""
+"""From measured runs to slip maps: training, cross-validation and test."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,13 +24,13 @@ Errors = dict[str, list[RunError]]
 
 @dataclass(frozen=True, slots=True)
 class SlipIdentification:
-    """Fitted maps and what was found on the way.
+    """Fitted maps and their errors.
 
     Attributes:
         scale: The camera's.
         maps: Fitted to all of `trained_on`.
         trained_on: Runs on one surface each.
-        left_out: Runs on several surfaces: nothing tells which window is on which.
+        left_out: Runs on several surfaces: the surface of a window is not known.
         cross_validation: Errors on runs that the fit had not seen, within `trained_on`.
         not_validated: How many of `trained_on` are missing there, as too little remains without them.
     """
@@ -101,7 +101,7 @@ def fit_maps(
 
 
 def _single(names: Sequence[str]) -> list[str]:
-    """Return the names that tell one surface: `green_surface`, but not `green_table` beside it."""
+    """Return the names of one surface each: `green_surface`, but not `green_table` next to it."""
     return [name for name in names if len(surface_parts(name, [n for n in names if n != name])) == 1]
 
 

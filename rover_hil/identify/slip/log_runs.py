@@ -70,13 +70,13 @@ def _series(rows: LogRows, name: str) -> Array:
 
 def _check_numbers(path: Path, tables: Sequence[Array]) -> None:
     if not all(np.isfinite(table).all() for table in tables):
-        msg = f"log {path} holds samples or true poses that are no numbers: it is damaged, record it again"
+        msg = f"log {path} holds samples or true poses that are not numbers: it is damaged, record it again"
         raise LogError(msg)
 
 
 def _check_clock(path: Path, tables: Sequence[Array]) -> None:
     if any((np.diff(table[:, 0]) <= 0.0).any() for table in tables):
-        msg = f"log {path}: its clock goes backwards or stands: the run cannot be used"
+        msg = f"log {path}: its clock goes backwards or does not advance: the run cannot be used"
         raise LogError(msg)
 
 

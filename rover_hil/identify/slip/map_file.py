@@ -73,7 +73,7 @@ def _surface_wheel_maps(found: SlipIdentification) -> dict[str, WheelMap]:
 
 
 def _licence(source: Path) -> str:
-    """Return the first line of the licence beside the data, or above it."""
+    """Return the first line of the licence in the folder of the data, or above it."""
     folder = source.resolve() if source.is_dir() else source.resolve().parent
     for place in (folder, *folder.parents[: LICENCE_LEVELS - 1]):
         for path in sorted(place.glob("LICENSE*")):

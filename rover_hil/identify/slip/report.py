@@ -54,7 +54,7 @@ def print_result(
         console.print(f"Note: {note}")
     console.print(
         "\nDistance error as a fraction of encoder distance, per run: rms (bias). "
-        "'not valid' is the share of the way for which the map flags its own slip."
+        "'not valid' is the share of the distance for which the map flags its own slip."
     )
     console.print(_surface_table("Cross-validation within the training runs", found.cross_validation))
     console.print(_direction_table(found.cross_validation))

@@ -16,7 +16,7 @@ WHEELS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredRun:
-    """What wheels and camera said; n readings, m frames, three wheels.
+    """Measurements of wheels and camera; n readings, m frames, three wheels.
 
     Attributes:
         path: Where it was read from.
@@ -91,15 +91,17 @@ class RunWindows:
     truth: str = ""
     rejected: Mapping[str, int] = field(default_factory=dict)
 
-    def encoder_way_m(self) -> Array:
-        """Return the way in each window by the encoders, (k,)."""
+    def encoder_distance_m(self) -> Array:
+        """Return the distance in each window by the encoders, (k,)."""
         return np.hypot(self.encoder_velocity[:, 0], self.encoder_velocity[:, 1]) * self.elapsed_s
 
-    def camera_way_m(self, m_per_px: float) -> Array:
-        """Return the way in each window by the camera, (k,)."""
+    def camera_distance_m(self, m_per_px: float) -> Array:
+        """Return the distance in each window by the camera, (k,)."""
         scale = m_per_px if self.camera_in_pixels else 1.0
-        way: Array = np.hypot(self.camera_velocity[:, 0], self.camera_velocity[:, 1]) * self.elapsed_s * scale
-        return way
+        distance: Array = (
+            np.hypot(self.camera_velocity[:, 0], self.camera_velocity[:, 1]) * self.elapsed_s * scale
+        )
+        return distance
 
     def camera_wheel_speed_rad_s(self, m_per_px: float) -> Array:
         """Return the effective wheel speeds w_eff = J v_cam / R, (k, 3)."""

@@ -27,12 +27,11 @@ class RunFiles:
 
     Attributes:
         files: Those that may be runs.
-        passed_over: Those that lie in a folder with them and are of another kind; also records of motors on a
-            bench, without a camera.
+        other_files: Files of another kind in the same folders, records of motors on a bench among them.
     """
 
     files: tuple[Path, ...]
-    passed_over: tuple[Path, ...]
+    other_files: tuple[Path, ...]
 
 
 def find_runs(paths: Sequence[Path]) -> RunFiles:
@@ -42,7 +41,7 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
         LogError: A path does not exist, or no file has a known ending.
     """
     found: set[Path] = set()
-    passed_over: set[Path] = set()
+    other_files: set[Path] = set()
     for path in paths:
         if not path.exists():
             msg = f"{path} does not exist: give a file or a folder of runs"
@@ -55,8 +54,8 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
             msg = f"{path} holds no run with a camera: expected files that end in {', '.join(SUFFIXES)}"
             raise LogError(msg)
         found.update(runs)
-        passed_over.update(set(inside) - set(runs))
-    return RunFiles(tuple(sorted(found)), tuple(sorted(passed_over)))
+        other_files.update(set(inside) - set(runs))
+    return RunFiles(tuple(sorted(found)), tuple(sorted(other_files)))
 
 
 def _is_motor_record(path: Path) -> bool:
@@ -74,9 +73,9 @@ def surface_of(path: Path) -> str:
 
 
 def surface_parts(name: str, known: Sequence[str]) -> list[str]:
-    """Return the known surfaces that a folder's name tells: `green_table` is green_surface and table_surface.
+    """Return the known surfaces in the name of a folder: `green_table` is green_surface and table_surface.
 
-    A name that is known itself, or tells something unknown, is returned as it is.
+    A name that is known itself, or holds an unknown part, is returned as it is.
     """
     by_stem = {surface.removesuffix(SURFACE_ENDING): surface for surface in known}
     stems = name.removesuffix(SURFACE_ENDING).split("_")
@@ -136,6 +135,6 @@ def _check_currents(run: MeasuredRun) -> None:
         wheel = int(np.argmax(silent))
         msg = (
             f"{run.path}: the current of wheel {wheel} is zero throughout although the wheel turns: "
-            "it was not measured, and slip cannot be told from this run"
+            "it was not measured, and slip cannot be estimated from this run"
         )
         raise LogError(msg)

@@ -16,7 +16,7 @@ RIDGE = 2.0
 """Weight of (order * amplitude)^2 against one window's squared error; cross-validated within training."""
 
 START_S = 0.4
-"""Left out at the beginning of a run: the rover still accelerates."""
+"""Left out at the start of a run: the rover still accelerates."""
 
 LEAST_SPEED_M_S = 0.05
 LEAST_SPEED_SPAN_M_S = 0.05
@@ -78,8 +78,8 @@ def _drift_rad(run: RunWindows, windows: Flags) -> Array:
 
 
 def _is_steady(run: RunWindows) -> Flags:
-    """Tell the windows of steady travel."""
-    steady: Flags = (run.start_s >= START_S) & (run.encoder_way_m() > LEAST_SPEED_M_S * run.elapsed_s)
+    """Return which windows are steady travel."""
+    steady: Flags = (run.start_s >= START_S) & (run.encoder_distance_m() > LEAST_SPEED_M_S * run.elapsed_s)
     return steady
 
 
@@ -98,19 +98,19 @@ def _fit_surface(name: str, tables: Sequence[Array], least_runs: int) -> Surface
     low, high = np.quantile(speed, (0.05, 0.95)).tolist()
     held = np.clip(speed, low, high)
     with_speed = high - low > LEAST_SPEED_SPAN_M_S
-    alike = np.ones(len(slip))
-    force_curve, force_left = _fit_curve(direction, held, force_n, alike, with_speed)
-    slip_curve, _ = _fit_curve(direction, held, slip, alike, with_speed)
-    # A rover that is held moves nowhere: where to is noise.
+    equal = np.ones(len(slip))
+    force_curve, force_residual_n = _fit_curve(direction, held, force_n, equal, with_speed)
+    slip_curve, _ = _fit_curve(direction, held, slip, equal, with_speed)
+    # The course of a rover that does not move is noise.
     moved = np.clip(1.0 - slip, 0.0, 1.0)
     drift_curve, _ = _fit_curve(direction, held, drift_rad, moved, with_speed)
-    means = np.array([force_left[run_of == index].mean() for index in np.unique(run_of)])
+    means = np.array([force_residual_n[run_of == index].mean() for index in np.unique(run_of)])
     return SurfaceModel(
         name=name,
         force_n=force_curve,
         slip=slip_curve,
         drift_rad=drift_curve,
-        force_window_sd_n=max(float(force_left.std()), LEAST_WINDOW_SD_N),
+        force_window_sd_n=max(float(force_residual_n.std()), LEAST_WINDOW_SD_N),
         force_run_sd_n=max(float(means.std()), LEAST_RUN_SD_N),
         speed_range_m_s=(low, high),
     )
@@ -119,16 +119,16 @@ def _fit_surface(name: str, tables: Sequence[Array], least_runs: int) -> Surface
 def _table(run: RunWindows, m_per_px: float, camera_drift_rad: float) -> Array:
     """Return rows of direction, speed, force, slip and drift, for steady windows of known work."""
     steady = _is_steady(run) & run.work_known
-    velocity, way_m = run.encoder_velocity[steady], run.encoder_way_m()[steady]
+    velocity, distance_m = run.encoder_velocity[steady], run.encoder_distance_m()[steady]
     drift_rad = _drift_rad(run, steady)
     if run.camera_in_pixels:
         drift_rad = np.angle(np.exp(1j * (drift_rad - camera_drift_rad)))
     rows: Array = np.column_stack(
         (
             np.arctan2(velocity[:, 1], velocity[:, 0]),
-            way_m / run.elapsed_s[steady],
-            travel_work_j(run)[steady] / way_m,
-            1.0 - run.camera_way_m(m_per_px)[steady] / way_m,
+            distance_m / run.elapsed_s[steady],
+            travel_work_j(run)[steady] / distance_m,
+            1.0 - run.camera_distance_m(m_per_px)[steady] / distance_m,
             drift_rad,
         )
     )
@@ -138,7 +138,7 @@ def _table(run: RunWindows, m_per_px: float, camera_drift_rad: float) -> Array:
 def _fit_curve(
     direction: Array, speed: Array, values: Array, weights: Array, with_speed: bool
 ) -> tuple[DirectionCurve, Array]:
-    """Return the curve by ridge regression, and what it leaves."""
+    """Return the curve by ridge regression, and its residuals."""
     orders = np.arange(1, HARMONICS + 1)
     middle = float(speed.mean())
     angles = np.outer(direction, orders)

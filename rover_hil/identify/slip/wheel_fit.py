@@ -86,7 +86,7 @@ def fit_support_vector_line(samples: WheelSamples, feature: Feature) -> Polynomi
     """Fit a line by support vector regression with a linear kernel, as in paper 003, section 2.2.
 
     Margin and penalty are a tenth of a robust standard deviation of the slip, and one of it: what the tool of
-    the paper's authors takes where nothing is said.
+    the paper's authors takes by default.
     """
     try:
         from sklearn.svm import LinearSVR  # type: ignore[import-untyped]
@@ -153,8 +153,8 @@ def fit_traction(samples: WheelSamples, feature: Feature) -> TractionMap:
     def residuals(logarithms: Array) -> Array:
         greatest, slip_scale = np.exp(logarithms)
         # Beyond the greatest torque the curve has no slip; 1 is the most there is.
-        left = np.maximum(1.0 - inside / greatest, np.exp(-1.0 / slip_scale))
-        found: Array = np.minimum(-slip_scale * np.log(left), 1.0) - samples.slip
+        remaining = np.maximum(1.0 - inside / greatest, np.exp(-1.0 / slip_scale))
+        found: Array = np.minimum(-slip_scale * np.log(remaining), 1.0) - samples.slip
         return found
 
     fit = least_squares(residuals, np.log([1.5 * high, 0.3]))

@@ -13,7 +13,7 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import EffortObserver, MotorSettings, WheelEffort
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.datasets.arrays import Array, Flags, in_body_frame
 from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, RunWindows, to_wheels
 
 WINDOW_S = 0.5
@@ -132,14 +132,8 @@ def _positions_at_frames(run: MeasuredRun) -> Array:
 def _camera_velocity(first: Array, last: Array, elapsed_s: Array) -> Array:
     steps = last - first
     middle_rad = 0.5 * (last[:, 2] + first[:, 2])
-    cosine, sine = np.cos(middle_rad), np.sin(middle_rad)
-    body = np.column_stack(
-        (
-            cosine * steps[:, 0] + sine * steps[:, 1],
-            cosine * steps[:, 1] - sine * steps[:, 0],
-            steps[:, 2],
-        )
-    )
+    forward, left = in_body_frame(steps[:, 0], steps[:, 1], middle_rad)
+    body = np.column_stack((forward, left, steps[:, 2]))
     velocity: Array = body / elapsed_s[:, None]
     return velocity
 

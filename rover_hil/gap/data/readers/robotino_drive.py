@@ -40,7 +40,7 @@ from rover_hil.gap.data.columns import (
     table_files,
     whole_rows,
 )
-from rover_hil.gap.data.readers import Reader
+from rover_hil.gap.data.reader import Reader
 from rover_hil.gap.data.windows import LEAST_WINDOWS, Windows, body_rates, stretches, windows_over
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS

@@ -20,7 +20,7 @@ from rover_hil.gap.data.columns import (
     table_files,
     whole_rows,
 )
-from rover_hil.gap.data.readers import Reader
+from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_motor.model import CURRENT_STEP_A, SPEED_STEP_RAD_S
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import CsvTable, read_csv
-from rover_hil.gap.data.readers import Reader
+from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.side_slope.model import BEND, START_SHARE
 
