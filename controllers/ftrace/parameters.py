@@ -73,7 +73,7 @@ class ShadingParameters:
     """Shadows of the rover, which do not move in the image."""
 
     gain: float = 0.3  # of one frame
-    leak: float = 0.998  # kept from frame to frame
+    leak: float = 0.002  # lost per frame
     baselines_m: tuple[float, float] = (0.04, 0.09)  # in turn: for sharp edges, for wide shadows
     past_frames: int = 12  # to compare with
     most_difference: float = 0.6  # of log grey; greater ones are mismatched edges
