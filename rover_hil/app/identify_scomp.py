@@ -88,7 +88,7 @@ def _print(
         f"rms {law.rms:.3f} over |beta| of {low:.0f} to {high:.0f} deg",
     )
     table.add_row("drift from roll, gain", f"{roll.gain:.2f}", f"{roll.gain_sd:.2f}")
-    table.add_row("drift beside it, rms (deg)", f"{math.degrees(roll.rest):.2f}", "")
+    table.add_row("drift, residual rms (deg)", f"{math.degrees(roll.rest):.2f}", "")
     table.add_row(
         "trace noise (deg), memory (s)", f"{math.degrees(trace.noise_rad):.2f}, {trace.noise_time_s:.2f}", ""
     )

@@ -53,10 +53,10 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
     start = max(float(drive.t_s[0]), float(truth.t_s[0]))
     end = min(float(drive.t_s[-1]), float(truth.t_s[-1]))
     edges = np.arange(start, end, WINDOW_S)
-    way_m = (
+    distance_m = (
         wheel_radius_m * np.diff(np.interp(edges, drive.t_s, drive.wheel_rad)) if len(edges) > 1 else edges
     )
-    turns = way_m > SLOWEST_RIM_M_S * WINDOW_S
+    turns = distance_m > SLOWEST_RIM_M_S * WINDOW_S
     if np.count_nonzero(turns) < FEWEST_WINDOWS:
         msg = (
             f"log and truth share {np.count_nonzero(turns)} windows of {WINDOW_S:g} s with turning wheels, "
@@ -66,7 +66,7 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
     ahead_m, aside_m = _body_travel(truth, edges)
     return Windows(
         t_s=0.5 * (edges[1:] + edges[:-1])[turns],
-        slip=(1.0 - ahead_m[turns] / way_m[turns]),
+        slip=(1.0 - ahead_m[turns] / distance_m[turns]),
         slip_angle_rad=np.arctan2(aside_m, ahead_m)[turns],
         pitch_rad=_means(drive.t_s, drive.pitch_rad, edges, turns),
         roll_rad=_means(drive.t_s, drive.roll_rad, edges, turns),
@@ -103,7 +103,7 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
 
 def _body_travel(truth: TruePath, edges: Array) -> tuple[Array, Array]:
     """Return the travel ahead and to the left in each window, by the heading in its middle."""
-    dx, dy = (np.diff(np.interp(edges, truth.t_s, way)) for way in (truth.x_m, truth.y_m))
+    dx, dy = (np.diff(np.interp(edges, truth.t_s, place)) for place in (truth.x_m, truth.y_m))
     psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.psi_rad)
     return np.cos(psi) * dx + np.sin(psi) * dy, np.cos(psi) * dy - np.sin(psi) * dx
 
