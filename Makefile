@@ -1,10 +1,10 @@
-# make setup | run | test | check | wheel
+# make setup | run | test | safety-coverage | check | reference | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test check wheel
+.PHONY: setup run test safety-coverage check reference wheel mutation
 
 setup: $(STAMP)
 
@@ -12,19 +12,34 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[fit,tune]" --group dev
+	$(BIN)/python .ci/compile_simulators.py
 	touch $@
 
 run: setup
 	$(BIN)/rover-hil run robotino --virtual
 
 test: setup
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist loadfile
+
+safety-coverage: setup
+	$(BIN)/python -m coverage run -m pytest -q -n 0 tests/controllers/safety tests/controllers/test_limits.py \
+		tests/controllers/test_stuck_wheels.py tests/rover_hil/test_watchdog.py -k "not replays_exactly"
+	$(BIN)/python -m coverage report
+
+# Ten minutes; prints the mutants that survive, see docs/reference/safety.md.
+mutation: setup
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group mutation
+	$(BIN)/mutmut run
+	! $(BIN)/mutmut results | grep survived
 
 check: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+reference: setup
+	$(BIN)/python -m rover_hil.reference docs/reference
 
 wheel: setup
 	rm -rf build dist

@@ -21,7 +21,7 @@ from sim_backends.world.sensor_errors import DirectionLag
 from tests.rear_scene.draws import draw_errors, draw_rig, wander
 from tests.rear_scene.motion import RATE_HZ, Motion
 from tests.rear_scene.rig_file import CalibratedRig
-from tests.rear_scene.sequence import FrameSequence, Look
+from tests.rear_scene.sequence import Appearance, FrameSequence
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -163,19 +163,19 @@ def field_drive(rover: Rover, site: Site, seed: int) -> FieldDrive:
         plant.advance(nanoseconds(len(truths) / RATE_HZ))
         truths.append(plant.truth())
         way_m += math.dist((truths[-1].x_m, truths[-1].y_m), (truths[-2].x_m, truths[-2].y_m))
-    look = draw_look(site, rng, math.ceil(len(truths) / RATE_HZ * FRAME_RATE_HZ))
+    appearance = draw_look(site, rng, math.ceil(len(truths) / RATE_HZ * FRAME_RATE_HZ))
     rock = np.radians(ROCK_DEG) * np.stack(
         [wander(len(truths), 0.35 * RATE_HZ, rng) for _ in range(2)], axis=1
     )
-    motion = motion_of(truths, rover, site.terrain(), rock, look.rut.depth_m)
-    sequence = FrameSequence("field test", seed, rover.rig, motion, look, draw_errors(rng))
+    motion = motion_of(truths, rover, site.terrain(), rock, appearance.rut.depth_m)
+    sequence = FrameSequence("field test", seed, rover.rig, motion, appearance, draw_errors(rng))
     truth = _truth(truths)
     return FieldDrive(sequence=sequence, log=_log(truths, motion, rover, rng), truth=truth)
 
 
-def draw_look(site: Site, rng: np.random.Generator, frames: int) -> Look:
+def draw_look(site: Site, rng: np.random.Generator, frames: int) -> Appearance:
     """Return how a drive on a site looks."""
-    return Look(
+    return Appearance(
         ground=GroundSettings(
             kind=SOILS[int(rng.integers(len(SOILS)))],
             terrain=site.terrain(),

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from rover_hil.report.style import ENCODERS, ESTIMATE, GYRO, HEADINGS, STYLE, TRUTH, WIDTH_IN
+from rover_hil.pages.style import ENCODERS, ESTIMATE, GYRO, HEADINGS, STYLE, TRUTH, WIDTH_IN
 from rover_hil.scomp.drive import Track
 
 Floats = NDArray[np.float64]

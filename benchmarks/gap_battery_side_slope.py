@@ -18,7 +18,7 @@ from benchmarks.gap_battery_table import tables
 from benchmarks.gap_cases import Case, cases, make_runs
 from benchmarks.gap_outcome import Outcome, code_hash, keep, read_outcomes
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.side_slope import make_model
+from sim_backends.models.side_slope.model import make_model
 
 FRESH = 320
 

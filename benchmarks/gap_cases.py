@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_hil.gap.data.readers.side_slope import read_side_slope
 from sim_backends.models.interface import Run
-from sim_backends.models.side_slope_data import read_side_slope
 from tests.nature.side_slope import PERTURBED, Experiment, Nature, some_nature, write
 
 SINGLES = {

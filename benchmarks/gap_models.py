@@ -35,7 +35,7 @@ DRIVES = 50
 def card_lines(name: str) -> list[str]:
     """Return the table of a model's effects, in Markdown."""
     lines = [
-        "| effect | physics | parameters | claims | told apart by |",
+        "| effect | physics | parameters | claims | distinguished by |",
         "|---|---|---|---|---|",
     ]
     for card in load_model(name).effects:

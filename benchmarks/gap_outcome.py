@@ -13,9 +13,8 @@ from rover_hil.gap.verdict_rules import explained_share
 from tests.nature.side_slope import Nature
 
 FROZEN = (
-    "rover_hil/gap/*.py",
-    "sim_backends/models/side_slope*.py",
-    "sim_backends/models/slope_states.py",
+    "rover_hil/gap/**/*.py",
+    "sim_backends/models/side_slope/*.py",
     "benchmarks/gap_cases.py",
     "tests/nature/side_slope.py",
 )

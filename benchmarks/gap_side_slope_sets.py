@@ -7,11 +7,12 @@ and paths.csv. Each set is asked with several seeds, which lock different runs.
 import argparse
 from pathlib import Path
 
+from rover_hil.gap.data.readers.side_slope import read_side_slope
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
 from rover_hil.gap.verdict_rules import intervals, is_named
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.side_slope import SideSlope, make_model
+from sim_backends.models.side_slope.model import SideSlope, make_model
 
 
 def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:
@@ -25,7 +26,7 @@ def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:
 
 def _show(folder: Path, seed: int) -> None:
     model = make_model()
-    runs = model.read_runs(folder)
+    runs = read_side_slope(folder)
     analysis = analyse(model, runs, seed=seed)
     verdict = analysis.verdict
     names = " | ".join("+".join(one) for one in verdict.confidence_set)

@@ -23,7 +23,7 @@ from unittest import mock
 import numpy as np
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.settings import LineMission
+from controllers.motion.settings import LineMission
 from drivers.clock import stopwatch_ns
 from drivers.samples import Sample
 from rover_hil.app.run import run_virtual

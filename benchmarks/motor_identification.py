@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_hil.identify.motor_fit import LOOP_PERIOD_S
-from rover_hil.identify.motor_record import MotorRecord, Series
-from rover_hil.identify.motor_report import MotorReport, report_motor
-from rover_hil.identify.motor_table import SCALE, SPEED_STEP_RAD_S, TICK_RAD, cut_set_point, read_table
+from rover_hil.identify.motor.fit import LOOP_PERIOD_S
+from rover_hil.identify.motor.record import MotorRecord, Series, cut_set_point
+from rover_hil.identify.motor.report import MotorReport, report_motor
+from rover_hil.identify.motor.table import SCALE, read_table
 from tests.nature.motor import Measured, TrueMotor, measure, staircase
 
 SPEEDS_RAD_S = (25.0, 50.0, 75.0, 100.0, 125.0, 150.0, 175.0)
@@ -59,8 +59,8 @@ def record(measured: Measured, motor: int, *, voltage: bool) -> MotorRecord:
         log="simulated",
         motor=motor + 1,
         is_robotino=True,
-        set_point=Series(t_s, cut_set_point(measured.set_point_rad_s, SPEED_STEP_RAD_S)),
-        position=Series(t_s, measured.ticks[:, motor] * TICK_RAD),
+        set_point=Series(t_s, cut_set_point(measured.set_point_rad_s, SCALE.speed_rad_s)),
+        position=Series(t_s, measured.ticks[:, motor] * SCALE.position_rad),
         speed=Series(t_s, measured.speed_rad_s[:, motor]),
         current=Series(t_s, measured.current_a[:, motor]),
         current_is_signed=False,

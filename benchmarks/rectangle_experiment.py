@@ -26,8 +26,8 @@ from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config, load_slip_map
-from rover_hil.tune.metrics import Way, closure_m, path_rms_m
-from rover_hil.tune.rehearsal import drive
+from rover_hil.tune.metrics import TruePath, closure_m, path_rms_m
+from rover_hil.tune.simulated_mission import drive
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.site import random_site
 
@@ -113,18 +113,18 @@ def run_once(job: tuple[Version, int, int]) -> Result:
     config = configure(*job)
     driven = drive(config)
     assert config.mission is not None
-    way, corners = Way.of(driven.truth), corner_points(config.mission)
+    true_path, corners = TruePath.of(driven.truth), corner_points(config.mission)
     truth, estimate = driven.truth, driven.estimate
     off_m = np.hypot(truth.x_m - estimate.x_m, truth.y_m - estimate.y_m)
     return Result(
         finished=driven.mode is Mode.FINISHED,
-        heading_deg=float(np.degrees(np.abs(np.angle(np.exp(1j * way.yaw_rad))).max())),
-        path_m=path_rms_m(way, corners),
-        closure_m=closure_m(way, corners),
+        heading_deg=float(np.degrees(np.abs(np.angle(np.exp(1j * true_path.yaw_rad))).max())),
+        path_m=path_rms_m(true_path, corners),
+        closure_m=closure_m(true_path, corners),
         first_side_m=float(truth.x_m.max()),
         estimate_m=float(np.sqrt(np.mean(off_m**2))),
-        x_m=way.x_m,
-        y_m=way.y_m,
+        x_m=true_path.x_m,
+        y_m=true_path.y_m,
     )
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.scomp_peers import compass_track, paper_track, plain_track
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.identify.scomp.fit import identify
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import write_files
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
 from rover_hil.scomp.odometry import Result, estimate_track
@@ -131,7 +131,7 @@ def draw(folder: Path, recorded: Recorded, parameters: ScompParameters, name: st
     names = ("online", "scomp_paper", "compass", "plain")
     tracks = {method: METHODS[method](drive, parameters) for method in names}
     pictures = drive_pictures(tracks, path) | model_pictures(parameters.pitch.model)
-    write_all(folder / name, pictures)
+    write_files(folder / name, pictures)
 
 
 def main() -> int:

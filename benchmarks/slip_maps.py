@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from controllers.slip.effort.motor_model import MotorSettings
-from rover_hil.identify.camera_scale import find_scale
-from rover_hil.identify.run_data import RunWindows
-from rover_hil.identify.runs import find_runs
-from rover_hil.identify.slip_identification import fit_maps, read_all
-from rover_hil.identify.slip_scores import RunError, Score, score_runs
+from rover_hil.identify.slip.camera_scale import find_scale
+from rover_hil.identify.slip.identification import fit_maps, read_all
+from rover_hil.identify.slip.run_data import RunWindows
+from rover_hil.identify.slip.runs import find_runs
+from rover_hil.identify.slip.scores import RunError, Score, score_runs
 
 BARS = (
     ("other_half", "best", 0.12),

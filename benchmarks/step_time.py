@@ -16,14 +16,11 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from controllers.control_loop import ControlLoop
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
+from controllers.motion.settings import LimitSettings, WaypointsMission
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
-from controllers.settings import (
-    ControlSettings,
-    LimitSettings,
-    SkidSteerRoverSettings,
-    WaypointsMission,
-)
+from controllers.settings import ControlSettings
 from drivers.clock import NANOSECONDS_PER_SECOND, stopwatch_ns
 from drivers.samples import HeadingReference, HeadingSample, RateSample, Sample, WheelSample
 

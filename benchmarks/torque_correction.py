@@ -13,8 +13,8 @@ from rich.table import Table
 from controllers.safety import Mode
 from rover_hil.config import Config, load_config
 from rover_hil.tune.metrics import reversals_per_s
-from rover_hil.tune.rehearsal import drive
-from rover_hil.tune.sites import at_site
+from rover_hil.tune.scenarios import with_scenario
+from rover_hil.tune.simulated_mission import drive
 
 SITES = (1, 3, 4)
 REVERSAL_RAD_S = 0.5
@@ -32,7 +32,7 @@ def judge(correction: dict[str, object] | None, site: int) -> str:
     table = load_config("robotino").model_dump(by_alias=True)
     table["slip"] |= {"use": "linear_m", "torque_correction": correction}
     config = Config.model_validate(table)
-    driven = drive(at_site(config, site))
+    driven = drive(with_scenario(config, site))
     if driven.mode is not Mode.FINISHED:
         return "does not finish"
     period_s = 1.0 / config.loop.rate_hz

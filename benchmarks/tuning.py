@@ -3,7 +3,7 @@
     python -m benchmarks.tuning [--trials 400] [--minutes 8]
 
 The shipped Robotino with gains and filter noise spoilt is tuned on all cores this process may use. Then
-three sets of values are driven on the same held-out sites: the poor start, the shipped ones (tuned by hand),
+three sets of values are driven on the same held-out scenarios: the poor start, the shipped ones (hand-tuned),
 and those found. Prints JSON; exit code 1 when the found ones cost more than the shipped ones or the start,
 or it took longer than ten minutes.
 """
@@ -19,11 +19,11 @@ from drivers.clock import seconds, stopwatch_ns
 from drivers.errors import ConfigError
 from rover_hil.app.tune import tune
 from rover_hil.config import Config, load_config, read_config_text
-from rover_hil.tune.bench import Bench
 from rover_hil.tune.objective import evaluate
+from rover_hil.tune.parallel_runs import ParallelRuns
 from rover_hil.tune.parameters import check_parameters, start_values, with_values
 from rover_hil.tune.results import CONFIG_NAME, RESULT_NAME
-from rover_hil.tune.sites import held_out_seeds
+from rover_hil.tune.scenarios import held_out_seeds
 from rover_hil.tune.tuned_config import tuned_text
 
 BAR_MINUTES = 10.0
@@ -95,8 +95,8 @@ def main() -> int:
 
 def held_out_cost(config: Config) -> float:
     settings = check_parameters(config)
-    with Bench() as bench:
-        evaluation = evaluate(bench.drive, config, held_out_seeds(settings.cases), settings.objective)
+    with ParallelRuns() as parallel_runs:
+        evaluation = evaluate(parallel_runs.drive, config, held_out_seeds(settings.cases), settings.objective)
     if evaluation.cost is None:
         raise ConfigError(f"refused: {evaluation.refused}")
     return evaluation.cost

@@ -12,10 +12,11 @@ from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.path_following import Guidance, PathFollower
 from controllers.motion.planar import Pose
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
-from controllers.settings import ControlSettings, OmniRoverSettings
+from controllers.settings import ControlSettings
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds

@@ -5,9 +5,9 @@ from controllers.estimation.gyro import GyroIntegrator
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
 from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
 from controllers.estimation.pose_fixes import FixQueue, late
+from controllers.estimation.settings import FilterSettings
 from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.roles import DeviceRoles
-from controllers.settings import FilterSettings
 from controllers.slip.protocol import SlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (

@@ -1,1 +1,1 @@
-"""What the rover's devices say and accept: samples, the driver contract, and one folder per device."""
+"""Drivers of the rover's devices: samples, the driver contract, and one folder per device."""

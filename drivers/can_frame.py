@@ -20,7 +20,7 @@ class CanFrame(NamedTuple):
         can_id: Identifier without flags, 11 or 29 bits; for an error frame its error classes.
         data: 0 to 8 bytes.
         is_extended: 29-bit identifier.
-        is_remote: Asks for data instead of carrying it.
+        is_remote: Requests data instead of carrying it.
         is_error: Made by the controller to report a bus error.
     """
 

@@ -22,14 +22,14 @@ WRITE_TIMEOUT_S = 0.005
 OLDEST_STAMP_NS = NANOSECONDS_PER_SECOND
 
 GARBLED = b""
-"""Payload that stands for something that was no classic CAN frame; the codec rejects and counts it."""
+"""Payload in the place of data that is not a classic CAN frame; the codec rejects and counts it."""
 
 
 class CanLink(ThreadedLink[bytes]):
     """A CAN bus; payloads are 16-byte frames, those in which the controller reports errors included.
 
-    Set-points are sent one by one: cyclic sending by the kernel would go on when this program hangs, and so
-    defeat the watchdogs of the drives.
+    Set-points are sent one by one: cyclic sending by the kernel would continue when this program hangs, and
+    so defeat the watchdogs of the drives.
 
     Args:
         interface: "socketcan", "slcan" or "virtual".
@@ -59,7 +59,7 @@ class CanLink(ThreadedLink[bytes]):
             self._bus = can.Bus(self._channel, interface=self._interface, ignore_config=True)
 
     def _open_slcan(self) -> can.BusABC:
-        """Open an adapter that nobody else uses: opening it a second time would close the other's channel."""
+        """Open an adapter that no other program uses: a second opening closes the first's channel."""
         lock = os.open(self._channel, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -94,12 +94,12 @@ class CanLink(ThreadedLink[bytes]):
         bus = self._require_bus()
         try:
             message = bus.recv(READ_TIMEOUT_S)
-        except (ValueError, IndexError):  # an slcan line that is none
+        except (ValueError, IndexError):  # not an slcan line
             return Received(self._clock.now_ns(), GARBLED)
         except can.CanOperationError as error:
             if not isinstance(bus, slcanBus) or not isinstance(error.__cause__, UnicodeDecodeError):
                 raise
-            bus.flush()  # python-can would stumble over the same bytes for ever
+            bus.flush()  # python-can would fail on the same bytes again and again
             return Received(self._clock.now_ns(), GARBLED)
         if message is None:
             return None
@@ -123,7 +123,7 @@ class CanLink(ThreadedLink[bytes]):
         return True
 
     def _arrival_ns(self, message: can.Message) -> int:
-        """Return the kernel's stamp of a frame where there is one and it can be true, else the time now."""
+        """Return the kernel's stamp of a frame where it is plausible, else the present time."""
         t_ns = now_ns = self._clock.now_ns()
         if self._interface == "socketcan":
             stamp_ns = wall_to_monotonic_ns(message.timestamp)
@@ -147,7 +147,7 @@ def _open_socketcan(channel: str) -> can.BusABC:
         msg = f"there is no network interface {channel}: connect the adapter, load its driver, {advice}"
         raise NotConnectedError(msg) from error
     bus = SocketcanBus(channel)
-    # Opening an interface that is down succeeds; the kernel leaves the error for the first reader.
+    # Opening an interface that is down succeeds; the kernel reports the error to the first reader.
     pending = bus.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
     if pending:
         bus.shutdown()

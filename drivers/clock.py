@@ -44,7 +44,7 @@ class SystemClock:
 
 
 class VirtualClock:
-    """A clock that moves only when somebody sleeps on it: simulated time, deterministic.
+    """A clock that moves only by `sleep_until`: simulated time, deterministic.
 
     Args:
         start_ns: First reading. Not zero, so that an unset time stamp cannot pass for a real one.

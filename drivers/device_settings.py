@@ -1,4 +1,4 @@
-"""Base of a device's settings: what the configuration file may say, and what it builds.
+"""Base of a device's settings: its keys in the configuration, and the link, codec and driver that they build.
 
 A device's `settings.py` stays cheap to import; its codec and its link are imported when they are built.
 """
@@ -17,11 +17,12 @@ from drivers.settings import Settings
 
 
 class DeviceSettings(Settings):
-    """What every device has in the configuration; subclasses add `type: Literal["..."]`.
+    """Settings of every device; subclasses add `type: Literal["..."]`.
 
     Attributes:
         max_age_s: The device counts as silent when its newest sample is older than this.
-        reconnect_limit_s: After a break, try to reconnect for this long, then give up until restart.
+        reconnect_limit_s: Time for which the link tries to reconnect after a break; then it gives up until a
+            restart.
     """
 
     max_age_s: Annotated[float, Field(gt=0, le=10)] = 0.15
@@ -41,7 +42,7 @@ class DeviceSettings(Settings):
 
 
 class ByteDeviceSettings(DeviceSettings):
-    """A device that talks in bytes: serial chunks or CAN frames."""
+    """A device that sends bytes: serial chunks or CAN frames."""
 
     @abstractmethod
     def make_link(self, clock: Clock) -> Link[bytes]:

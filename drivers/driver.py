@@ -24,10 +24,10 @@ RATE_WINDOW_NS = 2_000_000_000
 
 
 class DeviceState(StrEnum):
-    """What a device is doing; each state says what the hardware may do.
+    """State of a device; each state defines what the hardware may do.
 
     CLOSED: no handle; the hardware is not touched.
-    CONNECTED: handle open, nothing valid heard yet; commands are sent but not confirmed.
+    CONNECTED: handle open, nothing valid received yet; commands are sent but not confirmed.
     STREAMING: valid data younger than the age limit; the hardware may move.
     DEGRADED: link broken and being reopened, or data too old; the hardware must stand still.
     FAILED: given up; the hardware must stand still until a restart.
@@ -53,13 +53,13 @@ class Rejection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """Separate facts about a device, computed when asked.
+    """Separate facts about a device, computed on request.
 
     Attributes:
         rate_hz: Messages of the most frequent kind per second, over the last two seconds.
         age_s: Age of the newest sample, or None before the first since the link came up.
-        rejected: How often the codec refused wire data, by reason.
-        breaks: How often the link broke; giving up afterwards is no further break.
+        rejected: How often the codec rejected wire data, by reason.
+        breaks: How often the link broke; giving up afterwards does not count again.
     """
 
     device: str
@@ -301,7 +301,7 @@ class Driver(Generic[PayloadT]):
         return LinkSample(device=self.name, t_ns=change.t_ns, up=change.up, reason=change.reason)
 
     def _forget_samples(self) -> None:
-        """Let nothing from before the link came up pass for fresh."""
+        """Forget what arrived before the link came up; it is not fresh."""
         self._latest.clear()
         self._newest_ns = None
 
@@ -314,8 +314,8 @@ class Driver(Generic[PayloadT]):
 class WheelDrive(Driver[bytes]):
     """A driver whose device also turns wheels.
 
-    A command and a stop from another thread follow each other, they never mix. Only sending is done in turn;
-    the tap hears of it afterwards, so that a recorder that hangs keeps no stop from the drive.
+    A command and a stop from another thread follow each other, they never mix. Only sending is locked; the
+    tap is called afterwards, so that a recorder that hangs cannot block a stop.
     """
 
     def __init__(
@@ -346,7 +346,7 @@ class WheelDrive(Driver[bytes]):
         """Send wheel speed set-points; an expired or malformed command sends zero speeds instead.
 
         Returns:
-            What the device was really told, and whether it went out.
+            The set-points that the device really got, and whether they went out.
 
         Raises:
             NotConnectedError: Before `connect` or after `close`.
@@ -356,8 +356,8 @@ class WheelDrive(Driver[bytes]):
         with self._turn:
             now_ns = self._clock.now_ns()
             speeds = command.speed_rad_s
-            is_sound = len(speeds) == self.wheel_count and all(map(math.isfinite, speeds))
-            if not is_sound or now_ns >= command.expires_ns:
+            is_valid = len(speeds) == self.wheel_count and all(map(math.isfinite, speeds))
+            if not is_valid or now_ns >= command.expires_ns:
                 speeds = (0.0,) * self.wheel_count
             if not self._started:
                 self._started = self._send(self._drive_codec.encode_start(), sent)
@@ -372,7 +372,7 @@ class WheelDrive(Driver[bytes]):
         sent: list[tuple[bytes, bool]] = []
         with self._turn:
             now_ns = self._clock.now_ns()
-            for _ in range(3):  # encoded anew: a counter must not stand still
+            for _ in range(3):  # encoded anew: a counter must advance
                 payloads, _ = self._drive_codec.encode_speeds((0.0,) * self.wheel_count)
                 self._send(payloads, sent)
             self._send(self._drive_codec.encode_stop(), sent)
@@ -380,7 +380,7 @@ class WheelDrive(Driver[bytes]):
         self._note_sent(now_ns, sent)
 
     def _send(self, payloads: Sequence[bytes], sent: list[tuple[bytes, bool]]) -> bool:
-        """Send payloads, append each with its outcome to `sent`, and tell whether all went out."""
+        """Send payloads, append each with its outcome to `sent`, and return whether all went out."""
         outcomes = [self._link.send(payload) for payload in payloads]
         sent.extend(zip(payloads, outcomes, strict=True))
         return all(outcomes)

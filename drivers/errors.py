@@ -1,12 +1,12 @@
-"""Every error this software raises on purpose: says what, where, and how to fix it in one sentence."""
+"""Every error that this software raises on purpose: what happened, where, and how to fix it."""
 
 
 class RoverHilError(Exception):
-    """Base of all our errors; the command line prints it as one sentence and exits with 2."""
+    """Base of all our errors; the command line prints the message and exits with 2."""
 
 
 class ConfigError(RoverHilError, ValueError):
-    """A configuration or data file holds something wrong; the message names file, key and fix."""
+    """A configuration or data file holds a mistake; the message names file, key and fix, a line each."""
 
 
 class NotConnectedError(RoverHilError, ConnectionError):
@@ -26,4 +26,4 @@ class LogError(RoverHilError, ValueError):
 
 
 class ModelError(RoverHilError, ValueError):
-    """A model was asked for something outside its domain; the message names parameter, value, unit, range."""
+    """An argument is outside the domain of a model; the message names parameter, value, unit, range."""

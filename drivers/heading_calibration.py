@@ -1,6 +1,6 @@
 """Calibration of compasses: a deviation table for headings, hard and soft iron for raw magnetic vectors.
 
-Both live in TOML data files that tell their source and date.
+Both are TOML data files with their source and date.
 """
 
 import datetime as dt
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from drivers.errors import ConfigError, ModelError
-from drivers.settings import Settings
+from drivers.settings import Settings, direct_mistakes
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -25,7 +25,7 @@ SMALLEST_CURVATURE = 1e-6
 
 
 class Calibration(Settings):
-    """What every calibration file tells.
+    """Keys of every calibration file.
 
     Attributes:
         source: How the numbers were obtained, e.g. "swung against a GNSS compass on the test field".
@@ -126,13 +126,18 @@ def load_calibration(path: Path, kind: type[CalibrationT]) -> CalibrationT:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(_describe(path, kind, error)) from error
+
+
+def _describe(path: Path, kind: type[Calibration], error: ValidationError) -> str:
+    lines = []
+    for detail in direct_mistakes(error.errors()):
+        key = ".".join(str(part) for part in detail["loc"])
         place = f", key '{key}'" if key else ""
-        problem = first["msg"].removeprefix("Value error, ")
+        problem = detail["msg"].removeprefix("Value error, ")
         known = ", ".join(kind.model_fields)
-        msg = f"calibration file {path}{place}: {problem}; the file has the keys {known}"
-        raise ConfigError(msg) from error
+        lines.append(f"calibration file {path}{place}: {problem}; the file has the keys {known}")
+    return "\n".join(lines)
 
 
 def fit_magnetometer(
@@ -142,7 +147,7 @@ def fit_magnetometer(
 
     Least squares of the quadric x'Ax + 2b'x = 1 in centred, scaled readings; its centre is the hard iron, the
     symmetric root of A the soft iron, scaled to determinant 1, which keeps the mean strength of the field. A
-    rotation of the sensor against the body cannot be seen in such readings and is not corrected.
+    rotation of the sensor against the body does not show in such readings and is not corrected.
 
     Args:
         raw: Readings in counts, shape (n, 3), spread evenly over all directions.
@@ -191,7 +196,7 @@ def _fit_ellipsoid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
     quadratic = (quadratic + quadratic.T) / 2.0
     linear = solution[len(rows) :]
     if np.linalg.eigvalsh(quadratic)[0] < SMALLEST_CURVATURE:
-        msg = "fit_magnetometer: the readings lie on no ellipsoid; turn the sensor through all directions"
+        msg = "fit_magnetometer: the readings do not fit an ellipsoid; turn the sensor through all directions"
         raise ModelError(msg)
     centre = -np.linalg.solve(quadratic, linear)
     return middle + scale * centre, quadratic

@@ -1,4 +1,4 @@
-"""How raw data reaches us: a link carries payloads, stamps their arrival and says when it breaks."""
+"""Transport of raw data: a link carries payloads, stamps their arrival and reports breaks."""
 
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeAlias, TypeVar
@@ -67,7 +67,7 @@ class Link(Protocol[PayloadT]):
 
 
 class RawTap(Protocol):
-    """Sees raw data before it is parsed; the recorder is one."""
+    """Gets raw data before it is parsed; the recorder is one."""
 
     def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
         """Note what arrived from `device`."""

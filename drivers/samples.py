@@ -1,4 +1,4 @@
-"""What a device said, in SI units, with the time it arrived.
+"""Measurements of devices in SI units, with their time of arrival.
 
 Conventions of every sample: x forward, y left, z up; angles and rates counter-clockwise positive; yaw is
 measured from east towards north (ENU), so a compass that reads clockwise from north is converted once, in
@@ -18,7 +18,7 @@ Image: TypeAlias = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """Common part of everything a device says.
+    """Common part of all samples.
 
     Attributes:
         device: Name of the device in the configuration.
@@ -33,7 +33,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelSample(Sample):
-    """What one message said about one wheel; None where the message does not tell.
+    """Measurements of one wheel in one message; None for what the message does not contain.
 
     Attributes:
         wheel: Index of the wheel, from 0.
@@ -84,7 +84,7 @@ class HeadingSample(Sample):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeSample(Sample):
-    """Roll (left side up positive) and pitch (nose down positive) in rad; None where not told."""
+    """Roll (left side up positive) and pitch (nose down positive) in rad; None where not measured."""
 
     roll_rad: float | None = None
     pitch_rad: float | None = None
@@ -114,7 +114,7 @@ class FrameSample(Sample):
 
     Attributes:
         image: Pixels, shape (height, width) or (height, width, 3) in BGR.
-        t_capture_ns: Host monotonic time of exposure, or None where the camera does not tell.
+        t_capture_ns: Host monotonic time of exposure, or None where the camera does not report it.
         index: Running number of the frame.
     """
 
@@ -125,7 +125,7 @@ class FrameSample(Sample):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseFixSample(Sample):
-    """Where the rover was, seen from outside: position in m and yaw in rad within [-pi, pi) on the floor.
+    """Pose of the rover measured from outside: position in m and yaw in rad in [-pi, pi) on the floor.
 
     The floor frame is that of the device's calibration, not that of the pose at start.
 
@@ -145,12 +145,12 @@ class PoseFixSample(Sample):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSample(Sample):
-    """The device or its bus reports an error by itself.
+    """An error that the device or its bus reports.
 
     Attributes:
         wheel: Index of the wheel it concerns, or None for the whole device.
         code: The device's error word; 0 means that an earlier fault has cleared.
-        text: What it means, in words.
+        text: Meaning of the code.
     """
 
     wheel: int | None = None
@@ -177,7 +177,7 @@ class WheelCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SentCommand:
-    """What a drive was really told.
+    """The set-points that a drive really got.
 
     Attributes:
         t_ns: Host monotonic time of sending.

@@ -44,7 +44,7 @@ class SerialLink(ThreadedLink[bytes]):
         with contextlib.suppress(OSError, ValueError, NotImplementedError):
             port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms; a pty has no such mode
         with contextlib.suppress(OSError, termios.error):
-            port.reset_input_buffer()  # a reply to somebody else's request is not ours
+            port.reset_input_buffer()  # drop replies to requests of other programs
         self._serial = port
 
     def _close_handle(self) -> None:

@@ -21,14 +21,14 @@ class ThreadedLink(ABC, Generic[PayloadT]):
     Subclasses open, read, write and close the handle; everything about threads and retries is here.
 
     Args:
-        where: The port as the user knows it, for messages.
+        where: Name of the port for messages.
         clock: The host's clock.
         reconnect_limit_s: Stop trying this long after a break.
 
     Attributes:
         queue_limit: How many items wait to be received; beyond it the oldest payload is lost, never a break
             or recovery.
-        dropped: How many payloads were lost so.
+        dropped: Number of payloads lost in this way.
     """
 
     queue_limit = QUEUE_LIMIT
@@ -47,7 +47,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
 
     @abstractmethod
     def _open_handle(self) -> None:
-        """Open the port; raise any exception that says why not, leaving no handle."""
+        """Open the port; raise any exception with the reason, leaving no handle."""
 
     @abstractmethod
     def _close_handle(self) -> None:
@@ -118,7 +118,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
     def _read_once(self) -> bool:
         try:
             received = self._read()
-        except Exception as error:  # noqa: BLE001 - whatever broke the port, the user must hear of it
+        except Exception as error:  # noqa: BLE001 - every break of the port must be reported
             self._take_down()
             reason = str(error) or repr(error)
             self._report(up=False, reason=reason)

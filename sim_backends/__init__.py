@@ -1,1 +1,1 @@
-"""What stands in for the world: rover plants, device emulators on virtual buses, scenes and faults."""
+"""Simulators: rover plants, device emulators on virtual buses, camera scenes and faults."""

@@ -37,10 +37,10 @@ EmulatorT = TypeVar("EmulatorT", bound=Settings)
 
 
 def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int) -> World:
-    """Put the simulated rover together.
+    """Build the simulated rover.
 
-    Each device, its faults and the plant draw from generators of their own, so that adding a device changes
-    nothing for the others.
+    Each device, its faults and the plant draw from generators of their own, so that adding a device does
+    not change the others.
 
     Args:
         devices: The devices of the configuration, by name.
@@ -101,7 +101,7 @@ def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
     rng = _generator(simulation.seed, "plant")
     match simulation.plant:
         case RobotinoPlantSettings() as dynamic:
-            from sim_backends.plants.robotino.plant import RobotinoPlant  # it takes numba a second to load
+            from sim_backends.plants.robotino.plant import RobotinoPlant  # numba takes a second to load
 
             return RobotinoPlant(dynamic, rng, start_ns)
         case ElDoradoPlantSettings() as four_wheels:

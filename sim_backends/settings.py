@@ -1,4 +1,4 @@
-"""What the configuration says about the simulated rover: [simulation]."""
+"""Settings of the simulated rover: [simulation]."""
 
 from typing import Annotated, TypeAlias
 
@@ -33,9 +33,10 @@ class SimulationSettings(Settings):
     """The simulated rover, the errors of its devices, and what goes wrong.
 
     Attributes:
-        seed: The same seed gives the same run.
+        seed: Seed of all random numbers; the same seed gives the same run.
         plant: The true rover and its ground.
-        devices: How devices of [devices] err, by name; those not named err as by default.
+        devices: Errors of the devices in [devices], by name; a device without an entry has the default
+            errors.
         faults: What fails, and when.
     """
 

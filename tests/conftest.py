@@ -37,6 +37,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(skip)
 
 
+@pytest.fixture
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the pictures of reports, but do not make SVG of them: that takes most of a short run's time."""
+    monkeypatch.setattr("rover_hil.pages.picture.svg", lambda figure: b"")
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Return the folder of measured data, or skip: the data is not part of the repository."""

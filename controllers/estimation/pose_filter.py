@@ -11,8 +11,8 @@ import numpy as np
 from controllers.estimation.guarded_filter import GuardedFilter, Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_fixes import Step, WayBack
+from controllers.estimation.settings import FilterSettings
 from controllers.motion.planar import Pose, move, wrap_angle
-from controllers.settings import FilterSettings
 from drivers.samples import HeadingReference, PoseFixSample
 
 X, Y, YAW, BIAS, FIRST_OFFSET = range(5)

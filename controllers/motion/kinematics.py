@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from controllers.settings import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
 
 BodyMotion = tuple[float, float, float]
 """Forward, to the left, and counter-clockwise: m/s, m/s, rad/s or m, m, rad."""

@@ -1,10 +1,10 @@
-"""What the wheels may be asked for, whatever the controller wants."""
+"""Limits of the wheel set-points, whatever the controller wants."""
 
 import math
 from collections.abc import Sequence
 from enum import StrEnum
 
-from controllers.settings import LimitSettings
+from controllers.motion.settings import LimitSettings
 from drivers.clock import nanoseconds, seconds
 
 
@@ -28,8 +28,7 @@ class WheelLimiter:
     def __init__(self, settings: LimitSettings, expiry_s: float) -> None:
         self._settings = settings
         self._expiry_ns = nanoseconds(expiry_s)
-        self._last: tuple[float, ...] | None = None
-        self._last_ns = 0
+        self._last: tuple[int, tuple[float, ...]] | None = None
 
     def limit(
         self, now_ns: int, target_rad_s: Sequence[float], measured_rad_s: Sequence[float]
@@ -42,22 +41,23 @@ class WheelLimiter:
         if not all(map(math.isfinite, target_rad_s)):
             self.stop()
             return (0.0,) * len(target_rad_s), Limit.NOT_FINITE
-        if self._last is None or now_ns - self._last_ns > self._expiry_ns:
-            self._last, self._last_ns = self._scale(measured_rad_s), now_ns
+        if self._last is None or now_ns - self._last[0] > self._expiry_ns:
+            self._last = now_ns, self._scale(measured_rad_s)
+        last_ns, last = self._last
         wanted = self._scale(target_rad_s)
         limit = Limit.NONE if wanted == tuple(target_rad_s) else Limit.SPEED
-        changes = [new - old for new, old in zip(wanted, self._last, strict=True)]
-        greatest = max(map(abs, changes))
-        allowed = self._settings.wheel_acceleration_rad_s2 * seconds(max(0, now_ns - self._last_ns))
+        pairs = list(zip(wanted, last, strict=True))
+        greatest = max(abs(new - old) for new, old in pairs)
+        allowed = self._settings.wheel_acceleration_rad_s2 * seconds(max(0, now_ns - last_ns))
         if greatest > allowed:
             share = allowed / greatest
-            wanted = tuple(old + share * change for old, change in zip(self._last, changes, strict=True))
+            wanted = tuple(old + share * (new - old) for new, old in pairs)
             limit = Limit.ACCELERATION
-        self._last, self._last_ns = wanted, now_ns
+        self._last = now_ns, wanted
         return wanted, limit
 
     def stop(self) -> None:
-        """Forget the last set-points: the wheels were told to stand."""
+        """Forget the last set-points: the wheels are commanded to rest."""
         self._last = None
 
     def _scale(self, speed_rad_s: Sequence[float]) -> tuple[float, ...]:

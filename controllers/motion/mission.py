@@ -1,6 +1,6 @@
 """Missions as corner points in the local frame."""
 
-from controllers.settings import LineMission, MissionSettings, RectangleMission
+from controllers.motion.settings import LineMission, MissionSettings, RectangleMission
 
 Point = tuple[float, float]
 

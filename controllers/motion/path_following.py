@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from controllers.motion.mission import Point, corner_points
 from controllers.motion.planar import Pose, wrap_angle
-from controllers.settings import MissionSettings
+from controllers.motion.settings import MissionSettings
 from drivers.errors import ConfigError
 
 # Chosen by hand.

@@ -142,7 +142,7 @@ def _freshness_limits(roles: DeviceRoles, wheel_count: int) -> dict[Part, tuple[
     for device, max_age_s in roles.required.items():
         parts: list[tuple[Part, str]] = []
         if device == roles.wheels:
-            parts += [((device, WheelSample, i), f"position of wheel {i}") for i in range(wheel_count)]
+            parts.extend(((device, WheelSample, i), f"position of wheel {i}") for i in range(wheel_count))
         if device == roles.gyro:
             parts.append(((device, RateSample, 0), "yaw rate"))
         if device in roles.headings:
@@ -166,7 +166,7 @@ def _parts(sample: Sample) -> tuple[Part, ...]:
     elif isinstance(sample, HeadingSample):
         usable = sample.heading_rad
     elif isinstance(sample, PoseFixSample) and sample.t_ns - sample.t_capture_ns <= HISTORY_NS:
-        usable = sample.x_m + sample.y_m + sample.yaw_rad
+        usable = math.hypot(sample.x_m, sample.y_m, sample.yaw_rad)
     if usable is None or not math.isfinite(usable):
         return ((device, Sample, 0),)
     return ((device, Sample, 0), (device, type(sample), wheel))

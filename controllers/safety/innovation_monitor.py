@@ -30,8 +30,7 @@ class InnovationMonitor(StopRule):
 
     def __init__(self, settings: InnovationSettings) -> None:
         self._settings = settings
-        self._limit_ns = nanoseconds(settings.contradiction_s)
-        self._longest_gap_ns = (self._limit_ns + 1) // 2
+        self._longest_gap_ns = nanoseconds(0.5 * settings.contradiction_s)
         self._rejected: dict[str, tuple[int, int]] = {}
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
@@ -45,5 +44,5 @@ class InnovationMonitor(StopRule):
                 self._rejected[innovation.name] = (cycle.now_ns, rejected_ns + gap_ns)
         for name, (_, rejected_ns) in self._rejected.items():
             text = f"{name}: contradicts the estimate, rejected for {self._settings.contradiction_s:g} s"
-            severity = Severity.STOP if rejected_ns >= self._limit_ns else Severity.SIGN
-            yield StopReason(name, text, severity)
+            is_contradiction = rejected_ns >= 2 * self._longest_gap_ns
+            yield StopReason(name, text, Severity.STOP if is_contradiction else Severity.SIGN)

@@ -1,4 +1,4 @@
-"""Camera images: what counts as a frame."""
+"""Turns camera images into frames, or rejects them."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,7 @@ class CameraCodec:
         self._newest_stamp_ns: int | None = None
 
     def decode(self, item: Received[CameraImage]) -> Sequence[FrameSample | Rejection]:
-        """Return the frame, or why it is none."""
+        """Return the frame, or the reason for its rejection."""
         reason = self._find_fault(item.payload)
         if reason is not None:
             return (Rejection(reason),)
@@ -47,7 +47,7 @@ class CameraCodec:
         return (frame,)
 
     def reset(self) -> None:
-        """Forget the newest stamp; the numbering goes on."""
+        """Forget the newest stamp; the numbering continues."""
         self._newest_stamp_ns = None
 
     def _find_fault(self, payload: CameraImage) -> str | None:

@@ -49,14 +49,14 @@ class LiveFolderLink:
 
     Each file is renamed into place when it is complete, is called by its capture time in nanoseconds of the
     host's monotonic clock, e.g. `1234567890123.jpg`, and is removed by the writer after a while. Files that
-    are there at `open` are old and stay unread.
+    exist at `open` are old and stay unread.
 
     Args:
         settings: The camera's settings.
         clock: The host's clock.
 
     Attributes:
-        dropped: Frames skipped because nobody received them in time.
+        dropped: Frames skipped because they were not received in time.
     """
 
     def __init__(self, settings: FrameSourceParameters, clock: Clock) -> None:
@@ -68,7 +68,7 @@ class LiveFolderLink:
         self._is_up = False
 
     def open(self, timeout_s: float) -> None:
-        """Note what is in the folder.
+        """Remember the content of the folder.
 
         Raises:
             NotConnectedError: There is no such folder.
@@ -107,7 +107,7 @@ class LiveFolderLink:
         return items
 
     def send(self, payload: bytes) -> bool:
-        """Return False: a folder takes nothing."""
+        """Return False: a folder accepts no data."""
         return False
 
 

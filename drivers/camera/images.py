@@ -1,4 +1,4 @@
-"""Pixels and formats as OpenCV tells them."""
+"""Pixels and formats from OpenCV."""
 
 from pathlib import Path
 from typing import NamedTuple, cast
@@ -13,7 +13,7 @@ from drivers.samples import Image
 RATE_TOLERANCE = 0.01
 
 NO_PIXELS: Image = np.empty((0, 0), np.uint8)
-"""What a link hands over when a frame could not be decoded; the codec rejects it as empty."""
+"""Pixels of a frame that could not be decoded; the codec rejects it as empty."""
 
 
 class FrameFormat(NamedTuple):
@@ -35,7 +35,7 @@ class FrameFormat(NamedTuple):
 
 
 def format_of(capture: cv2.VideoCapture) -> FrameFormat:
-    """Return the format that an open capture says it delivers."""
+    """Return the format that an open capture reports."""
     return FrameFormat(
         capture.get(cv2.CAP_PROP_FRAME_WIDTH),
         capture.get(cv2.CAP_PROP_FRAME_HEIGHT),
@@ -50,7 +50,7 @@ def retrieve(capture: cv2.VideoCapture) -> Image:
 
 
 def read_image(path: Path) -> Image:
-    """Return the pixels of an image file, grey or BGR in 8 bits; `NO_PIXELS` when it is gone or corrupt."""
+    """Return the pixels of an image file, grey or BGR in 8 bits; `NO_PIXELS` without a sound file."""
     try:
         data = path.read_bytes()
         return _pixels_of(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR))

@@ -19,18 +19,19 @@ class FrameSourceParameters(FrameDeviceSettings):
     """Where frames come from: a camera, or recorded frames in its place.
 
     Attributes:
-        source: "v4l2" is a camera of this machine; "folder" a finished folder of images, played on the
-            clock; "live_folder" a folder that another process fills (`rover-hil simulate` does); "video" a
-            video file, played on the clock.
+        source: "v4l2" is a camera of this machine; "folder" a finished folder of images, played on the clock;
+            "live_folder" a folder that another process fills (`rover-hil simulate` does); "video" a video
+            file, played on the clock.
         path: Path of the device, folder or file; for a device prefer `/dev/v4l/by-id/...`, it survives a
             replug.
-        width: Width of the images in pixels; others are refused.
-        height: Height of the images in pixels; others are refused.
+        width: Width of the images in pixels; images of another width are rejected.
+        height: Height of the images in pixels; images of another height are rejected.
         frame_rate_hz: Frames per second. A folder whose file names are time stamps in nanoseconds is played
             at their spacing instead.
-        fourcc: Pixel format asked from a V4L2 device.
-        exposure_100us: Exposure of a V4L2 device in units of 100 us; None leaves it to the camera.
-        loop: Start again at the end of a folder or video, instead of reporting the link down.
+        fourcc: Pixel format requested from a V4L2 device.
+        exposure_100us: Exposure of a V4L2 device in units of 100 us; without it the camera chooses the
+            exposure.
+        loop: Start again at the end of a folder or video, instead of reporting a broken link.
     """
 
     source: Literal["v4l2", "folder", "live_folder", "video"]

@@ -14,7 +14,7 @@ NEWEST_FRAMES = 4
 
 
 class RecordedFrame(NamedTuple):
-    """When a frame is due after the start, and how its pixels are read then."""
+    """Time after the start at which a frame is due, and the function that reads its pixels."""
 
     offset_ns: int
     load: Callable[[], Image]
@@ -30,7 +30,7 @@ class PlaybackLink(ABC):
         clock: The clock to play on; on a virtual one playback is deterministic.
 
     Attributes:
-        dropped: Frames skipped because nobody received them in time.
+        dropped: Frames skipped because they were not received in time.
     """
 
     def __init__(self, settings: FrameSourceParameters, clock: Clock) -> None:
@@ -55,7 +55,7 @@ class PlaybackLink(ABC):
         """Find the recording and start playing it.
 
         Raises:
-            NotConnectedError: There is nothing to play; the message says where and how to fix it.
+            NotConnectedError: There is nothing to play; the message names the place and the fix.
         """
         self._frames = self._open_frames()
         self._start_ns = self._end_ns = self._clock.now_ns()
@@ -88,5 +88,5 @@ class PlaybackLink(ABC):
         return items
 
     def send(self, payload: bytes) -> bool:
-        """Return False: a recording takes nothing."""
+        """Return False: a recording accepts no data."""
         return False

@@ -1,4 +1,4 @@
-"""Settings of a camera, and of other devices that measure in frames."""
+"""Settings of a camera, and of all devices that measure with frames."""
 
 from typing import Literal
 

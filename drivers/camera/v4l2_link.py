@@ -1,8 +1,8 @@
 """V4L2 cameras through OpenCV.
 
-What OpenCV does was read in its `modules/videoio/src/cap_v4l.cpp`: `CAP_PROP_POS_MSEC` is the time stamp
+Behaviour of OpenCV according to its `modules/videoio/src/cap_v4l.cpp`: `CAP_PROP_POS_MSEC` is the time stamp
 that the kernel's driver gave the frame grabbed last, for USB cameras on the host's monotonic clock; `set`
-returns True for values that the driver did not take.
+returns True for values that the driver did not accept.
 """
 
 import os
@@ -33,8 +33,8 @@ AUTOMATIC_EXPOSURE = 3
 class V4l2Link(ThreadedLink[CameraImage]):
     """A camera of this machine; the newest frames win.
 
-    A camera that refuses a setting is not opened. Its time stamps are checked at the start: where they do
-    not lie in the last second of the host's clock, images carry no capture time. A frame whose stamp is
+    A camera that rejects a setting is not opened. Its time stamps are checked at the start: where they are
+    not within the last second of the host's clock, images carry no capture time. A frame whose stamp is
     that of the frame before is the same frame again and is not delivered.
 
     Args:
@@ -133,7 +133,7 @@ class V4l2Link(ThreadedLink[CameraImage]):
             raise NotConnectedError(msg)
         t_ns = self._clock.now_ns()
         stamp_ns = _read_stamp_ns(capture)
-        if stamp_ns == self._stamp_ns != 0:  # a driver that always says 0 stamps nothing
+        if stamp_ns == self._stamp_ns != 0:  # a driver that always gives 0 stamps nothing
             if t_ns - self._moved_ns >= STANDSTILL_PERIODS * self._period_ns:
                 msg = f"{self.where} repeats one frame: check its cable"
                 raise NotConnectedError(msg)

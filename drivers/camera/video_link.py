@@ -13,7 +13,7 @@ from drivers.errors import NotConnectedError
 
 
 class VideoLink(PlaybackLink):
-    """A video file, played at the rate it says of itself, which must be the configured one."""
+    """A video file, played at its own rate, which must be the configured one."""
 
     def _open_frames(self) -> Generator[RecordedFrame]:
         path = self._settings.path

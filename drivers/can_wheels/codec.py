@@ -18,11 +18,11 @@ NOT_A_FRAME = (Rejection("not_a_frame"),)
 OTHER_TRAFFIC = (Rejection("other_traffic"),)
 
 BUS_RECOVERY_NS = NANOSECONDS_PER_SECOND
-"""A bus fault is over when frames come in, and no error frame for so long: error counters fall with each."""
+"""A bus fault is over when frames, which lower the error counters, but no error frames arrive for so long."""
 
 
 class Unwrapper:
-    """Counts the turns of a position that starts again at the end of its range.
+    """Counts the turns of a position that wraps at the end of its range.
 
     Args:
         span: Size of the range, in raw steps.
@@ -51,7 +51,7 @@ class Unwrapper:
 
 
 class _WheelPart:
-    """What one message says about one wheel."""
+    """The signals of one wheel in one message."""
 
     def __init__(self, device: str, bus: BusDescription, wheel: int, scales: Mapping[str, Scale]) -> None:
         mapping = bus.mapping.wheel[wheel]
@@ -89,7 +89,7 @@ class _WheelPart:
 
 
 class _PowerPart:
-    """What one message says about the supply."""
+    """The signals of the supply in one message."""
 
     def __init__(self, device: str, voltage: Scale, current: Scale | None) -> None:
         self._device = device
@@ -144,7 +144,7 @@ class _Outbox:
 class CanWheelsCodec:
     """Frames of one CAN bus, as a mapping describes them.
 
-    Every sample tells what one message said. A wheel's speed is given only where the drive itself reports
+    Every sample holds the values of one message. A wheel's speed is given only where the drive itself reports
     one; positions are finer. Positions count from the drive's own zero; after a break of the link, turns may
     be missing. A float32 position in revolutions, as of ODrives, is resolved to 0.4 mrad of the motor up to
     1024 revolutions and to 12 mrad up to 32768: restart such a drive from time to time.
@@ -152,7 +152,7 @@ class CanWheelsCodec:
     Rejections: "not_a_frame"; "other_traffic", identifiers that the mapping does not use, normal on a shared
     bus; "too_short"; "checksum"; "counter_repeat" and "counter_backwards", old data; "frames_lost", which
     accompanies the samples of the message that showed the gap; "not_finite"; "out_of_range";
-    "bus_lost_arbitration" and "bus_warning", reports of the CAN controller that are no faults.
+    "bus_lost_arbitration" and "bus_warning", reports of the CAN controller that are not faults.
 
     Args:
         device: Name of the device in the configuration.
@@ -174,7 +174,7 @@ class CanWheelsCodec:
         self._outboxes = self._make_outboxes()
 
     def reset(self) -> None:
-        """Forget counters and turns; faults that are still there are told again."""
+        """Forget counters and turns; faults that are still active are reported again."""
         self._board.reset()
         for reader, parts in self._inboxes.values():
             reader.reset()
@@ -182,7 +182,7 @@ class CanWheelsCodec:
                 part.reset()
 
     def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
-        """Return what one frame says."""
+        """Return the samples and rejections of one frame."""
         frame = unpack_can_frame(item.payload)
         if frame is None:
             return NOT_A_FRAME
@@ -193,16 +193,16 @@ class CanWheelsCodec:
         if inbox is None or frame.is_remote:
             return OTHER_TRAFFIC if recovered is None else (recovered, *OTHER_TRAFFIC)
         reader, parts = inbox
-        values, objection = reader.read(frame.data)
-        told: list[Sample | Rejection] = [] if recovered is None else [recovered]
-        if objection is not None:
-            told.append(objection)
+        values, rejection = reader.read(frame.data)
+        results: list[Sample | Rejection] = [] if recovered is None else [recovered]
+        if rejection is not None:
+            results.append(rejection)
         if values is not None:
             for part in parts:
                 sample = part.read(item.t_ns, values)
                 if sample is not None:
-                    told.append(sample)
-        return told
+                    results.append(sample)
+        return results
 
     def encode_start(self) -> Sequence[bytes]:
         """Return the [[start]] messages of the mapping."""
@@ -273,10 +273,10 @@ class CanWheelsCodec:
         ]
 
     def _decode_error(self, t_ns: int, frame: CanFrame) -> Sequence[Sample | Rejection]:
-        told = read_error_frame(frame)
-        if isinstance(told, Rejection):
-            return (told,)
-        code, text = told
+        report = read_error_frame(frame)
+        if isinstance(report, Rejection):
+            return (report,)
+        code, text = report
         self._bus_error_ns = t_ns if code else None
         fault = self._board.report(t_ns, None, BUS, code, text)
         return () if fault is None else (fault,)

@@ -1,4 +1,4 @@
-"""Which faults are active, as drives and bus report them."""
+"""Keeps track of the active faults that drives and bus report."""
 
 from collections.abc import Mapping
 
@@ -38,7 +38,7 @@ _CONTROLLER_BITS = {
 
 
 class FaultBoard:
-    """Remembers active faults and tells each change once.
+    """Remembers active faults and reports each change once.
 
     Several sources may concern one wheel: its code is that of the first active one, its text names all, and
     it is clear only when all are.
@@ -52,13 +52,13 @@ class FaultBoard:
         self._active: dict[int | None, dict[str, tuple[int, str]]] = {}
 
     def reset(self) -> None:
-        """Tell again, at the next report of its source, what is still active or has cleared meanwhile."""
+        """Report again, at the next message of its source, what is still active or has cleared meanwhile."""
         for faults in self._active.values():
             for source, (code, _) in faults.items():
                 faults[source] = (code, "")
 
     def report(self, t_ns: int, wheel: int | None, source: str, code: int, text: str) -> FaultSample | None:
-        """Note what a source says about a wheel, or None for the whole device; code 0 means all is well."""
+        """Note the code of a source for a wheel, or None for the whole device; code 0 means no fault."""
         faults = self._active.setdefault(wheel, {})
         if (code, text) == faults.get(source) or (code == 0 and source not in faults):
             return None
@@ -84,7 +84,7 @@ def fault_text(code: int, names: Mapping[int, str]) -> str:
 def read_error_frame(frame: CanFrame) -> tuple[int, str] | Rejection:
     """Return code and text of a frame in which the CAN controller reports an error; code 0 means recovered.
 
-    What belongs to normal operation is only counted: lost arbitration and the warning level, which the
+    Reports of normal operation are only counted: lost arbitration and the warning level, which the
     controller also reports on its way back from error-passive.
 
     Source: error classes and data bytes of linux/can/error.h.

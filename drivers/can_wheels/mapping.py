@@ -1,6 +1,6 @@
-"""What the signals on a CAN bus mean for the wheels: a TOML file and, in the same folder, a DBC file.
+"""Meaning of the signals on a CAN bus for the wheels: a TOML file and, in the same folder, a DBC file.
 
-The keys of [every_wheel] hold for each [[wheel]] that does not set them itself. In every text of them, and in
+The keys of [every_wheel] apply to each [[wheel]] that does not set them itself. In every text of them, and in
 the messages of [[start]], [[stop]] and [[protection]], "{node}" stands for the `node` of each wheel in turn.
 """
 
@@ -45,12 +45,12 @@ class MeasuredSignal(SignalName):
 
 
 class PositionSource(MeasuredSignal):
-    """Where the position of a wheel is told.
+    """The signal with the position of a wheel.
 
     Attributes:
-        unit: At the encoder, before the gear.
-        ticks_per_revolution: For the unit "ticks".
-        wrap: The position starts again after this much, in its unit. Default: the whole range of an integer
+        unit: Unit at the encoder, before the gear.
+        ticks_per_revolution: Size of the unit "ticks".
+        wrap: The position wraps after this much, in its unit. Default: the whole range of an integer
             signal, never for a float. Turns are lost where it moves more than half of that between messages.
     """
 
@@ -74,7 +74,7 @@ class PositionSource(MeasuredSignal):
 
 
 class SpeedSource(MeasuredSignal):
-    """Where the speed of a wheel is told, as the drive itself measures it."""
+    """The signal with the speed of a wheel, as the drive itself measures it."""
 
     unit: Literal["rad/s", "rev/s", "rpm"]
 
@@ -85,11 +85,11 @@ class SpeedSource(MeasuredSignal):
 
 
 class Setpoint(SpeedSource):
-    """Where the speed set-point of a wheel goes.
+    """The signal of the speed set-point of a wheel.
 
     Attributes:
-        fixed: Values of further signals of that message, e.g. `{ Enable = 1 }`. What is named nowhere takes
-            the DBC file's start value, or 0.
+        fixed: Values of further signals of that message, e.g. `{ Enable = 1 }`. All others take the
+            DBC file's start value, or 0.
     """
 
     fixed: Annotated[dict[str, float], Field(default_factory=dict)]
@@ -102,7 +102,7 @@ class Setpoint(SpeedSource):
 
 
 class CurrentSource(MeasuredSignal):
-    """Where a current is told."""
+    """The signal with a current."""
 
     unit: Literal["A", "mA"]
 
@@ -113,7 +113,7 @@ class CurrentSource(MeasuredSignal):
 
 
 class VoltageSource(MeasuredSignal):
-    """Where a voltage is told."""
+    """The signal with a voltage."""
 
     unit: Literal["V", "mV"]
 
@@ -127,13 +127,13 @@ class WheelMapping(Settings):
     """One wheel.
 
     Attributes:
-        node: Number or name that "{node}" stands for.
+        node: Number or name in place of "{node}".
         sign: -1 where the drive counts backwards when the rover drives forwards.
         gear_ratio: Turns of the encoder and of the commanded motor per turn of the wheel.
-        current_is_signed: False where the drive tells only the magnitude of the motor current.
-        voltage: At the motor's terminals, never the supply.
-        setpoint: Leave it out for a wheel that can only be listened to.
-        fault: Error words and flags of the wheel's drive; 0 means all is well.
+        current_is_signed: False where the drive reports only the magnitude of the motor current.
+        voltage: Voltage at the motor's terminals, never the supply.
+        setpoint: Set-point signal; without it the wheel is only measured.
+        fault: Error words and flags of the wheel's drive; 0 means no fault.
     """
 
     node: int | str
@@ -150,13 +150,13 @@ class WheelMapping(Settings):
     @model_validator(mode="after")
     def _check_sources(self) -> Self:
         if self.position is None and self.speed is None:
-            msg = "the wheel tells neither position nor speed: add one, here or in [every_wheel]"
+            msg = "the wheel has neither position nor speed: add one, here or in [every_wheel]"
             raise ValueError(msg)
         return self
 
 
 class PowerMapping(Settings):
-    """Where the supply of the rover is told; the current must be in the same message as the voltage."""
+    """The signals of the rover's supply; the current must be in the same message as the voltage."""
 
     voltage: VoltageSource
     current: CurrentSource | None = None
@@ -183,7 +183,7 @@ class FixedFrame(NamesSignals):
 
 
 class Protection(NamesSignals):
-    """How messages are protected, in both directions.
+    """Protection of messages, in both directions.
 
     Attributes:
         counter: Signal that counts up by one in each message.
@@ -208,7 +208,7 @@ class Protection(NamesSignals):
     @model_validator(mode="after")
     def _check_algorithm(self) -> Self:
         if (self.checksum is None) != (self.algorithm is None):
-            msg = "checksum and algorithm go together: give both or none"
+            msg = "checksum and algorithm belong together: give both or none"
             raise ValueError(msg)
         return self
 

@@ -1,7 +1,7 @@
-"""Reads a mapping and its DBC file, and makes sure that they fit each other."""
+"""Reads a mapping and its DBC file, and checks that they fit each other."""
 
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -22,7 +22,7 @@ from drivers.can_wheels.mapping import (
 )
 from drivers.can_wheels.signals import Scale, make_scale, raw_limits, raw_value
 from drivers.errors import ConfigError
-from drivers.settings import Settings
+from drivers.settings import Settings, direct_mistakes
 
 SHIPPED_FOLDER = Path(__file__).parent
 
@@ -41,11 +41,11 @@ class BusDescription:
         return self.database.get_message_by_name(name)
 
     def protection(self, message: str) -> Protection | None:
-        """Return how a message is protected."""
+        """Return the protection of a message; None without one."""
         return next((entry for entry in self.mapping.protection if message in entry.messages), None)
 
     def wheel_scales(self, wheel: WheelMapping) -> dict[str, Scale]:
-        """Return the conversions of what a wheel tells, by quantity: position, speed, current, voltage."""
+        """Return the conversions of a wheel's signals, by quantity: position, speed, current, voltage."""
         turning = wheel.sign / wheel.gear_ratio
         sources: dict[str, tuple[MeasuredSignal | None, float]] = {
             "position": (wheel.position, turning),
@@ -69,7 +69,7 @@ class BusDescription:
         return self._scale(power.voltage, 1.0), current
 
     def position_span(self, wheel: WheelMapping) -> float | None:
-        """Return after how many raw steps a wheel's position starts again; None for never."""
+        """Return after how many raw steps a wheel's position wraps; None for never."""
         source = wheel.position
         if source is None:
             return None
@@ -90,7 +90,7 @@ def load_mapping(name_or_path: str) -> BusDescription:
     """Read a mapping by the name of a shipped one or the path of a TOML file, and its DBC file.
 
     Raises:
-        ConfigError: A file is missing or wrong; the message names file, key and fix.
+        ConfigError: A file is missing or wrong; the message names file, key and fix, a line per mistake.
     """
     path = _mapping_path(name_or_path)
     try:
@@ -104,7 +104,9 @@ def load_mapping(name_or_path: str) -> BusDescription:
         raise ConfigError(_describe(path, error)) from error
     dbc_path = path.parent / mapping.dbc
     database = _load_database(path, dbc_path)
-    _check_names(f"{path}: ", "", mapping, database)
+    mistakes = list(_find_wrong_names(f"{path}: ", "", mapping, database))
+    if mistakes:
+        raise ConfigError("\n".join(mistakes))
     return BusDescription(path, dbc_path, mapping, database)
 
 
@@ -169,13 +171,16 @@ def _with_node(value: object, node: str) -> object:
 
 
 def _describe(path: Path, error: ValidationError) -> str:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"]) or "the file"
-    if first["type"] == "extra_forbidden":
-        return f"{path}: {key}: unknown key; correct or remove it"
-    if first["type"] == "missing":
-        return f"{path}: {key}: this key is missing; add it"
-    return f"{path}: {key}: {first['msg'].removeprefix('Value error, ')}"
+    lines = []
+    for detail in direct_mistakes(error.errors()):
+        key = ".".join(str(part) for part in detail["loc"]) or "the file"
+        text = detail["msg"].removeprefix("Value error, ")
+        if detail["type"] == "extra_forbidden":
+            text = "unknown key; correct or remove it"
+        elif detail["type"] == "missing":
+            text = "this key is missing; add it"
+        lines.append(f"{path}: {key}: {text}")
+    return "\n".join(lines)
 
 
 def _load_database(mapping_path: Path, path: Path) -> Database:
@@ -193,20 +198,23 @@ def _load_database(mapping_path: Path, path: Path) -> Database:
     return database
 
 
-def _check_names(where: str, key: str, value: object, database: Database) -> None:
-    """Look for every name below `value` in the DBC file; `key` is the place in the mapping file."""
+def _find_wrong_names(where: str, key: str, value: object, database: Database) -> Iterator[str]:
+    """Yield what is wrong with the names below `value`; `key` is their place in the mapping file."""
     if isinstance(value, NamesSignals):
         for message_name, signal_name, held in value.names():
-            message = _find_message(f"{where}{key}", database, message_name)
-            if signal_name is not None:
-                signal = _find_signal(f"{where}{key}", message, signal_name)
-                _check_fit(f"{where}{key}", value, signal, held)
+            try:
+                message = _find_message(f"{where}{key}", database, message_name)
+                if signal_name is not None:
+                    signal = _find_signal(f"{where}{key}", message, signal_name)
+                    _check_fit(f"{where}{key}", value, signal, held)
+            except ConfigError as error:
+                yield str(error)
     if isinstance(value, Settings):
         for name in type(value).model_fields:
-            _check_names(where, f"{key}.{name}".lstrip("."), getattr(value, name), database)
+            yield from _find_wrong_names(where, f"{key}.{name}".lstrip("."), getattr(value, name), database)
     elif isinstance(value, tuple):
         for index, part in enumerate(value):
-            _check_names(where, f"{key}.{index}", part, database)
+            yield from _find_wrong_names(where, f"{key}.{index}", part, database)
 
 
 def _check_fit(where: str, part: NamesSignals, signal: Signal, held: float | None) -> None:
@@ -228,7 +236,7 @@ def _find_message(where: str, database: Database, name: str) -> Message:
         msg = f"{where}: the DBC file has no message '{name}'{_did_you_mean(name, messages)}"
         raise ConfigError(msg)
     if message.length > 8 or message.is_multiplexed():
-        msg = f"{where}: message '{name}' is multiplexed or longer than 8 bytes; such are not supported"
+        msg = f"{where}: message '{name}' is multiplexed or longer than 8 bytes, which is not supported"
         raise ConfigError(msg)
     return message
 

@@ -79,7 +79,7 @@ class _Checksum:
 
 
 class _Protected:
-    """What reading and writing a message have in common."""
+    """Common part of reading and writing a message."""
 
     def __init__(self, message: Message, protection: Protection | None) -> None:
         self._message = message
@@ -97,14 +97,14 @@ class _Protected:
 
 
 class MessageReader(_Protected):
-    """Checks and unpacks one kind of message; a message is taken whole or not at all.
+    """Checks and unpacks one kind of message; a message is accepted as a whole or not at all.
 
-    A counter that stands still or steps back by up to a quarter of its range rejects the message, as its
-    values are old. A counter that jumps forwards only counts: messages were lost, but this one is fresh.
+    A counter that does not advance, or steps back by up to a quarter of its range, rejects the message, as
+    its values are old. A jump forwards is only counted: messages were lost, but this one is fresh.
 
     Args:
         message: The message.
-        signals: Those that will be used: they must be finite and within the limits of the DBC file.
+        signals: Names of the signals in use; they must be finite and within the limits of the DBC file.
         protection: Its counter and checksum.
     """
 
@@ -119,7 +119,7 @@ class MessageReader(_Protected):
         self._last_counter = None
 
     def read(self, data: bytes) -> tuple[Mapping[str, float] | None, Rejection | None]:
-        """Return the raw numbers by signal, or None, and what there is to object, or None.
+        """Return the raw numbers by signal, or None, and the rejection, or None.
 
         Longer data than the message has is accepted: many devices pad to eight bytes.
         """
@@ -131,14 +131,14 @@ class MessageReader(_Protected):
         values = cast(
             "dict[str, float]", self._message.decode_simple(data, decode_choices=False, scaling=False)
         )
-        objection = None if self._counter is None else self._check_counter(int(values[self._counter]))
-        if objection is not None and objection is not FRAMES_LOST:
-            return None, objection
+        rejection = None if self._counter is None else self._check_counter(int(values[self._counter]))
+        if rejection is not None and rejection is not FRAMES_LOST:
+            return None, rejection
         for name, low, high in self._limits:
             value = values[name]
             if not low <= value <= high:
                 return None, OUT_OF_RANGE if math.isfinite(value) else NOT_FINITE
-        return values, objection
+        return values, rejection
 
     def _check_counter(self, counter: int) -> Rejection | None:
         last = self._last_counter
@@ -167,7 +167,7 @@ class MessageWriter(_Protected):
     def write(self, raw_values: Mapping[str, float]) -> bytes:
         """Return the 16-byte frame with raw numbers by signal, which must be within the signals' limits.
 
-        A signal that is not given takes the start value of the DBC file, or 0.
+        A missing signal takes the start value of the DBC file, or 0.
         """
         values = {**self._template, **raw_values}
         if self._counter is not None:

@@ -1,4 +1,4 @@
-"""What the configuration says about wheel encoders and drives on a CAN bus."""
+"""Settings of wheel encoders and drives on a CAN bus."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,11 +19,11 @@ class CanWheelsSettings(DriveSettings):
 
     Attributes:
         interface: "socketcan" for a CAN controller of the Linux kernel; "slcan" for an adapter on a serial
-            port that speaks the Lawicel text protocol (one that must not reset when its port is opened);
-            "virtual" for a bus inside this process.
+            port with the Lawicel text protocol (one that does not reset when its port is opened); "virtual"
+            for a bus inside this process.
         channel: Name of the network interface (`can0`), path of the serial port, or any name.
-        bit_rate: Speed of the bus in bit/s. An slcan adapter is set to it. A socketcan interface keeps what
-            `ip link set can0 up type can bitrate ...` gave it: state the same here.
+        bit_rate: Speed of the bus. An slcan adapter is set to it. A socketcan interface keeps what `ip link
+            set can0 up type can bitrate ...` gave it: enter the same here.
         mapping: Name of a shipped mapping (generic_wheel, odrive_0_5, odrive_0_6), or path of a TOML file,
             relative to the current directory.
     """

@@ -1,4 +1,4 @@
-"""Between the raw numbers in a CAN message and SI units."""
+"""Conversion between the raw numbers in a CAN message and SI units."""
 
 import math
 import struct
@@ -9,11 +9,11 @@ from cantools.database.can import Signal
 FLOATS = {16: struct.Struct("<e"), 32: struct.Struct("<f"), 64: struct.Struct("<d")}
 LARGEST_FLOAT = {16: 65504.0, 32: 2.0**128 - 2.0**104, 64: 1e300}
 ROUNDING = 1e-6
-"""Raw steps by which a limit in the DBC file may miss the raw value it means."""
+"""Raw steps by which a limit in the DBC file may differ from the intended raw value."""
 
 
 def raw_value(signal: Signal, physical: float) -> float:
-    """Return the raw number that stands for a physical value, rounded where the signal is an integer."""
+    """Return the raw number for a physical value, rounded where the signal is an integer."""
     raw = (physical - signal.offset) / signal.scale
     return raw if signal.is_float else round(raw)
 

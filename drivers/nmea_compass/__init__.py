@@ -1,1 +1,1 @@
-"""Compasses and attitude sensors that speak NMEA 0183."""
+"""Compasses and attitude sensors with NMEA 0183."""

@@ -1,7 +1,7 @@
 """NMEA 0183 sentences of compasses and attitude sensors.
 
-Source: NMEA 0183 field tables as published by the makers; KVH TracVision manuals for the extra comma before
-the checksum in `$HCHDM,238.4,M,*hh` and `$HCHDG,238.4,*hh`; Trimble receiver help for PASHR.
+Source: NMEA 0183 field tables as published by manufacturers; KVH TracVision manuals for the extra comma
+before the checksum in `$HCHDM,238.4,M,*hh` and `$HCHDG,238.4,*hh`; Trimble receiver help for PASHR.
 Signs on the wire: headings clockwise from north, deviation and variation with E or W, rate of turn positive
 to starboard (clockwise), roll positive port side up, pitch positive bow up.
 """
@@ -22,7 +22,7 @@ from drivers.link import Received
 from drivers.samples import AttitudeSample, HeadingReference, HeadingSample, RateSample, Sample
 
 LONGEST_SENTENCE = 255
-"""Bytes kept of a line. The standard says 82; real devices exceed it."""
+"""Bytes kept of a line. The standard allows 82; real devices exceed it."""
 FASTEST_TURN_DEG_MIN = 120_000.0
 """2000 deg/s, the widest range of the gyroscopes in use."""
 
@@ -32,7 +32,7 @@ PITCH_NAMES = frozenset({"PITCH", "PTCH", "TRIM"})
 ROLL_NAMES = frozenset({"ROLL", "HEEL"})
 
 
-class _RefusedError(Exception):
+class _RejectedError(Exception):
     """A sentence holds something that must not become a sample; the argument is the rejection's reason."""
 
 
@@ -50,8 +50,8 @@ class NmeaCompassCodec:
 
     Args:
         name: Name of the device in the configuration.
-        require_checksum: Refuse sentences without a checksum.
-        deviation_table: Added to magnetic headings, after the deviation that the device tells itself.
+        require_checksum: Reject sentences without a checksum.
+        deviation_table: Added to magnetic headings, after the deviation that the device reports itself.
     """
 
     def __init__(
@@ -89,25 +89,25 @@ class NmeaCompassCodec:
         try:
             body = self._checked_body(line)
             address = body.partition(b",")[0].decode("ascii")
-            # Proprietary addresses start with P and the maker; all others with a talker of two letters.
+            # Proprietary addresses start with P, all others with a talker of two letters.
             reader = self._readers.get(address if address.startswith("P") else address[2:])
             if reader is None:
                 return (Rejection("other_sentence"),)
             return reader(body, t_ns)
-        except _RefusedError as refused:
-            return (Rejection(str(refused)),)
+        except _RejectedError as rejected:
+            return (Rejection(str(rejected)),)
 
     def _checked_body(self, line: bytes) -> bytes:
         _, start, sentence = line.rpartition(b"$")
         match = BODY_AND_CHECKSUM.fullmatch(sentence)
         if not start or match is None:
-            raise _RefusedError("framing")
+            raise _RejectedError("framing")
         body, checksum = match.groups()
         if checksum is None:
             if self._require_checksum:
-                raise _RefusedError("checksum")
+                raise _RejectedError("checksum")
         elif int(checksum, 16) != reduce(xor, body):
-            raise _RefusedError("checksum")
+            raise _RejectedError("checksum")
         return body
 
     def _read_hdg(self, body: bytes, t_ns: int) -> list[Sample]:
@@ -134,7 +134,7 @@ class NmeaCompassCodec:
 
     def _read_ths(self, body: bytes, t_ns: int) -> list[Sample]:
         fields = _parse(body)
-        # Other modes: estimated, manual, simulated, void. A heading that nobody measured is none.
+        # Other modes: estimated, manual, simulated, void. Such a heading is not measured.
         _require_letter(fields, "mi", "A", "invalid_mode")
         return [self._heading(t_ns, _number(fields, "headt", 0.0, 360.0), HeadingReference.TRUE)]
 
@@ -158,17 +158,17 @@ class NmeaCompassCodec:
             elif is_angle and str(transducer).upper() in PITCH_NAMES:
                 pitch_deg = _number(fields, f"data_{index}", -90.0, 90.0)
         if roll_deg is None and pitch_deg is None:
-            raise _RefusedError("other_sentence")
+            raise _RejectedError("other_sentence")
         return [self._attitude(t_ns, roll_deg, pitch_deg)]
 
     def _read_pashr(self, body: bytes, t_ns: int) -> list[Sample]:
         # Read by hand: pynmeagps (1.1.8) raises IndexError on an empty time, which PASHR has before the first
-        # fix, and refuses the sentence for a leap second; the time is of no use here.
+        # fix, and rejects the sentence for a leap second; the time is not used here.
         texts = body.decode("ascii").split(",")
         if texts[1:2] and texts[1].isalpha():
-            raise _RefusedError("other_sentence")  # $PASHR,ATT,... and its like are other messages
+            raise _RejectedError("other_sentence")  # $PASHR,ATT,... and similar are other messages
         if len(texts) < 6:
-            raise _RefusedError("format")
+            raise _RejectedError("format")
         names = ("heading", "indicator", "roll", "pitch")
         fields: dict[str, object] = dict(zip(names, texts[2:6], strict=True))
         roll_deg = _number(fields, "roll", -180.0, 180.0)
@@ -203,20 +203,20 @@ def _parse(body: bytes) -> dict[str, object]:
     try:
         message = NMEAReader.parse(body + b"*", validate=VALNONE)  # the checksum has been verified
     except (NMEAParseError, NMEATypeError) as error:
-        raise _RefusedError("format") from error
+        raise _RejectedError("format") from error
     return {} if message is None else vars(message)
 
 
 def _number(fields: dict[str, object], key: str, low: float, high: float) -> float:
     text = fields.get(key, "")
     if text == "":
-        raise _RefusedError("empty")
+        raise _RejectedError("empty")
     try:
         value = float(str(text))
     except ValueError as error:
-        raise _RefusedError("format") from error
-    if not low <= value <= high:  # refuses NaN too
-        raise _RefusedError("range")
+        raise _RejectedError("format") from error
+    if not low <= value <= high:  # rejects NaN too
+        raise _RejectedError("range")
     return value
 
 
@@ -227,10 +227,10 @@ def _east_positive(fields: dict[str, object], key: str) -> float | None:
     value_deg = _number(fields, key, 0.0, 180.0)
     side = fields.get(f"{key}EW")
     if side not in ("E", "W"):
-        raise _RefusedError("format")
+        raise _RejectedError("format")
     return value_deg if side == "E" else -value_deg
 
 
 def _require_letter(fields: dict[str, object], key: str, letter: str, reason: str) -> None:
     if fields.get(key) != letter:
-        raise _RefusedError(reason)
+        raise _RejectedError(reason)

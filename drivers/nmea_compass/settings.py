@@ -1,4 +1,4 @@
-"""What the configuration says about an NMEA 0183 compass."""
+"""Settings of an NMEA 0183 compass."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,8 +14,9 @@ class NmeaCompassSettings(SerialDeviceSettings):
     """An NMEA 0183 compass, GNSS compass or attitude sensor.
 
     Attributes:
-        max_age_s: Fits a compass at 10 Hz; one lost sentence already makes it silent.
-        require_checksum: Refuse sentences without a checksum. A wrong checksum is always refused.
+        max_age_s: The device counts as silent when its newest sample is older than this. The default fits a
+            compass at 10 Hz; one lost sentence already exceeds it.
+        require_checksum: Reject sentences without a checksum. A wrong checksum is always rejected.
         calibration: Path of a deviation table, a TOML file, applied to magnetic headings; relative to the
             current directory.
     """

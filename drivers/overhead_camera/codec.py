@@ -1,7 +1,7 @@
-"""From a picture of the marker to the pose of the rover on the floor.
+"""From an image of the marker to the pose of the rover on the floor.
 
-What no check can notice: a calibration of another camera position, a wrong mounting of the marker, a rover
-that tilts, and a marker of the same number on another thing of the same size.
+Not detectable: a calibration of another camera position, a wrong mounting of the marker, a rover that tilts,
+and a marker of the same number on another object of the same size.
 """
 
 import math
@@ -25,7 +25,7 @@ from drivers.samples import FrameSample, Image, PoseFixSample
 SQUARE = np.array([-1 + 1j, 1 + 1j, 1 - 1j, -1 - 1j])
 """A marker's corners in its own frame, x along the upper edge, for a side of two."""
 
-# Chosen on rendered pictures so that what is accepted errs by less than half a degree.
+# Chosen on rendered images so that accepted yaws have errors below half a degree.
 SIZE_TOLERANCE = 0.1
 SHAPE_TOLERANCE = 0.025
 LEAST_MATCH = 0.9
@@ -34,12 +34,13 @@ IDEAL_CELL_PX = 4
 
 
 class OverheadCameraCodec:
-    """Finds the rover's marker in each picture.
+    """Finds the rover's marker in each image.
 
-    A picture that is no frame is rejected as by `CameraCodec`. Otherwise it is rejected when its stamp lies
-    after its arrival ("stamp_ahead"), or when the marker is not in it ("no_marker"), is in it more than once
-    ("ambiguous"), has less than 5 pixels per cell ("marker_small"), looks unlike itself ("blurred"), differs
-    from its true size by more than 10 % ("marker_size") or from a square by more than 2.5 % ("marker_shape").
+    An image that is not a frame is rejected as by `CameraCodec`. Otherwise it is rejected when its stamp is
+    after its arrival ("stamp_ahead"), or when the marker is not in it ("no_marker"), is in it more than
+    once ("ambiguous"), has less than 5 pixels per cell ("marker_small"), is not sharp ("blurred"), differs
+    from its true size by more than 10 % ("marker_size") or from a square by more than 2.5 %
+    ("marker_shape").
 
     Args:
         name: Name of the device.
@@ -67,7 +68,7 @@ class OverheadCameraCodec:
         self._mount_yaw_rad = math.radians(settings.marker_yaw_deg)
 
     def decode(self, item: Received[CameraImage]) -> Sequence[PoseFixSample | Rejection]:
-        """Return the pose, or why there is none."""
+        """Return the pose, or the reason for a rejection."""
         stamp_ns = item.payload.t_capture_ns
         if stamp_ns is not None and stamp_ns > item.t_ns:
             return (Rejection("stamp_ahead"),)
@@ -89,7 +90,7 @@ class OverheadCameraCodec:
         self._frames.reset()
 
     def _match(self, image: Image, corners_px: Corners) -> float:
-        """Return the correlation of the marker in the picture with an ideal one."""
+        """Return the correlation of the marker in the image with an ideal one."""
         side = len(self._ideal)
         # Pixels are centred on whole numbers, so the image's edge is half a pixel outside.
         ideal_px = 0.5 * side * np.column_stack((1 + SQUARE.real, 1 - SQUARE.imag)) - 0.5
@@ -152,7 +153,7 @@ def _load_floor(name: str, settings: OverheadCameraParameters) -> Floor:
     camera_m = floor.camera_m
     if settings.marker_height_m > 0.0 and (camera_m is None or camera_m[2] <= settings.marker_height_m):
         msg = (
-            f"devices.{name}.calibration: {settings.calibration} must tell that the camera hangs above the "
+            f"devices.{name}.calibration: {settings.calibration} must place the camera above the "
             f"marker's height of {settings.marker_height_m:g} m: add or correct camera_m"
         )
         raise ConfigError(msg)

@@ -25,16 +25,17 @@ SMALLEST_SPREAD = 0.01
 
 
 class FloorCalibration(Calibration):
-    """How an overhead camera sees the floor, in one of three forms.
+    """Geometry of an overhead camera above the floor, in one of three forms.
 
-    Smallest: `scale_mm_per_px`, for a camera that looks straight down; the middle of the image is the floor's
+    Smallest: `scale_mm_per_px`, for a camera that points straight down; the image's middle is the floor's
     origin, x to the right and y up in the image. Usual: `homography`, from at least four floor points
     (`fit_floor`). Fullest: `camera_matrix`, `distortion`, `rotation_vector` and `translation_m`, as from
-    OpenCV's `calibrateCamera` and `solvePnP`. The first two know where the camera hangs only if `camera_m`
-    says so, and a marker above the floor can be located only then.
+    OpenCV's `calibrateCamera` and `solvePnP`. The first two contain the position of the camera only with
+    `camera_m`, and only then a marker above the floor can be located.
 
     Attributes:
-        width: Of the images it holds for, in pixels, as is `height`.
+        width: Width of the images in pixels.
+        height: Height of the images in pixels.
         scale_mm_per_px: Length on the floor that one pixel shows.
         homography: Rows of the matrix that takes (column, row, 1) in pixels to floor points in m.
         camera_m: Position of the camera's lens in the floor frame.
@@ -82,14 +83,14 @@ class FloorCalibration(Calibration):
 
 
 class Floor:
-    """Takes pixels to points on the floor or on a plane above it.
+    """Maps pixels to points on the floor or on a plane above it.
 
     Args:
-        calibration: How the camera sees the floor.
+        calibration: Geometry of the camera.
 
     Attributes:
         homography: From undistorted pixels to floor points in m.
-        camera_m: Position of the camera's lens in the floor frame; None when the calibration does not tell.
+        camera_m: Position of the camera's lens in the floor frame; None when the calibration lacks it.
     """
 
     def __init__(self, calibration: FloorCalibration) -> None:
@@ -108,7 +109,7 @@ class Floor:
             self.homography = np.array(calibration.homography)
 
     def locate(self, points_px: Array, height_m: float) -> Array:
-        """Return where points of the image, shape (n, 2), lie on the plane at `height_m`, in m.
+        """Return the points on the plane at `height_m`, in m, for points of the image, shape (n, 2).
 
         The line of sight from the camera C through the floor point p is C + s (p - C); it is `height_m` above
         the floor at s = 1 - height / C_z, hence p + (C - p) height / C_z in x and y.
@@ -143,11 +144,11 @@ class Floor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloorFit:
-    """A homography and how well it fits.
+    """A homography and the quality of its fit.
 
     Attributes:
         homography: Rows of the matrix from pixels to floor points in m.
-        residuals_px: For each point, seen minus fitted.
+        residuals_px: For each point, observed minus fitted.
         rms_px: Root mean square of the residuals' lengths.
         rms_m: The same on the floor.
         scale_mm_per_px: In the middle of the points.
@@ -163,7 +164,7 @@ class FloorFit:
     scale_std_mm_per_px: float | None
 
     def to_toml(self, *, source: str, date: dt.date, size_px: tuple[int, int], camera_m: Vector) -> str:
-        """Return the text of a calibration file; `camera_m` is where the lens hangs in the floor frame."""
+        """Return the text of a calibration file; `camera_m`: the lens in the floor frame."""
         rows = ",\n".join(f"  {list(row)}" for row in self.homography)
         return (
             f'source = "{source}"\ndate = {date.isoformat()}\nwidth = {size_px[0]}\nheight = {size_px[1]}\n'
@@ -175,7 +176,7 @@ def fit_floor(points_px: Sequence[tuple[float, float]], points_m: Sequence[tuple
     """Fit the homography from pixels to the floor to points known in both.
 
     By the normalised direct linear transformation (Hartley and Zisserman, Multiple View Geometry, algorithm
-    4.2); all error is taken to be in the pixels.
+    4.2); all error is assumed to be in the pixels.
 
     Args:
         points_px: (column, row) in the image, free of lens distortion; clicked, or `centre_of` markers.
@@ -212,7 +213,7 @@ def fit_floor(points_px: Sequence[tuple[float, float]], points_m: Sequence[tuple
 
 
 def _sees_from_above(to_floor: Array, x_px: float, y_px: float) -> bool:
-    """Tell whether the map turns the image's sense of rotation (y down) into the floor's (y up)."""
+    """Return whether the map turns the image's sense of rotation (y down) into the floor's (y up)."""
     with np.errstate(all="ignore"):
         depth = to_floor[2] @ (x_px, y_px, 1.0)
         return bool(np.linalg.det(to_floor) / depth**3 < 0.0)
@@ -251,7 +252,7 @@ def _transform(image: Array, floor: Array) -> Array:
     second = np.column_stack((zero, zero, zero, x, y, one, -v * x, -v * y, -v))
     _, strengths, directions = np.linalg.svd(np.vstack((first, second)))
     if strengths[7] < SMALLEST_SPREAD * strengths[0]:
-        msg = "fit_floor: too many points lie (almost) on one line; spread them over the floor"
+        msg = "fit_floor: too many points are (almost) on one line; spread them over the floor"
         raise ModelError(msg)
     solution = directions[-1]
     return np.asarray(solution[:8] / solution[8])

@@ -1,4 +1,4 @@
-"""Finding square markers in a picture."""
+"""Detection of square markers in an image."""
 
 from typing import NamedTuple, TypeAlias
 
@@ -12,7 +12,7 @@ Corners: TypeAlias = NDArray[np.float64]
 
 
 class Marker(NamedTuple):
-    """A marker in the picture; corners in pixels, shape (4, 2), clockwise from the printed upper left."""
+    """A marker in the image; corners in pixels, shape (4, 2), clockwise from the printed upper left."""
 
     marker_id: int
     corners_px: Corners
@@ -47,13 +47,13 @@ class MarkerFinder:
         ]
 
     def draw(self, marker_id: int, cell_px: int) -> Image:
-        """Return an ideal picture of a marker, its black border at the edge of the picture."""
+        """Return an ideal image of a marker, its black border at the edge of the image."""
         side_px = (self._dictionary.markerSize + 2) * cell_px
         return np.asarray(cv2.aruco.generateImageMarker(self._dictionary, marker_id, side_px), np.uint8)
 
 
 def centre_of(corners_px: Corners) -> tuple[float, float]:
-    """Return the picture of a marker's centre: where its diagonals cross, which perspective keeps."""
+    """Return the image of a marker's centre: the crossing of its diagonals, which perspective preserves."""
     first, second, third, fourth = corners_px
     along, across = third - first, fourth - second
     share, _ = np.linalg.solve(np.column_stack((along, -across)), second - first)

@@ -26,19 +26,19 @@ class OverheadCameraParameters(FrameSourceParameters):
 
     Attributes:
         dictionary: Name of one of OpenCV's predefined dictionaries.
-        marker_id: Which of its markers is on the rover.
+        marker_id: Number of the marker on the rover in that dictionary.
         marker_size_m: Side of the marker's black square.
         marker_height_m: Height of the marker above the plane of the calibration, usually the floor.
-        marker_x_m: Where the marker's centre is on the rover, forward of its origin.
-        marker_y_m: The same, to the left.
-        marker_yaw_deg: Direction of the marker's upper edge, from left to right as printed,
-            counter-clockwise from forward.
-        calibration: Path of the floor calibration, a TOML file (`FloorCalibration`), relative to the
-            current directory; "simulated" is the shipped one of the simulated camera.
-        latency_s: Age of a picture at its arrival, where the camera does not tell when it was taken.
-        corner_noise_px: Standard deviation of each coordinate of a corner found in the picture.
-        position_noise_m: Error of the position that no picture shows: of calibration and mounting.
-        yaw_noise_deg: The same of the heading.
+        marker_x_m: Position of the marker's centre, forward of the rover's origin.
+        marker_y_m: Position of the marker's centre, to the left of the rover's origin.
+        marker_yaw_deg: Direction of the marker's upper edge, from left to right as printed, counter-clockwise
+            from forward.
+        calibration: Path of the floor calibration, a TOML file (`FloorCalibration`), relative to the current
+            directory; "simulated" is the shipped one of the simulated camera.
+        latency_s: Age of an image at its arrival, where the camera gives no capture time.
+        corner_noise_px: Standard deviation of each coordinate of a corner found in the image.
+        position_noise_m: Standard deviation of the position from calibration and mounting.
+        yaw_noise_deg: Standard deviation of the heading from calibration and mounting.
     """
 
     type: Literal["overhead_camera"]

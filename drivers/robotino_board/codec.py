@@ -1,18 +1,17 @@
 """Serial protocol of the Robotino 1/2/XT boards EA05 and EA09, both directions.
 
-The host asks with 47 bytes, the board answers each request with 101; both begin with "REC" and end with
-"rec". There is no checksum. What protects is that both markers must stand in their places, that the board
-itself marks motors it could not read, and that no wheel may have turned further than a motor can since the
-reply before (`RobotinoBoardCodec`). Every bit pattern of currents, voltages and speeds is in their range. A
-flipped bit in these, or the loss of exactly 101 bytes across two replies, cannot be noticed.
+The host sends requests of 47 bytes, the board answers each with 101; both begin with "REC" and end with
+"rec". There is no checksum. A reply is checked by three things: both markers are in their places, the board
+itself marks motors it could not read, and no wheel has turned further than a motor can since the reply before
+(`RobotinoBoardCodec`). Every bit pattern of currents, voltages and speeds is in their range: a flipped bit in
+these, or the loss of exactly 101 bytes across two replies, is not detectable.
 
-An EA05 answers with what its motors measured at the request before; the time count tells when that was.
+An EA05 answers with the measurements of the request before; the time count is theirs.
 
 Source: openrobotino `common/lib/rec/iocontrol/remotestate/{SetState,SensorState}.h`, `qdsa_protocol.h`,
 `firmware/EA05/trunk/qDSA`, `firmware/EA09/trunk/src/{robotinoserial,main}.c`, `daemons/apps/controld2`.
 """
 
-import math
 import struct
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
@@ -21,6 +20,7 @@ from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.link import Received
 from drivers.robotino_board.parameters import Board, RobotinoBoardParameters
+from drivers.robotino_board.scales import MAX_SPEED_STEPS, STEP_TICKS_PER_S, scales
 from drivers.samples import BumperSample, PowerSample, Sample, WheelSample
 
 Counts: TypeAlias = tuple[int, int, int]
@@ -30,11 +30,6 @@ HEAD = b"REC"
 TAIL = b"rec"
 REQUEST_SIZE = 47
 REPLY_SIZE = 101
-MAX_SPEED_STEPS = 255
-STEP_TICKS_PER_S = 900
-"""One speed step is one encoder tick per 1/900 s: 27 rpm at the motor with 2000 ticks per turn."""
-MAX_RAW = 1023
-"""Largest reading of the 10-bit converters."""
 
 _REQUEST = struct.Struct("<3sB" + 4 * "BBBiBBB" + "3s")
 _MASTER = struct.Struct("<3sBxB5xB2x")
@@ -64,11 +59,11 @@ _HALF_WORD = 0x8000_0000
 
 
 class BoardRequest(NamedTuple):
-    """What the host asks of the board.
+    """A request of the host.
 
     Attributes:
         speed_steps: Set-point of each motor, -255 to 255 speed steps, forward positive.
-        brakes_off: Whether each motor may turn; with the brake on its set-point is taken as 0.
+        brakes_off: Whether each motor may turn; with the brake on its set-point counts as 0.
         gains: kp, ki, kd, 0 to 255, the same for the three motors.
     """
 
@@ -78,7 +73,7 @@ class BoardRequest(NamedTuple):
 
 
 class BoardReply(NamedTuple):
-    """What the board answers, in counts.
+    """A reply of the board, in counts.
 
     Attributes:
         ticks: Encoder position of each motor, 32 bits signed, forward positive.
@@ -113,7 +108,7 @@ def build_request(request: BoardRequest) -> bytes:
 
 
 def parse_request(frame: bytes) -> BoardRequest:
-    """Return what 47 bytes ask; the gains are those of the first motor. The markers are not looked at."""
+    """Return the request in 47 bytes; the gains are those of the first motor. The markers are not checked."""
     fields = _REQUEST.unpack(frame)
     flags, directions, magnitudes = fields[2:23:7], fields[3:23:7], fields[4:23:7]
     s0, s1, s2 = (
@@ -146,7 +141,7 @@ def build_reply(reply: BoardReply) -> bytes:
 
 
 def parse_reply(frame: bytes) -> BoardReply:
-    """Return what 101 bytes say. The markers are not looked at."""
+    """Return the reply in 101 bytes. The markers are not checked."""
     _, system, battery, system_low = _MASTER.unpack_from(frame)
     high0, low0, state0, speed0, position0, inputs, time_ms = _MOTOR.unpack_from(frame, 14)
     high1, low1, state1, speed1, position1, _, _ = _MOTOR.unpack_from(frame, 35)
@@ -172,28 +167,6 @@ def _wrapped(count: int) -> int:
     return (count + _HALF_WORD & _WORD) - _HALF_WORD
 
 
-class Scales(NamedTuple):
-    """What one count means, in SI units at the wheel.
-
-    Source: SensorState.h and the EA09 corrections of controld2.conf (0.15, 3.0, 0.89).
-    """
-
-    position_rad: float
-    speed_rad_s: float
-    current_a: float
-    system_current_a: float
-    battery_v: float
-
-
-def scales(settings: RobotinoBoardParameters) -> Scales:
-    """Return what one count means on this board with this gear and encoder."""
-    position_rad = math.tau / (settings.ticks_per_motor_turn * settings.gear_ratio)
-    current, system, battery = (1.0, 1.0, 1.0) if settings.board == "EA05" else (0.15, 3.0, 0.89)
-    return Scales(
-        position_rad, STEP_TICKS_PER_S * position_rad, current / 156.0, system / 61.44, battery / 36.10
-    )
-
-
 class FrameScanner:
     """Cuts frames of one size out of a byte stream by their markers; keeps less than one frame.
 
@@ -206,7 +179,7 @@ class FrameScanner:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[bytes | Rejection]:
-        """Return the frames that `data` completes, and one "framing" for each run of bytes thrown away."""
+        """Return the frames that `data` completes, and one "framing" for each run of discarded bytes."""
         buffer = self._rest + data
         found: list[bytes | Rejection] = []
         used = 0
@@ -239,7 +212,7 @@ def _find_head(buffer: bytes, start: int) -> int:
 
 
 class _Counters(NamedTuple):
-    """What runs on from reply to reply."""
+    """Counters that continue from reply to reply."""
 
     t_ns: int
     time_ms: int
@@ -247,7 +220,7 @@ class _Counters(NamedTuple):
 
 
 def _can_follow(before: _Counters, after: _Counters) -> bool:
-    # Forwards the time may jump: an EA05's first reply is as old as the last request of whoever asked.
+    # The time may jump forwards: an EA05's first reply is as old as the last request of any program.
     if (after.time_ms - before.time_ms) & _WORD >= _HALF_WORD:
         return False
     elapsed_ns = max(after.t_ns - before.t_ns, _LONGEST_BUNCHING_NS)
@@ -261,9 +234,9 @@ class RobotinoBoardCodec:
     Rejections: "framing" (markers not in their places), "board_is_EA05" or "board_is_EA09" (not the board
     in the settings: its currents would be wrong by a factor of 6.7), "motor_fault" (the board could not
     read a motor) and "implausible_jump": the board's time runs backwards, or a wheel turned further than
-    6885 rpm at the motor allow. Replies may come in bunches, so at least 0.1 s is allowed for. When the
-    next reply continues from the suspect one, the board has restarted its counters: positions go on from
-    where they were, and what the wheels turned in between is not known and not counted.
+    6885 rpm at the motor allow. Replies may come in bunches, so at least 0.1 s is assumed between them. When
+    the next reply continues from the suspect one, the board has restarted its counters: positions continue
+    from their last value, and the turns of the wheels in between are unknown and not counted.
 
     Args:
         name: Name of the device in the configuration.

@@ -14,11 +14,11 @@ class RobotinoBoardParameters(SerialDeviceSettings, DriveSettings):
     """The board that turns the three wheels and reports their encoders and motor currents.
 
     Attributes:
-        board: Which board is built in; scales of currents and battery depend on it. Replies of the other
-            board are rejected.
+        board: Type of the board; scales of currents and battery depend on it. Replies of the other type are
+            rejected.
         gear_ratio: Turns of the motor per turn of the wheel.
         ticks_per_motor_turn: Encoder counts per turn of the motor.
-        kp, ki, kd: Gains of the board's speed loops; all three 255 means the board's own defaults.
+        kp, ki, kd: Gain of the board's speed loops; all three 255 selects the board's own defaults.
     """
 
     type: Literal["robotino_board"]

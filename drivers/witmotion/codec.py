@@ -67,7 +67,7 @@ def _encode(frame_type: int, step: float, first: float, second: float, third: fl
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """How the sensor sits on the rover: turned by `yaw_rad` about z; its yaw counts from `yaw_zero_rad`."""
+    """Mounting of the sensor: turned by `yaw_rad` about z; its yaw counts from `yaw_zero_rad`."""
 
     yaw_rad: float = 0.0
     yaw_zero_rad: float = 0.0
@@ -108,7 +108,7 @@ class WitMotionCodec:
 
     Args:
         name: Name of the device in the configuration.
-        mounting: How the sensor sits on the rover.
+        mounting: Mounting of the sensor on the rover.
         calibration: Hard and soft iron; with it the heading comes from magnetic frames, tilt-compensated
             with the last roll and pitch, and no longer from the device's yaw.
     """
@@ -198,7 +198,7 @@ class WitMotionCodec:
 
 
 def _unreadable(data: bytes, position: int) -> str | None:
-    """Return why no frame starts here, or None when one does or may once more bytes have arrived."""
+    """Return why no frame starts here; None when one does, or may do so once more bytes have arrived."""
     if data[position] != HEADER:
         return "framing"
     if position + 1 < len(data) and data[position + 1] not in KNOWN_TYPES:

@@ -1,4 +1,4 @@
-"""What the configuration says about a WitMotion sensor."""
+"""Settings of a WitMotion sensor."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,14 +14,14 @@ class WitMotionSettings(SerialDeviceSettings):
     """A WitMotion inertial sensor, mounted flat with its z axis up.
 
     Attributes:
-        baud_rate: The device leaves the factory at 9600, which is too slow for 50 Hz.
+        baud_rate: Line speed; the device leaves the factory at 9600 bit/s, which is too slow for 50 Hz.
         mounting_yaw_deg: Direction of the sensor's x axis, counter-clockwise from the rover's forward axis: 0
             where x points forward; -90 where the sensor's y axis does, as marked on the WT901's case.
         yaw_zero_deg: Direction of the sensor's x axis, counter-clockwise from magnetic east, when it reports
             yaw 0. The data sheets name an east-north-up frame, hence 0; check it against a known direction.
         calibration: Path of a TOML file with hard and soft iron, relative to the current directory. With it
             the heading is computed from the raw magnetic field (frame 0x54, which the device must be set to
-            send) instead of taken from the device's yaw.
+            send) instead of the device's yaw.
     """
 
     type: Literal["witmotion"] = "witmotion"

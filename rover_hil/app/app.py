@@ -3,22 +3,29 @@
 Heavy modules are imported inside the commands, so that `--help` answers at once.
 """
 
+import os
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from drivers.errors import RoverHilError
+from rover_hil.app.exit_codes import EXIT_BAD_INPUT
+from rover_hil.app.options import (
+    LONGEST_S,
+    ForceOption,
+    Group,
+    JsonOption,
+    number_option,
+    out_option,
+)
 from rover_hil.app.terrain_app import terrain_app
-
-EXIT_OK = 0
-EXIT_NO = 1
-EXIT_BAD_INPUT = 2
 
 app = typer.Typer(
     help="Drive a slipping rover and know where it really is.",
-    no_args_is_help=True,
+    cls=Group,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
@@ -27,11 +34,25 @@ app = typer.Typer(
 ConfigArgument = Annotated[
     str, typer.Argument(help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`.")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 PlantModelOption = Annotated[
     Path | None,
     typer.Option("--model", help="Give the simulated Robotino the effects in this model.toml of `gap`."),
 ]
+
+
+def _print_version(is_wanted: bool) -> None:
+    if is_wanted:
+        typer.echo(f"rover-hil {version('rover-hil')}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    show_version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Drive a slipping rover and know where it really is."""
 
 
 @app.command()
@@ -39,15 +60,17 @@ def run(
     config: ConfigArgument,
     virtual: Annotated[bool, typer.Option("--virtual", help="Drive the embedded simulated rover.")] = False,
     duration: Annotated[
-        float | None, typer.Option(min=0.1, help="End after this many seconds instead of with the mission.")
+        float | None,
+        number_option("End after this many seconds instead of with the mission.", "s", 0.1, LONGEST_S),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for log, summary and report [default: runs/NAME-DATE].")
+        Path | None, out_option("Folder for log, summary and report [default: runs/NAME-DATE].")
     ] = None,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Use the SCHED_FIFO scheduler; needs the right to.")
     ] = False,
     model: PlantModelOption = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Run the loop, on real devices or on the simulated rover, and write log, summary and report.
@@ -65,6 +88,7 @@ def run(
             duration_s=duration,
             out=out,
             realtime=realtime,
+            force=force,
             as_json=json,
             model=model,
         )
@@ -74,7 +98,9 @@ def run(
 @app.command()
 def simulate(
     config: ConfigArgument,
-    duration: Annotated[float | None, typer.Option(min=0.1, help="End after this many seconds.")] = None,
+    duration: Annotated[
+        float | None, number_option("End after this many seconds.", "s", 0.1, LONGEST_S)
+    ] = None,
     model: PlantModelOption = None,
 ) -> None:
     """Serve the simulated rover on the ports that the configuration names, until ctrl-C.
@@ -96,8 +122,9 @@ def replay(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Also write summary and report of the recorded run into this folder.")
+        Path | None, out_option("Also write summary and report of the recorded run into this folder.")
     ] = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Run a log again and compare every output.
@@ -105,10 +132,12 @@ def replay(
     Exit code 1: something came out different; the fields are listed.
 
     Example: `rover-hil replay runs/first/run.mcap`
+
+    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
     """
     from rover_hil.app.replay import replay_log
 
-    sys.exit(replay_log(log, config_name=config, out=out, as_json=json))
+    sys.exit(replay_log(log, config_name=config, out=out, force=force, as_json=json))
 
 
 @app.command()
@@ -128,9 +157,12 @@ def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
 def tune(
     config: ConfigArgument,
     study: Annotated[str, typer.Option(help="Name of the study; an existing one is continued.")],
-    trials: Annotated[int, typer.Option(min=1, help="Trials in all, earlier sessions included.")] = 60,
-    minutes: Annotated[float | None, typer.Option(min=0.01, help="End the search after this time.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the study [default: tuning/STUDY].")] = None,
+    trials: Annotated[int, number_option("Trials in all, earlier sessions included.", "trials", 1, 1e6)] = 60,
+    minutes: Annotated[
+        float | None, number_option("End the search after this time.", "min", 0.01, 1e5)
+    ] = None,
+    out: Annotated[Path | None, out_option("Folder of the study [default: tuning/STUDY].")] = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Search for better gains on the simulated rover; compare them with the old on sites not searched.
@@ -138,29 +170,36 @@ def tune(
     Exit code 1: no values were acceptable, the old ones included.
 
     Example: `rover-hil tune my_rover.toml --study gains`
+
+    Data: a copy of a configuration with `[tune]` added; docs/bench_tuning.md has one to copy.
     """
     from rover_hil.app.tune import tune as tune_rover
 
-    sys.exit(tune_rover(config, study=study, trials=trials, minutes=minutes, out=out, as_json=json))
+    sys.exit(
+        tune_rover(config, study=study, trials=trials, minutes=minutes, out=out, force=force, as_json=json)
+    )
 
 
 @app.command()
 def scomp(
     log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
-    out: Annotated[Path, typer.Option(help="Write the path to this CSV file.")],
+    out: Annotated[Path, out_option("Write the path to this CSV file.")],
     params: Annotated[Path | None, typer.Option(help="Parameters by `identify scomp`.")] = None,
     online: Annotated[
         bool, typer.Option("--online", help="Each row as the rover knew it then, not by the whole drive.")
     ] = False,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Tell where a slipping rover was: slip-compensated odometry of a recorded drive.
 
-    Example: `rover-hil scomp drive.csv --params sand.toml --out path.csv`
+    Example: `rover-hil scomp runs/sand/run.mcap --out path.csv`
+
+    Data: `rover-hil run el-dorado --virtual --out runs/sand` writes this log.
     """
     from rover_hil.app.scomp import run_scomp
 
-    sys.exit(run_scomp(log, params=params, out=out, online=online, as_json=json))
+    sys.exit(run_scomp(log, params=params, out=out, online=online, force=force, as_json=json))
 
 
 @app.command()
@@ -173,32 +212,39 @@ def gap(
         ),
     ],
     data: Annotated[Path, typer.Argument(help="Measured runs: a folder, CSV or log.")],
-    out: Annotated[Path, typer.Option(help="Folder for verdict, model, plan and report.")],
+    out: Annotated[Path, out_option("Folder for verdict, model, plan and report.")],
     extended: Annotated[
         Path | None, typer.Option("--model", help="The model.toml of an earlier analysis.")
     ] = None,
     confirm: Annotated[
         str, typer.Option(help="Runs to lock for the proof, like 'slope_deg >= 20' [default: drawn].")
     ] = "",
-    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
+    seed: Annotated[int, number_option("Of all random numbers.", "", 0, 2**32 - 1)] = 0,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
 
-    Exit code 1: the data cannot be used; the verdict says why.
+    Exit code 1: the data cannot be used; the verdict gives the reason, and nothing is written.
 
     Example: `rover-hil gap side-slope measured/ --out gap`
+
+    Data: your measured runs; docs/gap_models.md names the columns, docs/gap_tutorial.md makes some.
     """
     from rover_hil.app.gap import find_gap
 
-    sys.exit(find_gap(model, data, out=out, extended=extended, confirm=confirm, seed=seed, as_json=json))
+    sys.exit(
+        find_gap(
+            model, data, out=out, extended=extended, confirm=confirm, seed=seed, force=force, as_json=json
+        )
+    )
 
 
 @app.command()
 def ftrace(
     frames: Annotated[Path, typer.Argument(help="A folder of pictures, or a video.")],
     rig: Annotated[Path, typer.Option(help="Rig file, JSON, schema rear-camera-rig/1.")],
-    out: Annotated[Path, typer.Option(help="CSV file to write: one row per frame.")],
+    out: Annotated[Path, out_option("CSV file to write: one row per frame.")],
     telemetry: Annotated[
         Path | None, typer.Option(help="CSV file: frame, t, wheel speed, compass, gyro; see docs/ftrace.md.")
     ] = None,
@@ -209,11 +255,14 @@ def ftrace(
         str,
         typer.Option(help="`fused`, the best one, or `hough`, the paper's.", metavar="[fused|hough]"),
     ] = "fused",
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Measure the slip angle from the trace that a rear wheel leaves, seen by a rearward camera.
 
     Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`
+
+    Data: your recorded drive, or the rendered one that docs/ftrace.md makes; run it in that folder.
     """
     from rover_hil.app.ftrace import trace_angles
 
@@ -225,6 +274,7 @@ def ftrace(
             out=out,
             overlay=overlay,
             method=method,
+            force=force,
             as_json=json,
         )
     )
@@ -232,7 +282,7 @@ def ftrace(
 
 app.add_typer(terrain_app, name="terrain")
 
-identify_app = typer.Typer(no_args_is_help=True, help="Fit models from logs or measured data.")
+identify_app = typer.Typer(cls=Group, help="Fit models from logs or measured data.")
 app.add_typer(identify_app, name="identify")
 
 
@@ -240,77 +290,100 @@ app.add_typer(identify_app, name="identify")
 def identify_slip(
     train: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders to learn from.")],
     test: Annotated[list[Path] | None, typer.Option(help="Logs, files or folders to test on.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Write the best map to this TOML file.")] = None,
+    out: Annotated[Path | None, out_option("Write the best map to this TOML file.")] = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Fit slip maps, how much each wheel slips for the effort it takes, and compare them.
 
     Example: `rover-hil identify slip one_surface_type --test two_surface_types --out textiles.toml`
+
+    Data: the folders in `datasets` of github.com/BrOleg5/research-wheel-slippage.
     """
     from rover_hil.app.identify_slip import identify_slip as identify
 
-    sys.exit(identify(train, test=test or [], as_json=json, out=out))
+    sys.exit(identify(train, test=test or [], force=force, as_json=json, out=out))
 
 
 @identify_app.command("probe")
 def identify_probe(
     logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a shake and a true pose.")],
-    out: Annotated[Path, typer.Option(help="Write the maps with the fitted probe to this TOML file.")],
+    out: Annotated[Path, out_option("Write the maps with the fitted probe to this TOML file.")],
     maps: Annotated[
         str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
     ] = "robotino",
     amplitude: Annotated[float, typer.Option(help="Of the shake in the logs, rad/s.")] = 0.35,
     frequency: Annotated[float, typer.Option(help="Of the shake in the logs, Hz.")] = 5.0,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Fit what the lost share of a small shake of the yaw tells about slip.
 
     Example: `rover-hil identify probe runs/ --out my_ground.toml`
+
+    Data: your logs with a shake of the yaw and an overhead camera; docs/slip_maps.md gives the settings.
     """
     from rover_hil.app.identify_probe import identify_probe as identify
 
     sys.exit(
-        identify(logs, maps=maps, amplitude_rad_s=amplitude, frequency_hz=frequency, out=out, as_json=json)
+        identify(
+            logs,
+            maps=maps,
+            amplitude_rad_s=amplitude,
+            frequency_hz=frequency,
+            out=out,
+            force=force,
+            as_json=json,
+        )
     )
 
 
 @identify_app.command("motor")
 def identify_motor(
     logs: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders.")],
-    out: Annotated[Path | None, typer.Option(help="Write the parameters to this TOML file.")] = None,
+    out: Annotated[Path | None, out_option("Write the parameters to this TOML file.")] = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Fit motor, friction and speed loop, with intervals, and say what the data cannot determine.
 
     Exit code 1: nothing was determined.
 
-    Example: `rover-hil identify motor data_for_identification_without_integral.csv.gz`
+    Example: `rover-hil identify motor runs/first/run.mcap`
+
+    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
     """
     from rover_hil.app.identify_motor import identify_motor as identify
 
-    sys.exit(identify(logs, out=out, as_json=json))
+    sys.exit(identify(logs, out=out, force=force, as_json=json))
 
 
 @identify_app.command("scomp")
 def identify_scomp(
     log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
-    truth: Annotated[Path, typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad.")],
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad. Default: that in the log."),
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Write the parameters to this TOML file, not to standard output.")
+        Path | None, out_option("Write the parameters to this TOML file, not to standard output.")
     ] = None,
     pictures: Annotated[Path | None, typer.Option(help="Folder for pictures of the fit.")] = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Fit the slip-compensated odometry to a drive whose true path is known.
 
     Example: `rover-hil identify scomp drive.csv --truth tracker.csv --out sand.toml`
+
+    Data: your recorded drive and its tracked path; docs/scomp.md names the columns.
     """
     from rover_hil.app.identify_scomp import identify_scomp as identify
 
-    sys.exit(identify(log, truth=truth, out=out, pictures=pictures, as_json=json))
+    sys.exit(identify(log, truth=truth, out=out, pictures=pictures, force=force, as_json=json))
 
 
-calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrate sensors.")
+calibrate_app = typer.Typer(cls=Group, help="Calibrate sensors.")
 app.add_typer(calibrate_app, name="calibrate")
 
 
@@ -319,15 +392,22 @@ def calibrate_camera(
     pictures: Annotated[Path, typer.Argument(help="Folder or video of the board in many poses.")],
     ground: Annotated[Path, typer.Option(help="Picture of the board lying on the ground behind the wheel.")],
     rover: Annotated[Path, typer.Option(help="JSON with the rig's keys that are not the camera's.")],
-    out: Annotated[Path, typer.Option(help="Rig file to write.")],
-    columns: Annotated[int, typer.Option(min=3, help="Squares along the board's x axis.")],
-    rows: Annotated[int, typer.Option(min=3, help="Squares along its y axis.")],
-    square: Annotated[float, typer.Option(min=0.001, help="Side of a square, m.")],
-    ground_x: Annotated[float, typer.Option(help="First inner corner on the ground, vehicle frame, m.")],
-    ground_y: Annotated[float, typer.Option(help="First inner corner on the ground, vehicle frame, m.")],
-    ground_yaw: Annotated[float, typer.Option(help="Direction of the board's columns from x, deg.")] = 0.0,
+    out: Annotated[Path, out_option("Rig file to write.")],
+    columns: Annotated[int, number_option("Squares along the board's x axis.", "squares", 3, 100)],
+    rows: Annotated[int, number_option("Squares along its y axis.", "squares", 3, 100)],
+    square: Annotated[float, number_option("Side of a square, m.", "m", 0.001, 1.0)],
+    ground_x: Annotated[
+        float, number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0)
+    ],
+    ground_y: Annotated[
+        float, number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0)
+    ],
+    ground_yaw: Annotated[
+        float, number_option("Direction of the board's columns from x, deg.", "deg", -360.0, 360.0)
+    ] = 0.0,
     board: Annotated[Literal["chessboard", "charuco"], typer.Option()] = "charuco",
-    fps: Annotated[float, typer.Option(min=0.01, help="Frames per second.")] = 5.0,
+    fps: Annotated[float, number_option("Frames per second.", "Hz", 0.01, 1000.0)] = 5.0,
+    force: ForceOption = False,
 ) -> None:
     """Make the rig file of a rearward camera: lens, and pose above the ground.
 
@@ -335,6 +415,8 @@ def calibrate_camera(
 
     Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
     --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
+
+    Data: pictures by your camera; docs/ftrace.md describes them and the keys of rover.json.
     """
     from math import radians
 
@@ -350,30 +432,38 @@ def calibrate_camera(
             rover=rover,
             fps=fps,
             out=out,
+            force=force,
         )
     )
 
 
-import_app = typer.Typer(no_args_is_help=True, help="Turn measured data of others into logs.")
+import_app = typer.Typer(cls=Group, help="Turn measured data of others into logs.")
 app.add_typer(import_app, name="import")
 
 
 @import_app.command("robotino")
 def import_robotino(
     file: Annotated[Path, typer.Argument(help="A measured run, .csv or .csv.gz.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The log to write.")],
+    out: Annotated[Path, out_option("The log to write.")],
     millimetres_per_pixel: Annotated[
         float, typer.Option(help="Scale of the overhead camera; the data set's own file says 1.84.")
     ] = 1.84,
     config: Annotated[str, typer.Option(help="The rover it was measured on.")] = "robotino",
+    force: ForceOption = False,
 ) -> None:
     """Turn a measured Robotino run into a log, through the board's own byte frames.
 
-    Example: `rover-hil import robotino exp00.csv.gz -o exp00.mcap`
+    Example: `rover-hil import robotino exp00.csv -o exp00.mcap`
+
+    Data: a file of github.com/BrOleg5/research-wheel-slippage, `datasets/one_surface_type/gray_surface`.
     """
     from rover_hil.app.import_robotino import import_run
 
-    sys.exit(import_run(file, out=out, millimetres_per_pixel=millimetres_per_pixel, config_name=config))
+    sys.exit(
+        import_run(
+            file, out=out, millimetres_per_pixel=millimetres_per_pixel, config_name=config, force=force
+        )
+    )
 
 
 def _spread(arguments: list[str], option: str) -> list[str]:
@@ -391,8 +481,10 @@ def _spread(arguments: list[str], option: str) -> list[str]:
 
 def main() -> None:
     """Run the command line; our own errors become one sentence and exit code 2."""
+    # Our matrices are small: more threads of numpy's linear algebra only spin, and take the loop's processor.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        app(_spread(sys.argv[1:], "--test"))
+        app(_spread(sys.argv[1:], "--test"), prog_name="rover-hil")
     except RoverHilError as error:
         print(f"rover-hil: {error}", file=sys.stderr)  # noqa: T201 - the one place that reports errors
         sys.exit(EXIT_BAD_INPUT)

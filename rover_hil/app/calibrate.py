@@ -7,25 +7,32 @@ from rich.console import Console
 
 from controllers.ftrace.rig import RigFile
 from controllers.ftrace.rig_geometry import GroundPatch
-from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, rig_text
+from rover_hil.pages.atomic_write import check_file, write_file
 
-EXIT_OK = 0
-EXIT_NO = 1
 LARGEST_RMS_PX = 1.0
 
 
 def calibrate_camera(
-    pictures: Path, *, ground: Path, board: Board, target: GroundTarget, rover: Path, fps: float, out: Path
+    pictures: Path,
+    *,
+    ground: Path,
+    board: Board,
+    target: GroundTarget,
+    rover: Path,
+    fps: float,
+    out: Path,
+    force: bool = False,
 ) -> int:
     """Write a rig file; returns the exit code: 1, and no file, when the board fits worse than 1 pixel.
 
     Raises:
         ConfigError: A file is wrong, `out` exists, or the camera does not see the ground behind the wheel.
     """
-    if out.exists():
-        msg = f"{out} exists and a calibration is never overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
+    check_inputs(pictures, ground, rover)
     found = calibrate(pictures, ground, board, target)
     text = rig_text(rover, found, fps)
     patch = GroundPatch(RigFile.model_validate_json(text).geometry())
@@ -39,13 +46,5 @@ def calibrate_camera(
             f"worse than {LARGEST_RMS_PX:g} px: not written; take sharper pictures, check the sizes"
         )
         return EXIT_NO
-    part = out.with_name(f".{out.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.rename(out)
-    except OSError as error:
-        msg = f"cannot write {out}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
+    write_file(out, text)
     return EXIT_OK

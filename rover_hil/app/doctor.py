@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drivers.clock import SystemClock
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.config import load_config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
@@ -38,7 +39,7 @@ def examine(config_name: str, *, as_json: bool) -> int:
         Console().out(to_json(record_of(findings)).decode())
     else:
         print_findings(findings, Console(highlight=False))
-    return 0 if is_ready(findings) else 1
+    return EXIT_OK if is_ready(findings) else EXIT_NO
 
 
 def is_ready(findings: Sequence[Finding]) -> bool:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from pydantic import ValidationError
 
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.gap.data.load import load_model

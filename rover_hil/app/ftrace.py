@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -13,15 +14,16 @@ from rich.progress import Progress
 from controllers.ftrace.estimator import Method, TraceEstimator
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
+from rover_hil.app.options import check_inputs
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
 from rover_hil.ftrace.overlay import OverlayWriter
-from rover_hil.ftrace.run import FrameAngle, csv_row, estimate, longest_gap, write_csv
+from rover_hil.ftrace.run import HEADER, FrameAngle, csv_row, estimate, longest_gap
 from rover_hil.ftrace.telemetry import read_telemetry
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
 
 METHODS: tuple[Method, ...] = get_args(Method)
-EXIT_OK = 0
-EXIT_INTERRUPTED = 130
 
 
 def trace_angles(
@@ -33,6 +35,7 @@ def trace_angles(
     overlay: Path | None,
     method: str,
     as_json: bool,
+    force: bool = False,
 ) -> int:
     """Write the angle of every frame; returns the exit code: 130 when interrupted, the frames so far written.
 
@@ -44,36 +47,40 @@ def trace_angles(
         overlay: Video or folder for pictures, or None.
         method: `fused` or `hough`; `ftrace`, the old name of `hough`, is accepted with a note.
         as_json: Print a summary as JSON.
+        force: Replace earlier files.
 
     Raises:
-        ConfigError: The method is unknown, a file is invalid, or the frames do not fit the rig.
+        ConfigError: Unknown method, a file is wrong, the frames do not fit the rig, or `out` or `overlay`
+            exists.
     """
     chosen = _method(method)
+    check_file(out, force=force)
+    if overlay is not None:
+        refuse_overwrite(overlay, force=force, option="--overlay")
+    check_inputs(frames)
     rig = read_rig(rig_path)
     geometry = rig.geometry()
     source = FrameSource(frames)
     telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
     estimator = TraceEstimator(geometry, chosen)
-    writer = None if overlay is None else OverlayWriter(overlay, geometry, rig.image.fps)
     found: list[FrameAngle] = []
     code = EXIT_OK
-    try:
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            task = progress.add_task("frames", total=source.count)
-            for item in estimate(source, rig, telemetry, estimator):
-                if writer is not None:
-                    writer.add(item.number, item.grey, item.angle, rig.wheel.width_m)
-                found.append(replace(item, grey=NO_PIXELS))
-                progress.advance(task)
-    except KeyboardInterrupt:
-        code = EXIT_INTERRUPTED
-    except ConfigError:
-        if writer is not None:
-            writer.discard()
-        raise
-    write_csv(out, [csv_row(item) for item in found])
-    if writer is not None:
-        writer.close()
+    with ExitStack() as resources:
+        writer = None
+        if overlay is not None:
+            part = resources.enter_context(unfinished(overlay, option="--overlay"))
+            writer = resources.enter_context(closing(OverlayWriter(part, geometry, rig.image.fps)))
+        try:
+            with Progress(console=Console(stderr=True), transient=True) as progress:
+                task = progress.add_task("frames", total=source.count)
+                for item in estimate(source, rig, telemetry, estimator):
+                    if writer is not None:
+                        writer.add(item.number, item.grey, item.angle, rig.wheel.width_m)
+                    found.append(replace(item, grey=NO_PIXELS))
+                    progress.advance(task)
+        except KeyboardInterrupt:
+            code = EXIT_INTERRUPTED
+        write_file(out, "\n".join([HEADER, *map(csv_row, found)]) + "\n")
     _report(found, out, chosen, as_json=as_json)
     return code
 

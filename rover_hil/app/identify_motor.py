@@ -10,29 +10,28 @@ from rich.progress import Progress
 from rich.table import Table
 
 from drivers.clock import wall_time_text
-from drivers.errors import ConfigError
-from rover_hil.identify.motor import Record, find_logs, identify, read_records
-from rover_hil.identify.motor_report import Estimate, MotorReport
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.options import check_inputs
+from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
+from rover_hil.identify.motor.report import Estimate, MotorReport
+from rover_hil.pages.atomic_write import check_file, write_file
 
-EXIT_OK = 0
-EXIT_NO = 1
 
-
-def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool) -> int:
+def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool, force: bool = False) -> int:
     """Identify the motors of `logs` and print what came out; returns the exit code.
 
     Args:
         logs: Log files, or folders of them.
-        out: Data file to write, TOML; must not exist.
+        out: Data file to write, TOML.
         as_json: Print JSON instead of tables.
+        force: Replace an earlier file.
 
     Raises:
         ConfigError: `out` exists or cannot be written.
         LogError: A log cannot be read or holds something wrong.
     """
-    if out is not None and out.exists():
-        msg = f"{out} exists and is not overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
+    check_inputs(*logs)
     files = find_logs(logs)
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("reading", total=len(files))
@@ -49,7 +48,7 @@ def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool) -> 
     else:
         _print(reports, len(files))
     if out is not None:
-        _write(out, reports, source)
+        write_file(out, _toml(reports, source))
     return EXIT_OK if any(item.determined for report in reports for item in report.estimates) else EXIT_NO
 
 
@@ -92,7 +91,7 @@ def _row(item: Estimate) -> tuple[str, ...]:
     )
 
 
-def _write(out: Path, reports: Sequence[MotorReport], source: Sequence[str]) -> None:
+def _toml(reports: Sequence[MotorReport], source: Sequence[str]) -> str:
     lines = [
         'schema = "rover-hil-motor/1"',
         f"date = {json.dumps(wall_time_text())}",
@@ -113,15 +112,7 @@ def _write(out: Path, reports: Sequence[MotorReport], source: Sequence[str]) -> 
             ]
             if item.why:
                 lines.append(f"why = {json.dumps(item.why)}")
-    part = out.with_name(f"{out.name}.part")
-    try:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        part.rename(out)
-    except OSError as error:
-        msg = f"cannot write {out}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
+    return "\n".join(lines) + "\n"
 
 
 def _pair(values: tuple[float, float]) -> str:

@@ -10,14 +10,24 @@ from rich.progress import track
 
 from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import ConfigError
-from rover_hil.identify.log_runs import read_log_run
-from rover_hil.identify.probe_fit import fit_probe
-from rover_hil.identify.runs import find_runs
-from rover_hil.identify.slip_map_file import read_slip_map, write_slip_map
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import check_inputs
+from rover_hil.identify.slip.log_runs import read_log_run
+from rover_hil.identify.slip.map_file import read_slip_map, write_slip_map
+from rover_hil.identify.slip.probe_fit import fit_probe
+from rover_hil.identify.slip.runs import find_runs, log_notes
+from rover_hil.pages.atomic_write import check_file
 
 
 def identify_probe(
-    logs: Sequence[Path], *, maps: str, amplitude_rad_s: float, frequency_hz: float, out: Path, as_json: bool
+    logs: Sequence[Path],
+    *,
+    maps: str,
+    amplitude_rad_s: float,
+    frequency_hz: float,
+    out: Path,
+    as_json: bool,
+    force: bool = False,
 ) -> int:
     """Fit the probe to `logs` and write `maps` with it to `out`; returns the exit code.
 
@@ -26,9 +36,8 @@ def identify_probe(
             not installed.
         LogError: A log cannot be used, or there is too little excitation in all of them.
     """
-    if out.exists():
-        msg = f"{out} exists and a map is never overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
+    check_inputs(*logs)
     excitation = _excitation(logs, amplitude_rad_s, frequency_hz)
     content = read_slip_map(maps)
     files = find_runs(logs).files
@@ -37,16 +46,21 @@ def identify_probe(
         read_log_run(path, path.parent.name)
         for path in track(files, "reading", console=console, transient=True)
     ]
-    probe = fit_probe(runs, excitation)
+    probe, rejected = fit_probe(runs, excitation)
+    notes = log_notes(runs, rejected)
     write_slip_map(content.model_copy(update={"yaw_probe": probe}), out)
     if as_json:
-        print(json.dumps({"logs": len(runs), **probe.model_dump(by_alias=True)}, indent=2))  # noqa: T201 - read by scripts
+        record = {"logs": len(runs), **probe.model_dump(by_alias=True), "notes": notes}
+        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
     else:
-        Console(highlight=False).print(
+        console = Console(highlight=False)
+        console.print(
             f"{len(runs)} logs: slip follows the transmission loss with a scatter of "
             f"{probe.slip_sd:.3f}; written to {out}"
         )
-    return 0
+        for note in notes:
+            console.print(f"Note: {note}")
+    return EXIT_OK
 
 
 def _excitation(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawExcitationMap:

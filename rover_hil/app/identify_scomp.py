@@ -11,49 +11,62 @@ from rich.table import Table
 from controllers.slip.scomp.parameters import Provenance, ScompParameters
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.identify.scomp.fit import Identification, identify
-from rover_hil.report.write import write_all
-from rover_hil.scomp.drive import final_error_m
-from rover_hil.scomp.files import parameters_text, read_drive, write_text
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
+from rover_hil.scomp.drive import TruePath, final_error_m
+from rover_hil.scomp.files import ReadDrive, parameters_text, read_drive
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.pictures import fit_pictures
-from rover_hil.scomp.read_csv import read_truth
+from rover_hil.scomp.read_csv import TRUTH, read_truth
+from rover_hil.scomp.read_log import log_truth
 
-EXIT_OK = 0
 
-
-def identify_scomp(log: Path, *, truth: Path, out: Path | None, pictures: Path | None, as_json: bool) -> int:
+def identify_scomp(
+    log: Path,
+    *,
+    truth: Path | None,
+    out: Path | None,
+    pictures: Path | None,
+    as_json: bool,
+    force: bool = False,
+) -> int:
     """Fit the parameters to the drive in `log`, print them and how well they fit; returns the exit code.
 
     Args:
         log: Our log or a CSV file.
-        truth: CSV file with the true path.
+        truth: CSV file with the true path; without it that in the log.
         out: Parameter file; without it the file goes to standard output.
         pictures: Folder for pictures of the fit.
         as_json: Print JSON.
+        force: Replace earlier files.
 
     Raises:
-        ConfigError: `out` exists, or something cannot be written.
-        LogError: Log or truth cannot be read.
+        ConfigError: `out` or a picture exists, something cannot be written, or `log` is a CSV file and
+            `truth` is missing.
+        LogError: Log or truth cannot be read, or the log holds no true path.
         ModelError: They share too little.
     """
-    if out is not None and out.exists():
-        msg = f"{out} exists and is not overwritten: choose another --out"
-        raise ConfigError(msg)
-    source, path = read_drive(log), read_truth(truth)
+    check_file(out, force=force)
+    if pictures is not None:
+        refuse_overwrite(*pictures.glob("*.svg"), force=force, option="--pictures")
+    source = read_drive(log)
+    path, truth_name = _true_path(log, source, truth)
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("fitting", total=2)
         found = identify(source.drive, path, source.rover)
         progress.advance(task)
-        origin = Provenance(log=log.name, truth=truth.name, fitted_on=wall_time_text()[:8])
+        origin = Provenance(log=log.name, truth=truth_name, fitted_on=wall_time_text()[:8])
         parameters = found.parameters.model_copy(update={"provenance": origin})
         result = estimate_track(source.drive, parameters)
     error_m = final_error_m(result.track, path)
     notes = [*source.notes, *found.notes, *result.notes]
+    if truth is None:
+        notes.insert(0, f"truth: {truth_name}")
     if out is not None:
-        write_text(parameters_text(parameters), out)
+        write_file(out, parameters_text(parameters))
     if pictures is not None:
-        write_all(pictures, fit_pictures(found, result.track, path))
+        write_files(pictures, fit_pictures(found, result.track, path))
     if as_json:
         record = parameters.model_dump(mode="json", by_alias=True)
         fit = {"slip_rms": found.slip_rms, "final_error_m": error_m}
@@ -61,6 +74,17 @@ def identify_scomp(log: Path, *, truth: Path, out: Path | None, pictures: Path |
     else:
         _print(found, parameters, error_m, notes, is_written=out is not None)
     return EXIT_OK
+
+
+def _true_path(log: Path, source: ReadDrive, truth: Path | None) -> tuple[TruePath, str]:
+    """Return the true path and where it comes from, in words."""
+    if truth is not None:
+        return read_truth(truth), truth.name
+    if source.recorded is None:
+        msg = f"{log} is a CSV file: give its true path with --truth, a CSV file with {', '.join(TRUTH)}"
+        raise ConfigError(msg)
+    path, name = log_truth(source.recorded)
+    return path, f"{name} in {log.name}"
 
 
 def _print(

@@ -1,6 +1,7 @@
 """`rover-hil identify slip`: slip maps from measured runs."""
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,21 +9,26 @@ from rich.console import Console
 from rich.progress import Progress
 
 from controllers.slip.effort.motor_model import MotorSettings
-from drivers.errors import ConfigError, LogError
-from rover_hil.identify.runs import RunFiles, find_runs
-from rover_hil.identify.slip_identification import (
+from drivers.errors import LogError
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import check_inputs
+from rover_hil.identify.slip.identification import (
     FOLDS,
     Errors,
     SlipIdentification,
     identify_slip_maps,
     read_all,
 )
-from rover_hil.identify.slip_map_file import slip_map_file, write_slip_map
-from rover_hil.identify.slip_report import print_result, result_record
-from rover_hil.identify.slip_scores import score_runs
+from rover_hil.identify.slip.map_file import slip_map_file, write_slip_map
+from rover_hil.identify.slip.report import print_result, result_record
+from rover_hil.identify.slip.runs import RunFiles, find_runs, log_notes
+from rover_hil.identify.slip.scores import score_runs
+from rover_hil.pages.atomic_write import check_file
 
 
-def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None) -> int:
+def identify_slip(
+    train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None, force: bool = False
+) -> int:
     """Fit slip maps to the runs in `train`, judge them on each of `test`; returns the exit code.
 
     Args:
@@ -30,14 +36,14 @@ def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool,
         test: Files and folders of runs, each judged by itself.
         as_json: Print JSON instead of tables.
         out: Data file for the maps.
+        force: Replace an earlier one.
 
     Raises:
         ConfigError: `out` exists or cannot be written, or scikit-learn is not installed.
         LogError: A run cannot be used, there are too few, or a test tells pixels without a scale.
     """
-    if out is not None and out.exists():
-        msg = f"{out} exists and a map is never overwritten: choose another --out"
-        raise ConfigError(msg)
+    check_file(out, force=force)
+    check_inputs(*train, *test)
     motor = MotorSettings()
     train_files = find_runs(train)
     test_files = {str(path): find_runs([path]) for path in test}
@@ -48,7 +54,8 @@ def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool,
         def advance() -> None:
             progress.advance(task)
 
-        found = identify_slip_maps(read_all(train_files.files, motor, advance), advance)
+        used = read_all(train_files.files, motor, advance)
+        found = identify_slip_maps(used, advance)
         tests: dict[str, Errors] = {}
         for name, files in test_files.items():
             runs = read_all(files.files, motor, advance)
@@ -56,14 +63,16 @@ def identify_slip(train: Sequence[Path], *, test: Sequence[Path], as_json: bool,
                 msg = f"{name} tells pixels, but no training run gives a camera scale: train on such runs too"
                 raise LogError(msg)
             tests[name] = score_runs(found.maps, runs, found.scale.m_per_px)
-    notes = _notes(found, train_files, test_files)
+            used = [*used, *runs]
+    rejected = sum((Counter(run.rejected) for run in used), Counter[str]())
+    notes = [*_notes(found, train_files, test_files), *log_notes(used, rejected)]
     if as_json:
         print(json.dumps(result_record(found, tests, notes), indent=2))  # noqa: T201 - what a script reads
     else:
         print_result(Console(highlight=False), found, tests, notes)
     if out is not None:
         write_slip_map(slip_map_file(found, motor, train), out)
-    return 0
+    return EXIT_OK
 
 
 def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[str, RunFiles]) -> list[str]:
@@ -75,6 +84,11 @@ def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[st
     if found.left_out:
         names = ", ".join(sorted({run.surface for run in found.left_out}))
         notes.append(f"{len(found.left_out)} runs on several surfaces are not trained on: {names}")
+    if found.not_validated:
+        notes.append(
+            f"{found.not_validated} of {len(found.trained_on)} runs are not cross-validated: too little "
+            "remains without them"
+        )
     for name, files in test_files.items():
         both = len(set(files.files) & {run.path for run in found.trained_on})
         if both:

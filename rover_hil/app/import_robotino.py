@@ -5,38 +5,30 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
+from rover_hil.pages.atomic_write import check_file, unfinished
 
 
-def import_run(file: Path, *, out: Path, millimetres_per_pixel: float, config_name: str) -> int:
+def import_run(
+    file: Path, *, out: Path, millimetres_per_pixel: float, config_name: str, force: bool = False
+) -> int:
     """Turn the measured run `file` into the log `out`; returns the exit code.
 
     Raises:
         ConfigError: The configuration is wrong, or `out` exists or cannot be written.
         LogError: The run cannot be read.
     """
+    check_file(out, force=force)
     config = observing_config(load_config(config_name))
     run = read_run(file, millimetres_per_pixel)
-    if out.exists():
-        msg = f"{out} exists and a log is never overwritten: choose another --out"
-        raise ConfigError(msg)
-    part = out.with_name(f"{out.name}.part")
-    part.unlink(missing_ok=True)
-    try:
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            task = progress.add_task("importing", total=len(run.rows))
-            for count in write_run_as_log(run, config, part):
-                progress.update(task, completed=count)
-        part.rename(out)
-    except OSError as error:
-        msg = f"cannot write {out}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
+    with unfinished(out) as part, Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("importing", total=len(run.rows))
+        for count in write_run_as_log(run, config, part):
+            progress.update(task, completed=count)
     Console(highlight=False).print(
         f"{len(run.rows)} rows at {millimetres_per_pixel:g} mm per pixel: {out}", soft_wrap=True
     )
-    return 0
+    return EXIT_OK

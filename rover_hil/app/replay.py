@@ -9,23 +9,29 @@ from rich.table import Table
 
 from drivers.clock import seconds
 from drivers.errors import LogError
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.config import load_config
+from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.reader import LogReader
-from rover_hil.report.write import write_report
+from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.replay import ReplayResult, replay
 
 ROWS_SHOWN = 25
 TEXT_SHOWN = 40
 
 
-def replay_log(path: Path, *, config_name: str | None, out: Path | None, as_json: bool) -> int:
+def replay_log(
+    path: Path, *, config_name: str | None, out: Path | None, as_json: bool, force: bool = False
+) -> int:
     """Replay the log at `path`, with the controller of another configuration if named; returns the exit code.
 
     Raises:
         LogError: The log cannot be read.
-        ConfigError: The configuration is wrong, or the folder for the report cannot be used.
+        ConfigError: The configuration is wrong, or the folder for the report cannot be used or holds one.
     """
+    if out is not None:
+        refuse_overwrite(out / SUMMARY_NAME, out / REPORT_NAME, force=force)
     log = LogReader(path)
     controller = None if config_name is None else load_config(config_name)
     with (
@@ -45,8 +51,8 @@ def replay_log(path: Path, *, config_name: str | None, out: Path | None, as_json
     if out is not None:
         write_report(path, out)
         if not as_json:
-            Console().print(f"report of the recorded run: {out / 'report.html'}", soft_wrap=True)
-    return 1 if result.differences else 0
+            Console().print(f"report of the recorded run: {out / REPORT_NAME}", soft_wrap=True)
+    return EXIT_NO if result.differences else EXIT_OK
 
 
 def _record(result: ReplayResult) -> dict[str, object]:

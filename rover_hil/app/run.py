@@ -3,8 +3,8 @@
 import gc
 import json
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, closing
 from pathlib import Path
 from types import FrameType
 
@@ -15,11 +15,14 @@ from rich.text import Text
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
-from drivers.errors import ConfigError, NotConnectedError, RoverHilError
+from drivers.errors import ConfigError, NotConnectedError
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.config import Config, load_config
+from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.schema import END, TRUTH, WATCHDOG, end_record, truth_record
 from rover_hil.recording.writer import LogWriter
-from rover_hil.report.write import write_report
+from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.composition import build_real_rig, build_virtual_rig
 from rover_hil.run.executive import End, Executive, RunResult
@@ -42,8 +45,11 @@ def run_rover(
     realtime: bool,
     as_json: bool,
     model: Path | None = None,
+    force: bool = False,
 ) -> int:
     """Run a rover and write its results; returns the exit code.
+
+    With `force` the results of an earlier run in the same folder are replaced, once this one begins.
 
     Raises:
         RoverHilError: Bad configuration, a device that cannot be opened, a folder that cannot be used.
@@ -57,9 +63,8 @@ def run_rover(
         config = _extended(config, model, messages, virtual=virtual)
     folder = out or Path("runs") / f"{Path(config_name).stem}-{wall_time_text()}"
     log_path = folder / LOG_NAME
-    if log_path.exists():
-        msg = f"{log_path} exists and a log is never overwritten: choose another --out"
-        raise ConfigError(msg)
+    reports = [folder / name for name in (SUMMARY_NAME, REPORT_NAME)]
+    refuse_overwrite(log_path, *reports, force=force)
     limit_s = duration_s or config.loop.time_limit_s
     with Live(console=messages, transient=True, auto_refresh=False) as live:
 
@@ -70,6 +75,8 @@ def run_rover(
             result = run_virtual(config, log_path, limit_s, show)
         else:
             result = _run_real(config, log_path, limit_s, show, realtime=realtime)
+    for path in reports:
+        path.unlink(missing_ok=True)
     try:
         with messages.status("writing report"):
             summary_json = write_report(log_path, folder)
@@ -77,14 +84,14 @@ def run_rover(
         messages.print(
             f"no report yet: `rover-hil replay {log_path} --out {folder}` writes it", soft_wrap=True
         )
-        return 1
+        return EXIT_NO
     if as_json:
         Console().out(summary_json)
     else:
         console = Console(highlight=False, soft_wrap=True)
         console.print(f"report: {folder / 'report.html'}")
         console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
-    return 0 if _went_well(result, duration_s) else 1
+    return EXIT_OK if _went_well(result, duration_s) else EXIT_NO
 
 
 def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) -> Config:
@@ -103,7 +110,7 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
 
     Args:
         config: A configuration with a mission and a simulation.
-        log_path: Must not exist.
+        log_path: Replaced where it exists, once the run begins.
         limit_s: End after this much simulated time.
         show: Called about ten times per second of real time, or None.
 
@@ -111,16 +118,18 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
         ConfigError: The simulation is missing or does not fit the devices.
     """
     clock = VirtualClock()
-    with _open_log(log_path, config, clock.now_ns(), "virtual") as log:
-        rig, world = build_virtual_rig(config, clock, log)
+    with ExitStack() as resources:
+        with unfinished(log_path) as part:
+            log = resources.enter_context(_open_log(part, log_path, config, clock.now_ns(), "virtual"))
+            rig, world = build_virtual_rig(config, clock, log)
 
-        def record_truth(now_ns: int) -> None:
-            log.write_json("/truth", now_ns, world.plant.truth())
+            def record_truth(now_ns: int) -> None:
+                log.write_json(TRUTH, now_ns, truth_record(world.plant.truth()))
 
-        rig.connect(CONNECT_TIMEOUT_S)
-        with closing(rig):
+            rig.connect(CONNECT_TIMEOUT_S)
+            resources.enter_context(closing(rig))
             executive = Executive(rig, log, config.loop.rate_hz, on_cycle=record_truth, on_status=show)
-            return _execute(executive, log, limit_s)
+        return _execute(executive, log, limit_s)
 
 
 def _run_real(
@@ -129,51 +138,41 @@ def _run_real(
     clock = SystemClock(REALTIME_SPIN_S if realtime else 0.0)
     if realtime:
         enter_realtime()
-    with _open_log(log_path, config, clock.now_ns(), "real") as log:
-        rig = build_real_rig(config, clock, log)
-        try:
-            rig.connect(CONNECT_TIMEOUT_S)
-        except NotConnectedError as error:
-            msg = f"{error}; `rover-hil doctor` says more, `rover-hil simulate` serves a simulated rover"
-            raise NotConnectedError(msg) from error
-        with closing(rig):
+    with ExitStack() as resources:
+        with unfinished(log_path) as part:
+            log = resources.enter_context(_open_log(part, log_path, config, clock.now_ns(), "real"))
+            rig = build_real_rig(config, clock, log)
+            try:
+                rig.connect(CONNECT_TIMEOUT_S)
+            except NotConnectedError as error:
+                msg = f"{error}; `rover-hil doctor` says more, `rover-hil simulate` serves a simulated rover"
+                raise NotConnectedError(msg) from error
+            resources.enter_context(closing(rig))
             watchdog = Watchdog(
                 rig.drive,
                 clock,
                 nanoseconds(config.safety.expiry_s),
-                lambda t_ns: log.write_json("/watchdog", t_ns, None),
+                lambda t_ns: log.write_json(WATCHDOG, t_ns, None),
             )
             executive = Executive(rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog)
-            gc.collect()
-            gc.freeze()  # what start-up made need not be looked at again in every collection
-            watchdog.start()
-            try:
-                return _execute(executive, log, limit_s)
-            finally:
-                watchdog.end()
+        gc.collect()
+        gc.freeze()  # what start-up made need not be looked at again in every collection
+        watchdog.start()
+        try:
+            return _execute(executive, log, limit_s)
+        finally:
+            watchdog.end()
 
 
-@contextmanager
-def _open_log(path: Path, config: Config, start_ns: int, origin: str) -> Iterator[LogWriter]:
-    """Give a log, in a new folder if need be, that vanishes again when the run fails before it begins."""
+def _open_log(part: Path, path: Path, config: Config, start_ns: int, origin: str) -> LogWriter:
+    """Return a log that is written to `part`, which becomes `path` when the run begins."""
     config_json = config.model_dump_json(by_alias=True).encode()
     data_files = collect_data_files(config)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        log = LogWriter(path, start_ns, config_json, data_files, origin)
+        return LogWriter(part, start_ns, config_json, data_files, origin, final_path=path)
     except OSError as error:
         msg = f"cannot write {path}: {error.strerror}; choose another --out"
         raise ConfigError(msg) from error
-    try:
-        yield log
-    except (RoverHilError, KeyboardInterrupt):
-        if log.is_empty:
-            path.unlink()
-            with suppress(OSError):
-                path.parent.rmdir()
-        raise
-    finally:
-        log.close()
 
 
 def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
@@ -186,7 +185,7 @@ def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-    log.write_json("/end", executive.now_ns(), result.record())
+    log.write_json(END, executive.now_ns(), end_record(result))
     return result
 
 

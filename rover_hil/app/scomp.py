@@ -8,28 +8,32 @@ from rich.console import Console
 from rich.progress import Progress
 
 from controllers.slip.scomp.parameters import ScompParameters
-from rover_hil.scomp.files import read_drive, read_parameters, track_text, write_text
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.scomp.files import read_drive, read_parameters, track_text
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.summary import summary_of
 
-EXIT_OK = 0
 
-
-def run_scomp(log: Path, *, params: Path | None, out: Path, online: bool, as_json: bool) -> int:
-    """Estimate the path of `log` and write it to `out`; returns the exit code.
+def run_scomp(
+    log: Path, *, params: Path | None, out: Path, online: bool, as_json: bool, force: bool = False
+) -> int:
+    """Estimate the path of `log`, write it to `out`, and say what was done without; returns the exit code.
 
     Args:
         log: Our log or a CSV file.
         params: File by `rover-hil identify scomp`; defaults without.
-        out: CSV file; an earlier one is replaced.
-        online: Estimate each row from the rows before only.
+        out: CSV file.
+        online: Each row as the rover knew it then.
         as_json: Print the summary as JSON.
+        force: Replace an earlier file.
 
     Raises:
-        ConfigError: Parameters cannot be read, or `out` cannot be written.
+        ConfigError: Parameters cannot be read, or `out` exists or cannot be written.
         LogError: The log cannot be read.
         ModelError: It is too short.
     """
+    check_file(out, force=force)
     source = read_drive(log)
     notes = list(source.notes)
     parameters = ScompParameters() if params is None else read_parameters(params)
@@ -46,7 +50,7 @@ def run_scomp(log: Path, *, params: Path | None, out: Path, online: bool, as_jso
             lambda rows: progress.update(task, completed=rows),
             online=online,
         )
-    write_text(track_text(result.track), out)
+    write_file(out, track_text(result.track))
     notes += result.notes
     summary = summary_of(result)
     if as_json:

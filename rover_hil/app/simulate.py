@@ -9,6 +9,7 @@ from rich.live import Live
 from rich.text import Text
 
 from drivers.clock import Clock, SystemClock, seconds
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.config import load_config
 from rover_hil.run.checks import SIMULATE_CHECKS
 from sim_backends.build import build_world
@@ -53,7 +54,7 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-    return 0
+    return EXIT_OK
 
 
 def _announce(console: Console, server: Server, config_name: str, simulation: SimulationSettings) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.terrain.climb import (
     limits_table,
     measured_table,
@@ -20,14 +21,15 @@ from sim_backends.terramechanics.slope.rover import SlopeRover
 from sim_backends.terramechanics.soil.library import SoilSettings, load_soil, load_wheel
 from sim_backends.terramechanics.soil.quantity import check_range
 
-EXIT_OK = 0
-EXIT_NO = 1
 STEEPEST_DEG = 45.0
 WIDEST_DEG = 88.0
 MASS_KG = (0.01, 1e6)
 LOAD_N = (1e-3, 1e6)
 SLIP = (-0.99, 1.0)
 MODELLED = Choice("paper_001", None, "toyoura")
+SLIP_LIMIT = 0.6
+"""Of a climb in paper 002."""
+CLIMBED_DEG = tuple(float(slope_deg) for slope_deg in range(0, 36, 5))
 BISECTED = 30
 """About as many states as the search for the steepest slopes takes."""
 
@@ -51,6 +53,7 @@ def wheel(
         ConfigError: No such wheel or soil, a malformed list, or the folder cannot be written to.
         ModelError: A number is outside its range.
     """
+    output.refuse_overwrite("wheel")
     chosen, soil = load_wheel(wheel_name), load_soil(soil_name)
     loads = parse_numbers("--load-n", load_n, "N", *LOAD_N)
     slips = parse_numbers("--slip", slip, "1", *SLIP)
@@ -92,6 +95,7 @@ def traverse(
             the folder cannot be written to.
         ModelError: A number is outside its range.
     """
+    output.refuse_overwrite("traverse")
     rover, soil = choice.load()
     slopes = parse_numbers("--slope-deg", slope_deg, "deg", 0.0, STEEPEST_DEG)
     rolls = parse_numbers("--roll-deg", roll_deg, "deg", -STEEPEST_DEG, STEEPEST_DEG)
@@ -141,6 +145,7 @@ def climb(choice: Choice, *, slope_deg: str, mass_kg: float | None, slip_limit: 
         ConfigError: No such rover, wheel or soil, a malformed list, or the folder cannot be written to.
         ModelError: A number is outside its range.
     """
+    output.refuse_overwrite("limits", "slopes", "measured_wheels")
     rover, soil = choice.load()
     slopes = parse_numbers("--slope-deg", slope_deg, "deg", 0.0, STEEPEST_DEG)
     check_range("--slip-limit", slip_limit, "1", 0.01, 0.99)
@@ -172,6 +177,7 @@ def papers(output: Output) -> int:
     """
     from rover_hil.terrain.pages import slip_skid_drawings, traverse_drawings, write_page
 
+    output.refuse_overwrite("traverse", "limits", "measured_wheels")
     choice = MODELLED
     rover, soil = choice.load()
     rolls = parse_numbers("roll", "0:20:5", "deg", 0.0, STEEPEST_DEG)
@@ -181,11 +187,13 @@ def papers(output: Output) -> int:
         for state in solve_traverses(rover, soil, slopes, rolls, (mass,), choose_kernel(20))
     ]
     table = traverse_table(states)
+    limits = limits_table(slope_solver(rover, soil, choose_kernel(BISECTED)), SLIP_LIMIT)
+    tables = [table, limits, measured_table(CLIMBED_DEG)]
     title = "Papers 001 and 002: side slopes, slip and skid"
     if output.folder is not None:
         drawings = [*traverse_drawings(states), *slip_skid_drawings()]
-        write_page(output.folder, title, choice.facts(rover), drawings, [table])
-    output.show([table], table.records())
+        write_page(output.folder, title, choice.facts(rover), drawings, tables)
+    output.show(tables, table.records())
     return EXIT_OK
 
 

@@ -6,16 +6,15 @@ from typing import Annotated
 
 import typer
 
-terrain_app = typer.Typer(
-    no_args_is_help=True, help="Wheels and rovers on soil: forces, slopes, soil numbers."
-)
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+from rover_hil.app.options import ForceOption, Group, JsonOption, out_option
+
+terrain_app = typer.Typer(cls=Group, help="Wheels and rovers on soil: forces, slopes, soil numbers.")
 RoverOption = Annotated[str, typer.Option(help="`paper_001`, or a TOML file; see docs/terrain.md.")]
 RoverWheelOption = Annotated[
     str | None, typer.Option(help="A wheel of the library or a TOML file [default: the rover's].")
 ]
 SoilOption = Annotated[str, typer.Option(help="A soil of the library, or a TOML file.")]
-ReportOption = Annotated[Path | None, typer.Option(help="Also write report.html and CSV into this folder.")]
+ReportOption = Annotated[Path | None, out_option("Also write report.html and CSV into this folder.")]
 
 
 @terrain_app.command("wheel")
@@ -30,6 +29,7 @@ def terrain_wheel(
     ] = 0.0,
     cross_slope_deg: Annotated[float, typer.Option(help="Of the surface, rising to the left.")] = 0.0,
     out: ReportOption = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Forces on a wheel over slip and slip angle, at given loads; the last list runs fastest.
@@ -50,7 +50,7 @@ def terrain_wheel(
             slip_angle_deg=slip_angle_deg,
             camber_deg=camber_deg,
             cross_slope_deg=cross_slope_deg,
-            output=Output(out, json),
+            output=Output(out, json, force),
         )
     )
 
@@ -67,6 +67,7 @@ def terrain_traverse(
         Path | None, typer.Option(help="The model.toml of `rover-hil gap side-slope`: with what it found.")
     ] = None,
     out: ReportOption = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Slip, slip angle and sinkage of a rover that crosses a side slope steadily (paper 001).
@@ -86,7 +87,7 @@ def terrain_traverse(
             roll_deg=roll_deg,
             mass_kg=mass_kg,
             model=model,
-            output=Output(out, json),
+            output=Output(out, json, force),
         )
     )
 
@@ -100,6 +101,7 @@ def terrain_climb(
     wheel: RoverWheelOption = None,
     soil: SoilOption = "toyoura",
     out: ReportOption = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Slip up and down slopes, and the steepest slopes, beside the wheels measured in paper 002.
@@ -114,14 +116,20 @@ def terrain_climb(
     choice = Choice(rover, wheel, soil)
     sys.exit(
         terrain.climb(
-            choice, slope_deg=slope_deg, mass_kg=mass_kg, slip_limit=slip_limit, output=Output(out, json)
+            choice,
+            slope_deg=slope_deg,
+            mass_kg=mass_kg,
+            slip_limit=slip_limit,
+            output=Output(out, json, force),
         )
     )
 
 
 @terrain_app.command("papers")
 def terrain_papers(
-    out: Annotated[Path, typer.Option(help="Folder for report.html and CSV.")], json: JsonOption = False
+    out: Annotated[Path, out_option("Folder for report.html and CSV.")],
+    force: ForceOption = False,
+    json: JsonOption = False,
 ) -> None:
     """Write one report with the conditions of paper 001 and the wheels of paper 002.
 
@@ -130,7 +138,7 @@ def terrain_papers(
     from rover_hil.app import terrain
     from rover_hil.terrain.setup import Output
 
-    sys.exit(terrain.papers(Output(out, json)))
+    sys.exit(terrain.papers(Output(out, json, force)))
 
 
 @terrain_app.command("fit")
@@ -145,14 +153,17 @@ def terrain_fit(
     ),
     plates_only: Annotated[bool, typer.Option("--plates-only", help="Leave out the wheel tests.")] = False,
     out: ReportOption = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Fit a soil to plate and wheel tests, with 95 % confidence intervals.
 
-    Example: `rover-hil terrain fit cmu_single_wheel --out sand`
+    Example: `rover-hil terrain fit test_bed --out sand`
+
+    Data: plates.csv and wheel.csv of your test bed; docs/terrain.md names the columns.
     """
     from rover_hil.app.terrain_fit import fit
     from rover_hil.terrain.setup import Output
 
-    output = Output(out, json)
+    output = Output(out, json, force)
     sys.exit(fit(data, wheel_name=wheel, soil_name=soil, free=free, plates_only=plates_only, output=output))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.errors import LogError
-from rover_hil.report.write import write_all
+from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.terrain.fit import SoilFit, fit_soil
 from rover_hil.terrain.fit_data import WheelTests
 from rover_hil.terrain.fit_files import read_cmu_plates, read_cmu_wheel
@@ -44,6 +44,9 @@ def fit(data: Path, *, wheel_name: str, soil_name: str, free: str, plates_only: 
         LogError: The data cannot be read.
         ModelError: Too few tests, or a number is out of range.
     """
+    output.refuse_overwrite("soil", "cells", others=[SOIL_FILE])
+    if not data.is_dir():
+        raise LogError(f"no folder {data}: give one with plate and wheel tests; docs/terrain.md names them")
     start, wheel = load_any_angle_soil(soil_name), load_wheel(wheel_name)
     names = [name.strip() for name in free.split(",")]
     plates = waited_for(lambda: _plates(data), "reading plate tests")
@@ -55,7 +58,7 @@ def fit(data: Path, *, wheel_name: str, soil_name: str, free: str, plates_only: 
     residual = None if math.isnan(found.residual) else found.residual
     record = {"fitted": table.records(), "cells": found.cells, "weighted_residual": residual}
     output.show([table], record)
-    return 0
+    return EXIT_OK
 
 
 def _plates(data: Path) -> list[PlateTest]:
@@ -97,5 +100,5 @@ def _write(
     facts = [("plate tests", str(len(plates))), ("cells of wheel tests", str(found.cells))]
     if tests is not None:
         facts.append(("misfit in stated errors, rms", f"{found.residual:.3g}"))
-    write_page(folder, f"Soil fitted to {source}", facts, drawings, tables)
-    write_all(folder, {SOIL_FILE: soil_text(found.soil, found, f"fitted to {source}")})
+    soil = {SOIL_FILE: soil_text(found.soil, found, f"fitted to {source}")}
+    write_page(folder, f"Soil fitted to {source}", facts, drawings, tables, soil)

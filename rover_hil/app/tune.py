@@ -12,14 +12,24 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.tune.bench import Bench
+from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.tune.comparison import Comparison, Verdict, compare
-from rover_hil.tune.objective import Drive
+from rover_hil.tune.objective import MissionRunner
+from rover_hil.tune.parallel_runs import ParallelRuns
 from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values
-from rover_hil.tune.rehearsal import Rehearsal
-from rover_hil.tune.results import CONFIG_NAME, REPORT_NAME, sentence, summarise, write_results
+from rover_hil.tune.results import (
+    CONFIG_NAME,
+    REPORT_NAME,
+    RESULT_NAMES,
+    sentence,
+    study_of,
+    summarise,
+    write_results,
+)
+from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import Attempt, Study
 from rover_hil.tune.tuned_config import tuned_text
 
@@ -27,9 +37,16 @@ STUDY_NAME = "study.journal"
 
 
 def tune(
-    config_name: str, *, study: str, trials: int, minutes: float | None, out: Path | None, as_json: bool
+    config_name: str,
+    *,
+    study: str,
+    trials: int,
+    minutes: float | None,
+    out: Path | None,
+    as_json: bool,
+    force: bool = False,
 ) -> int:
-    """Search, compare with the start on held-out sites, write the results; returns the exit code.
+    """Search, compare with the start on held-out scenarios, write the results; returns the exit code.
 
     Args:
         config_name: A configuration with [tune].
@@ -38,20 +55,21 @@ def tune(
         minutes: End the search after this time, or None.
         out: Folder of the study; by default `tuning/STUDY`.
         as_json: Print the result as JSON.
+        force: Replace results of another study.
 
     Raises:
-        ConfigError: Bad configuration, or a study of another one.
+        ConfigError: Bad configuration, or a study or results of another one.
     """
     config, text = load_config(config_name, TUNE_CHECKS), read_config_text(config_name)
     settings = check_parameters(config)
     tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
-    folder = _prepare_folder(study, out)
+    folder = _prepare_folder(study, out, force=force)
     trial_store = Study(folder / STUDY_NAME, study, config, settings)
     messages = Console(stderr=True)
-    with Bench() as bench:
-        _search(trial_store, settings, bench.drive, trials, minutes, messages)
+    with ParallelRuns() as parallel_runs:
+        _search(trial_store, settings, parallel_runs.drive, trials, minutes, messages)
         attempts = trial_store.attempts()
-        comparison = _compare(config, settings, trial_store.candidates(), bench.drive, messages)
+        comparison = _compare(config, settings, trial_store.candidates(), parallel_runs.drive, messages)
     result = summarise(study, config_name, wall_time_text(), config, attempts, comparison)
     result_json = write_results(folder, text, config, attempts, comparison, result)
     if as_json:
@@ -62,13 +80,15 @@ def tune(
         names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
         for name in names:
             console.print(str(folder / name), soft_wrap=True)
-    return 1 if result.verdict is Verdict.NONE_ACCEPTABLE else 0
+    return EXIT_NO if result.verdict is Verdict.NONE_ACCEPTABLE else EXIT_OK
 
 
-def _prepare_folder(study: str, out: Path | None) -> Path:
+def _prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:
     if not re.fullmatch(r"\w[\w.-]*", study):
         raise ConfigError(f"--study '{study}' is no name for a folder: use letters, digits, _, - and .")
     folder = out or Path("tuning") / study
+    if not (folder / STUDY_NAME).exists() or study_of(folder) != study:
+        refuse_overwrite(*(folder / name for name in RESULT_NAMES), force=force)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -81,7 +101,7 @@ def _prepare_folder(study: str, out: Path | None) -> Path:
 def _search(
     study: Study,
     settings: TuneSettings,
-    drive: Drive,
+    drive: MissionRunner,
     trials: int,
     minutes: float | None,
     messages: Console,
@@ -91,35 +111,39 @@ def _search(
     with _progress(messages) as progress, _stop_by_signal(messages) as is_stopped:
         task = progress.add_task("", total=trials)
 
-        def note() -> None:
+        def report_progress() -> None:
             attempts = study.attempts()
-            progress.update(task, completed=len(attempts), description=_standing(attempts))
+            progress.update(task, completed=len(attempts), description=_progress_text(attempts))
 
         def should_stop() -> bool:
             return is_stopped() or (end_ns is not None and clock.now_ns() >= end_ns)
 
-        note()
-        study.search(drive, trials, should_stop, note)
+        report_progress()
+        study.search(drive, trials, should_stop, report_progress)
 
 
 def _compare(
-    config: Config, settings: TuneSettings, candidates: Sequence[Attempt], drive: Drive, messages: Console
+    config: Config,
+    settings: TuneSettings,
+    candidates: Sequence[Attempt],
+    drive: MissionRunner,
+    messages: Console,
 ) -> Comparison:
     with _progress(messages) as progress:
-        task = progress.add_task("comparing on held-out sites", total=2 * settings.cases.held_out)
+        task = progress.add_task("comparing on held-out scenarios", total=2 * settings.cases.held_out)
 
-        def counted(config: Config, seeds: Sequence[int]) -> Generator[Rehearsal, None, None]:
-            for rehearsal in drive(config, seeds):
+        def counted(config: Config, seeds: Sequence[int]) -> Generator[SimulatedMission, None, None]:
+            for mission in drive(config, seeds):
                 progress.advance(task)
-                yield rehearsal
+                yield mission
 
         return compare(config, settings, candidates, counted)
 
 
-def _standing(attempts: Sequence[Attempt]) -> str:
+def _progress_text(attempts: Sequence[Attempt]) -> str:
     start = next((attempt for attempt in attempts if attempt.is_start), None)
     if start is None:
-        return "trying the present values"
+        return "trying the current values"
     known = [(attempt.cost, attempt.number) for attempt in attempts if attempt.cost is not None]
     refused = sum(1 for attempt in attempts if attempt.refused)
     before = "refused" if start.cost is None else f"{start.cost:.3g}"

@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from drivers.settings import Settings
+from drivers.settings import Settings, direct_mistakes
 
 
 def describe_validation_error(source: str, error: ValidationError, table: Mapping[str, object]) -> str:
@@ -40,7 +40,7 @@ def describe_mistakes(details: Sequence[ErrorDetails], table: Mapping[str, objec
     # A mistyped key is reported twice, as missing and as unknown; the latter is clearer.
     return [
         mistake
-        for detail in details
+        for detail in direct_mistakes(details)
         if detail["type"] != "missing" or detail["loc"] not in mistyped
         for mistake in _describe(detail, table)
     ]

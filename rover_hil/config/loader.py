@@ -46,10 +46,7 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
     except tomllib.TOMLDecodeError as error:
         msg = f"{name_or_path} is not valid TOML: {error}"
         raise ConfigError(msg) from error
-    if OLD_SCOMP_KEY in table and "scomp" not in table:
-        note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
-        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
-        table["scomp"] = table.pop(OLD_SCOMP_KEY)
+    _rename_old_sections(table)
     unreadable = _inline_files(table)
     try:
         config = Config.model_validate(table)
@@ -128,6 +125,14 @@ def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
         msg = f"{what} {name_or_path} must hold an object with keys"
         raise ConfigError(msg)
     return table
+
+
+def _rename_old_sections(table: Table) -> None:
+    """Accept sections under the names of the version before, with a note to the user."""
+    if OLD_SCOMP_KEY in table and "scomp" not in table:
+        note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
+        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
+        table["scomp"] = table.pop(OLD_SCOMP_KEY)
 
 
 def _inline_files(table: Table) -> dict[KeyPath, str]:

@@ -1,4 +1,4 @@
-"""What the configuration says about tuning: [tune]. Cheap to import: every configuration may have it."""
+"""Settings of tuning, [tune]. Cheap to import: every configuration may have it."""
 
 from typing import Annotated, Literal, Self
 
@@ -15,9 +15,9 @@ class TunableSettings(Settings):
 
     Attributes:
         low: Smallest value tried, in the unit of the key.
-        high: Greatest value tried.
+        high: Greatest value tried, in the unit of the key.
         scale: `log` where a factor matters rather than a difference; `low` must then be positive.
-        unit: For people to read.
+        unit: Unit of the key, for reports.
     """
 
     low: float
@@ -31,24 +31,24 @@ class TunableSettings(Settings):
             msg = f"low {self.low:g} is not below high {self.high:g}: swap or widen them"
             raise ValueError(msg)
         if self.scale == "log" and self.low <= 0.0:
-            msg = f"low {self.low:g} must be positive on a log scale: raise it or say scale = 'linear'"
+            msg = f"low {self.low:g} must be positive on a log scale: raise it or write scale = 'linear'"
             raise ValueError(msg)
         return self
 
 
 class ObjectiveSettings(Settings):
-    """What is made small: the sum of every measured value divided by its reference here.
+    """The cost that is minimised: the sum of every measured value divided by its reference here.
 
-    A term left out does not count. Of all cases the given quantile counts, so that a good mean cannot hide
-    bad sites.
+    A term without a reference does not count. A quantile over all cases counts, so that a good mean cannot
+    hide bad scenarios.
 
     Attributes:
-        path_rms_m: Reference of the distance between true and commanded path.
+        path_rms_m: Reference of the distance between true and commanded path, root mean square.
         closure_m: Reference of the distance between the true end and the commanded one.
-        heading_deg: Reference of the true heading error along the way.
+        heading_deg: Reference of the true heading error along the path.
         effort_rad_s2: Reference of the set-points' acceleration, root mean square.
-        duration_s: Reference of the time the mission takes.
-        quantile: Which quantile of the cases' costs counts, 0.5 (median) to 1 (worst).
+        duration_s: Reference of the time that the mission takes.
+        quantile: Quantile of the costs of all cases that counts, 0.5 (median) to 1 (worst).
     """
 
     path_rms_m: Reference | None = None
@@ -61,7 +61,7 @@ class ObjectiveSettings(Settings):
     @model_validator(mode="after")
     def _check_terms(self) -> Self:
         if not self.references():
-            msg = "names nothing to make small: add path_rms_m, closure_m, heading_deg or effort_rad_s2"
+            msg = "has no term: add path_rms_m, closure_m, heading_deg or effort_rad_s2"
             raise ValueError(msg)
         return self
 
@@ -72,11 +72,12 @@ class ObjectiveSettings(Settings):
 
 
 class StabilitySettings(Settings):
-    """Which gains are refused, whatever their cost: unfinished missions always are, and oscillation.
+    """Which gains are rejected as oscillating, whatever their cost; unfinished missions are always rejected.
 
     Attributes:
-        reversal_rad_s: A wheel set-point turns round when it goes back by this much.
-        reversals_per_s: Most turns of one wheel within four seconds, per second. A corner takes two or three.
+        reversal_rad_s: A wheel set-point has reversed when it goes back by this much.
+        reversals_per_s: Largest accepted rate of reversals of one wheel, over four seconds. A corner takes
+            two or three.
     """
 
     reversal_rad_s: Annotated[float, Field(gt=0, le=50)] = 0.5
@@ -84,11 +85,12 @@ class StabilitySettings(Settings):
 
 
 class CaseSettings(Settings):
-    """How many sites, each with a seed of its own for all noise.
+    """Number of simulated scenarios; each has a seed of its own for all noise.
 
     Attributes:
-        train: The search sees these.
-        held_out: Old and new gains are compared on these; they have no seed in common with `train`.
+        train: Number of scenarios that the search uses.
+        held_out: Number of scenarios on which old and new gains are compared; they have no seed in common
+            with `train`.
     """
 
     train: Annotated[int, Field(ge=1, le=MOST_CASES)] = 12
@@ -96,7 +98,13 @@ class CaseSettings(Settings):
 
 
 class ChangeRecord(Settings):
-    """What tuning made of one parameter."""
+    """The change of one parameter by tuning.
+
+    Attributes:
+        before: Value before tuning.
+        after: Value after tuning.
+        unit: Unit of the value.
+    """
 
     before: float
     after: float
@@ -109,13 +117,13 @@ class ProvenanceRecord(Settings):
     Attributes:
         study: Name of the study.
         date: Local time, as 20260102-030405.
-        start: The configuration that it started from.
-        trials: How many sets of values were tried.
-        objective: What was made small, in words.
-        train_seeds, held_out_seeds: First and last.
-        held_out_cost_before, held_out_cost_after: On the held-out cases; before is None where the start was
-            refused.
-        changes: By dotted key; empty when the start was best.
+        start: The configuration that the study started from.
+        trials: Number of sets of values tried.
+        objective: The cost in words.
+        train_seeds, held_out_seeds: First and last seed.
+        held_out_cost_before: Cost on the held-out cases before tuning; none where the start was rejected.
+        held_out_cost_after: Cost on the held-out cases after tuning.
+        changes: Changes by dotted key; empty when the start was best.
     """
 
     study: str
@@ -131,11 +139,14 @@ class ProvenanceRecord(Settings):
 
 
 class TuneSettings(Settings):
-    """What may be tuned, and to what end.
+    """What `rover-hil tune` may change, and what it minimises.
 
     Attributes:
         parameters: Ranges by dotted key, e.g. "mission.lookahead_m".
-        provenance: Present in configurations that came out of tuning.
+        objective: The cost that is minimised.
+        stability: Which gains are rejected as oscillating.
+        cases: Number of simulated scenarios.
+        provenance: Where the values come from; written by `rover-hil tune`.
     """
 
     parameters: Annotated[dict[str, TunableSettings], Field(min_length=1)]

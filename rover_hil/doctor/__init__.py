@@ -1,1 +1,1 @@
-"""Looks at a rover before it drives: devices, permissions, rates, clocks, calibration."""
+"""Checks a rover before it drives: devices, permissions, rates, clocks, calibration."""

@@ -1,9 +1,8 @@
-"""Are headings calibrated, and is the calibration recent?"""
+"""Check whether headings are calibrated, and how old the calibration is."""
 
 import datetime as dt
 from pathlib import Path
 
-from drivers.errors import ConfigError
 from drivers.heading_calibration import DeviationTable, MagnetometerCalibration, load_calibration
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.witmotion.settings import WitMotionSettings
@@ -15,7 +14,7 @@ OLDEST_DAYS = 365
 
 
 def check_calibration(config: Config, today: dt.date) -> list[Finding]:
-    """Look at the calibration file of every compass."""
+    """Check the calibration file of every compass."""
     findings: list[Finding] = []
     for name, settings in config.devices.items():
         if isinstance(settings, NmeaCompassSettings | WitMotionSettings):
@@ -29,13 +28,10 @@ def _check_file(
     path = settings.calibration
     if path is None:
         return [_uncalibrated(name, settings)] if is_used else []
-    try:
-        if isinstance(settings, NmeaCompassSettings):
-            date = load_calibration(Path(path), DeviationTable).date
-        else:
-            date = load_calibration(Path(path), MagnetometerCalibration).date
-    except ConfigError:
-        return []  # told with the data files of all devices
+    if isinstance(settings, NmeaCompassSettings):
+        date = load_calibration(Path(path), DeviationTable).date
+    else:
+        date = load_calibration(Path(path), MagnetometerCalibration).date
     age_days = (today - date).days
     if 0 <= age_days <= OLDEST_DAYS:
         return [ok(CHECK, name, f"{path} of {date}")]
@@ -43,8 +39,8 @@ def _check_file(
         warning(
             CHECK,
             name,
-            f"{path} is of {date}, today is {today}",
-            "every rebuild moves iron on the rover, so old tables mislead; or one of the dates is wrong",
+            f"{path} was made on {date}, today is {today}",
+            "every rebuild moves iron on the rover, so old tables are wrong; or one of the dates is wrong",
             "calibrate again; check the host's date with `date`",
         )
     ]

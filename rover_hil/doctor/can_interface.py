@@ -1,4 +1,4 @@
-"""SocketCAN network interfaces: are they there, up, at the right bit rate, and without errors?"""
+"""Check SocketCAN network interfaces: present, up, at the configured bit rate, without errors."""
 
 import json
 import shutil
@@ -20,13 +20,13 @@ IP_TIMEOUT_S = 2.0
 
 
 def read_ip_details(channel: str) -> str:
-    """Return what `ip -details -json link show` says about an interface; "" where it cannot tell."""
+    """Return what `ip -details -json link show` prints about an interface; "" where it cannot run."""
     program = shutil.which("ip")
     if program is None:
         return ""
     command = [program, "-details", "-json", "link", "show", "dev", channel]
     try:
-        # The program is the system's own, and the name is one argument that no shell looks at.
+        # The program is the system's own, and the name is one argument that no shell interprets.
         run = subprocess.run(  # noqa: S603
             command, capture_output=True, text=True, check=False, timeout=IP_TIMEOUT_S
         )
@@ -36,7 +36,7 @@ def read_ip_details(channel: str) -> str:
 
 
 def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_details: str) -> list[Finding]:
-    """Look at the network interface of a CAN bus.
+    """Check the network interface of a CAN bus.
 
     Args:
         device: Name of the device.
@@ -49,7 +49,7 @@ def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_deta
     if not folder.is_dir():
         return [_no_interface(device, sys, f"there is no network interface {channel}")]
     if read_text(folder / "type") != CAN_LINK_TYPE:
-        return [_no_interface(device, sys, f"{channel} is no CAN interface")]
+        return [_no_interface(device, sys, f"{channel} is not a CAN interface")]
     details = _details_of(ip_details)
     data = _table(_table(details.get("linkinfo")).get("info_data"))
     if not int(read_text(folder / "flags") or "0", 16) & UP_FLAG:
@@ -58,7 +58,7 @@ def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_deta
                 CHECK,
                 device,
                 f"{channel} is down",
-                "nobody has switched the interface on since it was plugged in",
+                "the interface has not been switched on since it was plugged in",
                 _bring_up(settings),
             )
         ]
@@ -74,11 +74,11 @@ def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_deta
 def _no_interface(device: str, sys: Path, what: str) -> Finding:
     others = _can_interfaces(sys)
     if others:
-        cause = f"the interface has another name: there is {others}"
+        cause = f"the interface has another name: the CAN interfaces are {others}"
         fix = f"in [devices.{device}] set channel to one of: {others}"
     else:
         cause = "the adapter is not plugged in, or its kernel driver is not loaded"
-        fix = "plug it in and look with `ip -brief link show type can` and `sudo dmesg | tail`"
+        fix = "plug it in and check with `ip -brief link show type can` and `sudo dmesg | tail`"
     return problem(CHECK, device, what, cause, fix)
 
 
@@ -105,7 +105,7 @@ def _check_state(device: str, settings: CanWheelsSettings, data: dict[str, objec
                 CHECK,
                 device,
                 f"{channel} is in state {state}",
-                "many errors: wrong bit rate, missing termination, or nobody else on the bus",
+                "many errors: wrong bit rate, missing termination, or no other node on the bus",
                 CAN_WIRING,
             )
         ]
@@ -121,7 +121,7 @@ def _check_bit_rate(device: str, settings: CanWheelsSettings, data: dict[str, ob
         problem(
             CHECK,
             device,
-            f"{channel} runs at {bit_rate} bit/s, the configuration says {settings.bit_rate}",
+            f"{channel} runs at {bit_rate} bit/s, configured are {settings.bit_rate}",
             "the interface keeps the bit rate that it was brought up with",
             f"sudo ip link set {channel} down; {_bring_up(settings)}  "
             f"(or in [devices.{device}] set bit_rate = {bit_rate})",

@@ -1,4 +1,4 @@
-"""Which messages of the mapping are on the bus, and how often?"""
+"""Check which messages of the mapping are on the bus, and how often."""
 
 from collections.abc import Iterator
 
@@ -8,18 +8,18 @@ from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import bus_id
 from drivers.can_wheels.settings import CanWheelsSettings
 from rover_hil.doctor.finding import Finding, ok, problem
-from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.listening import Reception
 from rover_hil.doctor.streams import stream_of
 
 CHECK = "CAN messages"
 MOST_NAMED = 8
 
 
-def check_traffic(heard: Heard, settings: CanWheelsSettings) -> list[Finding]:
-    """Compare the frames on the bus with the mapping; says nothing when no frame came."""
+def check_traffic(reception: Reception, settings: CanWheelsSettings) -> list[Finding]:
+    """Compare the frames on the bus with the mapping; no finding when no frame came."""
     bus = load_mapping(settings.mapping)
     names = {bus_id(bus.message(name)): name for name in _messages_of(bus.mapping)}
-    arrivals_ns = _arrivals_by_id(heard)
+    arrivals_ns = _arrivals_by_id(reception)
     if not arrivals_ns:
         return []
     findings: list[Finding] = []
@@ -30,26 +30,26 @@ def check_traffic(heard: Heard, settings: CanWheelsSettings) -> list[Finding]:
         findings.append(
             problem(
                 CHECK,
-                heard.device,
+                reception.device,
                 f"never came: {_some(missing)}{also}",
                 "that drive is off or has another node number, or its cyclic sending is switched off",
-                f"in the mapping '{settings.mapping}' of [devices.{heard.device}] set node to its number, "
-                "or switch on cyclic sending of these messages in the drive",
+                f"in the mapping '{settings.mapping}' of [devices.{reception.device}] set node to its "
+                "number, or switch on cyclic sending of these messages in the drive",
             )
         )
     rates = [
-        f"{name} {stream_of(arrivals_ns[can_id], heard.end_ns).rate_hz:.0f} Hz"
+        f"{name} {stream_of(arrivals_ns[can_id], reception.start_ns, reception.end_ns).rate_hz:.0f} Hz"
         for can_id, name in names.items()
         if can_id in arrivals_ns
     ]
     if rates:
-        findings.append(ok(CHECK, heard.device, _some(rates)))
+        findings.append(ok(CHECK, reception.device, _some(rates)))
     return findings
 
 
-def _arrivals_by_id(heard: Heard) -> dict[int, list[int]]:
+def _arrivals_by_id(reception: Reception) -> dict[int, list[int]]:
     arrivals_ns: dict[int, list[int]] = {}
-    for arrival in heard.arrivals:
+    for arrival in reception.arrivals:
         frame = unpack_can_frame(arrival.payload)
         if frame is not None and not frame.is_error:
             can_id = frame.can_id | EXTENDED_FLAG if frame.is_extended else frame.can_id

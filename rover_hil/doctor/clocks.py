@@ -1,17 +1,17 @@
-"""Do the clocks run evenly?"""
+"""Check whether the clocks run evenly."""
 
 import datetime as dt
 from typing import NamedTuple
 
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, seconds, wall_time_ns
 from rover_hil.doctor.finding import Finding, ok, warning
-from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.listening import Reception
 
 CHECK = "clock"
 LARGEST_STEP_S = 0.01
 """Slewing moves the wall clock by 500 ppm at most, which is 1 ms in two seconds."""
 EARLIEST_YEAR = 2026
-"""This program is not older."""
+"""The program did not exist before."""
 LARGEST_DRIFT = 0.02
 SHORTEST_SPAN_S = 0.5
 
@@ -34,7 +34,7 @@ def today(wall_ns: int) -> dt.date:
 
 
 def check_host_clock(before: ClockPair, after: ClockPair) -> list[Finding]:
-    """Compare how far the wall clock and the monotonic clock moved between two readings."""
+    """Compare the advance of the wall clock and of the monotonic clock between two readings."""
     step_s = seconds((after.wall_ns - before.wall_ns) - (after.monotonic_ns - before.monotonic_ns))
     findings: list[Finding] = []
     if abs(step_s) > LARGEST_STEP_S:
@@ -43,8 +43,8 @@ def check_host_clock(before: ClockPair, after: ClockPair) -> list[Finding]:
                 CHECK,
                 "host",
                 f"the wall clock jumped by {step_s:+.3f} s while listening",
-                "a time server has just set it; CAN time stamps suffer for a moment, the loop does not",
-                "wait until `timedatectl` says that the system clock is synchronized",
+                "a time server has just set it; CAN time stamps are wrong for a moment, not the loop",
+                "wait until `timedatectl` reports that the system clock is synchronized",
             )
         )
     if today(after.wall_ns).year < EARLIEST_YEAR:
@@ -62,10 +62,10 @@ def check_host_clock(before: ClockPair, after: ClockPair) -> list[Finding]:
     ]
 
 
-def check_device_clock(heard: Heard) -> list[Finding]:
-    """Compare the device's own clock with ours, where it has one and was heard for long enough."""
-    # The first sample may have been measured long before it was asked for.
-    pairs = [(s.t_ns, s.t_device_ns) for s in heard.samples if s.t_device_ns is not None]
+def check_device_clock(reception: Reception) -> list[Finding]:
+    """Compare the device's own clock, where it has one, with the host's over a long enough time."""
+    # The first sample may have been measured long before it was requested.
+    pairs = [(s.t_ns, s.t_device_ns) for s in reception.samples if s.t_device_ns is not None]
     pairs = [pair for pair in pairs if pair[0] > pairs[0][0]]
     if not pairs or seconds(pairs[-1][0] - pairs[0][0]) < SHORTEST_SPAN_S:
         return []
@@ -75,10 +75,10 @@ def check_device_clock(heard: Heard) -> list[Finding]:
         return [
             warning(
                 CHECK,
-                heard.device,
+                reception.device,
                 f"the device's clock runs {100 * drift:+.1f} % against the host's",
-                "it stands still, was reset while listening, or its samples are held back on the way",
-                "switch the device off and on; end programs that load the machine; run the doctor again",
+                "it does not run, was reset while listening, or its samples are delayed on the way",
+                "switch the device off and on; end other programs; run the doctor again",
             )
         ]
-    return [ok(CHECK, heard.device, f"the device's clock runs {100 * drift:+.2f} % against the host's")]
+    return [ok(CHECK, reception.device, f"the device's clock runs {100 * drift:+.2f} % against the host's")]

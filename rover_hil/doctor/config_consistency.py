@@ -1,4 +1,4 @@
-"""Settings that are valid one by one but do not fit each other."""
+"""Check settings that are valid one by one but do not fit each other."""
 
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.config import Config
@@ -7,14 +7,14 @@ from rover_hil.doctor.finding import Finding, ok, problem, warning
 CHECK = "configuration"
 
 
-def check_sanity(config: Config) -> list[Finding]:
+def check_consistency(config: Config) -> list[Finding]:
     """Compare the times in the configuration with the period of the loop."""
     findings: list[Finding] = []
     rate_hz, expiry_s = config.loop.rate_hz, config.safety.expiry_s
     if expiry_s * rate_hz < 2:
-        judge = problem if expiry_s * rate_hz <= 1 else warning
+        report = problem if expiry_s * rate_hz <= 1 else warning
         findings.append(
-            judge(
+            report(
                 CHECK,
                 "safety",
                 f"expiry_s = {expiry_s:g} is less than two periods at rate_hz = {rate_hz:g}",

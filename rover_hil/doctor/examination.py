@@ -7,20 +7,20 @@ from importlib.metadata import packages_distributions, requires
 from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import Clock
-from drivers.errors import ConfigError, NotConnectedError
+from drivers.errors import NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from rover_hil.config import Config
 from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.can_interface import check_interface, read_ip_details
 from rover_hil.doctor.can_traffic import check_traffic
 from rover_hil.doctor.clocks import check_device_clock, check_host_clock, read_clocks, today
-from rover_hil.doctor.config_consistency import check_sanity
+from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.faults import check_faults
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem, warning
 from rover_hil.doctor.frames import check_frames
 from rover_hil.doctor.installation import DISTRIBUTION, check_installation
-from rover_hil.doctor.listening import Heard, OpenDevice, listen, open_device
-from rover_hil.doctor.no_data import check_silence
+from rover_hil.doctor.listening import OpenDevice, Reception, listen, open_device
+from rover_hil.doctor.no_data import check_no_data
 from rover_hil.doctor.ports import busy, check_latency_timer, check_port, port_of
 from rover_hil.doctor.rejections import check_rejections
 from rover_hil.doctor.scheduling import check_scheduling, may_use_realtime
@@ -28,7 +28,7 @@ from rover_hil.doctor.streams import check_breaks, check_streams, parts_of
 
 
 def examine_computer(paths: SystemPaths) -> list[Finding]:
-    """Look at the installation and at scheduling."""
+    """Check the installation and the scheduling."""
     return [
         *check_installation(packages_distributions(), requires(DISTRIBUTION) or ()),
         *check_scheduling(paths, realtime_allowed=may_use_realtime()),
@@ -43,23 +43,23 @@ def examine_rover(
     listen_s: float,
     on_progress: Callable[[float], None],
 ) -> list[Finding]:
-    """Look at the configuration and its devices, and listen to those that can be opened.
+    """Check the configuration and its devices, and listen to those that can be opened.
 
     Args:
-        config: The rover.
-        paths: Where the system shows its devices.
+        config: A configuration that fulfils `rover_hil.run.checks.RUN_CHECKS`.
+        paths: Folders in which the system shows its devices.
         clock: The host's clock.
-        listen_s: How long to listen to all devices together.
-        on_progress: Told the seconds that have passed while listening.
+        listen_s: Duration of listening to all devices together.
+        on_progress: Called with the seconds that have passed while listening.
     """
     before = read_clocks(clock)
-    findings = [*check_sanity(config), *check_calibration(config, today(before.wall_ns))]
+    findings = [*check_consistency(config), *check_calibration(config, today(before.wall_ns))]
     with ExitStack() as stack:
         opened: list[OpenDevice] = []
         for name, settings in config.devices.items():
-            outside = [*_check_data_files(name, settings), *_check_port(name, settings, paths)]
-            findings += outside
-            if any(finding.level is Level.PROBLEM for finding in outside):
+            port_findings = _check_port(name, settings, paths)
+            findings += port_findings
+            if any(finding.level is Level.PROBLEM for finding in port_findings):
                 continue
             device = _open(name, settings, paths, clock)
             if isinstance(device, Finding):
@@ -70,44 +70,35 @@ def examine_rover(
         for device in opened:
             findings += _check_latency(device, paths)
         duration_s = listen_s if opened else 0.0
-        ask_rate_hz = config.loop.rate_hz
-        all_heard = listen(
-            opened, clock, duration_s=duration_s, ask_rate_hz=ask_rate_hz, on_progress=on_progress
+        request_rate_hz = config.loop.rate_hz
+        receptions = listen(
+            opened, clock, duration_s=duration_s, request_rate_hz=request_rate_hz, on_progress=on_progress
         )
-    for heard in all_heard:
-        findings += check_heard(heard, config)
+    for reception in receptions:
+        findings += check_reception(reception, config)
     return [*findings, *check_host_clock(before, read_clocks(clock))]
 
 
-def check_heard(heard: Heard, config: Config) -> list[Finding]:
-    """Look at everything that one device said."""
-    name, settings = heard.device, heard.settings
+def check_reception(reception: Reception, config: Config) -> list[Finding]:
+    """Check everything that one device sent."""
+    name, settings = reception.device, reception.settings
     findings = [
-        *check_silence(heard),
-        *check_streams(heard, parts_of(config, name), is_required=name in config.roles.names()),
-        *check_breaks(heard),
-        *check_rejections(heard),
-        *check_faults(heard, bumper_stops=config.safety.bumper_stops),
-        *check_device_clock(heard),
+        *check_no_data(reception),
+        *check_streams(reception, parts_of(config, name), is_required=name in config.roles.names()),
+        *check_breaks(reception),
+        *check_rejections(reception),
+        *check_faults(reception, bumper_stops=config.safety.bumper_stops),
+        *check_device_clock(reception),
     ]
     if isinstance(settings, CanWheelsSettings):
-        findings += check_traffic(heard, settings)
+        findings += check_traffic(reception, settings)
     if isinstance(settings, CameraSettings):
-        findings += check_frames(heard, settings)
+        findings += check_frames(reception, settings)
     return findings
 
 
-def _check_data_files(name: str, settings: AnyDeviceSettings) -> Sequence[Finding]:
-    try:
-        settings.make_codec(name)
-    except ConfigError as error:
-        cause = "a mapping, DBC or calibration file that the device needs is missing or wrong"
-        return [problem("data file", name, str(error), cause, f"correct it, or its name in [devices.{name}]")]
-    return ()
-
-
 def _check_port(name: str, settings: AnyDeviceSettings, paths: SystemPaths) -> Sequence[Finding]:
-    """Look at the port of a device without opening it."""
+    """Check the port of a device without opening it."""
     port = port_of(settings)
     if port is not None:
         return check_port(name, port, paths)
@@ -133,7 +124,7 @@ def _open(name: str, settings: AnyDeviceSettings, paths: SystemPaths, clock: Clo
         port = port_of(settings)
         if port is not None:
             return busy(name, port, paths, str(error))
-        cause = "what the configuration names is not there, or cannot be used"
+        cause = "the configured interface, folder or file does not exist, or cannot be used"
         fix = (
             f"check channel or path in [devices.{name}]; "
             "for the simulated rover start `rover-hil simulate CONFIG` in this folder first"

@@ -1,22 +1,24 @@
-"""What the devices complain about by themselves."""
+"""Check the faults that the devices report themselves."""
 
 from drivers.can_wheels.faults import BUS
 from drivers.samples import BumperSample, FaultSample, PowerSample
 from rover_hil.doctor.finding import CAN_WIRING, Finding, ok, problem, warning
-from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.listening import Reception
 
 CHECK = "device fault"
 
 
-def check_faults(heard: Heard, *, bumper_stops: bool) -> list[Finding]:
-    """Look at faults of drives and buses, at the bumper and at the supply."""
-    device = heard.device
-    newest = {sample.wheel: sample for sample in heard.samples if isinstance(sample, FaultSample)}
+def check_faults(reception: Reception, *, bumper_stops: bool) -> list[Finding]:
+    """Check faults of drives and buses, the bumper and the supply."""
+    device = reception.device
+    newest = {sample.wheel: sample for sample in reception.samples if isinstance(sample, FaultSample)}
     seen = {
-        sample.wheel: sample for sample in heard.samples if isinstance(sample, FaultSample) and sample.code
+        sample.wheel: sample
+        for sample in reception.samples
+        if isinstance(sample, FaultSample) and sample.code
     }
     findings = [_fault(sample, is_over=newest[wheel].code == 0) for wheel, sample in seen.items()]
-    bumpers = [sample for sample in heard.samples if isinstance(sample, BumperSample)]
+    bumpers = [sample for sample in reception.samples if isinstance(sample, BumperSample)]
     if bumper_stops and bumpers and bumpers[-1].pressed:
         findings.append(
             warning(
@@ -27,7 +29,7 @@ def check_faults(heard: Heard, *, bumper_stops: bool) -> list[Finding]:
                 "move the rover away; on a rover without bumper set bumper_stops = false in [safety]",
             )
         )
-    supplies = [sample for sample in heard.samples if isinstance(sample, PowerSample)]
+    supplies = [sample for sample in reception.samples if isinstance(sample, PowerSample)]
     if supplies:
         findings.append(ok("supply", device, f"{supplies[-1].voltage_v:.1f} V"))
     return findings
@@ -35,16 +37,14 @@ def check_faults(heard: Heard, *, bumper_stops: bool) -> list[Finding]:
 
 def _fault(sample: FaultSample, *, is_over: bool) -> Finding:
     where = "" if sample.wheel is None else f"wheel {sample.wheel}: "
-    what = f"{where}fault {sample.code} ({sample.text}){', now over' if is_over else ''}"
+    what = f"{where}fault {sample.code} ({sample.text}){', now cleared' if is_over else ''}"
     if "watchdog" in sample.text.lower():
-        cause = "no set-points, which is normal here: nobody commands the drive"
-        return warning(CHECK, sample.device, what, cause, "nothing to do if the next run drives")
-    judge = warning if is_over else problem
+        cause = "no set-points, which is normal here: the doctor does not command the drive"
+        return warning(CHECK, sample.device, what, cause, "no fix needed if the next run drives")
+    report = warning if is_over else problem
     if sample.wheel is None and sample.text.startswith(BUS):
-        cause = (
-            "error frames of the CAN controller: wrong bit rate, missing termination, nobody else on the bus"
-        )
-        return judge(CHECK, sample.device, what, cause, CAN_WIRING)
-    cause = "the device has put itself into a fault state; the rover does not drive until it clears"
+        cause = "error frames: wrong bit rate, missing termination, or no other node on the bus"
+        return report(CHECK, sample.device, what, cause, CAN_WIRING)
+    cause = "the device is in a fault state; the rover does not drive until it clears"
     fix = "look the fault up in the device's manual, remove its cause, switch the device off and on"
-    return judge(CHECK, sample.device, what, cause, fix)
+    return report(CHECK, sample.device, what, cause, fix)

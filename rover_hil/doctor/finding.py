@@ -1,4 +1,4 @@
-"""What the doctor says, and where it looks."""
+"""Findings of the doctor, and the folders of the system that it reads."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class Level(StrEnum):
-    """How bad a finding is: with a warning the rover can drive, with a problem it cannot or must not."""
+    """Severity of a finding: with a warning the rover can drive, with a problem it cannot or must not."""
 
     OK = "ok"
     WARNING = "warning"
@@ -15,15 +15,15 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
+    """One thing that was checked.
 
     Attributes:
-        check: What was looked at, e.g. "serial port".
-        subject: Of what: the name of a device, or a part of the system.
-        level: How bad it is.
-        what: What was seen.
-        cause: Why it is so; empty where all is well.
-        fix: A command or an edit that the user can do at once; empty where all is well.
+        check: What was checked, e.g. "serial port".
+        subject: Name of the device, or part of the system.
+        level: Severity.
+        what: What was found.
+        cause: Why it is so; empty for an OK.
+        fix: A command or an edit that the user can do at once; empty for an OK.
     """
 
     check: str
@@ -36,7 +36,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class SystemPaths:
-    """Where the system shows its devices and processes."""
+    """Folders in which the system shows its devices and processes."""
 
     dev: Path = Path("/dev")
     sys: Path = Path("/sys")

@@ -1,4 +1,4 @@
-"""Is the software installed as it must be?"""
+"""Check the installation of the software."""
 
 import platform
 import re
@@ -19,7 +19,7 @@ OWNERS = {
     "cv2": "opencv-python-headless",
     "serial": "pyserial",
 }
-"""Import names that other distributions like to take, and who must own them alone."""
+"""Import names that other distributions also use, and the only distribution that may own each."""
 
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _LOWER_BOUND = re.compile(r">=\s*([0-9.]+)")
@@ -28,11 +28,11 @@ _LOWER_BOUND = re.compile(r">=\s*([0-9.]+)")
 def check_installation(
     distributions: Mapping[str, Iterable[str]], requirements: Iterable[str]
 ) -> list[Finding]:
-    """Look at who owns the import names, and at the versions of the libraries.
+    """Check which distributions own the import names, and the versions of the libraries.
 
     Args:
-        distributions: Import names and the distributions that bring them.
-        requirements: What our distribution requires, one requirement of its metadata each.
+        distributions: Import names and the distributions that provide them.
+        requirements: The requirements in the metadata of our distribution.
     """
     findings = [
         finding
@@ -52,7 +52,7 @@ def _check_owner(name: str, owner: str, distributions: Iterable[str]) -> Finding
         return problem(
             CHECK,
             f"import name '{name}'",
-            f"'{name}' also comes from {', '.join(others)}",
+            f"'{name}' is also provided by {', '.join(others)}",
             f"two distributions wrote into one folder; '{name}' must come from {owner} alone",
             f"pip uninstall {removal}; pip install --force-reinstall --no-deps {owner}",
         )
@@ -60,7 +60,7 @@ def _check_owner(name: str, owner: str, distributions: Iterable[str]) -> Finding
         return problem(
             CHECK,
             f"import name '{name}'",
-            f"no installed distribution brings '{name}'",
+            f"no installed distribution provides '{name}'",
             "the program was started from its source folder without being installed, or a library is missing",
             "run `make setup` in the source folder and start `.venv/bin/rover-hil`",
         )
@@ -81,8 +81,8 @@ def _check_library(requirement: str) -> Finding | None:
     return problem(
         CHECK,
         library,
-        f"{library} {found or 'is missing'}, needed is {oldest} or newer",
-        "an older version has faults that this program would suffer from",
+        f"{library} {found or 'is missing'}, required is {oldest} or newer",
+        "older versions have faults that affect this program",
         f"pip install '{library}>={oldest}'",
     )
 

@@ -1,4 +1,4 @@
-"""Listens to all devices at once for a short while. Nothing is sent that could turn a wheel."""
+"""Receives from all devices at once for a short time. Nothing is sent that could turn a wheel."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,14 +18,14 @@ POLL_STEP_NS = 5_000_000
 NO_PIXELS = np.zeros((0, 0), dtype=np.uint8)
 
 
-class Overhearing:
-    """A raw tap that keeps what arrives from a byte device."""
+class RawRecorder:
+    """A raw tap that keeps the payloads of a byte device."""
 
     def __init__(self) -> None:
         self.arrivals: list[Received[bytes]] = []
 
     def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
-        """Keep what arrived."""
+        """Keep a payload."""
         if isinstance(item, Received) and isinstance(item.payload, bytes):
             self.arrivals.append(Received(item.t_ns, item.payload))
 
@@ -34,17 +34,21 @@ class Overhearing:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """What one device said while it was listened to; frames without their pixels.
+class Reception:
+    """What one device sent while the doctor listened; frames without their pixels.
 
     Attributes:
+        start_ns: When listening began.
         end_ns: When listening ended.
-        arrivals: What came before it was decoded; empty for cameras.
+        pause_s: Longest time in which this program got no processor time to poll the devices.
+        arrivals: Payloads before decoding; empty for cameras.
     """
 
     device: str
     settings: AnyDeviceSettings
+    start_ns: int
     end_ns: int
+    pause_s: float
     samples: tuple[Sample, ...]
     arrivals: tuple[Received[bytes], ...]
     health: Health
@@ -55,13 +59,13 @@ class OpenDevice:
     """A connected device.
 
     Attributes:
-        ask: Makes a device speak that answers only to requests; does nothing for all others.
+        request: Requests a reply from a device that only answers; does nothing for all others.
     """
 
     settings: AnyDeviceSettings
     driver: AnyDriver
-    ask: Callable[[], None]
-    overhearing: Overhearing
+    request: Callable[[], None]
+    recorder: RawRecorder
     samples: list[Sample] = field(default_factory=list)
 
 
@@ -72,18 +76,18 @@ def open_device(name: str, settings: AnyDeviceSettings, clock: Clock) -> OpenDev
         NotConnectedError: Its port cannot be opened.
         ConfigError: A data file that it needs is missing or wrong.
     """
-    overhearing = Overhearing()
-    ask: Callable[[], None] = _ask_nothing
+    recorder = RawRecorder()
+    request: Callable[[], None] = _request_nothing
     driver: AnyDriver
     if isinstance(settings, FrameDeviceSettings):
-        driver = settings.make_driver(name, settings.make_link(clock), clock, overhearing)
+        driver = settings.make_driver(name, settings.make_link(clock), clock, recorder)
     else:
         link = settings.make_link(clock)
-        driver = settings.make_driver(name, link, clock, overhearing)
+        driver = settings.make_driver(name, link, clock, recorder)
         if isinstance(settings, RobotinoBoardSettings):
-            ask = partial(_send, link, settings.make_codec(name).encode_stop())
+            request = partial(_send, link, settings.make_codec(name).encode_stop())
     driver.connect(timeout_s=0.0)
-    return OpenDevice(settings, driver, ask, overhearing)
+    return OpenDevice(settings, driver, request, recorder)
 
 
 def listen(
@@ -91,33 +95,36 @@ def listen(
     clock: Clock,
     *,
     duration_s: float,
-    ask_rate_hz: float,
+    request_rate_hz: float,
     on_progress: Callable[[float], None],
-) -> list[Heard]:
-    """Return what connected devices say within `duration_s`.
+) -> list[Reception]:
+    """Return what connected devices send within `duration_s`.
 
     Args:
         devices: The devices.
         clock: The host's clock.
-        duration_s: For how long.
-        ask_rate_hz: How often to ask a device that answers only to requests.
-        on_progress: Told the seconds that have passed.
+        duration_s: Duration.
+        request_rate_hz: Rate of the requests to a device that only answers.
+        on_progress: Called with the seconds that have passed.
     """
-    start_ns = next_ask_ns = clock.now_ns()
+    start_ns = next_request_ns = last_ns = clock.now_ns()
     end_ns = start_ns + nanoseconds(duration_s)
+    pause_ns = 0
     while (now_ns := clock.now_ns()) < end_ns:
-        if now_ns >= next_ask_ns:
-            next_ask_ns = now_ns + nanoseconds(1.0 / ask_rate_hz)
+        pause_ns, last_ns = max(pause_ns, now_ns - last_ns), now_ns
+        if now_ns >= next_request_ns:
+            next_request_ns = now_ns + nanoseconds(1.0 / request_rate_hz)
             for device in devices:
-                device.ask()
+                device.request()
         for device in devices:
             device.samples.extend(map(_without_pixels, device.driver.poll()))
         on_progress(seconds(now_ns - start_ns))
-        clock.sleep_until(min(now_ns + POLL_STEP_NS, next_ask_ns, end_ns))
-    return [_heard(device, clock.now_ns()) for device in devices]
+        clock.sleep_until(min(now_ns + POLL_STEP_NS, next_request_ns, end_ns))
+    pause_s = seconds(max(pause_ns, now_ns - last_ns))
+    return [_reception(device, start_ns, clock.now_ns(), pause_s) for device in devices]
 
 
-def _ask_nothing() -> None:
+def _request_nothing() -> None:
     pass
 
 
@@ -130,13 +137,16 @@ def _without_pixels(sample: Sample) -> Sample:
     return replace(sample, image=NO_PIXELS) if isinstance(sample, FrameSample) else sample
 
 
-def _heard(device: OpenDevice, end_ns: int) -> Heard:
+def _reception(device: OpenDevice, start_ns: int, end_ns: int, pause_s: float) -> Reception:
+    device.samples.extend(map(_without_pixels, device.driver.poll()))
     name = device.driver.name
-    return Heard(
+    return Reception(
         device=name,
         settings=device.settings,
+        start_ns=start_ns,
         end_ns=end_ns,
+        pause_s=pause_s,
         samples=tuple(device.samples),
-        arrivals=tuple(device.overhearing.arrivals),
+        arrivals=tuple(device.recorder.arrivals),
         health=device.driver.health(),
     )

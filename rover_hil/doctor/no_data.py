@@ -1,4 +1,4 @@
-"""Why does a device say nothing that can be used?"""
+"""Explain why a device delivers no data."""
 
 import re
 
@@ -7,7 +7,7 @@ from drivers.device_settings import SerialDeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.doctor.finding import Finding, problem
-from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.listening import Reception
 from rover_hil.doctor.rejections import advice_for, list_reasons
 
 CHECK = "data"
@@ -16,27 +16,27 @@ GARBLED = frozenset({"framing", "checksum"})
 _SENTENCE_NAME = re.compile(rb"\$([A-Z]{5})\b")
 
 
-def check_silence(heard: Heard) -> list[Finding]:
-    """Explain why no sample arrived; says nothing when one did."""
-    if heard.health.accepted:
+def check_no_data(reception: Reception) -> list[Finding]:
+    """Explain why no sample arrived; no finding when one did."""
+    if reception.health.accepted:
         return []
-    if not heard.arrivals and not heard.health.rejected:
-        return [_nothing_arrives(heard)]
-    reasons = list_reasons(heard)
-    byte_count = sum(len(arrival.payload) for arrival in heard.arrivals)
-    what = f"nothing usable arrives; rejected: {reasons}" if reasons else f"{byte_count} bytes without sense"
-    cause, fix = _explain_refusal(heard)
-    return [problem(CHECK, heard.device, what + _sentences(heard), cause, fix)]
+    if not reception.arrivals and not reception.health.rejected:
+        return [_nothing_arrives(reception)]
+    reasons = list_reasons(reception)
+    byte_count = sum(len(arrival.payload) for arrival in reception.arrivals)
+    what = f"no usable data arrives; rejected: {reasons}" if reasons else f"{byte_count} undecodable bytes"
+    cause, fix = _explain_rejection(reception)
+    return [problem(CHECK, reception.device, what + _sentences(reception), cause, fix)]
 
 
-def _nothing_arrives(heard: Heard) -> Finding:
-    settings, name = heard.settings, heard.device
+def _nothing_arrives(reception: Reception) -> Finding:
+    settings, name = reception.settings, reception.device
     if isinstance(settings, RobotinoBoardSettings):
         cause = "the board does not answer: it is off, or it is not on this port"
         fix = f"switch the rover on; in [devices.{name}] check port and baud_rate = {settings.baud_rate}"
     elif isinstance(settings, SerialDeviceSettings):
-        cause = "the device is off, its transmit line is not connected, or it waits to be asked"
-        fix = f"check its power and that its TX goes to our RX; look with `xxd {settings.port} | head`"
+        cause = "the device is off, its transmit line is not connected, or it only answers requests"
+        fix = f"check its power and that its TX goes to our RX; check with `xxd {settings.port} | head`"
     elif isinstance(settings, CanWheelsSettings):
         cause = "the drives are off, the bus is not connected, or its bit rate is wrong"
         fix = f"switch the drives on; in [devices.{name}] check channel and bit_rate = {settings.bit_rate}"
@@ -46,8 +46,8 @@ def _nothing_arrives(heard: Heard) -> Finding:
     return problem(CHECK, name, "nothing arrives", cause, fix)
 
 
-def _explain_refusal(heard: Heard) -> tuple[str, str]:
-    settings, name, rejected = heard.settings, heard.device, heard.health.rejected
+def _explain_rejection(reception: Reception) -> tuple[str, str]:
+    settings, name, rejected = reception.settings, reception.device, reception.health.rejected
     if isinstance(settings, NmeaCompassSettings) and set(rejected) == {"checksum"}:
         return (
             "the sentences carry no checksum, or a wrong one",
@@ -64,10 +64,10 @@ def _explain_refusal(heard: Heard) -> tuple[str, str]:
     return advice.cause, advice.fix.format(device=name)
 
 
-def _sentences(heard: Heard) -> str:
-    """Return which NMEA sentences came from a compass, for a device that sends the wrong ones."""
-    if not isinstance(heard.settings, NmeaCompassSettings):
+def _sentences(reception: Reception) -> str:
+    """Return which NMEA sentences a compass sent, to show that they are the wrong ones."""
+    if not isinstance(reception.settings, NmeaCompassSettings):
         return ""
-    data = b"".join(arrival.payload for arrival in heard.arrivals)
+    data = b"".join(arrival.payload for arrival in reception.arrivals)
     names = sorted({name.decode() for name in _SENTENCE_NAME.findall(data)})
-    return f"; sentences heard: {', '.join(names)}" if names else ""
+    return f"; sentences reception: {', '.join(names)}" if names else ""

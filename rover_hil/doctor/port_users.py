@@ -1,4 +1,4 @@
-"""Who has a device open?"""
+"""Find the programs that have a device open."""
 
 import contextlib
 import os
@@ -8,28 +8,28 @@ from typing import NamedTuple
 from rover_hil.doctor.finding import read_text
 
 
-class Holder(NamedTuple):
+class PortUser(NamedTuple):
     """A process that has the device open."""
 
     pid: int
     name: str
 
 
-def find_holders(device: Path, proc: Path) -> list[Holder]:
+def find_users(device: Path, proc: Path) -> list[PortUser]:
     """Return the other processes that have `device` open, as far as this user may see them."""
     target = str(device.resolve())
-    holders: list[Holder] = []
+    users: list[PortUser] = []
     for process in proc.iterdir():
         if not process.name.isdecimal() or int(process.name) == os.getpid():
             continue
         if target in _open_files(process / "fd"):
-            holders.append(Holder(int(process.name), read_text(process / "comm") or "?"))
-    return sorted(holders)
+            users.append(PortUser(int(process.name), read_text(process / "comm") or "?"))
+    return sorted(users)
 
 
-def describe(holders: list[Holder]) -> str:
+def describe(users: list[PortUser]) -> str:
     """Return names and numbers of processes for a message."""
-    return ", ".join(f"{holder.name} (process {holder.pid})" for holder in holders)
+    return ", ".join(f"{user.name} (process {user.pid})" for user in users)
 
 
 def _open_files(folder: Path) -> set[str]:

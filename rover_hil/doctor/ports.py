@@ -1,4 +1,4 @@
-"""Device files: are they there, may the user open them, will they keep their name?"""
+"""Check device files: present, permitted, with a name that stays."""
 
 import grp
 import os
@@ -13,18 +13,18 @@ from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.device_settings import SerialDeviceSettings
 from drivers.registry import AnyDeviceSettings
 from rover_hil.doctor.finding import Finding, SystemPaths, ok, problem, read_text, warning
-from rover_hil.doctor.port_users import describe, find_holders
+from rover_hil.doctor.port_users import describe, find_users
 
 
 @dataclass(frozen=True, slots=True)
 class PortKind:
-    """What is known about a kind of device file.
+    """Facts about a kind of device file.
 
     Attributes:
-        check: What the user calls it.
+        check: Name of the check.
         links: Folders below /dev with names that survive a replug, best first.
-        moving_names: How names begin that do not.
-        group: Who may usually open it.
+        moving_names: Beginnings of names that do not.
+        group: The group that may usually open it.
     """
 
     check: str
@@ -38,7 +38,7 @@ CAMERA = PortKind("camera", ("v4l/by-id", "v4l/by-path"), ("video",), "video")
 
 
 class Port(NamedTuple):
-    """A device file that the configuration names, and under which key."""
+    """A device file in the configuration, and its key."""
 
     kind: PortKind
     key: str
@@ -57,7 +57,7 @@ def port_of(settings: AnyDeviceSettings) -> Port | None:
 
 
 def check_port(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
-    """Look at a device file without opening it."""
+    """Check a device file without opening it."""
     check, path = port.kind.check, port.path
     try:
         status = path.stat()
@@ -68,14 +68,14 @@ def check_port(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
             problem(
                 check,
                 device,
-                f"{path} is no device file",
+                f"{path} is not a device file",
                 f"a file or folder is in the place of the {check}",
                 _set_key(device, port, paths),
             )
         ]
     if not os.access(path, os.R_OK | os.W_OK):
         return [no_permission(device, port, status, _user_name())]
-    findings = [ok(check, device, f"{path} is there and may be opened")]
+    findings = [ok(check, device, f"{path} exists and may be opened")]
     findings += _check_name(device, port, paths)
     if port.kind is SERIAL:
         findings += _check_free(device, port, paths)
@@ -100,26 +100,26 @@ def no_permission(device: str, port: Port, status: os.stat_result, user: str) ->
         cause = f"{user} is not in the group {group}"
         fix = f"sudo usermod -aG {group} {user}  (then log out and in again)"
     else:
-        cause = f"no group that {user} could join may read and write it: a udev rule is missing"
+        cause = "there is no group with permission to read and write it: a udev rule is missing"
         fix = f"sudo chgrp {port.kind.group} {path}; sudo chmod 660 {path}  (until the next replug)"
     return problem(port.kind.check, device, what, cause, fix)
 
 
 def busy(device: str, port: Port, paths: SystemPaths, what: str) -> Finding:
-    """Return what to do about a port that cannot be opened although it is there."""
-    holders = find_holders(port.path, paths.proc)
-    if holders:
-        pids = " ".join(str(holder.pid) for holder in holders)
-        cause = f"it is in use by {describe(holders)}"
+    """Return what to do about an existing port that cannot be opened."""
+    users = find_users(port.path, paths.proc)
+    if users:
+        pids = " ".join(str(user.pid) for user in users)
+        cause = f"it is in use by {describe(users)}"
         fix = f"end that program, e.g. `kill {pids}`"
     else:
-        cause = "another program has it open, it is not that kind of device, or it refuses the settings"
+        cause = "another program has it open, it is another kind of device, or it rejects the settings"
         fix = f"sudo fuser -v {port.path}  (shows who has it open; end that program)"
     return problem(port.kind.check, device, what, cause, fix)
 
 
 def check_latency_timer(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
-    """Look at the latency timer of an FTDI adapter; only while the port is open does it show its value."""
+    """Check the latency timer of an FTDI adapter; it shows its value only while the port is open."""
     name = port.path.resolve().name
     timer = paths.sys / "bus/usb-serial/devices" / name / "latency_timer"
     text = read_text(timer)
@@ -129,8 +129,8 @@ def check_latency_timer(device: str, port: Port, paths: SystemPaths) -> list[Fin
         warning(
             "latency timer",
             device,
-            f"the adapter holds bytes back for up to {text} ms",
-            "the FTDI adapter collects bytes before it passes them on, which adds to the age of every sample",
+            f"the adapter delays bytes by up to {text} ms",
+            "the FTDI adapter collects bytes before it sends them on, which adds to the age of every sample",
             f"echo 1 | sudo tee {timer}",
         )
     ]
@@ -147,9 +147,11 @@ def _missing(device: str, port: Port, paths: SystemPaths, reason: str) -> Findin
     path = port.path
     what = f"{path} cannot be found: {reason.lower()}"
     if path.is_symlink():
-        cause = f"it is a link to {path.readlink()}, which is gone: unplugged, or its simulator has ended"
+        cause = (
+            f"it is a link to {path.readlink()}, which does not exist: unplugged, or its simulator has ended"
+        )
     elif not path.is_absolute():
-        cause = f"the path is looked for in {Path.cwd()}, where `rover-hil simulate` would have made it"
+        cause = f"the path is relative to {Path.cwd()}, and `rover-hil simulate` does not serve it there"
     else:
         cause = "the device is not plugged in or not powered, or it has another name"
     return problem(port.kind.check, device, what, cause, _set_key(device, port, paths))
@@ -159,7 +161,7 @@ def _set_key(device: str, port: Port, paths: SystemPaths) -> str:
     names = _stable_names(port, paths)
     if not names:
         return (
-            f"plug the device in and look for its name with `ls {paths.dev / port.kind.links[0]}`; "
+            f"plug the device in and find its name with `ls {paths.dev / port.kind.links[0]}`; "
             "for the simulated rover start `rover-hil simulate CONFIG` in this folder first"
         )
     choices = " or ".join(f'"{name}"' for name in names)
@@ -186,7 +188,7 @@ def _check_name(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
 
 
 def _check_free(device: str, port: Port, paths: SystemPaths) -> list[Finding]:
-    if not find_holders(port.path, paths.proc):
+    if not find_users(port.path, paths.proc):
         return []
     return [busy(device, port, paths, f"{port.path} is already open: two readers would share the bytes")]
 

@@ -1,14 +1,14 @@
-"""What refused data means."""
+"""Explain why data was rejected."""
 
 from typing import NamedTuple
 
 from rover_hil.doctor.finding import CAN_WIRING, Finding, Level
-from rover_hil.doctor.listening import Heard
+from rover_hil.doctor.listening import Reception
 
 CHECK = "rejected data"
 
 TOLERATED = 2
-"""Listening begins and ends within a frame, so that one or two are cut."""
+"""Listening begins and ends within a frame, so one or two are cut."""
 TOLERATED_SHARE = 0.01
 
 
@@ -16,7 +16,7 @@ class Advice(NamedTuple):
     """Cause and fix of one reason; `{device}` stands for the name of the device.
 
     Attributes:
-        level: How bad it is beside good data; OK for valid data that is not for us.
+        level: Severity when good data arrives too; OK for valid data that is not for us.
     """
 
     level: Level
@@ -36,39 +36,39 @@ _OLD_DATA = Advice(
 )
 _OTHER_LAYOUT = Advice(
     Level.PROBLEM,
-    "the messages are not laid out as the DBC file says",
+    "the layout of the messages differs from the DBC file",
     "take the DBC file of your drive's firmware version and name it in the mapping of [devices.{device}]",
 )
 _OTHER_BOARD = Advice(
     Level.PROBLEM,
-    "another Robotino board is built in than the configuration says; its currents would be misread",
+    "the built-in Robotino board is not the configured one; its currents would be misread",
     'in [devices.{device}] set board to the other of "EA05" and "EA09"',
 )
 _OTHER_IMAGES = Advice(
     Level.PROBLEM,
-    "the images are not of the size and depth that the configuration says",
+    "size or depth of the images is not the configured one",
     "in [devices.{device}] set width and height to those of the images",
 )
 _STANDING_CAMERA = Advice(
     Level.WARNING,
-    "the camera or the program that fills the folder delivers a frame again instead of a new one",
+    "the camera, or the program that fills the folder, delivers the same frame again",
     "connect the camera without a hub, or lower frame_rate_hz in [devices.{device}]",
 )
 
 _ADVICE = {
     "other_sentence": Advice(
         Level.OK,
-        "the device sends sentences, but none that tells heading, rate or attitude",
+        "the device sends sentences, but none with heading, rate or attitude",
         "set it to send HDG, HDM, HDT or THS",
     ),
     "other_type": Advice(
         Level.OK,
         "the device sends frames, but none with acceleration, rate or angle",
-        "switch on the outputs 0x51, 0x52 and 0x53 with the maker's program",
+        "enable the outputs 0x51, 0x52 and 0x53 with the manufacturer's program",
     ),
     "other_traffic": Advice(
         Level.OK,
-        "frames come in, but none that the mapping knows",
+        "frames arrive, but none that the mapping contains",
         "in [devices.{device}] set mapping to that of your drives, and in it the node number of each wheel",
     ),
     "framing": _NOISE,
@@ -80,8 +80,8 @@ _ADVICE = {
     ),
     "empty": Advice(
         Level.WARNING,
-        "the device has no heading to tell yet, or an image could not be decoded",
-        "wait until the device has settled (a GNSS compass needs the sky); for images look at the files",
+        "the device has no heading yet, or an image could not be decoded",
+        "wait until the device has settled (a GNSS compass needs the sky); for images check the files",
     ),
     "invalid_mode": Advice(
         Level.WARNING,
@@ -92,14 +92,14 @@ _ADVICE = {
     "no_attitude": Advice(
         Level.WARNING,
         "the magnetic field came without roll and pitch, which the heading needs",
-        "switch on the angle output (0x53) of the sensor with the maker's program",
+        "enable the angle output (0x53) of the sensor with the manufacturer's program",
     ),
     "board_is_EA05": _OTHER_BOARD,
     "board_is_EA09": _OTHER_BOARD,
     "motor_fault": Advice(
         Level.PROBLEM,
         "the board cannot read one of its motors",
-        "switch the rover off and on; if it stays, check the plugs of motors and encoders",
+        "switch the rover off and on; if the fault remains, check the plugs of motors and encoders",
     ),
     "implausible_jump": Advice(
         Level.WARNING,
@@ -108,7 +108,7 @@ _ADVICE = {
     ),
     "not_a_frame": Advice(
         Level.WARNING,
-        "what came is no classic CAN frame: CAN FD traffic, or an slcan adapter with garbled lines",
+        "not a classic CAN frame: CAN FD traffic, or an slcan adapter with garbled lines",
         "set all nodes to classic CAN; replace the adapter's cable",
     ),
     "too_short": _OTHER_LAYOUT,
@@ -138,7 +138,7 @@ _ADVICE = {
 }
 _UNKNOWN = Advice(
     Level.WARNING,
-    "the device sends data that its codec refuses",
+    "the device sends data that its codec rejects",
     "compare the settings in [devices.{device}] with the device's manual",
 )
 
@@ -148,22 +148,22 @@ def advice_for(reason: str) -> Advice:
     return _ADVICE.get(reason, _UNKNOWN)
 
 
-def list_reasons(heard: Heard) -> str:
-    """Return how often the codec refused what; "" when it refused nothing."""
-    return ", ".join(f"{count} x {reason}" for reason, count in sorted(heard.health.rejected.items()))
+def list_reasons(reception: Reception) -> str:
+    """Return how often the codec rejected what; "" when it rejected nothing."""
+    return ", ".join(f"{count} x {reason}" for reason, count in sorted(reception.health.rejected.items()))
 
 
-def check_rejections(heard: Heard) -> list[Finding]:
-    """Look at what the codec refused beside good data; says nothing when there was none."""
-    accepted = heard.health.accepted
+def check_rejections(reception: Reception) -> list[Finding]:
+    """Check what the codec rejected among good data; no finding without good data."""
+    accepted = reception.health.accepted
     if not accepted:
         return []
     findings: list[Finding] = []
-    for reason, count in sorted(heard.health.rejected.items()):
+    for reason, count in sorted(reception.health.rejected.items()):
         advice = advice_for(reason)
         tolerated = max(TOLERATED, TOLERATED_SHARE * accepted) if advice.level is Level.WARNING else 0
         if advice.level is not Level.OK and count > tolerated:
-            what = f"{count} x '{reason}' beside {accepted} samples"
-            fix = advice.fix.format(device=heard.device)
-            findings.append(Finding(CHECK, heard.device, advice.level, what, advice.cause, fix))
+            what = f"{count} x '{reason}' with {accepted} good samples"
+            fix = advice.fix.format(device=reception.device)
+            findings.append(Finding(CHECK, reception.device, advice.level, what, advice.cause, fix))
     return findings

@@ -1,4 +1,4 @@
-"""May the loop be on time? Warnings only: without real-time scheduling it runs, with more lateness."""
+"""Check whether the loop can be on time. Warnings only: without real-time scheduling cycles are later."""
 
 import os
 
@@ -10,7 +10,7 @@ GOOD_GOVERNORS = frozenset({"performance", "schedutil"})
 
 
 def may_use_realtime() -> bool:
-    """Return whether this user may use SCHED_FIFO: tries it and goes back."""
+    """Return whether this user may use SCHED_FIFO, by a try that is taken back."""
     policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -21,14 +21,14 @@ def may_use_realtime() -> bool:
 
 
 def check_scheduling(paths: SystemPaths, *, realtime_allowed: bool) -> list[Finding]:
-    """Look at the right to real-time scheduling and at the processors' governors."""
+    """Check the right to real-time scheduling and the processors' governors."""
     findings: list[Finding] = []
     if not realtime_allowed:
         findings.append(
             warning(
                 CHECK,
                 "SCHED_FIFO",
-                "this user may not use real-time scheduling, so `run --realtime` will refuse",
+                "this user may not use real-time scheduling, so `run --realtime` fails",
                 "the system grants the right only to users named in its limits",
                 "add 'USER - rtprio 99' to /etc/security/limits.conf and log in again, "
                 "or run without --realtime",
@@ -42,9 +42,9 @@ def check_scheduling(paths: SystemPaths, *, realtime_allowed: bool) -> list[Find
             warning(
                 CHECK,
                 "CPU governor",
-                f"the processors are under the governor {', '.join(slow)}",
+                f"the processors use the governor {', '.join(slow)}",
                 "it lowers the clock between the cycles of the loop, which makes the next one late",
                 "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor",
             )
         )
-    return findings or [ok(CHECK, "host", "real-time scheduling is allowed, no slowing CPU governor")]
+    return findings or [ok(CHECK, "host", "real-time scheduling is allowed, the CPU governors are fast")]

@@ -1,6 +1,5 @@
 """Overlay: trace and angle drawn into the frames."""
 
-import shutil
 from pathlib import Path
 
 import cv2
@@ -20,7 +19,7 @@ TEXT_ROWS = 32
 
 
 class OverlayWriter:
-    """Writes a video (`.mp4`, `.avi`) or a folder of pictures, under a temporary name until `close`.
+    """Writes a video (`.mp4`, `.avi`) or a folder of pictures.
 
     Args:
         path: Video file or folder to make; must not exist.
@@ -28,29 +27,20 @@ class OverlayWriter:
         frame_rate_hz: Of the video.
 
     Raises:
-        ConfigError: The path exists or cannot be written.
+        ConfigError: The video cannot be written.
     """
 
     def __init__(self, path: Path, rig: RigGeometry, frame_rate_hz: float) -> None:
         self._path, self._rig = path, rig
-        if path.exists():
-            msg = f"{path} exists and is not overwritten: choose another --overlay"
-            raise ConfigError(msg)
         self._video: cv2.VideoWriter | None = None
         suffix = path.suffix.lower()
-        self._part = path.with_name(f".{path.stem}.part{path.suffix}")
-        if suffix in VIDEOS:
-            code = cv2.VideoWriter.fourcc(*VIDEOS[suffix])
-            self._video = cv2.VideoWriter(str(self._part), code, frame_rate_hz, (rig.width, rig.height))
-            if not self._video.isOpened():
-                msg = f"cannot write video {path}: choose another --overlay"
-                raise ConfigError(msg)
+        if suffix not in VIDEOS:
+            path.mkdir()
             return
-        try:
-            self._part.mkdir(parents=True)
-        except OSError as error:
-            msg = f"cannot make folder {path}: {error.strerror}; choose another --overlay"
-            raise ConfigError(msg) from error
+        code = cv2.VideoWriter.fourcc(*VIDEOS[suffix])
+        self._video = cv2.VideoWriter(str(path), code, frame_rate_hz, (rig.width, rig.height))
+        if not self._video.isOpened():
+            raise ConfigError(f"cannot write video {path.name}: choose another --overlay")
 
     def add(self, number: int, grey: Image, angle: TraceAngle, width_m: float) -> None:
         """Draw one frame."""
@@ -58,21 +48,12 @@ class OverlayWriter:
         if self._video is not None:
             self._video.write(picture)
         else:
-            cv2.imwrite(str(self._part / f"{number:05d}.png"), picture)
+            cv2.imwrite(str(self._path / f"{number:05d}.png"), picture)
 
     def close(self) -> None:
-        """Move the finished video or folder to its name."""
+        """Finish the video."""
         if self._video is not None:
             self._video.release()
-        self._part.rename(self._path)
-
-    def discard(self) -> None:
-        """Remove the unfinished video or folder."""
-        if self._video is not None:
-            self._video.release()
-            self._part.unlink(missing_ok=True)
-        else:
-            shutil.rmtree(self._part, ignore_errors=True)
 
 
 def draw(grey: Image, angle: TraceAngle, rig: RigGeometry, width_m: float) -> Image:

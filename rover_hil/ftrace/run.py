@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 from controllers.ftrace.estimator import TraceAngle, TraceEstimator
 from controllers.ftrace.rig import RigFile
@@ -59,23 +58,6 @@ def csv_row(item: FrameAngle) -> str:
     distance = float("nan") if angle.distance_m is None else angle.distance_m
     found = f"{angle.theta_deg:.4f},{distance:.5f},{angle.confidence:.4f},{int(angle.detected)}"
     return f"{item.number},{item.t_s:.6f},{found}"
-
-
-def write_csv(path: Path, rows: list[str]) -> None:
-    """Write the output, completely or not at all.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def longest_gap(found: list[bool]) -> int:

@@ -1,4 +1,4 @@
-"""What data must be before anything is computed from it."""
+"""Requirements on data before anything is computed from it."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -21,10 +21,10 @@ SHOWN = 3
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """Why no verdict on effects is possible.
+    """Reason why no verdict on effects is possible.
 
     Attributes:
-        is_identifiability: The data is sound, but cannot tell; otherwise it is bad.
+        is_identifiability: The data is sound, but does not decide; otherwise it is bad.
         reason: What is wrong and what to do, one sentence.
     """
 
@@ -124,7 +124,7 @@ def _conditions(model: Model, runs: Sequence[Run]) -> str:
     for run in runs:
         for name in model.condition_units:
             if name not in run.conditions:
-                return f"run {run.name} does not say its {name}"
+                return f"run {run.name} has no condition {name}"
             if not math.isfinite(run.conditions[name]):
                 return f"run {run.name}: {name} is {run.conditions[name]}: write what was set"
     return ""
@@ -245,7 +245,7 @@ def _conditions_vary(model: Model, runs: Sequence[Run]) -> str:
     constant = [name for name in names if len({run.conditions[name] for run in runs}) == 1]
     return (
         f"all runs were made under {len(groups)} set{'s' if len(groups) > 1 else ''} of conditions, which "
-        f"cannot tell effects apart: vary {', '.join(constant or names)}"
+        f"cannot distinguish effects: vary {', '.join(constant or names)}"
     )
 
 
@@ -261,4 +261,4 @@ def _inputs_vary(model: Model, runs: Sequence[Run]) -> str:
     if len(levels) > 1 or all(name == "t_s" for name in model.input_units):
         return ""
     names = ", ".join(name for name in model.input_units if name != "t_s")
-    return f"the inputs never change, which cannot tell effects apart: vary {names}"
+    return f"the inputs never change, which cannot distinguish effects: vary {names}"

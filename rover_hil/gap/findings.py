@@ -1,4 +1,4 @@
-"""What the rooms of the workflow hand on."""
+"""Results that the steps of the workflow pass on."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,18 +17,18 @@ from sim_backends.models.interface import Model, Run
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """What the rooms found; later ones are None where an earlier one ended it.
+    """Results of the steps; None for steps that were not reached.
 
     Attributes:
         prepared: The base model fitted to the runs to learn from.
         gap: Whether there is a gap.
-        locations: Where, at the fitted base model.
+        locations: Where model and data differ, at the fitted base model.
         naming: Which effects explain it.
         best: The chosen explanation, with derivatives at its fit.
-        remaining_gap: Whether a gap is left with it.
-        alternatives: Its effects that a term without a name does as well as, and the term.
-        equations: What is left, as equations.
-        validation: What the locked runs say.
+        remaining_gap: Test for a gap that remains with it.
+        alternatives: Its effects that a free-form term equals, and the term.
+        equations: Equations for the remaining gap.
+        validation: Result on the locked runs.
     """
 
     prepared: Prepared
@@ -44,7 +44,7 @@ class Findings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analysis:
-    """Everything a report is made of."""
+    """Content of a report."""
 
     model: Model
     verdict: Verdict

@@ -1,4 +1,4 @@
-"""What is decided before the data is looked at: which runs stay locked, what is tried, at what odds."""
+"""Decisions before the data is used: the locked runs, the effects to test, the error probabilities."""
 
 import ast
 import fnmatch
@@ -17,13 +17,13 @@ from sim_backends.models.interface import Model, Run
 LOCKED_SHARE = 0.25
 FEW_LEVELS = 8
 LEAST_GROUPS = 8
-"""Groups from which on whole conditions can be locked."""
+"""Fewest groups to lock whole conditions."""
 LEAST_RUNS = {True: 6, False: 4}
 """Fewest runs that can be split: steady, series."""
 
 
 class TooFewRunsError(ConfigError):
-    """The data cannot be split into runs to learn from and runs to prove on."""
+    """There are too few runs to split them for search and validation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,9 +32,9 @@ class Plan:
 
     Attributes:
         model: Identifier of the model.
-        discover: Runs to learn from.
-        confirm: Runs that stay locked until there is something to prove.
-        cards: Effects that are tried.
+        discover: Runs of the search.
+        confirm: Runs that stay locked until validation.
+        cards: Effects to test.
         alphas: Probabilities of error.
         seed: Of all random numbers.
         data_sha256: Of every measured and set value.
@@ -67,7 +67,7 @@ class Plan:
 
 
 def data_hash(runs: Sequence[Run]) -> str:
-    """Return a hash of all runs, whatever file they came in."""
+    """Return a hash of all runs, independent of their files."""
     digest = hashlib.sha256()
     for run in sorted(runs, key=lambda one: one.name):
         digest.update(run.name.encode())
@@ -89,7 +89,7 @@ def require_runs(runs: Sequence[Run]) -> int:
     least = LEAST_RUNS[is_steady(runs)]
     if len(runs) < least:
         raise TooFewRunsError(
-            f"{len(runs)} runs are too few to learn from some and prove on others: measure {least} or more"
+            f"{len(runs)} runs are too few to split them for search and validation: measure {least} or more"
         )
     return least
 
@@ -97,14 +97,14 @@ def require_runs(runs: Sequence[Run]) -> int:
 def make_plan(
     model: Model, runs: Sequence[Run], *, seed: int, confirm: str = "", alphas: Mapping[str, float]
 ) -> Plan:
-    """Split `runs`; measured values play no part in it.
+    """Split `runs`, independent of measured values.
 
     Args:
-        model: Says which conditions count.
+        model: Defines the conditions.
         runs: All runs.
         seed: Of the split.
-        confirm: Expression that is true for runs to lock; empty to draw them.
-        alphas: To be written down.
+        confirm: Expression that is true for runs to lock; empty for a random choice.
+        alphas: Probabilities of error, recorded.
 
     Raises:
         ConfigError: The expression is wrong.
@@ -154,7 +154,7 @@ def _drawn(model: Model, runs: Sequence[Run], rng: np.random.Generator, steady: 
 
 
 def _single_runs(groups: Mapping[tuple[float, ...], Sequence[str]], rng: np.random.Generator) -> set[str]:
-    """Lock single runs of the groups, where groups are too few to lock whole ones."""
+    """Lock single runs where there are too few groups to lock whole ones."""
     count = sum(len(members) for members in groups.values())
     target = max(1, math.floor(LOCKED_SHARE * count))
     shuffled = [list(rng.permutation(members)) for members in groups.values()]
@@ -199,7 +199,7 @@ def _compile(expression: str) -> Callable[[Run], bool]:
         tree = ast.parse(expression, mode="eval").body
     except SyntaxError as error:
         raise ConfigError(
-            f"--confirm '{expression}' is no expression: write one like 'slope_deg >= 20'"
+            f"--confirm '{expression}' is not an expression; write one like 'slope_deg >= 20'"
         ) from error
 
     def rule(run: Run) -> bool:

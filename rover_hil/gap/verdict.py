@@ -1,4 +1,4 @@
-"""The verdict, as it is written down."""
+"""The verdict and its text."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ MOST_LINES = 5
 
 
 class Answer(StrEnum):
-    """What can be said."""
+    """Kinds of verdict."""
 
     NO_GAP = "NO_GAP"
     NAMED = "NAMED"
@@ -40,7 +40,7 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Everything `verdict.json` says."""
+    """Content of `verdict.json`."""
 
     verdict: Answer
     sentence: str

@@ -1,4 +1,4 @@
-"""From findings to a verdict and its sentence."""
+"""Rules that turn findings into a verdict and its sentence."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 
 WHOLE_SHARE = 0.9
-"""Share of what can be explained from which on a name stands although something is left."""
+"""Least share of the explainable gap for a name without reservation."""
 WHOLE_SHARE_OF_SERIES = 0.98
 """The same for series, whose many samples show more of an effect."""
 HALF_SHARE = 0.5
@@ -27,13 +27,13 @@ POWER_Z = 1.28
 
 
 def refuse(answer: Answer, reason: str) -> Verdict:
-    """Return the verdict on data that cannot be judged."""
-    head = "The data cannot be used" if answer is Answer.BAD_DATA else "The data cannot tell"
+    """Return the verdict on unusable data."""
+    head = "The data cannot be used" if answer is Answer.BAD_DATA else "The data cannot decide"
     return Verdict(verdict=answer, sentence=f"{head}: {reason}.")
 
 
 def decide(findings: Findings) -> Verdict:
-    """Return the verdict on what was found."""
+    """Return the verdict on findings."""
     if findings.gap.p > GAP_ALPHA:
         return _no_gap(findings)
     answer = _answer(findings)
@@ -110,7 +110,7 @@ def _answer(findings: Findings) -> Answer:
 
 
 def explained_share(findings: Findings) -> float:
-    """Return how much of what can be explained the chosen effects explain, 0..1."""
+    """Return the share of the explainable gap that the chosen effects explain, 0..1."""
     best, remaining_gap = findings.best, findings.remaining_gap
     if best is None or remaining_gap is None:
         return 0.0
@@ -125,7 +125,7 @@ def explained_share(findings: Findings) -> float:
 
 
 def _asked_by_terms(remaining_gap: GapTest) -> float:
-    """Return what the best free-form term of each channel would still explain."""
+    """Return the cost that the best free-form term of each channel would still explain."""
     by_channel: dict[str, float] = {}
     for score in remaining_gap.free:
         if one_sided_z(score) >= remaining_gap.threshold:
@@ -135,14 +135,14 @@ def _asked_by_terms(remaining_gap: GapTest) -> float:
 
 
 def interval_factor(findings: Findings) -> float:
-    """Return the half width of a 95 % interval in standard errors, wider where something is left."""
+    """Return the half width of a 95 % interval in standard errors, wider where a gap remains."""
     freedom = findings.prepared.noise.freedom
     factor = float(stats.t.ppf(0.975, freedom)) if math.isfinite(freedom) else 1.96
     return factor * math.sqrt(findings.naming.inflation)
 
 
 def is_named(answer: Answer) -> bool:
-    """Tell whether a verdict comes with effects."""
+    """Return True for verdicts with effects."""
     return answer in (Answer.NAMED, Answer.NAMED_SET, Answer.PARTLY_NAMED)
 
 
@@ -183,15 +183,15 @@ def _sentence(findings: Findings, answer: Answer) -> str:
     if answer is Answer.UNNAMED or best is None or validation is None:
         why = "no effect of the catalogue explains it"
         if best is not None and validation is not None and not validation.is_confirmed:
-            why = f"{_join(best.names)} explains it only on the runs it was found on, not on the locked ones"
+            why = f"{_join(best.names)} explains it on the runs of the search only, not on the locked runs"
         elif best is not None:
             why = f"the best, {_join(best.names)}, explains only {explained_share(findings):.0%} of it"
         if answer is Answer.NOT_IDENTIFIABLE:
-            why = "these runs cannot tell any effect from errors of the base parameters"
+            why = "these runs do not distinguish any effect from errors of the base parameters"
         return f"There is a gap (p = {findings.gap.p:.2g}), and {why}.{where}"
     if answer is Answer.NOT_IDENTIFIABLE:
         names = ", ".join(_join(one.names) for one in findings.naming.members)
-        return f"There is a gap, and these runs cannot tell which of {names} it is.{where}"
+        return f"There is a gap, and these runs do not distinguish {names}.{where}"
     closed = (
         ""
         if validation.closure is None
@@ -200,19 +200,19 @@ def _sentence(findings: Findings, answer: Answer) -> str:
     values = _join([_values(effect) for effect in found_effects(findings, best)])
     if len(findings.naming.members) > 1:
         names = " or ".join(_join(one.names) for one in findings.naming.members)
-        values = f"{names}, which these runs do not tell apart; best fit {values}"
+        values = f"{names}, which these runs do not distinguish; best fit {values}"
     text = f"Missing: {values}{closed}"
     if answer is Answer.PARTLY_NAMED:
-        text = f"Missing, or what looks most like it: {values}{closed}{_unsure(findings)}"
+        text = f"Probably missing: {values}{closed}{_unsure(findings)}"
     harm = f" Worse than before: {', '.join(validation.harmed)}." if validation.harmed else ""
     return f"{text}.{where}{harm}"
 
 
 def _unsure(findings: Findings) -> str:
-    """Return why names are not the whole truth."""
+    """Return why the names are not certain."""
     text = ""
     if findings.remaining_gap is not None and findings.remaining_gap.p <= GAP_ALPHA:
-        text = f"; {1 - explained_share(findings):.0%} has no name"
+        text = f"; {1 - explained_share(findings):.0%} remains unexplained"
     for name, alternative in findings.alternatives.items():
         channel, term = alternative.split(": ", 1)
         text += f"; a term {term} in {channel} explains as much as {name}"
@@ -255,14 +255,16 @@ def _why(item: Candidate, naming: Naming) -> str:
     if name in naming.absorbed and one_sided_z(score) < naming.threshold:
         return f"not visible in these runs: {naming.absorbed[name]} imitates it"
     if one_sided_z(score) == 0.0:
-        return f"asked for with the sign it cannot have ({score.z:+.1f} standard deviations)"
+        return f"the data supports only the impossible sign ({score.z:+.1f} standard deviations)"
     if one_sided_z(score) < naming.threshold:
-        return f"not asked for: {one_sided_z(score):.1f} standard deviations, {naming.threshold:.1f} needed"
+        return (
+            f"not significant: {one_sided_z(score):.1f} standard deviations, {naming.threshold:.1f} required"
+        )
     single = naming.tried.get((name,))
     if naming.best is not None and single is not None and name not in naming.best.names:
         worse = single.cost - naming.best.cost
         return f"{_join(naming.best.names)} explains more: {worse:.1f} in -2 log-likelihood"
-    return "explains too little of the gap, or not the locked runs"
+    return "explains too little of the gap, or does not hold on the locked runs"
 
 
 def _detectable(naming: Naming) -> list[dict[str, str | float]]:

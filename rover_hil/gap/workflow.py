@@ -1,4 +1,4 @@
-"""The workflow from runs to a verdict: plan, test, locate, name, prove."""
+"""The workflow from runs to a verdict: plan, test, localise, name, validate."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -9,6 +9,7 @@ from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
 from rover_hil.gap import verdict_rules
 from rover_hil.gap.checks import missing_values, object_to
+from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.explain.alternative_models import find_alternative_terms
 from rover_hil.gap.explain.candidates import candidate_directions
 from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest, find_gap
@@ -37,21 +38,22 @@ def analyse(
     on_plan: Callable[[Plan], None] = lambda _: None,
     advance: Callable[[str], None] = lambda _: None,
 ) -> Analysis:
-    """Find where model and runs disagree, name what is missing, and prove it.
+    """Find where model and runs disagree, name the missing effects, and validate them.
 
     Args:
         model: The simulator with its effects.
         runs: Measured.
         seed: Of all random numbers.
-        confirm: Expression that selects the runs to lock; empty to draw them.
-        on_plan: Told the plan before anything is computed from measured values.
-        advance: Told what is being done.
+        confirm: Expression that selects the runs to lock; empty for a random choice.
+        on_plan: Called with the plan before anything is computed from measured values.
+        advance: Called with the current step.
 
     Raises:
-        ConfigError: `confirm` is no expression.
+        ConfigError: `confirm` is not an expression.
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
+    model = ObservedModel(model, runs)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
@@ -117,12 +119,12 @@ def _learn(
     findings = Findings(prepared=prepared, gap=gap, locations=locations, naming=naming)
     if gap.p > GAP_ALPHA:
         return findings
-    advance("testing what is left")
+    advance("testing the remaining gap")
     return _with_best(findings, naming.best, rng)
 
 
 def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Generator) -> Findings:
-    """Return findings with an explanation: what it leaves, and equations for that."""
+    """Return findings with an explanation: its remaining gap, and equations for it."""
     prepared, remaining_gap = findings.prepared, None
     observations, noise, fitted = prepared.problem.observations, prepared.noise, prepared.start
     if best is not None:
@@ -150,7 +152,7 @@ def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Gene
 
 
 def _polished(prepared: Prepared, found: Fit) -> Fit:
-    """Return a fit carried to its end, with derivatives taken there: for intervals and scores."""
+    """Return a converged fit with its derivatives, for intervals and scores."""
     free = {item.key for item in found.free}
     fixed = {key: value for key, value in found.point.items() if key not in free}
     best = fit(prepared.problem, prepared.noise, found.free, found.point, fixed=fixed)
@@ -159,7 +161,7 @@ def _polished(prepared: Prepared, found: Fit) -> Fit:
 
 
 def _validated(findings: Findings, locked_runs: Sequence[Run], seed: int) -> Findings:
-    """Return findings with their proof; effects that the locked runs speak against are taken back."""
+    """Return findings with their validation; effects that the locked runs contradict are withdrawn."""
     rng = np.random.default_rng(seed)
     while findings.best is not None:
         best, naming = findings.best, findings.naming

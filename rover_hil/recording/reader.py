@@ -5,13 +5,17 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, DataEnd, McapRecord, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
+from pydantic import TypeAdapter, ValidationError
 
 from drivers.errors import LogError
-from rover_hil.recording.writer import CONFIG_ATTACHMENT, LOG_SCHEMA
+from rover_hil.recording.schema import CONFIG_ATTACHMENT, LOG_SCHEMA
+
+RecordT = TypeVar("RecordT")
 
 RECORD_SIZE_LIMIT = 256 * 2**20
 
@@ -71,6 +75,20 @@ class LogReader:
             msg = f"{path} holds no configuration: it was cut off before the run began"
             raise LogError(msg)
         self.config_json = self.attachments[CONFIG_ATTACHMENT]
+
+    def parse(self, message: LogMessage, shape: TypeAdapter[RecordT]) -> RecordT:
+        """Return the record in a message.
+
+        Raises:
+            LogError: The message has another shape.
+        """
+        try:
+            return shape.validate_json(message.data)
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"])) or "its content"
+            msg = f"{self.path} is damaged: {message.topic} at {message.t_ns} ns: {place}: {first['msg']}"
+            raise LogError(msg) from error
 
     def messages(self) -> Iterator[LogMessage]:
         """Yield every message in the order of writing.

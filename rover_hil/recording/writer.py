@@ -18,11 +18,21 @@ from drivers.clock import wall_time_ns
 from drivers.driver import Health
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, LinkItem
-from drivers.samples import FrameSample, Sample
+from drivers.samples import Sample
 from rover_hil.recording.images import encode_image
+from rover_hil.recording.schema import (
+    CONFIG_ATTACHMENT,
+    HEALTH,
+    LINK,
+    LOG_SCHEMA,
+    RAW,
+    SAMPLES,
+    SENT,
+    UNSENT,
+    health_record,
+    samples_record,
+)
 
-LOG_SCHEMA = "rover-hil-log/1"
-CONFIG_ATTACHMENT = "config.json"
 FLUSH_PERIOD_NS = 100_000_000
 
 JSON_SCHEMA = b'{"type":"object"}'
@@ -40,15 +50,23 @@ class LogWriter:
         config_json: The effective configuration.
         attachments: Data files that the configuration names, by the name they get in the log.
         origin: What made this log: "virtual", "real", or what was imported.
+        final_path: Where the file is moved to while it is written, for messages.
 
     Raises:
         FileExistsError: `path` exists; a log is never overwritten.
     """
 
     def __init__(
-        self, path: Path, start_ns: int, config_json: bytes, attachments: Mapping[str, bytes], origin: str
+        self,
+        path: Path,
+        start_ns: int,
+        config_json: bytes,
+        attachments: Mapping[str, bytes],
+        origin: str,
+        *,
+        final_path: Path | None = None,
     ) -> None:
-        self._path = path
+        self._path = final_path or path
         self._stream = path.open("xb")
         self._failure = ""
         self._lock = threading.Lock()
@@ -81,11 +99,6 @@ class LogWriter:
     ) -> None:
         self.close()
 
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing has been written but the header."""
-        return not self._channels
-
     def close(self) -> None:
         """Finish the file; may be called again, also after it could not be written.
 
@@ -104,26 +117,26 @@ class LogWriter:
     def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
         """Note what arrived from a device."""
         if isinstance(item, LinkChange):
-            self.write_json(f"/link/{device}", item.t_ns, item)
+            self.write_json(f"{LINK}{device}", item.t_ns, item)
             return
         payload = item.payload
         data = encode_image(payload) if isinstance(payload, CameraImage) else payload
-        self._write(f"/raw/{device}", item.t_ns, data, encoding="raw")
+        self._write(f"{RAW}{device}", item.t_ns, data, encoding="raw")
 
     def sent(self, device: str, t_ns: int, payload: bytes, delivered: bool) -> None:
         """Note what was sent to a device, or could not be."""
-        topic = f"/sent/{device}" if delivered else f"/unsent/{device}"
-        self._write(topic, t_ns, payload, encoding="raw")
+        topic = SENT if delivered else UNSENT
+        self._write(f"{topic}{device}", t_ns, payload, encoding="raw")
 
     def samples(self, t_ns: int, samples: Sequence[Sample]) -> None:
         """Note decoded samples."""
         record = samples_record(samples)
         if record:
-            self.write_json("/samples", t_ns, record)
+            self.write_json(SAMPLES, t_ns, record)
 
     def health(self, t_ns: int, healths: Sequence[Health]) -> None:
         """Note the health facts of all devices."""
-        self.write_json("/health", t_ns, [_health_record(health) for health in healths])
+        self.write_json(HEALTH, t_ns, [health_record(health) for health in healths])
 
     def write_json(self, topic: str, t_ns: int, record: object) -> None:
         """Write one record as JSON; dataclasses, mappings, sequences and numbers are allowed."""
@@ -156,35 +169,3 @@ class LogWriter:
             self._stream.close()
         self._failure = f"cannot write log {self._path}: {error.strerror}; make room, or choose another --out"
         return LogError(self._failure)
-
-
-def samples_record(samples: Sequence[Sample]) -> dict[str, list[object]]:
-    """Return samples grouped by kind, ready for JSON; of a camera frame only what surrounds the pixels."""
-    grouped: dict[str, list[object]] = {}
-    for sample in samples:
-        record: object = sample
-        if isinstance(sample, FrameSample):
-            record = {
-                "device": sample.device,
-                "t_ns": sample.t_ns,
-                "t_capture_ns": sample.t_capture_ns,
-                "index": sample.index,
-                "shape": sample.image.shape,
-            }
-        grouped.setdefault(type(sample).__name__, []).append(record)
-    return grouped
-
-
-def _health_record(health: Health) -> dict[str, object]:
-    return {
-        "device": health.device,
-        "state": health.state,
-        "rate_hz": health.rate_hz,
-        "age_s": health.age_s,
-        "accepted": health.accepted,
-        "rejected": dict(health.rejected),
-        "breaks": health.breaks,
-        "sent": health.sent,
-        "send_failures": health.send_failures,
-        "last_link_reason": health.last_link_reason,
-    }

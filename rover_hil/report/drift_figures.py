@@ -4,7 +4,8 @@ import math
 
 from matplotlib.figure import Figure
 
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.report import run_plots
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary
 from rover_hil.report.tracks import Series, spans
@@ -17,22 +18,22 @@ def draw_drift(run: RunData, summary: Summary) -> Figure | None:
     drift = run.drift
     if drift is None:
         return None
-    figure, plots = style.rows(2, ROW_HEIGHT_IN)
+    figure, plots = run_plots.rows(2, ROW_HEIGHT_IN)
     slip, angle = plots
     slip.set_title("slip (%)")
     angle.set_title("slip angle (deg)")
     if drift.true_slip is not None and drift.true_angle is not None:
-        style.line(slip, _scaled(drift.true_slip, 100.0), style.TRUTH, "truth")
-        style.line(angle, _scaled(drift.true_angle, math.degrees(1.0)), style.TRUTH, "_nolegend_")
-    style.line(slip, _scaled(drift.slip, 100.0), style.ESTIMATE, "told")
-    style.line(angle, _scaled(drift.angle, math.degrees(1.0)), style.ESTIMATE, "_nolegend_")
+        run_plots.line(slip, _scaled(drift.true_slip, 100.0), style.TRUTH, "truth")
+        run_plots.line(angle, _scaled(drift.true_angle, math.degrees(1.0)), style.TRUTH, "_nolegend_")
+    run_plots.line(slip, _scaled(drift.slip, 100.0), style.ESTIMATE, "told")
+    run_plots.line(angle, _scaled(drift.angle, math.degrees(1.0)), style.ESTIMATE, "_nolegend_")
     labels = ["not sure" if reason else "" for reason in drift.reasons]
     unsure = [(start_s, end_s) for start_s, end_s, label in spans(drift.slip.t_s, labels) if label]
     for index, (start_s, end_s) in enumerate(unsure):
         for axes in plots:
             label = "not sure" if index == 0 else None
             axes.axvspan(start_s, end_s, color=style.NOT_VALID, linewidth=0, zorder=0.4, label=label)
-    style.finish(figure, plots, run, summary)
+    run_plots.finish(figure, plots, run, summary)
     return figure
 
 

@@ -1,12 +1,11 @@
 """The pictures of a report, each with one sentence that says what to look at."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from rover_hil.report import style
+from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 from rover_hil.report.drift_figures import draw_drift
 from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
 from rover_hil.report.run_data import RunData
@@ -80,21 +79,8 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A picture: its title, what to look at, and the picture itself as an address that holds it."""
-
-    title: str
-    caption: str
-    source: str
-
-
-def draw_pictures(run: RunData, summary: Summary) -> list[Picture]:
+def draw_report(run: RunData, summary: Summary) -> list[Picture]:
     """Return the pictures that the log has data for, in the order of the report."""
-    pictures: list[Picture] = []
-    with mpl.rc_context(style.STYLE):
-        for title, caption, draw in PICTURES:
-            figure = draw(run, summary)
-            if figure is not None:
-                pictures.append(Picture(title, caption, style.data_uri(figure)))
-    return pictures
+    return draw_pictures(
+        Drawing(title, caption, partial(draw, run, summary)) for title, caption, draw in PICTURES
+    )

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from controllers.motion.mission import corner_points
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.report import run_plots
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, TrackError, position_error_m
 from rover_hil.report.tracks import Series, Track
@@ -44,22 +45,22 @@ def draw_error(run: RunData, summary: Summary) -> Figure | None:
     """Draw how far estimate and encoders are off the truth."""
     if run.truth is None:
         return None
-    figure, (axes,) = style.rows(1, 2.4)
+    figure, (axes,) = run_plots.rows(1, 2.4)
     for track, colour, label, width in (
         (run.encoders, style.ENCODERS, "encoders", WIDE),
         (run.estimate, style.ESTIMATE, "estimate", NARROW),
     ):
         error = position_error_m(track, run.truth)
-        style.line(axes, Series(error.t_s, 1e3 * error.value), colour, label, width)
+        run_plots.line(axes, Series(error.t_s, 1e3 * error.value), colour, label, width)
     axes.set_ylabel("off the truth (mm)")
     axes.set_ylim(bottom=0)
-    style.finish(figure, [axes], run, summary)
+    run_plots.finish(figure, [axes], run, summary)
     return figure
 
 
 def draw_headings(run: RunData, summary: Summary) -> Figure:
     """Draw every account of the yaw, in the local frame."""
-    figure, (axes,) = style.rows(1, 2.8)
+    figure, (axes,) = run_plots.rows(1, 2.8)
     for (name, heading), colour in zip(run.headings.items(), style.HEADINGS, strict=False):
         _draw_yaw(axes, heading, style.pale(colour), name, NARROW)
     _draw_yaw(axes, Series(run.encoders.t_s, run.encoders.yaw_rad), style.ENCODERS, "encoders", WIDE)
@@ -69,12 +70,12 @@ def draw_headings(run: RunData, summary: Summary) -> Figure:
         _draw_yaw(axes, Series(run.truth.t_s, run.truth.yaw_rad), style.TRUTH, "truth", MIDDLE)
     _draw_yaw(axes, Series(run.estimate.t_s, run.estimate.yaw_rad), style.ESTIMATE, "estimate", NARROW)
     axes.set_ylabel("yaw (deg)")
-    style.finish(figure, [axes], run, summary)
+    run_plots.finish(figure, [axes], run, summary)
     return figure
 
 
 def _draw_way(axes: Axes, track: Track, colour: str, label: str, width: float) -> None:
-    every = max(1, len(track.t_s) // style.THIN_BINS)
+    every = max(1, len(track.t_s) // run_plots.THIN_BINS)
     x_m, y_m = (np.append(values[::every], values[-1]) for values in (track.x_m, track.y_m))
     axes.plot(x_m, y_m, color=colour, label=label, linewidth=width)
     axes.plot(x_m[-1], y_m[-1], "o", color=colour, markersize=7, markeredgecolor="white", zorder=6)
@@ -98,7 +99,7 @@ def _draw_ellipse(axes: Axes, run: RunData, index: int) -> None:
 
 
 def _draw_yaw(axes: Axes, yaw: Series, colour: str, label: str, width: float) -> None:
-    style.line(axes, Series(yaw.t_s, np.degrees(yaw.value)), colour, label, width)
+    run_plots.line(axes, Series(yaw.t_s, np.degrees(yaw.value)), colour, label, width)
 
 
 def _with_error(name: str, error: TrackError | None) -> str:

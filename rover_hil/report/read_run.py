@@ -4,21 +4,18 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
-from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.safety import Mode
-from controllers.settings import SkidSteerRoverSettings
-from controllers.slip.effort.compensator import SlipReport
-from controllers.slip.scomp.compensator import ScompReport
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
-from drivers.link import LinkChange
-from drivers.samples import HeadingSample, RateSample, WheelSample
 from rover_hil.config import Config
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.log import HEADING, POSE, LogRows, Readings
+from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.report.run_data import (
@@ -39,48 +36,10 @@ from rover_hil.report.tracks import (
     local_headings,
     speed_from_positions,
 )
-from rover_hil.run.executive import RunResult
 
 SLOWEST_RIM_M_S, SLOWEST_M_S = 0.03, 0.01
 """Below the first the true slip, below the second the true slip angle says nothing."""
 SKID_STEER_PLACES = ("front left", "front right", "rear left", "rear right")
-
-
-class _Samples(BaseModel):
-    """The samples of one cycle that a report shows."""
-
-    wheels: list[WheelSample] = Field(default=[], alias="WheelSample")
-    headings: list[HeadingSample] = Field(default=[], alias="HeadingSample")
-    rates: list[RateSample] = Field(default=[], alias="RateSample")
-
-
-class _Truth(BaseModel):
-    """The truth of a simulated rover, or of an overhead camera, which repeats itself when it saw nothing."""
-
-    t_ns: int
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    is_new: bool = True
-    velocity_x_m_s: float | None = None
-    velocity_y_m_s: float | None = None
-    wheel_speed_rad_s: tuple[float, ...] = ()
-    slip: tuple[float, ...] = ()
-
-
-class _SetPoint(BaseModel):
-    speed_rad_s: tuple[float, ...]
-
-
-class _Cycle(BaseModel):
-    late_ns: int
-    work_ns: int
-
-
-_STEP_OUTPUT = TypeAdapter(StepOutput)
-_HEALTH = TypeAdapter(list[Health])
-_LINK = TypeAdapter(LinkChange)
-_END = TypeAdapter(RunResult)
 
 
 def read_run(path: Path) -> RunData:
@@ -93,13 +52,7 @@ def read_run(path: Path) -> RunData:
     with restore_config(log) as config:
         collector = _Collector(config, log.start_ns)
     for message in log.messages():
-        try:
-            collector.take(message)
-        except ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(map(str, first["loc"])) or "its content"
-            msg = f"{path} is damaged: {message.topic} at {message.t_ns} ns: {place}: {first['msg']}"
-            raise LogError(msg) from error
+        collector.take(message, log)
     return collector.result(log)
 
 
@@ -110,8 +63,9 @@ class _Collector:
         self._config = config
         self._start_ns = start_ns
         self._last_ns = start_ns
-        self._rows: defaultdict[tuple[str, int | str], list[tuple[float, ...]]] = defaultdict(list)
-        self._slips: list[tuple[float, SlipReport]] = []
+        self._readings = LogRows(config)
+        self._rows: defaultdict[tuple[str, str], list[tuple[float, ...]]] = defaultdict(list)
+        self._slips: list[tuple[float, schema.SlipRecord]] = []
         self._drift_reasons: list[str] = []
         self._uncompared: Counter[str] = Counter()
         self._modes: list[Mode] = []
@@ -120,37 +74,36 @@ class _Collector:
         self._health: list[Health] = []
         self._link_events: list[LinkEvent] = []
         self._watchdog_s: list[float] = []
-        self._end: RunResult | None = None
+        self._end: schema.EndRecord | None = None
 
-    def take(self, message: LogMessage) -> None:
-        """Take one message; topics that the report does not show are passed over."""
+    def take(self, message: LogMessage, log: LogReader) -> None:
+        """Take one message; those of topics that the report does not show have no effect.
+
+        Raises:
+            LogError: It is damaged.
+        """
         self._last_ns = max(self._last_ns, message.t_ns)
-        t_s = self._seconds(message.t_ns)
-        kind, _, device = message.topic[1:].partition("/")
-        match kind:
-            case "samples":
-                self._take_samples(_Samples.model_validate_json(message.data))
-            case "estimate":
-                self._take_output(_STEP_OUTPUT.validate_json(message.data))
-            case "command" | "set_point":
-                command = _SetPoint.model_validate_json(message.data)
-                self._add_wheels("set_point", t_s, command.speed_rad_s)
-            case "truth":
-                self._take_truth(_Truth.model_validate_json(message.data))
-            case "cycle":
-                cycle = _Cycle.model_validate_json(message.data)
-                self._rows["cycle", ""].append((cycle.late_ns / 1e3, cycle.work_ns / 1e3))
-            case "health":
-                self._health = _HEALTH.validate_json(message.data)
-            case "link":
-                change = _LINK.validate_json(message.data)
+        self._readings.take(message, log)
+        match message.topic:
+            case schema.ESTIMATE:
+                self._take_output(log.parse(message, schema.ESTIMATE_SHAPE))
+            case schema.CYCLE:
+                cycle = log.parse(message, schema.CYCLE_SHAPE)
+                self._rows["cycle", ""].append((cycle["late_ns"] / 1e3, cycle["work_ns"] / 1e3))
+            case schema.HEALTH:
+                self._health = log.parse(message, schema.HEALTH_SHAPE)
+            case schema.WATCHDOG:
+                self._watchdog_s.append(self._seconds(message.t_ns))
+            case schema.END:
+                self._end = log.parse(message, schema.END_SHAPE)
+            case topic if topic.startswith(schema.LINK):
+                change = log.parse(message, schema.LINK_SHAPE)
+                device = topic.removeprefix(schema.LINK)
                 self._link_events.append(
-                    LinkEvent(t_s=t_s, device=device, up=change.up, reason=change.reason)
+                    LinkEvent(
+                        t_s=self._seconds(message.t_ns), device=device, up=change.up, reason=change.reason
+                    )
                 )
-            case "watchdog":
-                self._watchdog_s.append(t_s)
-            case "end":
-                self._end = _END.validate_json(message.data)
 
     def result(self, log: LogReader) -> RunData:
         """Return everything taken, as arrays.
@@ -164,10 +117,10 @@ class _Collector:
             msg = f"log {log.path} holds no complete cycle: there is nothing to report"
             raise LogError(msg)
         encoders = Track.of(odometry)
-        truth = finite_rows(self._rows["truth", ""], 4)
+        truth = self._true_poses()
         first_motion_s = encoders.first_motion_s()
-        rates = self._series("rate", "")
-        duration_s = self._seconds(self._last_ns) if self._end is None else self._end.duration_s
+        rates = self._readings_of("gyro_z_rad_s")
+        duration_s = self._seconds(self._last_ns) if self._end is None else self._end["duration_s"]
         return RunData(
             path=log.path,
             origin=log.origin,
@@ -181,7 +134,7 @@ class _Collector:
             covariance=estimates[:, 4:],
             encoders=encoders,
             truth=Track.of(truth).from_first_pose() if len(truth) else None,
-            cross_track=self._series("cross_track", ""),
+            cross_track=self._series("cross_track"),
             headings=self._headings(first_motion_s),
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
             innovations=self._innovations(),
@@ -197,74 +150,72 @@ class _Collector:
     def _seconds(self, t_ns: int) -> float:
         return seconds(t_ns - self._start_ns)
 
-    def _add_wheels(self, kind: str, t_s: float, values: tuple[float | None, ...], first: int = 0) -> None:
-        for wheel, value in enumerate(values, start=first):
-            if value is not None:
-                self._rows[kind, wheel].append((t_s, value))
-
-    def _take_output(self, output: StepOutput) -> None:
-        t_s = self._seconds(output.t_ns)
-        pose, odometry = output.estimate, output.odometry
-        pose_s = self._seconds(pose.t_ns)
-        self._modes.append(output.mode)
-        self._reasons.append(output.reason)
-        self._limits.append(output.limit)
+    def _take_output(self, output: schema.EstimateRecord) -> None:
+        t_s = self._seconds(output["t_ns"])
+        pose, odometry = output["estimate"], output["odometry"]
+        pose_s = self._seconds(pose["t_ns"])
+        self._modes.append(Mode(output["mode"]))
+        self._reasons.append(output["reason"])
+        self._limits.append(Limit(output["limit"]))
         self._rows["time", ""].append((t_s,))
-        self._rows["estimate", ""].append((pose_s, pose.x_m, pose.y_m, pose.yaw_rad, *pose.covariance))
-        self._rows["odometry", ""].append((pose_s, odometry.x_m, odometry.y_m, odometry.yaw_rad))
-        if output.cross_track_m is not None:
-            self._rows["cross_track", ""].append((t_s, output.cross_track_m))
-        if output.slip is not None:
-            self._slips.append((t_s, output.slip))
-        if output.drift is not None:
-            self._take_drift(t_s, output.drift)
-        for innovation in output.innovations:
-            if innovation.residual is not None and innovation.variance is not None:
-                row = (t_s, innovation.residual, innovation.variance**0.5, float(innovation.accepted))
-                self._rows["innovation", innovation.name].append(row)
+        self._rows["estimate", ""].append(
+            (pose_s, pose["x_m"], pose["y_m"], pose["yaw_rad"], *pose["covariance"])
+        )
+        self._rows["odometry", ""].append((pose_s, odometry["x_m"], odometry["y_m"], odometry["yaw_rad"]))
+        cross_track_m, slip, drift = output["cross_track_m"], output.get("slip"), output.get("drift")
+        if cross_track_m is not None:
+            self._rows["cross_track", ""].append((t_s, cross_track_m))
+        if slip is not None:
+            self._slips.append((t_s, slip))
+        if drift is not None:
+            self._take_drift(t_s, drift)
+        for innovation in output["innovations"]:
+            residual, variance = innovation["residual"], innovation["variance"]
+            if residual is not None and variance is not None:
+                row = (t_s, residual, variance**0.5, float(innovation["accepted"]))
+                self._rows["innovation", innovation["name"]].append(row)
             else:
-                self._uncompared[innovation.name] += 1
+                self._uncompared[innovation["name"]] += 1
 
-    def _take_drift(self, t_s: float, drift: ScompReport) -> None:
-        self._rows["drift_slip", ""].append((t_s, drift.slip))
-        self._rows["drift_angle", ""].append((t_s, drift.slip_angle_rad))
-        self._drift_reasons.append(drift.reason)
-        trace = drift.trace
-        if trace is not None and trace.detected and trace.theta_rad is not None:
-            self._rows["trace", ""].append((self._seconds(trace.t_ns), trace.theta_rad))
+    def _take_drift(self, t_s: float, drift: schema.DriftRecord) -> None:
+        self._rows["drift_slip", ""].append((t_s, drift["slip"]))
+        self._rows["drift_angle", ""].append((t_s, drift["slip_angle_rad"]))
+        self._drift_reasons.append(drift["reason"])
+        trace = drift["trace"]
+        if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
+            self._rows["trace", ""].append((self._seconds(trace["t_ns"]), trace["theta_rad"]))
 
-    def _take_samples(self, samples: _Samples) -> None:
-        roles = self._config.roles
-        for wheel in samples.wheels:
-            if wheel.device == roles.wheels:
-                t_s = self._seconds(wheel.t_ns)
-                self._add_wheels("position", t_s, (wheel.position_rad,), wheel.wheel)
-                self._add_wheels("speed", t_s, (wheel.speed_rad_s,), wheel.wheel)
-                self._add_wheels("current", t_s, (wheel.current_a,), wheel.wheel)
-        for heading in samples.headings:
-            if heading.device in roles.headings:
-                name = f"{heading.device} {heading.reference}"
-                self._rows["heading", name].append((self._seconds(heading.t_ns), heading.heading_rad))
-        for rate in samples.rates:
-            if rate.device == roles.gyro:
-                self._rows["rate", ""].append((self._seconds(rate.t_ns), rate.rate_z_rad_s))
+    def _readings_of(self, name: str) -> Series | None:
+        """Return readings over time; None where there are none."""
+        readings = self._readings[name]
+        series = Series.of(np.column_stack((self._elapsed_s(readings), readings.value)))
+        return series if len(series.t_s) else None
 
-    def _take_truth(self, truth: _Truth) -> None:
-        t_s = self._seconds(truth.t_ns)
-        if truth.is_new:
-            self._rows["truth", ""].append((t_s, truth.x_m, truth.y_m, truth.yaw_rad))
-        forward, left = truth.velocity_x_m_s, truth.velocity_y_m_s
-        if forward is not None and left is not None and truth.wheel_speed_rad_s:
-            rim_m_s = self._config.rover.wheel_radius_m * float(np.mean(truth.wheel_speed_rad_s))
-            turns = abs(rim_m_s) > SLOWEST_RIM_M_S
-            self._rows["true_slip", ""].append((t_s, 1.0 - forward / rim_m_s if turns else np.nan))
-            moves = turns and forward > SLOWEST_M_S
-            self._rows["true_angle", ""].append((t_s, np.arctan2(left, forward) if moves else np.nan))
-        self._add_wheels("slip", t_s, truth.slip)
-        self._add_wheels("true_speed", t_s, truth.wheel_speed_rad_s)
+    def _true_poses(self) -> Array:
+        x, y, yaw = (self._readings[name] for name in POSE)
+        return finite_rows(np.column_stack((self._elapsed_s(x), x.value, y.value, yaw.value)), 4)
 
-    def _series(self, kind: str, key: int | str) -> Series | None:
-        series = Series.of(self._rows[kind, key])
+    def _true_slip(self) -> tuple[Series | None, Series | None]:
+        """Return the true slip and slip angle of the rover while it moves; None where unknown."""
+        forward, left = self._readings["true_forward_m_s"], self._readings["true_left_m_s"]
+        count = make_kinematics(self._config.rover).wheel_count
+        speeds = [self._readings[f"true_speed{number}_rad_s"].value for number in range(1, count + 1)]
+        if not len(forward) or any(len(speed) != len(forward) for speed in speeds):
+            return None, None
+        rim_m_s = self._config.rover.wheel_radius_m * np.mean(speeds, axis=0)
+        turns = np.abs(rim_m_s) > SLOWEST_RIM_M_S
+        moves = turns & (forward.value > SLOWEST_M_S)
+        t_s = self._elapsed_s(forward)
+        slip = np.where(turns, 1.0 - forward.value / np.where(turns, rim_m_s, 1.0), np.nan)
+        angle = np.where(moves, np.arctan2(left.value, forward.value), np.nan)
+        return Series.of(np.column_stack((t_s, slip))), Series.of(np.column_stack((t_s, angle)))
+
+    def _elapsed_s(self, readings: Readings) -> Array:
+        elapsed: Array = (readings.t_ns - self._start_ns) / 1e9
+        return elapsed
+
+    def _series(self, kind: str) -> Series | None:
+        series = Series.of(self._rows[kind, ""])
         return series if len(series.t_s) else None
 
     def _cycles(self) -> Cycles:
@@ -279,8 +230,11 @@ class _Collector:
         )
 
     def _headings(self, first_motion_s: float) -> dict[str, Series]:
-        names = [str(name) for kind, name in self._rows if kind == "heading"]
-        found = {name: self._series("heading", name) for name in sorted(names)}
+        found = {
+            name.removeprefix(HEADING): self._readings_of(name)
+            for name in sorted(self._readings.names())
+            if name.startswith(HEADING)
+        }
         return {name: local_headings(series, first_motion_s) for name, series in found.items() if series}
 
     def _innovations(self) -> dict[str, InnovationData]:
@@ -288,7 +242,7 @@ class _Collector:
         for (kind, name), rows in self._rows.items():
             if kind == "innovation":
                 t_s, residual, deviation, accepted = np.array(rows).T
-                found[str(name)] = InnovationData(
+                found[name] = InnovationData(
                     t_s=t_s, residual=residual, deviation=deviation, is_accepted=accepted
                 )
         return found
@@ -296,33 +250,34 @@ class _Collector:
     def _slip(self) -> SlipData | None:
         if not self._slips:
             return None
-        t_s = np.array([told_s for told_s, _ in self._slips])
+        t_s = np.array([time_s for time_s, _ in self._slips])
         return SlipData(
-            map=self._slips[0][1].map,
+            map=self._slips[0][1]["map"],
             t_s=t_s,
-            surfaces=[report.surface or "" for _, report in self._slips],
+            surfaces=[report["surface"] or "" for _, report in self._slips],
             wheels=[
                 ToldSlip(
-                    slip=Series(t_s, np.array([wheel.slip for wheel in wheels])),
-                    paper_torque_nm=Series(t_s, np.array([wheel.paper_torque_nm for wheel in wheels])),
-                    wheel_torque_nm=Series(t_s, np.array([wheel.wheel_torque_nm for wheel in wheels])),
-                    reasons=[wheel.reason for wheel in wheels],
+                    slip=Series(t_s, np.array([wheel["slip"] for wheel in wheels])),
+                    paper_torque_nm=Series(t_s, np.array([wheel["paper_torque_nm"] for wheel in wheels])),
+                    wheel_torque_nm=Series(t_s, np.array([wheel["wheel_torque_nm"] for wheel in wheels])),
+                    reasons=[wheel["reason"] for wheel in wheels],
                 )
-                for wheels in zip(*(report.wheels for _, report in self._slips), strict=True)
+                for wheels in zip(*(report["wheels"] for _, report in self._slips), strict=True)
             ],
         )
 
     def _drift(self) -> DriftData | None:
-        slip, angle = self._series("drift_slip", ""), self._series("drift_angle", "")
+        slip, angle = self._series("drift_slip"), self._series("drift_angle")
         if slip is None or angle is None:
             return None
+        true_slip, true_angle = self._true_slip()
         return DriftData(
             slip=slip,
             angle=angle,
             reasons=self._drift_reasons,
             trace=Series.of(self._rows["trace", ""]),
-            true_slip=self._series("true_slip", ""),
-            true_angle=self._series("true_angle", ""),
+            true_slip=true_slip,
+            true_angle=true_angle,
         )
 
     def _wheels(self) -> list[WheelData]:
@@ -331,17 +286,18 @@ class _Collector:
         wheels: list[WheelData] = []
         for wheel in range(make_kinematics(rover).wheel_count):
             place = f" ({SKID_STEER_PLACES[wheel]})" if isinstance(rover, SkidSteerRoverSettings) else ""
-            position = self._series("position", wheel)
+            number = wheel + 1
+            position = self._readings_of(f"enc{number}_rad")
             # A device's own speeds are often coarse, so positions come first.
-            speed = self._series("speed", wheel)
+            speed = self._readings_of(f"speed{number}_rad_s")
             wheels.append(
                 WheelData(
                     name=f"wheel {wheel}{place}",
-                    set_point=self._series("set_point", wheel),
+                    set_point=self._readings_of(f"set{number}_rad_s"),
                     speed=speed if position is None else speed_from_positions(position, limit_rad_s),
-                    current=self._series("current", wheel),
-                    slip=self._series("slip", wheel),
-                    true_speed=self._series("true_speed", wheel),
+                    current=self._readings_of(f"current{number}_a"),
+                    slip=self._readings_of(f"true_slip{number}"),
+                    true_speed=self._readings_of(f"true_speed{number}_rad_s"),
                 )
             )
         return wheels

@@ -8,8 +8,9 @@ from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from drivers.driver import Health
 from rover_hil.config import Config
-from rover_hil.report.tracks import Array, Series, Track
-from rover_hil.run.executive import RunResult
+from rover_hil.datasets.arrays import Array
+from rover_hil.recording.schema import EndRecord
+from rover_hil.report.tracks import Series, Track
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +147,7 @@ class RunData:
     config: Config
     config_json: bytes
     is_complete: bool
-    end: RunResult | None
+    end: EndRecord | None
     duration_s: float
     cycles: Cycles
     estimate: Track

@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.report import run_plots
 from rover_hil.report.run_data import RunData, SlipData, ToldSlip, WheelData
 from rover_hil.report.summary import Summary
 from rover_hil.report.tracks import Series, running_mean, slip_over_time, spans
@@ -40,7 +41,7 @@ def draw_slip(run: RunData, summary: Summary) -> Figure | None:
     if strip is not None and run.slip is not None:
         _draw_surfaces(strip, run.slip)
     _share_labels(plots)
-    style.finish(figure, [*plots, *([] if strip is None else [strip])], run, summary)
+    run_plots.finish(figure, [*plots, *([] if strip is None else [strip])], run, summary)
     return figure
 
 
@@ -49,13 +50,13 @@ def draw_effort(run: RunData, summary: Summary) -> Figure | None:
     if run.slip is None or run.config.slip is None:
         return None
     gear_ratio = run.config.slip.maps.motor.gear_ratio
-    figure, plots = style.rows(len(run.slip.wheels), ROW_HEIGHT_IN, "torque at the wheel (N m)")
+    figure, plots = run_plots.rows(len(run.slip.wheels), ROW_HEIGHT_IN, "torque at the wheel (N m)")
     for axes, name, told in zip(plots, _names(run), run.slip.wheels, strict=True):
         axes.set_title(name)
         m_nm = Series(told.paper_torque_nm.t_s, gear_ratio * told.paper_torque_nm.value)
-        style.line(axes, m_nm, style.COMMANDED, "M x gear ratio", 1.0)
-        style.line(axes, told.wheel_torque_nm, style.MEASURED, "tau_w")
-    style.finish(figure, plots, run, summary)
+        run_plots.line(axes, m_nm, style.COMMANDED, "M x gear ratio", 1.0)
+        run_plots.line(axes, told.wheel_torque_nm, style.MEASURED, "tau_w")
+    run_plots.finish(figure, plots, run, summary)
     return figure
 
 
@@ -78,12 +79,12 @@ def _rows(count: int, *, with_strip: bool) -> tuple[Figure, list[Axes], Axes | N
 
 def _draw_true(axes: Axes, slip: Series) -> None:
     shown = Series(slip.t_s, 100.0 * slip.value)
-    style.line(axes, shown, style.pale(style.TRUTH), "truth, unsmoothed", 0.8)
-    style.line(axes, running_mean(shown), style.TRUTH, "truth, smoothed")
+    run_plots.line(axes, shown, style.pale(style.TRUTH), "truth, unsmoothed", 0.8)
+    run_plots.line(axes, running_mean(shown), style.TRUTH, "truth, smoothed")
 
 
 def _draw_told(axes: Axes, told: ToldSlip) -> None:
-    style.line(axes, Series(told.slip.t_s, 100.0 * told.slip.value), style.ESTIMATE, "told")
+    run_plots.line(axes, Series(told.slip.t_s, 100.0 * told.slip.value), style.ESTIMATE, "told")
     labels = ["not valid" if reason else "" for reason in told.reasons]
     for start_s, end_s, label in spans(told.slip.t_s, labels):
         if label:

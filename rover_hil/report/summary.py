@@ -11,9 +11,10 @@ from controllers.motion.limits import Limit
 from controllers.motion.planar import wrap_angle
 from controllers.safety import Mode
 from drivers.driver import Health
+from rover_hil.datasets.arrays import Array, wrap_angles
 from rover_hil.report.drift_summary import DriftSummary, summarise_drift
 from rover_hil.report.run_data import RunData, WheelData
-from rover_hil.report.tracks import Array, Series, Track, running_mean, spans
+from rover_hil.report.tracks import Series, Track, running_mean, spans
 
 LEAST_DISTANCE_M = 0.05
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
@@ -170,11 +171,11 @@ def summarise(run: RunData) -> Summary:
         log=str(run.path),
         origin=run.origin,
         is_complete=run.is_complete,
-        end=None if end is None or end.end is None else end.end.value,
-        reason=cycles.reason[-1] if end is None else end.reason,
+        end=None if end is None else end["end"],
+        reason=cycles.reason[-1] if end is None else end["reason"],
         mode=cycles.mode[-1],
         cycles=len(cycles.late_us),
-        skipped=int(np.sum(cycles.late_us // period_us)) if end is None else end.skipped,
+        skipped=int(np.sum(cycles.late_us // period_us)) if end is None else end["skipped"],
         watchdog_interventions=len(run.watchdog_s),
         duration_s=run.duration_s,
         final_estimate=_final_pose(run.estimate),
@@ -229,11 +230,6 @@ def _track_error(track: Track, truth: Track | None, distance_m: float | None) ->
         yaw_final_rad=float(yaw_rad[-1]),
         yaw_rms_rad=_rms(yaw_rad),
     )
-
-
-def wrap_angles(angle_rad: Array) -> Array:
-    """Return the same directions within [-pi, pi)."""
-    return (angle_rad + math.pi) % math.tau - math.pi
 
 
 def _final_pose(track: Track) -> FinalPose:

@@ -7,7 +7,8 @@ from matplotlib.ticker import EngFormatter
 
 from controllers.motion.limits import Limit
 from controllers.safety import Mode
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.report import run_plots
 from rover_hil.report.run_data import InnovationData, RunData
 from rover_hil.report.summary import Summary
 from rover_hil.report.tracks import Series, spans
@@ -31,7 +32,7 @@ def draw_timeline(run: RunData, summary: Summary) -> Figure:
     cycles = run.cycles
     names = ["mode", "set-points limited", *(f"link to {device}" for device in run.config.devices)]
     names += ["watchdog"] if run.watchdog_s else []
-    figure, (axes,) = style.rows(1, 0.32 * len(names) + 0.6)
+    figure, (axes,) = run_plots.rows(1, 0.32 * len(names) + 0.6)
     labelled: set[str] = set()
     for start_s, end_s, mode in spans(cycles.t_s, cycles.mode):
         label = None if mode in labelled else mode.replace("_", " ")
@@ -47,7 +48,7 @@ def draw_timeline(run: RunData, summary: Summary) -> Figure:
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.grid(visible=False, axis="y")
-    style.span(axes, run)
+    run_plots.span(axes, run)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=4)
     return figure
 
@@ -56,12 +57,12 @@ def draw_innovations(run: RunData, summary: Summary) -> Figure | None:
     """Draw what each measurement said against the estimate, within the band that the filter expects."""
     if not run.innovations:
         return None
-    figure, plots = style.rows(len(run.innovations), 1.8)
+    figure, plots = run_plots.rows(len(run.innovations), 1.8)
     for axes, (name, data) in zip(plots, run.innovations.items(), strict=True):
         axes.set_title(name)
         _draw_innovation(axes, data)
         axes.set_ylabel("residual (deg/s)" if name.endswith("standstill") else "residual (deg)")
-    style.finish(figure, plots, run, summary)
+    run_plots.finish(figure, plots, run, summary)
     return figure
 
 
@@ -111,7 +112,7 @@ def _draw_innovation(axes: Axes, data: InnovationData) -> None:
     accepted = data.is_accepted > 0
     # The first bands may be as wide as ignorance is; they must not flatten the rest.
     limit_deg = 1.3 * max(float(np.quantile(np.abs(residual_deg), 0.98)), float(np.median(band_deg)))
-    band = style.with_gaps(Series(data.t_s, band_deg))
+    band = run_plots.with_gaps(Series(data.t_s, band_deg))
     axes.fill_between(band.t_s, -band.value, band.value, color=style.ESTIMATE, alpha=0.15, linewidth=0)
     axes.plot(data.t_s[accepted], residual_deg[accepted], ".", color=style.ESTIMATE, markersize=4)
     if not accepted.all():

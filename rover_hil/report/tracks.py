@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controllers.estimation.odometry import ARRIVAL_JITTER_S, PLAUSIBLE_SPEED_FACTOR
-
-Array = NDArray[np.float64]
+from rover_hil.datasets.arrays import Array
 
 DISTANCE_STEP_M = 0.02
 FIRST_MOTION_M = 0.002
@@ -28,7 +26,7 @@ class Series:
     value: Array
 
     @classmethod
-    def of(cls, rows: Sequence[Sequence[float]]) -> Self:
+    def of(cls, rows: Sequence[Sequence[float]] | Array) -> Self:
         """Take (time, value) rows; those not finite, or not newer than all before, are left out."""
         table = finite_rows(rows, 2)
         newest_before = np.concatenate(([-np.inf], np.maximum.accumulate(table[:, 0])))[:-1]
@@ -87,7 +85,7 @@ class Track:
         return float(self.t_s[np.argmax(moved)] if moved.any() else self.t_s[-1])
 
 
-def finite_rows(rows: Sequence[Sequence[float]], width: int) -> Array:
+def finite_rows(rows: Sequence[Sequence[float]] | Array, width: int) -> Array:
     """Return the rows that hold finite numbers only, as an array of shape (n, width)."""
     table = np.array(rows, dtype=np.float64).reshape(-1, width)
     return table[np.isfinite(table).all(axis=1)]

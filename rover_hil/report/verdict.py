@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from statistics import fmean
 
+from controllers.motion.settings import LineMission, RectangleMission
 from controllers.safety import Mode
-from controllers.settings import LineMission, RectangleMission
 from rover_hil.report.drift_summary import DriftSummary
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import SlipSummary, Summary, TrackError

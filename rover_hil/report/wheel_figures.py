@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.report import run_plots
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary
 from rover_hil.report.tracks import MEAN_WINDOW_S, Series, running_mean
@@ -23,14 +24,14 @@ def draw_speeds(run: RunData, summary: Summary) -> Figure | None:
     wheels = [wheel for wheel in run.wheels if wheel.speed is not None]
     if not wheels:
         return None
-    figure, plots = style.rows(len(wheels), ROW_HEIGHT_IN, "speed (rad/s)")
+    figure, plots = run_plots.rows(len(wheels), ROW_HEIGHT_IN, "speed (rad/s)")
     for axes, wheel in zip(plots, wheels, strict=True):
         axes.set_title(wheel.name)
         if wheel.set_point is not None:
-            style.line(axes, wheel.set_point, style.pale(style.COMMANDED), "set-point", 4.0)
+            run_plots.line(axes, wheel.set_point, style.pale(style.COMMANDED), "set-point", 4.0)
         if wheel.speed is not None:
-            style.line(axes, wheel.speed, style.MEASURED, "measured")
-    style.finish(figure, plots, run, summary)
+            run_plots.line(axes, wheel.speed, style.MEASURED, "measured")
+    run_plots.finish(figure, plots, run, summary)
     return figure
 
 
@@ -39,10 +40,10 @@ def _draw_with_means(
 ) -> Figure | None:
     if not values:
         return None
-    figure, plots = style.rows(len(values), ROW_HEIGHT_IN, label)
+    figure, plots = run_plots.rows(len(values), ROW_HEIGHT_IN, label)
     for axes, (name, series) in zip(plots, values.items(), strict=True):
         axes.set_title(name)
-        style.line(axes, series, style.pale(colour), "unsmoothed", 0.8)
-        style.line(axes, running_mean(series), colour, f"mean over {MEAN_WINDOW_S:g} s")
-    style.finish(figure, plots, run, summary)
+        run_plots.line(axes, series, style.pale(colour), "unsmoothed", 0.8)
+        run_plots.line(axes, running_mean(series), colour, f"mean over {MEAN_WINDOW_S:g} s")
+    run_plots.finish(figure, plots, run, summary)
     return figure

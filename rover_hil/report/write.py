@@ -1,13 +1,11 @@
 """Writes summary and report of a run, made from its log alone."""
 
-import contextlib
-from importlib import resources
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
 from pydantic_core import from_json, to_json
 
-from drivers.errors import ConfigError
+from rover_hil.pages.atomic_write import write_files
+from rover_hil.pages.render import render
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, summarise
@@ -16,7 +14,6 @@ from rover_hil.report.verdict import facts, grade, tag, verdict
 SUMMARY_NAME = "summary.json"
 REPORT_NAME = "report.html"
 STOPS_SHOWN = 8
-TEMPLATE_NAME = "report.html"
 
 
 def write_report(log_path: Path, folder: Path) -> str:
@@ -32,46 +29,22 @@ def write_report(log_path: Path, folder: Path) -> str:
     run = read_run(log_path)
     summary = summarise(run)
     summary_json = to_json(summary, indent=2, inf_nan_mode="null").decode()
-    write_all(folder, {SUMMARY_NAME: summary_json, REPORT_NAME: _render(run, summary)})
+    write_files(folder, {SUMMARY_NAME: summary_json, REPORT_NAME: _render(run, summary)})
     return summary_json
 
 
 def _render(run: RunData, summary: Summary) -> str:
     # Imported here because it brings matplotlib, a third of a second that the start of a run must not wait.
-    from rover_hil.report.figures import draw_pictures
+    from rover_hil.report.figures import draw_report
 
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = (resources.files("rover_hil.report") / TEMPLATE_NAME).read_text("utf-8")
-    return environment.from_string(template).render(
+    return render(
+        "report/report.html",
         summary=summary,
         grade=grade(summary).value,
         tag=tag(summary),
         verdict=verdict(run, summary),
         facts=facts(summary),
         stops_shown=STOPS_SHOWN,
-        pictures=draw_pictures(run, summary),
+        pictures=draw_report(run, summary),
         config_text=to_json(from_json(run.config_json), indent=2).decode(),
     )
-
-
-def write_all(folder: Path, texts: dict[str, str]) -> None:
-    """Write text files by name into a folder: under temporary names first, then all moved into place.
-
-    Raises:
-        ConfigError: The folder cannot be made or written to. No half-written file is left behind.
-    """
-    parts = {name: folder / f".{name}.part" for name in texts}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, part in parts.items():
-            part.write_text(texts[name], "utf-8")
-        for name, part in parts.items():
-            part.replace(folder / name)
-    except OSError as error:
-        for part in parts.values():
-            with contextlib.suppress(OSError):
-                part.unlink()
-        msg = f"cannot write the report into {folder}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error

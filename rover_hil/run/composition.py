@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.motion.kinematics import make_kinematics
-from controllers.settings import RoverSettings
+from controllers.motion.rover_geometry import RoverSettings
 from controllers.slip.scomp.compensator import TraceFinder
 from drivers.camera.settings import CameraSettings
 from drivers.clock import Clock, VirtualClock
@@ -26,7 +26,7 @@ class Rig:
 
     Attributes:
         drive: The one of the drivers that turns the wheels.
-        required: Names of the devices without which a mission cannot go on.
+        required: Names of the devices without which the rover stops.
     """
 
     clock: Clock
@@ -49,7 +49,7 @@ class Rig:
             raise
 
     def poll(self) -> list[Sample]:
-        """Return what all devices have said since the last call, device by device."""
+        """Return the samples of all devices since the last call, device by device."""
         samples: list[Sample] = []
         for driver in self.drivers.values():
             samples.extend(driver.poll())
@@ -73,7 +73,7 @@ class Rig:
 
 @dataclass(frozen=True, slots=True)
 class ReplayLinks:
-    """Links fed by hand, by device name."""
+    """Links fed by the caller, by device name."""
 
     bytes_links: dict[str, ReplayLink[bytes]] = field(default_factory=dict)
     image_links: dict[str, ReplayLink[CameraImage]] = field(default_factory=dict)
@@ -109,7 +109,7 @@ def build_virtual_rig(config: Config, clock: VirtualClock, tap: RawTap) -> tuple
 
 
 def build_replay_rig(config: Config, clock: VirtualClock, tap: RawTap) -> tuple[Rig, ReplayLinks]:
-    """Put the rover of `config` together on links that are fed by hand."""
+    """Put the rover of `config` together on links that the caller feeds."""
     links = ReplayLinks()
     drivers: dict[str, AnyDriver] = {}
     for name, settings in config.devices.items():

@@ -8,6 +8,7 @@ from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
 from drivers.driver import DeviceState
+from rover_hil.recording.schema import COMMAND, CYCLE, ESTIMATE, estimate_record, set_point_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
 from rover_hil.run.watchdog import Watchdog
@@ -28,13 +29,13 @@ class End(StrEnum):
 
 @dataclass(slots=True)
 class RunResult:
-    """How a run went.
+    """Outcome of a run.
 
     Attributes:
         end: Why it ended; None while it runs.
-        reason: The same in words, with the particulars.
-        mode: What the rover was doing at the end.
-        skipped: Cycles left out because an earlier one took too long; never made up for in a burst.
+        reason: The same in words, with details.
+        mode: Mode of the controller at the end.
+        skipped: Cycles skipped because an earlier one took too long; they are not run later.
     """
 
     end: End | None = None
@@ -45,25 +46,13 @@ class RunResult:
     duration_s: float = 0.0
     watchdog_interventions: int = 0
 
-    def record(self) -> dict[str, object]:
-        """Return the result for the log."""
-        return {
-            "end": self.end,
-            "reason": self.reason,
-            "mode": self.mode,
-            "cycles": self.cycles,
-            "skipped": self.skipped,
-            "duration_s": self.duration_s,
-            "watchdog_interventions": self.watchdog_interventions,
-        }
-
 
 class Executive:
     """Runs the loop on any clock and any devices.
 
     Args:
         rig: Drivers and control loop, connected.
-        log: Where everything goes.
+        log: Records every cycle.
         rate_hz: Cycles per second.
         on_cycle: Called at the end of each cycle, e.g. to record a simulated rover's truth.
         on_status: Called about ten times per second of real time, for a live display.
@@ -91,11 +80,11 @@ class Executive:
         self._is_stopping = False
 
     def request_stop(self) -> None:
-        """End the run after the present cycle on the user's wish; for signal handlers.
+        """End the run after the present cycle at the user's request; for signal handlers.
 
         Raises:
-            KeyboardInterrupt: Asked again, so that a cycle that hangs ends too; but never while the drive is
-                being stopped.
+            KeyboardInterrupt: At the second request, so that a cycle that hangs ends too; never while the
+                drive is being stopped.
         """
         if self._stop_request is not None and not self._is_stopping:
             raise KeyboardInterrupt
@@ -106,9 +95,9 @@ class Executive:
         return self._clock.now_ns()
 
     def run(self, duration_s: float) -> RunResult:
-        """Run until the mission ends, something forbids to go on, or `duration_s` is over.
+        """Run until the mission ends, a stop is final, or `duration_s` is over.
 
-        The drive is told to stop however the run ends.
+        The drive is commanded to stop however the run ends.
         """
         result = RunResult()
         start_ns = deadline_ns = self._clock.now_ns()
@@ -131,7 +120,7 @@ class Executive:
                     next_health_ns = now_ns + HEALTH_PERIOD_NS
                     self._check_health(now_ns)
                 work_ns = stopwatch_ns() - woke_ns
-                self._log.write_json("/cycle", now_ns, {"late_ns": late_ns, "work_ns": work_ns})
+                self._log.write_json(CYCLE, now_ns, {"late_ns": late_ns, "work_ns": work_ns})
                 result.cycles += 1
                 if self._on_status is not None and woke_ns >= next_status_ns:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
@@ -152,8 +141,8 @@ class Executive:
         if self._watchdog is not None:
             self._watchdog.feed()
         self._log.samples(now_ns, samples)
-        self._log.write_json("/estimate", now_ns, output)
-        self._log.write_json("/command", sent.t_ns, sent)
+        self._log.write_json(ESTIMATE, now_ns, estimate_record(output))
+        self._log.write_json(COMMAND, sent.t_ns, set_point_record(sent))
         if self._on_cycle is not None:
             self._on_cycle(now_ns)
         return output

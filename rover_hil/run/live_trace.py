@@ -33,7 +33,7 @@ class LiveTraceFinder:
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
     ) -> TraceReading | None:
-        """Return the trace in a frame; None for a frame of another size, or not newer than the last one."""
+        """Return the reading of a frame; None for one of another size, or not newer than the one before."""
         t_ns = frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns
         if frame.image.shape[:2] != self._shape or (self._before_ns is not None and t_ns <= self._before_ns):
             return None

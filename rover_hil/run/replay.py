@@ -1,4 +1,4 @@
-"""Run a log again: same raw bytes, same times, same estimates and commands, or it says where not."""
+"""Run a log again with the same raw bytes at the same times, and compare estimates and commands."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.writer import samples_record
+from rover_hil.recording.schema import SENT, estimate_record, samples_record, set_point_record
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
 
@@ -22,14 +22,14 @@ PayloadT = TypeVar("PayloadT", bytes, CameraImage)
 
 @dataclass(slots=True)
 class Difference:
-    """One field that came out different.
+    """One field that differs from the log.
 
     Attributes:
         count: In how many cycles.
         first_t_ns: When for the first time.
         largest: Largest distance between the two, where both are numbers; else None.
-        recorded: What the log says, the last time.
-        replayed: What the replay says, the last time.
+        recorded: Value in the log, the last time.
+        replayed: Value in the replay, the last time.
     """
 
     field: str
@@ -49,14 +49,14 @@ class Difference:
 
 @dataclass(slots=True)
 class ReplayResult:
-    """Outcome of a replay: the number of cycles, and what came out different by name of the field."""
+    """Outcome of a replay: the number of cycles, and the differences by name of the field."""
 
     cycles: int = 0
     by_field: dict[str, Difference] = field(default_factory=dict)
 
     @property
     def differences(self) -> list[Difference]:
-        """What came out different, in the order of first occurrence."""
+        """The differences in the order of first occurrence."""
         return list(self.by_field.values())
 
     def note(self, t_ns: int, name: str, recorded: object, replayed: object) -> None:
@@ -123,12 +123,12 @@ class _Replayer:
         samples = rig.poll()
         output = rig.loop.step(t_ns, samples)
         self._compare("samples", t_ns, samples_record(samples) or None)
-        self._compare("estimate", t_ns, output)
+        self._compare("estimate", t_ns, estimate_record(output))
         command = self._expected.get("command")
         if command is not None:
             recorded_sent = self._prepare_drive(command.t_ns)
             rig.clock.sleep_until(command.t_ns)
-            self._compare("command", t_ns, rig.drive.command(output.command))
+            self._compare("command", t_ns, set_point_record(rig.drive.command(output.command)))
             self._compare_sent(t_ns, recorded_sent)
         self._expected.clear()
         self._drive_link.sent.clear()
@@ -145,7 +145,7 @@ class _Replayer:
         sent = sorted(self._expected_sent, key=lambda message: message.t_ns)
         due = [message for message in sent if message.t_ns <= until_ns]
         self._expected_sent = sent[len(due) :]
-        self._drive_link.outcomes.extend(message.topic.startswith("/sent/") for message in due)
+        self._drive_link.outcomes.extend(message.topic.startswith(SENT) for message in due)
         while self._stops_ns and self._stops_ns[0] <= until_ns:
             del self._stops_ns[0]
             self._rig.drive.stop()
@@ -173,7 +173,7 @@ def _feed_link(link: ReplayLink[PayloadT], message: LogMessage, payload: Payload
         return
     change = message.json()
     if not isinstance(change, dict):
-        msg = f"message on {message.topic} at {message.t_ns} ns is no link change: the log is damaged"
+        msg = f"message on {message.topic} at {message.t_ns} ns is not a link change: the log is damaged"
         raise LogError(msg)
     link.feed(LinkChange(message.t_ns, bool(change["up"]), str(change["reason"]), bool(change["gave_up"])))
 

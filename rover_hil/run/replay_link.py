@@ -1,4 +1,4 @@
-"""A link that delivers what a log or an imported file says, when it is told to."""
+"""A link that delivers the payloads of a log or an imported file on request."""
 
 from collections import deque
 from typing import Generic
@@ -7,11 +7,11 @@ from drivers.link import LinkItem, PayloadT
 
 
 class ReplayLink(Generic[PayloadT]):
-    """A link fed by hand; what is sent to it is kept for comparison and goes nowhere.
+    """A link fed by the caller; sent payloads are kept for comparison and go nowhere.
 
     Attributes:
-        sent: What has been sent, until somebody clears it.
-        outcomes: Whether each next `send` is to count as delivered; delivered when empty.
+        sent: Sent payloads; the caller clears them.
+        outcomes: Whether each next `send` counts as delivered; delivered when empty.
     """
 
     def __init__(self) -> None:

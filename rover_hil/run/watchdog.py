@@ -12,14 +12,14 @@ CHECK_PERIOD_S = 0.02
 
 
 class Watchdog:
-    """Commands the drive to stop when nobody has fed it for longer than the limit.
+    """Commands the drive to stop when it has not been fed for longer than the limit.
 
     Args:
-        drive: What to stop.
+        drive: The drive to stop.
         clock: The host's clock.
-        limit_ns: How long the loop may stay silent.
-        on_intervention: Told the time of each intervention. The drive has been stopped by then, because a log
-            that hangs may be what keeps the loop silent.
+        limit_ns: Longest time between two feeds.
+        on_intervention: Called with the time of each intervention, after the drive has been stopped, because
+            a log that hangs may be what blocks the loop.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class Watchdog:
         self._limit_ns = limit_ns
         self._on_intervention = on_intervention
         self._fed_ns = clock.now_ns()
-        self._has_stopped = False
+        self._stopped = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watchdog", daemon=True)
         self.interventions = 0
@@ -46,15 +46,15 @@ class Watchdog:
         self._thread.join()
 
     def feed(self) -> None:
-        """Say that the loop is alive; called once per cycle."""
+        """Report that the loop is alive; called once per cycle."""
         self._fed_ns = self._clock.now_ns()
-        self._has_stopped = False
+        self._stopped.clear()
 
     def check(self) -> None:
-        """Stop the drive, once per silence, if the loop has been silent for too long."""
+        """Stop the drive, once per pause, if the loop has not fed the watchdog for too long."""
         now_ns = self._clock.now_ns()
-        if not self._has_stopped and now_ns - self._fed_ns > self._limit_ns:
-            self._has_stopped = True
+        if not self._stopped.is_set() and now_ns - self._fed_ns > self._limit_ns:
+            self._stopped.set()
             self.interventions += 1
             with suppress(LogError):  # the loop meets the same error, and ends
                 self._drive.stop()

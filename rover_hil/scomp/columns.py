@@ -3,12 +3,10 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array
 from rover_hil.scomp.drive import Drive
-
-Array = NDArray[np.float64]
 
 WHEELS = ("enc1_rad", "enc2_rad", "enc3_rad", "enc4_rad")
 """Front left, front right, rear left, rear right; the order matters without a gyro only."""

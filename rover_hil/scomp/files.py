@@ -11,21 +11,24 @@ from pydantic import ValidationError
 from controllers.slip.scomp.parameters import RoverGeometry, ScompParameters
 from drivers.errors import ConfigError
 from rover_hil.config import describe_validation_error
+from rover_hil.datasets.log import RecordedDrive
+from rover_hil.datasets.log import read_drive as read_log
 from rover_hil.scomp.columns import KNOWN, drive_of
 from rover_hil.scomp.drive import Drive, Track
 from rover_hil.scomp.read_csv import read_columns
-from rover_hil.scomp.read_log import read_log_columns
+from rover_hil.scomp.read_log import log_columns
 
 HEADER = "t_s,x_m,y_m,heading_rad,slip,slip_angle_rad,sigma_x_m,sigma_y_m"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadDrive:
-    """A drive, notes on its data, and the rover of the log; None for a CSV file."""
+    """A drive and what was left out of it; rover and readings of the log are None for a CSV file."""
 
     drive: Drive
     notes: tuple[str, ...]
     rover: RoverGeometry | None
+    recorded: RecordedDrive | None
 
 
 def read_drive(path: Path) -> ReadDrive:
@@ -35,14 +38,15 @@ def read_drive(path: Path) -> ReadDrive:
         LogError: It cannot be read, has no wheels, or its time does not increase.
     """
     if path.suffix == ".mcap":
-        columns, rover = read_log_columns(path)
+        recorded = read_log(path, with_traces=True)
+        columns, rover = log_columns(recorded)
         drive, notes = drive_of(columns, str(path))
-        return ReadDrive(drive=drive, notes=tuple(notes), rover=rover)
+        return ReadDrive(drive=drive, notes=tuple(notes), rover=rover, recorded=recorded)
     columns, others = read_columns(path, KNOWN)
     drive, notes = drive_of(columns, str(path))
     if others:
         notes.append(f"columns that are not used: {', '.join(others)}")
-    return ReadDrive(drive=drive, notes=tuple(notes), rover=None)
+    return ReadDrive(drive=drive, notes=tuple(notes), rover=None, recorded=None)
 
 
 def read_parameters(path: Path) -> ScompParameters:
@@ -68,23 +72,6 @@ def read_parameters(path: Path) -> ScompParameters:
 def parameters_text(parameters: ScompParameters) -> str:
     """Return parameters as the text of a file."""
     return _tables(parameters.model_dump(by_alias=True, exclude_none=True))
-
-
-def write_text(text: str, path: Path) -> None:
-    """Write a file in one piece; nothing half-written stays behind.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def track_text(track: Track) -> str:

@@ -13,7 +13,8 @@ from controllers.slip.scomp.motion_model import ANGLES, FIRST, SECOND, YAW, Moti
 from controllers.slip.scomp.parameters import ScompParameters
 from controllers.slip.scomp.slip_laws import PitchLaw, SlipLaw, TwoSegmentLaw
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Array, Drive, Track
+from rover_hil.datasets.arrays import Array
+from rover_hil.scomp.drive import Drive, Track
 from rover_hil.scomp.smoother import smooth
 from rover_hil.scomp.windows import smoothed
 

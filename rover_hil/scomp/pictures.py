@@ -1,6 +1,5 @@
 """Pictures of the slip model (figures 7-12 of paper 000) and of drives (figures 15-21), as SVG texts."""
 
-import io
 from collections.abc import Mapping
 
 import matplotlib as mpl
@@ -12,7 +11,8 @@ from controllers.slip.scomp.combined_slip import CombinedSlip
 from controllers.slip.scomp.two_segment_slip_law import two_segments_of_model
 from rover_hil.identify.scomp.fit import Identification
 from rover_hil.identify.scomp.single_wheel_data import SingleWheelData
-from rover_hil.report.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
+from rover_hil.pages.picture import svg
+from rover_hil.pages.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
 from rover_hil.scomp.drive import Track, TruePath
 from rover_hil.scomp.windows import true_velocity
 
@@ -160,6 +160,4 @@ def _one(x_label: str, y_label: str) -> tuple[Figure, Axes]:
 
 def _svg(figure: Figure, axes: Axes) -> str:
     axes.legend(fontsize="small")
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None})
-    return stream.getvalue()
+    return svg(figure).decode()

@@ -1,18 +1,15 @@
 """Reader of drives and true paths in CSV files: a header line, numbers, empty cells for missing ones."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.csv_table import CsvTable, read_csv
 from rover_hil.scomp.drive import TruePath
 
-Array = NDArray[np.float64]
-
-WORDS = {"": "nan", "true": "1", "false": "0"}
 TRUTH = ("t_s", "x_m", "y_m", "psi_rad")
 
 
@@ -20,35 +17,11 @@ def read_columns(path: Path, wanted: Sequence[str]) -> tuple[dict[str, Array], l
     """Return those of the wanted columns that a file has, and the names of its other columns.
 
     Raises:
-        LogError: The file cannot be read, has no data, a name twice, or a cell that is not a number.
+        LogError: The file cannot be read, has no data, a name twice, or a cell that holds no number.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = [row for row in csv.reader(stream, skipinitialspace=True) if row]
-    except OSError as error:
-        msg = f"cannot read {path}: {error.strerror}; correct the path"
-        raise LogError(msg) from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        msg = f"cannot read {path}: {error}; give a CSV file with a header line"
-        raise LogError(msg) from error
-    if len(rows) < 2:
-        msg = f"{path} has no data: give a CSV file with a header line and rows below"
-        raise LogError(msg)
-    names = [name.strip() for name in rows[0]]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        msg = f"{path} has the column '{twice[0]}' twice: leave one out"
-        raise LogError(msg)
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(names):
-            msg = f"{path} row {number} has {len(row)} cells, the header has {len(names)}: correct the row"
-            raise LogError(msg)
-    columns = {
-        name: _numbers([row[index] for row in rows[1:]], f"{path}, column '{name}'")
-        for index, name in enumerate(names)
-        if name in wanted
-    }
-    return columns, [name for name in names if name not in wanted]
+    table = _read(path)
+    columns = {name: _numbers(table, name) for name in table.names if name in wanted}
+    return columns, [name for name in table.names if name not in wanted]
 
 
 def read_truth(path: Path) -> TruePath:
@@ -57,29 +30,29 @@ def read_truth(path: Path) -> TruePath:
     Raises:
         LogError: The file cannot be read, a column or a cell is missing, or its time does not increase.
     """
-    columns, _ = read_columns(path, TRUTH)
-    for name in TRUTH:
-        if name not in columns:
-            msg = f"{path} has no column '{name}': the true path needs {', '.join(TRUTH)}"
-            raise LogError(msg)
-        empty = np.flatnonzero(~np.isfinite(columns[name]))
+    table = _read(path)
+    table.require(TRUTH, f"the true path needs {', '.join(TRUTH)}")
+    columns = [_numbers(table, name) for name in TRUTH]
+    for name, values in zip(TRUTH, columns, strict=True):
+        empty = np.flatnonzero(np.isnan(values))
         if empty.size:
-            msg = f"{path}, column '{name}': row {empty[0] + 2} is not a finite number: leave the row out"
+            msg = f"{table.where(int(empty[0]))}, column '{name}' holds no finite number: leave the row out"
             raise LogError(msg)
-    if not (np.diff(columns["t_s"]) > 0.0).all():
+    t_s, x_m, y_m, psi_rad = columns
+    if not (np.diff(t_s) > 0.0).all():
         msg = f"{path}: the time does not increase: sort the rows"
         raise LogError(msg)
-    return TruePath(
-        t_s=columns["t_s"], x_m=columns["x_m"], y_m=columns["y_m"], psi_rad=np.unwrap(columns["psi_rad"])
-    )
+    return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=np.unwrap(psi_rad))
 
 
-def _numbers(cells: Sequence[str], where: str) -> Array:
-    numbers = np.empty(len(cells))
-    for index, cell in enumerate(cells):
-        try:
-            numbers[index] = float(WORDS.get(cell.strip().lower(), cell))
-        except ValueError:
-            msg = f"{where}, row {index + 2}: '{cell}' is not a number; correct it or leave the cell empty"
-            raise LogError(msg) from None
-    return np.where(np.isfinite(numbers), numbers, np.nan)
+def _read(path: Path) -> CsvTable:
+    table = read_csv(path)
+    if not table.rows:
+        msg = f"{path} has no data: give a CSV file with a header line and rows below"
+        raise LogError(msg)
+    table.check_shape("mend the row")
+    return table
+
+
+def _numbers(table: CsvTable, name: str) -> Array:
+    return table.numbers(name, fix="write a number or leave the cell empty")

@@ -1,113 +1,58 @@
-"""Read a drive from one of our own logs."""
-
-import math
-from collections import defaultdict
-from pathlib import Path
+"""Read a drive, and its true path, from one of our own logs."""
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, Field, ValidationError
 
-from controllers.settings import SkidSteerRoverSettings
-from controllers.slip.scomp.compensator import TraceReading
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError
-from drivers.samples import AttitudeSample, HeadingSample, RateSample, WheelSample
-from rover_hil.config import Config
-from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.reader import LogReader
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.log import RecordedDrive
+from rover_hil.scomp.drive import TruePath
 
-Array = NDArray[np.float64]
-Rows = dict[str, list[tuple[float, float]]]
-
-
-class _Samples(BaseModel):
-    """Samples of a cycle that are used."""
-
-    wheels: list[WheelSample] = Field(default=[], alias="WheelSample")
-    headings: list[HeadingSample] = Field(default=[], alias="HeadingSample")
-    rates: list[RateSample] = Field(default=[], alias="RateSample")
-    attitudes: list[AttitudeSample] = Field(default=[], alias="AttitudeSample")
+NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", "trace_rad")
+STANDSTILL_RAD = 0.02
 
 
-class _Drift(BaseModel):
-    trace: TraceReading | None = None
-
-
-class _Estimate(BaseModel):
-    """Output of a cycle that is used."""
-
-    drift: _Drift | None = None
-
-
-def read_log_columns(path: Path) -> tuple[dict[str, Array], RoverGeometry]:
+def log_columns(drive: RecordedDrive) -> tuple[dict[str, Array], RoverGeometry]:
     """Return a log as columns in the units of the CSV files, a row per position of the first wheel.
 
     The heading is that of the first heading device, the rate that of the gyro. Raised nose and left side are
     positive. The trace angles are those that the run found in its frames.
 
     Raises:
-        LogError: The log is damaged, of another kind of rover, or has no wheel positions.
+        LogError: The log is of another kind of rover, or lacks wheel positions.
     """
-    log = LogReader(path)
-    with restore_config(log) as config:
-        rover = config.rover
+    path, rover = drive.log.path, drive.config.rover
     if not isinstance(rover, SkidSteerRoverSettings):
         msg = f"{path} is of a {rover.kinematics} rover: sComp needs four wheels that do not steer"
         raise LogError(msg)
-    rows: Rows = defaultdict(list)
-    for message in log.messages():
-        if message.topic in ("/samples", "/estimate"):
-            try:
-                if message.topic == "/samples":
-                    _take(_Samples.model_validate_json(message.data), config, rows)
-                else:
-                    _take_trace(_Estimate.model_validate_json(message.data), rows)
-            except ValidationError as error:
-                problem = error.errors()[0]["msg"]
-                msg = f"{path} is damaged: {message.topic} at {message.t_ns} ns: {problem}"
-                raise LogError(msg) from error
-    if len(rows["enc1_rad"]) < 2:
+    if len(drive.rows["enc1_rad"]) < 2:
         msg = f"log {path} holds no positions of the first wheel: give the log of a drive"
         raise LogError(msg)
-    geometry = RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=rover.track_m)
-    return _assemble(rows, log.start_ns), geometry
+    return drive.table(NAMES), RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=rover.track_m)
 
 
-def _take(samples: _Samples, config: Config, rows: Rows) -> None:
-    for wheel in samples.wheels:
-        if wheel.device == config.roles.wheels and wheel.position_rad is not None:
-            rows[f"enc{wheel.wheel + 1}_rad"].append((wheel.t_ns, wheel.position_rad))
-    for heading in samples.headings:
-        if heading.device in config.roles.headings[:1]:
-            rows["compass_deg"].append((heading.t_ns, math.degrees(heading.heading_rad)))
-    for rate in samples.rates:
-        if rate.device == config.roles.gyro:
-            rows["gyro_z_deg_s"].append((rate.t_ns, math.degrees(rate.rate_z_rad_s)))
-    for attitude in samples.attitudes:
-        if attitude.pitch_rad is not None:
-            rows["pitch_deg"].append((attitude.t_ns, -math.degrees(attitude.pitch_rad)))
-        if attitude.roll_rad is not None:
-            rows["roll_deg"].append((attitude.t_ns, math.degrees(attitude.roll_rad)))
+def log_truth(drive: RecordedDrive) -> tuple[TruePath, str]:
+    """Return the true path in a log, and in words what measured it.
 
+    Pose fixes are on the floor of their camera; they are turned into the frame of the pose at start, the mean
+    of those before the first wheel turns, or the first one.
 
-def _take_trace(estimate: _Estimate, rows: Rows) -> None:
-    trace = None if estimate.drift is None else estimate.drift.trace
-    if trace is not None and trace.detected and trace.theta_rad is not None:
-        rows["beta_ftrace_deg"].append((trace.t_ns, math.degrees(trace.theta_rad)))
-
-
-def _assemble(rows: Rows, start_ns: int) -> dict[str, Array]:
-    """Put each sample into the first row at or after its time; interpolate wheels and angles linearly."""
-    t_ns = np.unique([t for t, _ in rows["enc1_rad"]])
-    columns = {"t_s": (t_ns - start_ns) / 1e9}
-    for name, pairs in rows.items():
-        times, values = np.array(sorted(pairs)).T
-        if name in ("compass_deg", "beta_ftrace_deg"):
-            index = np.searchsorted(t_ns, times)
-            column = np.full(len(t_ns), np.nan)
-            column[index[index < len(t_ns)]] = values[index < len(t_ns)]
-            columns[name] = column
-        else:
-            columns[name] = np.interp(t_ns, times, values)
-    return columns
+    Raises:
+        LogError: There is no true path, or its times do not rise.
+    """
+    true = drive.true_poses()
+    t_s, x_m, y_m, psi_rad = drive.seconds(true.t_ns), true.x_m, true.y_m, true.yaw_rad
+    if len(t_s) < 2 or not (np.diff(t_s) > 0.0).all():
+        msg = f"log {drive.log.path}: the times of its {true.source} do not rise, or there are too few"
+        raise LogError(msg)
+    if true.is_exact:
+        return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=psi_rad), true.source
+    wheel = drive.rows["enc1_rad"]
+    turned = np.abs(wheel.value - wheel.value[0]) > STANDSTILL_RAD
+    stands = true.t_ns < (wheel.t_ns[np.argmax(turned)] if turned.any() else wheel.t_ns[-1])
+    stands[0] = True
+    start_rad = float(psi_rad[stands].mean())
+    moved_m = (x_m - x_m[stands].mean() + 1j * (y_m - y_m[stands].mean())) * np.exp(-1j * start_rad)
+    path = TruePath(t_s=t_s, x_m=moved_m.real, y_m=moved_m.imag, psi_rad=psi_rad - start_rad)
+    return path, true.source

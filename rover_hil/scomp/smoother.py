@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controllers.slip.scomp.filter import FilterStep
-
-Array = NDArray[np.float64]
+from rover_hil.datasets.arrays import Array
 
 
 def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Array, Array]]:

@@ -6,11 +6,14 @@ import numpy as np
 
 from controllers.slip.scomp.filter import TILT_MEMORY_S
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Array, Drive, TruePath
+from rover_hil.datasets.arrays import Array
+from rover_hil.scomp.drive import Drive, TruePath
 
 WINDOW_S = 2.0
 SLOWEST_RIM_M_S = 0.01
 FEWEST_WINDOWS = 8
+LONGEST_TRUTH_GAP_S = 2.5
+"""Enough for a pose fix every two seconds; the truth is not interpolated over more."""
 GRID_S = 0.1
 POINTS = 31
 
@@ -24,6 +27,7 @@ class Windows:
         slip: Eq 3, from the true distance along the body over that of the wheels.
         slip_angle_rad: Eq 4, from the true motion.
         pitch_rad: Mean, with the sign of the log; None without pitch. Likewise roll_rad.
+        without_truth: Number of windows not used because they begin or end within a gap of the truth.
     """
 
     t_s: Array
@@ -31,6 +35,7 @@ class Windows:
     slip_angle_rad: Array
     pitch_rad: Array | None
     roll_rad: Array | None
+    without_truth: int = 0
 
 
 def smoothed(t_s: Array, values: Array, memory_s: float = TILT_MEMORY_S) -> Array:
@@ -57,19 +62,23 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
         wheel_radius_m * np.diff(np.interp(edges, drive.t_s, drive.wheel_rad)) if len(edges) > 1 else edges
     )
     turns = distance_m > SLOWEST_RIM_M_S * WINDOW_S
-    if np.count_nonzero(turns) < FEWEST_WINDOWS:
+    after = np.searchsorted(truth.t_s, edges).clip(1)
+    is_known = np.diff(truth.t_s)[after - 1] <= LONGEST_TRUTH_GAP_S
+    use = turns & is_known[1:] & is_known[:-1]
+    if np.count_nonzero(use) < FEWEST_WINDOWS:
         msg = (
-            f"log and truth share {np.count_nonzero(turns)} windows of {WINDOW_S:g} s with turning wheels, "
+            f"log and truth share {np.count_nonzero(use)} windows of {WINDOW_S:g} s with turning wheels, "
             f"{FEWEST_WINDOWS} are needed: check that both use the same clock, and give a longer drive"
         )
         raise ModelError(msg)
     ahead_m, aside_m = _body_travel(truth, edges)
     return Windows(
-        t_s=0.5 * (edges[1:] + edges[:-1])[turns],
-        slip=(1.0 - ahead_m[turns] / distance_m[turns]),
-        slip_angle_rad=np.arctan2(aside_m, ahead_m)[turns],
-        pitch_rad=_means(drive.t_s, drive.pitch_rad, edges, turns),
-        roll_rad=_means(drive.t_s, drive.roll_rad, edges, turns),
+        t_s=0.5 * (edges[1:] + edges[:-1])[use],
+        slip=(1.0 - ahead_m[use] / distance_m[use]),
+        slip_angle_rad=np.arctan2(aside_m, ahead_m)[use],
+        pitch_rad=_means(drive.t_s, drive.pitch_rad, edges, use),
+        roll_rad=_means(drive.t_s, drive.roll_rad, edges, use),
+        without_truth=int(np.count_nonzero(turns & ~use)),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_hil.report import style
+from rover_hil.pages import style
 from rover_hil.terrain.climb import SlopeRow
 from rover_hil.terrain.table import Cell, Table
 from rover_hil.terrain.traverse import Traverse

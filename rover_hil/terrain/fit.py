@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from drivers.errors import ModelError
+from rover_hil.datasets.arrays import Array
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleSoil,
@@ -18,7 +18,6 @@ from sim_backends.terramechanics.soil.any_angle_wheel import (
 from sim_backends.terramechanics.soil.library import WheelSettings
 from sim_backends.terramechanics.soil.pressure_sinkage import Interval, PlateFit, PlateTest, fit_plates
 
-Array = NDArray[np.float64]
 FORCE_ERROR_N = 2.0
 SINKAGE_ERROR_M = 0.005
 """How far the law may be off: the weights of forces and sinkage in the fit."""

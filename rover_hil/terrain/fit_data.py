@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_hil.datasets.arrays import Array
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion
-
-Array = NDArray[np.float64]
 
 
 class WheelTests(NamedTuple):

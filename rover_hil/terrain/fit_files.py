@@ -1,7 +1,7 @@
 """Reads plate and wheel tests from the files of the CMU single-wheel test bed.
 
 Source: GitHub robomechanics/3d-terramechanics @ 55a6e92 (MIT-style licence), as CSV; see
-docs/validation_terrain.md.
+docs/results/terrain.md.
 """
 
 import csv
@@ -9,14 +9,13 @@ import gzip
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion
 from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest
 
-Array = NDArray[np.float64]
 PLATE_DIAMETERS_M = {1: 0.06, 2: 0.06, 3: 0.06, 4: 0.1, 5: 0.1, 6: 0.1, 7: 0.08, 8: 0.08, 9: 0.08}
 """Round plates of the tests 1 to 9."""
 REST_SAMPLES = 200

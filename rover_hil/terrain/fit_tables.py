@@ -1,19 +1,18 @@
 """Reads plate and wheel tests of any test bed from two tables."""
 
-import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.csv_table import read_csv
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion
 from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest
 
-Array = NDArray[np.float64]
 PLATE_TABLE = "plates.csv"
 WHEEL_TABLE = "wheel.csv"
 PLATE_COLUMNS = ("diameter_m", "sinkage_m", "load_n")
@@ -92,27 +91,13 @@ def read_wheel_table(path: Path) -> WheelTests:
 
 
 def _read(path: Path, label: str, columns: Sequence[str]) -> tuple[list[str], dict[str, Array]]:
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"{path}: cannot be read ({error}).") from None
-    missing = [name for name in (label, *columns) if not rows or name not in rows[0]]
-    if missing:
-        raise LogError(f"{path}: lacks {', '.join(missing)}; give one row per sample under that header.")
-    table = {
-        name: np.array([_number(path, line, name, row[name]) for line, row in enumerate(rows, 2)])
-        for name in columns
-    }
-    return [str(row[label]) for row in rows], table
-
-
-def _number(path: Path, line: int, name: str, text: str | None) -> float:
-    lower, upper = RANGES[name]
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not lower <= value <= upper:
-        raise LogError(f"{path}, line {line}: {name} is '{text}', not a number in {lower:g} .. {upper:g}.")
-    return value
+    cells = read_csv(path)
+    cells.require((label, *columns), "give one row per sample under that header")
+    table = {name: cells.numbers(name) for name in columns}
+    for name, values in table.items():
+        lower, upper = RANGES[name]
+        wrong = np.flatnonzero(~((values >= lower) & (values <= upper)))
+        if wrong.size:
+            text, where = cells.text(name)[wrong[0]], cells.where(int(wrong[0]))
+            raise LogError(f"{where}: {name} is '{text}', not a number in {lower:g} .. {upper:g}.")
+    return cells.text(label), table

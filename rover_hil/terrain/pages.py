@@ -1,19 +1,15 @@
 """The reports of the terrain commands: one page that needs nothing else, and the numbers as CSV."""
 
-from collections.abc import Callable, Sequence
-from importlib import resources
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
 
-import matplotlib as mpl
-from jinja2 import Environment, StrictUndefined
-from matplotlib.figure import Figure
-
-from rover_hil.report import style
-from rover_hil.report.figures import Picture
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import write_files
+from rover_hil.pages.picture import Drawing, draw_pictures
+from rover_hil.pages.render import render
 from rover_hil.terrain.climb import SlopeRow
 from rover_hil.terrain.figures import draw_climbs, draw_forces, draw_paths, draw_slippage
+from rover_hil.terrain.setup import REPORT_NAME
 from rover_hil.terrain.slip_skid_figures import (
     draw_coefficients,
     draw_law,
@@ -23,17 +19,6 @@ from rover_hil.terrain.slip_skid_figures import (
 from rover_hil.terrain.table import Table, shown
 from rover_hil.terrain.traverse import Traverse
 
-REPORT_NAME = "report.html"
-Draw = Callable[[], Figure]
-
-
-class Drawing(NamedTuple):
-    """A picture to be drawn: title, what to look at, and how."""
-
-    title: str
-    caption: str
-    draw: Draw
-
 
 def write_page(
     folder: Path,
@@ -41,6 +26,7 @@ def write_page(
     facts: Sequence[tuple[str, str]],
     drawings: Sequence[Drawing],
     tables: Sequence[Table],
+    others: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write `report.html`, and each table as CSV under its name, into a folder.
 
@@ -50,21 +36,22 @@ def write_page(
         facts: What was computed with, as pairs of name and value.
         drawings: Pictures, in order.
         tables: Tables, in order.
+        others: Texts of further files, by name.
 
     Raises:
         ConfigError: The folder cannot be made or written to.
     """
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    page = render(
+        "terrain/report.html",
+        filters={"shown": shown},
+        grade="plain",
+        title=title,
+        facts=facts,
+        pictures=draw_pictures(drawings),
+        tables=tables,
     )
-    environment.filters["shown"] = shown
-    template = (resources.files("rover_hil.terrain") / REPORT_NAME).read_text("utf-8")
-    with mpl.rc_context(style.STYLE):
-        pictures = [Picture(each.title, each.caption, style.data_uri(each.draw())) for each in drawings]
-    page = environment.from_string(template).render(
-        title=title, facts=facts, pictures=pictures, tables=tables
-    )
-    write_all(folder, {REPORT_NAME: page} | {f"{table.name}.csv": table.csv_text() for table in tables})
+    csv_texts = {f"{table.name}.csv": table.csv_text() for table in tables}
+    write_files(folder, {REPORT_NAME: page, **csv_texts, **others})
 
 
 def traverse_drawings(states: Sequence[Traverse]) -> list[Drawing]:

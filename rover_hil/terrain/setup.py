@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from drivers.errors import ConfigError
+from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.terrain.table import Table
 from sim_backends.terramechanics.slope.rover import SlopeRover, paper_rover
 from sim_backends.terramechanics.soil.library import SoilSettings, load_soil, load_wheel, parse_settings
@@ -17,6 +18,7 @@ from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.wheel_contact import Kernel
 
 PAPER_ROVER = "paper_001"
+REPORT_NAME = "report.html"
 COMPILE_FROM = 100
 """States from which compiled code saves more time than it takes to load."""
 ItemT = TypeVar("ItemT")
@@ -63,10 +65,26 @@ class Output(NamedTuple):
     Attributes:
         folder: For report and CSV; None writes none.
         as_json: Print JSON.
+        force: Replace earlier results in the folder.
     """
 
     folder: Path | None
     as_json: bool
+    force: bool = False
+
+    def refuse_overwrite(self, *tables: str, others: Sequence[str] = ()) -> None:
+        """Check, before anything is computed, that the folder holds no results of these names, unless forced.
+
+        Args:
+            tables: Names of tables, written as CSV beside the report.
+            others: Names of further files.
+
+        Raises:
+            ConfigError: One exists.
+        """
+        if self.folder is not None:
+            names = (REPORT_NAME, *(f"{table}.csv" for table in tables), *others)
+            refuse_overwrite(*(self.folder / name for name in names), force=self.force)
 
     def show(self, tables: Sequence[Table], record: object) -> None:
         """Print the tables, or the record as JSON with numbers in full precision."""
@@ -77,7 +95,7 @@ class Output(NamedTuple):
         for table in tables:
             console.print(table.rich())
         if self.folder is not None:
-            console.print(str(self.folder / "report.html"), soft_wrap=True)
+            console.print(str(self.folder / REPORT_NAME), soft_wrap=True)
 
 
 def choose_kernel(states: int) -> Kernel:

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from rover_hil.pages.picture import Drawing
 from rover_hil.terrain.figures import COLOURS, legend, plots
 from rover_hil.terrain.fit import SoilFit
 from rover_hil.terrain.fit_data import WheelTests
-from rover_hil.terrain.pages import Drawing
 from rover_hil.terrain.table import Cell, Table, number
 from sim_backends.terramechanics.soil.any_angle_wheel import AnyAngleSoil, any_angle_at_load
 from sim_backends.terramechanics.soil.library import WheelSettings

@@ -1,1 +1,1 @@
-"""Bench-tuning: search for gains on the simulated rover, and compare them on sites not searched."""
+"""Tuning: search for gains on the simulated rover and compare them on held-out scenarios."""

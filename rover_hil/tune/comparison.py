@@ -1,4 +1,4 @@
-"""Old and new values on sites that the search has never seen."""
+"""Comparison of old and new values on held-out scenarios."""
 
 import math
 from collections.abc import Sequence
@@ -7,14 +7,14 @@ from enum import StrEnum
 
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.tune.objective import Drive, Evaluation, evaluate
+from rover_hil.tune.objective import Evaluation, MissionRunner, evaluate
 from rover_hil.tune.parameters import start_values, with_values
-from rover_hil.tune.sites import held_out_seeds
+from rover_hil.tune.scenarios import held_out_seeds
 from rover_hil.tune.study import Attempt
 
 
 class Verdict(StrEnum):
-    """What tuning came to."""
+    """Result of a tuning."""
 
     IMPROVED = "improved"
     CONFIRMED = "confirmed"
@@ -39,8 +39,10 @@ class Comparison:
     declined: tuple[tuple[Attempt, str], ...]
 
 
-def compare(config: Config, tune: TuneSettings, candidates: Sequence[Attempt], drive: Drive) -> Comparison:
-    """Take the first candidate that is acceptable in every held-out case and cheaper there than the start."""
+def compare(
+    config: Config, tune: TuneSettings, candidates: Sequence[Attempt], drive: MissionRunner
+) -> Comparison:
+    """Accept the first candidate that no held-out case rejects and that costs less there than the start."""
     seeds = held_out_seeds(tune.cases)
     start = evaluate(drive, config, seeds, tune.objective)
     limit = math.inf if start.cost is None else start.cost
@@ -55,7 +57,7 @@ def compare(config: Config, tune: TuneSettings, candidates: Sequence[Attempt], d
                 values=attempt.values,
                 declined=tuple(declined),
             )
-        declined.append((attempt, tuned.refused or "not better than the start on held-out sites"))
+        declined.append((attempt, tuned.refused or "not better than the start on held-out scenarios"))
     return Comparison(
         verdict=Verdict.NONE_ACCEPTABLE if start.cost is None else Verdict.CONFIRMED,
         start=start,

@@ -2,19 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from controllers.motion.mission import Point
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.report import style
-from rover_hil.report.figures import Picture
+from rover_hil.pages import style
+from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.objective import case_cost
-from rover_hil.tune.rehearsal import Rehearsal
+from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import Attempt
 
 BEFORE = style.ENCODERS
@@ -34,17 +34,16 @@ class TuningData:
     comparison: Comparison
 
 
-def draw_pictures(data: TuningData) -> list[Picture]:
+def draw_report(data: TuningData) -> list[Picture]:
     """Return the pictures in the order of the report."""
-    with mpl.rc_context(style.STYLE):
-        return [Picture(title, caption, style.data_uri(draw(data))) for title, caption, draw in PICTURES]
+    return draw_pictures(Drawing(title, caption, partial(draw, data)) for title, caption, draw in PICTURES)
 
 
-def _draw_sites(data: TuningData) -> Figure:
-    figure, axes = _plot(2.8, "held-out sites, the worst first", "cost")
-    order = [rehearsal.seed for rehearsal in _worst_first(data)]
-    for name, colour, rehearsals in _sides(data.comparison):
-        dots = [(order.index(each.seed), case_cost(each, data.tune.objective)) for each in rehearsals]
+def _draw_scenarios(data: TuningData) -> Figure:
+    figure, axes = _plot(2.8, "held-out scenarios, the worst first", "cost")
+    order = [mission.seed for mission in _worst_first(data)]
+    for name, colour, missions in _sides(data.comparison):
+        dots = [(order.index(each.seed), case_cost(each, data.tune.objective)) for each in missions]
         axes.plot(*np.transpose(dots), "o", color=colour, label=name, markersize=6)
     axes.set_xticks([])
     axes.set_ylim(bottom=0)
@@ -58,15 +57,15 @@ def _draw_paths(data: TuningData) -> Figure:
     row_count = -(-len(shown) // COLUMNS)
     figure = Figure(figsize=(style.WIDTH_IN, height_in * row_count + 0.5), layout="constrained")
     grid = figure.subplots(row_count, COLUMNS, sharex=True, sharey=True, squeeze=False).flat
-    for axes, rehearsal in zip(grid, shown, strict=False):
+    for axes, mission in zip(grid, shown, strict=False):
         axes.plot(
             *np.transpose(data.corners), color=style.COMMANDED, linestyle=(0, (5, 3)), label="commanded"
         )
-        for name, colour, rehearsals in _sides(data.comparison):
-            for other in rehearsals:
-                if other.seed == rehearsal.seed:
-                    axes.plot(other.way.x_m, other.way.y_m, color=colour, label=name)
-        axes.set_title(f"site {rehearsal.seed}")
+        for name, colour, missions in _sides(data.comparison):
+            for other in missions:
+                if other.seed == mission.seed:
+                    axes.plot(other.true_path.x_m, other.true_path.y_m, color=colour, label=name)
+        axes.set_title(f"scenario {mission.seed}")
         axes.set_aspect("equal")
     figure.supxlabel("x (m)", fontsize="medium", color="#374151")
     figure.supylabel("y (m)", fontsize="medium", color="#374151")
@@ -74,7 +73,7 @@ def _draw_paths(data: TuningData) -> Figure:
 
 
 def _draw_search(data: TuningData) -> Figure:
-    figure, axes = _plot(2.8, "trial", "cost on the training sites")
+    figure, axes = _plot(2.8, "trial", "cost on the training scenarios")
     known = [(attempt.number, attempt.cost) for attempt in data.attempts if attempt.cost is not None]
     given_up = [(a.number, a.at_least) for a in data.attempts if a.cost is None and not a.refused]
     refused = [attempt.number for attempt in data.attempts if attempt.refused]
@@ -112,24 +111,24 @@ def _draw_parameters(data: TuningData) -> Figure:
         axes.set_xlabel(f"{key} ({parameter.unit})")
     for axes in grid.flat[len(parameters) :]:
         axes.set_axis_off()
-    figure.supylabel("cost on the training sites", fontsize="medium", color="#374151")
+    figure.supylabel("cost on the training scenarios", fontsize="medium", color="#374151")
     return _with_legend(figure, figure.axes[0])
 
 
-def _sides(comparison: Comparison) -> list[tuple[str, str, Sequence[Rehearsal]]]:
-    old = ("old values", BEFORE, comparison.start.rehearsals)
-    new = ("new values", AFTER, comparison.tuned.rehearsals)
+def _sides(comparison: Comparison) -> list[tuple[str, str, Sequence[SimulatedMission]]]:
+    old = ("old values", BEFORE, comparison.start.missions)
+    new = ("new values", AFTER, comparison.tuned.missions)
     return [old, new] if comparison.verdict is Verdict.IMPROVED else [old]
 
 
-def _worst_first(data: TuningData) -> list[Rehearsal]:
+def _worst_first(data: TuningData) -> list[SimulatedMission]:
     """Return the cases of the old values, the worst first; of the new ones where the old were refused."""
-    rehearsals = max((side for _, _, side in _sides(data.comparison)), key=len)
-    return sorted(rehearsals, key=lambda each: -case_cost(each, data.tune.objective))
+    missions = max((side for _, _, side in _sides(data.comparison)), key=len)
+    return sorted(missions, key=lambda each: -case_cost(each, data.tune.objective))
 
 
 def _top(attempts: Sequence[Attempt]) -> float:
-    """Return where to cut the cost axis: bad values say nothing about where the good ones are."""
+    """Return the upper limit of the cost axis, so that bad values do not hide the good ones."""
     costs = sorted(attempt.cost for attempt in attempts if attempt.cost is not None)
     if not costs:
         return 1.0
@@ -154,24 +153,24 @@ def _with_legend(figure: Figure, axes: Axes) -> Figure:
 
 PICTURES: tuple[tuple[str, str, Callable[[TuningData], Figure]], ...] = (
     (
-        "Held-out sites",
-        "See whether it is better everywhere or only on average; the search has seen none of these sites.",
-        _draw_sites,
+        "Held-out scenarios",
+        "Are the new values better everywhere or only on average? The search used none of these scenarios.",
+        _draw_scenarios,
     ),
     (
         "True paths",
-        "See what the difference looks like, from the worst held-out site of the old values to the best.",
+        "The difference in the path, from the worst held-out scenario of the old values to the best.",
         _draw_paths,
     ),
     (
         "Search",
-        "See whether more trials would help: they do while the line still falls at its end.",
+        "More trials help while the line still falls at its end.",
         _draw_search,
     ),
     (
         "Parameters",
-        "See which value matters: a valley does, an even cloud does not; best at an edge asks for a wider "
-        "range.",
+        "A valley means that the parameter matters, an even cloud that it does not. A best value at an edge "
+        "requires a wider range.",
         _draw_parameters,
     ),
 )

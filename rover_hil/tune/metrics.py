@@ -1,4 +1,4 @@
-"""How well a path was driven: the truth against the commanded path, and how calm the set-points were."""
+"""Errors of a driven path against the commanded one, and how much the set-points vary."""
 
 import math
 from collections.abc import Sequence
@@ -9,86 +9,87 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.motion.mission import Point
-from rover_hil.report.tracks import Array, Track
+from rover_hil.datasets.arrays import Array
+from rover_hil.report.tracks import Track
 
-WAY_STEP_M = 0.01
+PATH_STEP_M = 0.01
 LEAST_LENGTH_M2 = 1e-18
 REVERSAL_WINDOW_S = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """True poses at equal steps of the way driven, in the local frame: m, m, rad."""
+class TruePath:
+    """True poses at equal steps of the driven distance, in the local frame: m, m, rad."""
 
     x_m: Array
     y_m: Array
     yaw_rad: Array
 
     @classmethod
-    def of(cls, truth: Track) -> "Way":
-        """Take a track as seen from its own first pose."""
+    def of(cls, truth: Track) -> "TruePath":
+        """Return the path of a track, relative to its first pose."""
         steps_m = np.hypot(np.diff(truth.x_m), np.diff(truth.y_m))
         moved = np.concatenate(([True], steps_m > 0.0))
         driven_m = np.concatenate(([0.0], np.cumsum(steps_m)))[moved]
-        at_m = np.linspace(0.0, driven_m[-1], 1 + math.ceil(driven_m[-1] / WAY_STEP_M))
+        at_m = np.linspace(0.0, driven_m[-1], 1 + math.ceil(driven_m[-1] / PATH_STEP_M))
         x_m, y_m, yaw_rad = (
             np.interp(at_m, driven_m, values[moved]) for values in (truth.x_m, truth.y_m, truth.yaw_rad)
         )
         return cls(x_m, y_m, yaw_rad)
 
 
-def path_rms_m(way: Way, corners: Sequence[Point]) -> float:
-    """Return the distance between the true way and the commanded path in m, root mean square.
+def path_rms_m(true_path: TruePath, corners: Sequence[Point]) -> float:
+    """Return the root mean square distance in m between the true and the commanded path.
 
-    Taken in both directions, from the way to the path and from the path to the way, each with half of the
-    weight: a way that stops half-way is near the path everywhere, but the path is not near it.
+    The mean of both directions, true to commanded and commanded to true: a rover that stops half-way is near
+    the commanded path everywhere, but the commanded path is not near its own.
     """
-    driven, commanded = np.column_stack((way.x_m, way.y_m)), _along(np.array(corners))
+    driven, commanded = np.column_stack((true_path.x_m, true_path.y_m)), _along(np.array(corners))
     there_m, _ = _nearest(driven, commanded)
     back_m, _ = _nearest(commanded, driven)
     return math.sqrt(0.5 * (float(np.mean(there_m**2)) + float(np.mean(back_m**2))))
 
 
-def closure_m(way: Way, corners: Sequence[Point]) -> float:
-    """Return how far the true end is from the end of the path, in m."""
+def closure_m(true_path: TruePath, corners: Sequence[Point]) -> float:
+    """Return the distance in m between the true and the commanded end."""
     end_x, end_y = corners[-1]
-    return math.hypot(float(way.x_m[-1]) - end_x, float(way.y_m[-1]) - end_y)
+    return math.hypot(float(true_path.x_m[-1]) - end_x, float(true_path.y_m[-1]) - end_y)
 
 
-def heading_rms_rad(way: Way, corners: Sequence[Point], *, along_path: bool) -> float:
-    """Return the true heading error in rad, root mean square over the way (turns on the spot have none).
+def heading_rms_rad(true_path: TruePath, corners: Sequence[Point], *, along_path: bool) -> float:
+    """Return the root mean square heading error in rad over the distance; turns on the spot do not count.
 
     Args:
-        way: Where the rover was.
+        true_path: Poses of the rover.
         corners: The commanded path.
-        along_path: The heading is to be that of the nearest line, else that at start.
+        along_path: The commanded heading is that of the nearest line, else that at the start.
     """
-    wanted_rad: Array | float = 0.0
+    commanded_rad: Array | float = 0.0
     if along_path:
         points = np.array(corners)
         lines = np.diff(points, axis=0)
-        _, nearest = _nearest(np.column_stack((way.x_m, way.y_m)), points)
-        wanted_rad = np.arctan2(lines[:, 1], lines[:, 0])[nearest]
-    error_rad = np.angle(np.exp(1j * (way.yaw_rad - wanted_rad)))
+        _, nearest = _nearest(np.column_stack((true_path.x_m, true_path.y_m)), points)
+        commanded_rad = np.arctan2(lines[:, 1], lines[:, 0])[nearest]
+    error_rad = np.angle(np.exp(1j * (true_path.yaw_rad - commanded_rad)))
     return math.sqrt(float(np.mean(error_rad**2)))
 
 
 def effort_rad_s2(set_points_rad_s: Array, period_s: float) -> float:
-    """Return the acceleration asked of the wheels, root mean square; rows are cycles, columns wheels."""
+    """Return the root mean square of the commanded wheel acceleration; rows are cycles, columns wheels."""
     if len(set_points_rad_s) < 2:
         return 0.0
     return math.sqrt(float(np.mean((np.diff(set_points_rad_s, axis=0) / period_s) ** 2)))
 
 
 def reversals_per_s(set_points_rad_s: Array, period_s: float, amplitude_rad_s: float) -> float:
-    """Return how often the busiest wheel turned round within its busiest four seconds, per second.
+    """Return the reversals per second of the wheel and the four seconds that have most of them.
 
-    A limit cycle turns round twice per period for as long as it lasts; a corner does so two or three times.
+    A limit cycle reverses twice per period for as long as it lasts; a corner two or three times.
 
     Args:
         set_points_rad_s: Rows are cycles, columns wheels.
         period_s: Time between rows.
-        amplitude_rad_s: Going back by this much is a turn; less is noise.
+        amplitude_rad_s: A change of direction by this much is a reversal; less is noise.
     """
     window = round(REVERSAL_WINDOW_S / period_s)
     most = 0
@@ -100,7 +101,7 @@ def reversals_per_s(set_points_rad_s: Array, period_s: float, amplitude_rad_s: f
 
 
 def _reversals(values: Sequence[float], amplitude: float) -> list[int]:
-    """Return at which indices the values had gone back by `amplitude` from their last extreme."""
+    """Return the indices at which the values have gone back by `amplitude` from their last extreme."""
     found: list[int] = []
     direction, lowest, highest = 0, math.inf, -math.inf
     for index, value in enumerate(values):
@@ -115,10 +116,10 @@ def _reversals(values: Sequence[float], amplitude: float) -> list[int]:
 
 
 def _along(corners: Array) -> Array:
-    """Return points along straight lines, the corners included, at most `WAY_STEP_M` apart."""
+    """Return points along straight lines, the corners included, at most `PATH_STEP_M` apart."""
     parts = [corners[:1]]
     for start, end in pairwise(corners):
-        count = max(1, math.ceil(float(np.hypot(*(end - start))) / WAY_STEP_M))
+        count = max(1, math.ceil(float(np.hypot(*(end - start))) / PATH_STEP_M))
         parts.append(start + np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis] * (end - start))
     return np.concatenate(parts)
 

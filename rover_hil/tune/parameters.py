@@ -19,7 +19,7 @@ Table = dict[str, object]
 
 
 def check_parameters(config: Config) -> TuneSettings:
-    """Return what may be tuned, after looking at every parameter.
+    """Check every parameter to tune; return [tune].
 
     Raises:
         ConfigError: There is no [tune], no mission or no simulation; or parameters do not exist, are not
@@ -55,7 +55,7 @@ TUNE_CHECKS = (*ROVER_CHECKS, Rule(tuple(Config.model_fields), _find_mistakes))
 
 
 def start_values(config: Config, tune: TuneSettings) -> dict[str, float]:
-    """Return the present values of all parameters."""
+    """Return the current values of all parameters."""
     table = config.model_dump(by_alias=True)
     return {key: _number(table, key) for key in tune.parameters}
 
@@ -76,7 +76,7 @@ def with_values(config: Config, values: Values) -> Config:
 
 
 def rounded(values: Values, tune: TuneSettings) -> dict[str, float]:
-    """Return values as people would write them, still within their ranges."""
+    """Return values rounded to four digits, within their ranges."""
     result: dict[str, float] = {}
     for key, value in values.items():
         parameter = tune.parameters[key]
@@ -88,7 +88,7 @@ def _check(config: Config, key: str, parameter: TunableSettings) -> None:
     where = f"tune.parameters.{key}"
     section = key.partition(".")[0]
     if section in FORBIDDEN:
-        raise ConfigError(f"{where}: [{section}] says what is, not how to drive: leave it out")
+        raise ConfigError(f"{where}: [{section}] cannot be tuned; remove the parameter")
     start = _number(config.model_dump(by_alias=True), key)
     for value in (parameter.low, parameter.high):
         try:
@@ -98,10 +98,12 @@ def _check(config: Config, key: str, parameter: TunableSettings) -> None:
             reason = str(error).splitlines()[0]
             raise ConfigError(f"{where}: the range reaches {value:g}, but {reason}") from error
         if _path(edge) != _path(config):
-            raise ConfigError(f"{where}: another value would be another path: leave it out")
+            raise ConfigError(
+                f"{where}: the value changes the path and cannot be tuned; remove the parameter"
+            )
     if not parameter.low <= start <= parameter.high:
         raise ConfigError(
-            f"{where}: the present value {start:g} is outside {parameter.low:g} to {parameter.high:g}: "
+            f"{where}: the current value {start:g} is outside {parameter.low:g} to {parameter.high:g}: "
             "widen the range or change the value"
         )
 

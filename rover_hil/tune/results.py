@@ -1,31 +1,32 @@
-"""What tuning came to: as JSON, as a page, and as a new configuration."""
+"""Result of a tuning: as JSON, as a page, and as a new configuration."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from pydantic_core import to_json
 
 from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import write_files
+from rover_hil.pages.render import render
 from rover_hil.tune.comparison import Comparison, Verdict
-from rover_hil.tune.figures import TuningData, draw_pictures
+from rover_hil.tune.figures import TuningData, draw_report
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
-from rover_hil.tune.rehearsal import Rehearsal
-from rover_hil.tune.sites import held_out_seeds, train_seeds
+from rover_hil.tune.scenarios import held_out_seeds, train_seeds
+from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import Attempt
 from rover_hil.tune.tuned_config import tuned_text
 
 CONFIG_NAME = "tuned.toml"
 RESULT_NAME = "tuning.json"
 REPORT_NAME = "report.html"
+RESULT_NAMES = (CONFIG_NAME, RESULT_NAME, REPORT_NAME)
 GRADES = {Verdict.IMPROVED: "good", Verdict.CONFIRMED: "neutral", Verdict.NONE_ACCEPTABLE: "bad"}
 
 
@@ -47,13 +48,13 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningResult:
-    """What tuning came to.
+    """Result of a tuning.
 
     Attributes:
         start: The configuration it started from.
-        trials: Finished trials; of these, `refused` were unstable and `given_up` sure to be no better.
-        cost_before, cost_after: On the held-out cases; None where the gains were refused.
-        start_refused: Why the old values are not acceptable; empty when they are.
+        trials: Finished trials; of these, `refused` were unstable and `given_up` certain not to be better.
+        cost_before, cost_after: On the held-out cases; None where the gains were rejected.
+        start_refused: Why the old values are rejected; empty when they are acceptable.
         values: Every tunable value, changed or not.
         held_out: Measured values on the held-out cases, by the objective's names.
         declined: Candidates that were driven on the held-out cases and not taken: their cost in the search
@@ -91,7 +92,7 @@ def summarise(
     train, held_out = train_seeds(tune.cases), held_out_seeds(tune.cases)
     first = next((attempt for attempt in attempts if attempt.is_start), None)
     old, new = (
-        _spreads(side.rehearsals if side.cost is not None else (), quantile)
+        _spreads(side.missions if side.cost is not None else (), quantile)
         for side in (comparison.start, comparison.tuned)
     )
     return TuningResult(
@@ -148,18 +149,26 @@ def write_results(
     result_json = to_json(result, indent=2).decode()
     texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}
     provenance = _provenance(result)
+    if provenance is not None:
+        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
+    write_files(folder, texts)
     if provenance is None:
         (folder / CONFIG_NAME).unlink(missing_ok=True)
-    else:
-        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
-    write_all(folder, texts)
     return result_json
 
 
+def study_of(folder: Path) -> str:
+    """Return the name of the study whose results a folder holds; empty where it holds none."""
+    try:
+        return str(json.loads((folder / RESULT_NAME).read_text("utf-8"))["study"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
 def sentence(result: TuningResult) -> str:
-    """Return what tuning came to in one sentence."""
-    sites = result.held_out_seeds[1] - result.held_out_seeds[0] + 1
-    where = f"on {sites} held-out sites after {result.trials} trials"
+    """Return the result in one sentence."""
+    scenarios = result.held_out_seeds[1] - result.held_out_seeds[0] + 1
+    where = f"on {scenarios} held-out scenarios after {result.trials} trials"
     if result.cost_after is None:
         return f"No acceptable values {where}: the old ones are refused ({result.start_refused})"
     if result.verdict is Verdict.CONFIRMED:
@@ -195,10 +204,10 @@ def _provenance(result: TuningResult) -> ProvenanceRecord | None:
     )
 
 
-def _spreads(rehearsals: Sequence[Rehearsal], quantile: float) -> dict[str, Spread]:
-    if not rehearsals:
+def _spreads(missions: Sequence[SimulatedMission], quantile: float) -> dict[str, Spread]:
+    if not missions:
         return {}
-    terms = {name: [rehearsal.terms[name] for rehearsal in rehearsals] for name in rehearsals[0].terms}
+    terms = {name: [mission.terms[name] for mission in missions] for name in missions[0].terms}
     return {
         name: Spread(median=float(np.median(values)), quantile=float(np.quantile(values, quantile)))
         for name, values in terms.items()
@@ -206,13 +215,10 @@ def _spreads(rehearsals: Sequence[Rehearsal], quantile: float) -> dict[str, Spre
 
 
 def _page(data: TuningData, result: TuningResult) -> str:
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = (resources.files("rover_hil.tune") / REPORT_NAME).read_text("utf-8")
-    return environment.from_string(template).render(
+    return render(
+        "tune/report.html",
         result=result,
         grade=GRADES[result.verdict],
         sentence=sentence(result),
-        pictures=draw_pictures(data),
+        pictures=draw_report(data),
     )

@@ -1,4 +1,4 @@
-"""The search: optuna proposes values, the bench drives them, a journal file keeps every trial."""
+"""The search: optuna proposes values, all cores simulate them, a journal file records every trial."""
 
 import os
 from collections.abc import Callable
@@ -8,9 +8,9 @@ from pathlib import Path
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.tune.objective import Drive, Evaluation, case_cost, evaluate
+from rover_hil.tune.objective import Evaluation, MissionRunner, case_cost, evaluate
 from rover_hil.tune.parameters import rounded, start_values, with_values
-from rover_hil.tune.sites import train_seeds
+from rover_hil.tune.scenarios import train_seeds
 
 try:
     import optuna
@@ -34,9 +34,9 @@ class Attempt:
     """One finished trial.
 
     Attributes:
-        cost: On the training cases; None where the values were refused or given up.
-        at_least: What the cost is at least, where it was given up.
-        refused: Why the values are not acceptable; empty when they are.
+        cost: On the training cases; None where the values were rejected or given up.
+        at_least: Lower bound of the cost, where it was given up.
+        refused: Why the values are rejected; empty when they are acceptable.
         is_start: These are the values that the study started from.
     """
 
@@ -49,7 +49,7 @@ class Attempt:
 
 
 class Study:
-    """A study in a file; opening it again goes on where it ended, however it ended.
+    """A study in a file; opening it again continues where it ended.
 
     Args:
         path: The journal file.
@@ -81,37 +81,41 @@ class Study:
         self._study.set_user_attr(SETTING, setting)
 
     def attempts(self) -> list[Attempt]:
-        """Return every finished trial in its order."""
+        """Return the finished trials in their order."""
         states = (TrialState.COMPLETE, TrialState.PRUNED)
         return [
             _attempt(trial, self._tune) for trial in self._study.get_trials(deepcopy=False, states=states)
         ]
 
     def candidates(self) -> list[Attempt]:
-        """Return the best trials but the start, the best first."""
+        """Return the best trials except the start, the best first."""
         found = [attempt for attempt in self.attempts() if not attempt.is_start]
         return _cheapest(found)
 
     def search(
-        self, drive: Drive, trials: int, should_stop: Callable[[], bool], note: Callable[[], None]
+        self,
+        drive: MissionRunner,
+        trials: int,
+        should_stop: Callable[[], bool],
+        report_progress: Callable[[], None],
     ) -> None:
-        """Try values until the study holds `trials` trials; the first are the present ones.
+        """Try values until the study holds `trials` trials; the first trial has the present values.
 
         Args:
             drive: Drives cases.
             trials: Finished trials in all, those of earlier sessions included.
             should_stop: Asked between trials.
-            note: Called after every trial.
+            report_progress: Called after every trial.
         """
         while (count := len(self.attempts())) < trials and not should_stop():
             self._try_next(drive, is_first=count == 0)
-            note()
+            report_progress()
 
-    def _try_next(self, drive: Drive, *, is_first: bool) -> None:
+    def _try_next(self, drive: MissionRunner, *, is_first: bool) -> None:
         study = self._study
         if is_first:
             study.enqueue_trial(start_values(self._config, self._tune), user_attrs={IS_START: True})
-        # A generator of its own for every trial: an interrupted study goes on as it would have gone on.
+        # Each trial has a generator of its own, so that an interrupted study continues as it would have.
         study.sampler = TPESampler(seed=len(study.get_trials(deepcopy=False)))
         trial = study.ask(self._distributions)
         attempt = _attempt(study.get_trials(deepcopy=False)[trial.number], self._tune)
@@ -119,7 +123,7 @@ class Study:
         objective = self._tune.objective
         evaluation = evaluate(drive, config, self._hardest_first(), objective, self._hopeless_cost())
         if is_first:
-            costs = {each.seed: case_cost(each, objective) for each in evaluation.rehearsals}
+            costs = {each.seed: case_cost(each, objective) for each in evaluation.missions}
             study.set_user_attr(HARDEST_FIRST, sorted(costs, key=lambda seed: -costs[seed]))
         trial.set_user_attr(REFUSED, evaluation.refused)
         if evaluation.cost is not None:
@@ -129,7 +133,7 @@ class Study:
             study.tell(trial, state=TrialState.PRUNED)
 
     def _hardest_first(self) -> list[int]:
-        """Return the training seeds in the order that shows soonest that values are bad."""
+        """Return the training seeds, those with the highest cost of the start first."""
         known: list[int] = self._study.user_attrs.get(HARDEST_FIRST, [])
         return [*known, *(seed for seed in train_seeds(self._tune.cases) if seed not in known)]
 
@@ -145,8 +149,8 @@ def _cheapest(attempts: list[Attempt]) -> list[Attempt]:
 
 
 def _rank(evaluation: Evaluation) -> int:
-    """Return how optuna is to rank values without a known cost: refused ones below all given up."""
-    return 0 if evaluation.refused else len(evaluation.rehearsals)
+    """Return the rank of values without a known cost: rejected ones below those given up."""
+    return 0 if evaluation.refused else len(evaluation.missions)
 
 
 def _attempt(trial: FrozenTrial, tune: TuneSettings) -> Attempt:
@@ -162,12 +166,12 @@ def _attempt(trial: FrozenTrial, tune: TuneSettings) -> Attempt:
 
 
 def _setting(config: Config) -> str:
-    """Return all that the costs depend on."""
+    """Return everything that the costs depend on."""
     return config.model_dump_json(by_alias=True, exclude={"tune": {"provenance"}})
 
 
 def _drop_torn_line(path: Path) -> None:
-    """Cut off a last line that was not written to its end."""
+    """Remove a last line that was not completely written."""
     if path.exists():
         text = path.read_bytes()
         os.truncate(path, text.rfind(b"\n") + 1)

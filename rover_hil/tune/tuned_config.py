@@ -1,4 +1,4 @@
-"""Writes tuned values into the text of a configuration, which keeps its comments and its order."""
+"""Write tuned values into the text of a configuration; its comments and order stay."""
 
 import json
 import re
@@ -13,7 +13,7 @@ PROVENANCE = "tune.provenance"
 
 
 def tuned_text(text: str, values: Values, provenance: ProvenanceRecord | None) -> str:
-    """Return the text of a configuration with other values, and where they come from.
+    """Return the text of a configuration with new values and their provenance.
 
     Args:
         text: A valid configuration.
@@ -60,7 +60,7 @@ def _with_value(text: str, dotted_key: str, value: float) -> str:
 
 
 def _without_section(text: str, section: str) -> str:
-    """Leave out a section and those below it, up to the next other header."""
+    """Remove a section and its subsections."""
     kept: list[str] = []
     is_inside = False
     for line in text.splitlines(keepends=True):

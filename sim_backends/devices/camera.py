@@ -1,7 +1,7 @@
 """A simulated camera that looks back at the ground behind a wheel, where the wheel leaves its trace.
 
-What it leaves out, besides what the scene leaves out (docs/rear_scene.md): frames come at an exact rate and
-none is lost; there is no rolling shutter, automatic exposure or JPEG artefact.
+Not modelled, in addition to what the scene omits (docs/rear_scene.md): jitter of the frame rate, lost frames,
+rolling shutter, automatic exposure, JPEG artefacts.
 """
 
 from typing import NamedTuple, Protocol
@@ -24,7 +24,7 @@ class Scene(Protocol):
     """What the camera sees."""
 
     def render(self, truth: Truth) -> Image:
-        """Return the picture from where the rover is; called in order of time."""
+        """Return the image at the rover's true pose; called in order of time."""
         ...
 
 
@@ -71,8 +71,8 @@ class CameraEmulator:
         self._to_host.put(t_ns + self._exposure.after_ns, image)
         self.next_event_ns += self._period_ns
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
-        """Ignore it: the camera takes no commands."""
+    def receive(self, t_ns: int, payload: bytes) -> None:
+        """Ignore the payload: a camera takes no commands."""
 
 
 def make_camera(
@@ -83,10 +83,10 @@ def make_camera(
     rng: np.random.Generator,
     start_ns: int,
 ) -> EmulatedDevice[CameraImage]:
-    """Build the simulated camera called `name` and its bus; the first frame is within a period of the start.
+    """Build the simulated camera called `name` and its bus; the first frame comes within a period.
 
     Raises:
-        ConfigError: The horizon is in view, or ground too far away.
+        ConfigError: The horizon or ground too far away is in view.
     """
     from sim_backends.rear_scene.emulated_scene import EmulatedScene  # numba takes a second to load
 

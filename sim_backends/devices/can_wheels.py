@@ -1,10 +1,10 @@
 """The wheel drives of a simulated rover on their CAN bus, in the messages of a mapping and its DBC file.
 
-Left out: arbitration between the two directions (each is a wire of its own with the full bit rate), error
+Not modelled: arbitration between the two directions (each is a wire of its own with the full bit rate), error
 frames, retransmission and bus-off; jitter of the sampling; the delay of the drives' own filters. Signals that
 the mapping does not name keep the DBC file's start value. The drives switch on together when all [[start]]
-messages have come, and off at any [[stop]] message; drives that need starting must be started anew after
-their watchdog has expired (an ODrive also wants its errors cleared).
+messages have arrived, and off at any [[stop]] message. Drives with [[start]] messages must be started again
+after their watchdog has expired (an ODrive also requires that its errors are cleared).
 """
 
 import math
@@ -31,21 +31,22 @@ from sim_backends.world.sensor_errors import standard_normals
 from sim_backends.world.world import EmulatedDevice
 
 RawSignal: TypeAlias = Callable[[Truth], float]
-"""Returns what stands in a signal for a given truth."""
+"""Returns the raw value of a signal for a given truth."""
 
 
 class CanNodeSettings(Settings):
-    """Rates, errors and watchdog of the drives; rounding to the steps of the signals comes on top.
+    """Rates, errors and watchdog of the drives; rounding to the resolution of the signals is added.
 
     Attributes:
         wheel_rate_hz: Messages about wheels, of each kind, per second; spread evenly over the period.
-        status_rate_hz: All other messages.
-        encoder_ticks_per_revolution: Of the motor, where the mapping's unit is not ticks.
+        status_rate_hz: All other messages per second, of each kind.
+        encoder_ticks_per_revolution: Encoder counts per turn of the motor, where the mapping's unit is not
+            ticks.
         speed_noise_rad_s: Standard deviation of each reported speed, at the wheel.
         current_noise_a: Standard deviation of each motor current.
-        current_step_a: Step of the drive's current measurement; 0 for none.
+        current_step_a: Resolution of the drive's current measurement; 0 for none.
         voltage_noise_v: Standard deviation of each supply voltage.
-        watchdog_s: A wheel stops when no set-point for it comes for so long.
+        watchdog_s: A wheel stops when it gets no set-point for this long.
     """
 
     type: Literal["can_wheels"] = "can_wheels"
@@ -60,7 +61,7 @@ class CanNodeSettings(Settings):
 
 
 class _Outbox:
-    """One kind of message to the host, and how its signals come about."""
+    """One message to the host, and the sources of its signals."""
 
     def __init__(self, message: Message, protection: Protection | None, rate_hz: float) -> None:
         self.writer = MessageWriter(message, protection)
@@ -74,12 +75,12 @@ class CanNodes:
     """All wheel drives on one bus.
 
     Args:
-        settings: Their rates and errors.
-        bus: Their messages.
-        plant: The rover whose wheels they turn and watch.
-        to_host: The wire they send on.
-        rng: Source of their noise.
-        start_ns: When they are switched on.
+        settings: Rates and errors.
+        bus: Messages of the mapping.
+        plant: The rover whose wheels they drive and measure.
+        to_host: Line to the host.
+        rng: Source of the noise.
+        start_ns: Time of power-on.
     """
 
     def __init__(
@@ -113,12 +114,12 @@ class CanNodes:
 
     @property
     def next_event_ns(self) -> int:
-        """When the next message or the end of a watchdog is due."""
+        """When the next message is due or a watchdog expires."""
         return min(self._due[0][0], *self._deadlines_ns)
 
     @property
     def load_bits_per_s(self) -> float:
-        """What the drives themselves send."""
+        """Bit rate of what the drives send."""
         return sum(outbox.bits * outbox.rate_hz for outbox in self._outboxes.values())
 
     def act(self, t_ns: int) -> None:
@@ -135,8 +136,8 @@ class CanNodes:
             values = {signal: raw_of(truth) for signal, raw_of in outbox.signals.items()}
             self._to_host.put(t_ns, outbox.writer.write(values))
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
-        """Take set-points and what switches the drives on and off."""
+    def receive(self, t_ns: int, payload: bytes) -> None:
+        """Process set-points, [[start]] and [[stop]] messages."""
         frame = unpack_can_frame(payload)
         if frame is None or frame.is_remote or frame.is_error:
             return
@@ -219,7 +220,7 @@ class CanNodes:
         return self._outboxes[name]
 
     def _schedule(self, start_ns: int) -> list[tuple[int, str]]:
-        """Spread the messages of each rate evenly over their period."""
+        """Return the first due times: the messages of each rate spread evenly over their period."""
         due = []
         for rate_hz in {outbox.rate_hz for outbox in self._outboxes.values()}:
             names = [name for name, outbox in self._outboxes.items() if outbox.rate_hz == rate_hz]

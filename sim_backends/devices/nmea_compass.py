@@ -1,6 +1,6 @@
-"""A fluxgate compass that speaks NMEA 0183.
+"""A fluxgate compass with NMEA 0183 output.
 
-Left out: tilt error, magnetic disturbances by place, variation (the world's y axis points to magnetic north),
+Not modelled: tilt error, magnetic disturbances, variation (the world's y axis points to magnetic north),
 jitter of the sampling, and commands from the host, which are ignored.
 """
 
@@ -33,7 +33,7 @@ class CompassEmulatorSettings(Settings):
 
     Attributes:
         rate_hz: Sentences per second.
-        sentence: What it sends.
+        sentence: Sentence that the compass sends.
         lag_s: Time constant of the damping, first order.
         bias_deg: Constant error.
         deviation_error_deg: Factors of sin h, cos h, sin 2h, cos 2h of the lagged heading h. The nautical
@@ -54,11 +54,11 @@ class CompassEmulator:
     """The compass: takes a reading and starts to send it every period.
 
     Args:
-        settings: Its errors.
-        plant: Where the true heading comes from.
-        to_host: The wire it sends on.
-        rng: Source of its noise.
-        start_ns: When it is switched on; the first reading comes one period later.
+        settings: Errors of the compass.
+        plant: Source of the true heading.
+        to_host: Line to the host.
+        rng: Source of the noise.
+        start_ns: Time of power-on; the first reading follows one period later.
     """
 
     def __init__(
@@ -87,8 +87,8 @@ class CompassEmulator:
         reading_deg = heading_deg + self._error_deg(heading_deg) + noise_deg
         self._to_host.put(t_ns, encode_sentence(self._body.format(round(reading_deg * 10.0) % 3600 / 10.0)))
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
-        """Ignore the host."""
+    def receive(self, t_ns: int, payload: bytes) -> None:
+        """Ignore the payload."""
 
     def _error_deg(self, heading_deg: float) -> float:
         heading_rad = math.radians(heading_deg)

@@ -1,7 +1,7 @@
-"""A simulated camera above the test site that sees the marker on the rover.
+"""A simulated camera above the test site that observes the marker on the rover.
 
-What it leaves out, besides what the scene leaves out: pictures come at an exact rate and none is lost; there
-is no automatic exposure and no JPEG artefact.
+Not modelled, in addition to what the scene omits: jitter of the frame rate, lost frames, automatic exposure,
+JPEG artefacts.
 """
 
 import numpy as np
@@ -25,10 +25,10 @@ def make_overhead_camera(
     rng: np.random.Generator,
     start_ns: int,
 ) -> EmulatedDevice[CameraImage]:
-    """Build the simulated camera called `name` and its bus; the first picture comes within a period.
+    """Build the simulated camera called `name` and its bus; the first frame comes within a period.
 
     Raises:
-        ConfigError: The transfer times contradict each other, or the marker is above the camera.
+        ConfigError: transfer_min_s exceeds transfer_max_s, or the marker is above the camera.
     """
     from sim_backends.overhead_scene.scene import OverheadScene
 
@@ -41,7 +41,7 @@ def make_overhead_camera(
         raise ConfigError(msg)
     scene_rng, time_rng = rng.spawn(2)
     scene = OverheadScene(device, emulator, scene_rng)
-    # As many bits as seconds, one per second: each picture takes a time of its own.
+    # One bit per second of transfer at 1 bit/s: each frame has its own transfer time.
     to_host: Line[CameraImage] = Line(lambda image: float(time_rng.uniform(shortest_s, longest_s)), 1.0)
     period_ns = nanoseconds(1 / device.frame_rate_hz)
     first_ns = start_ns + int(time_rng.integers(period_ns))

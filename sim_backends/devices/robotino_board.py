@@ -1,12 +1,12 @@
-"""The Robotino 1/2/XT board as its serial port shows it, EA05 or EA09.
+"""The Robotino 1/2/XT board, EA05 or EA09, at its serial port.
 
 Modelled: set-points in whole speed steps, brakes, one reply per request after 4 to 6 ms at the pace of the
 line, the speed field as a tick count over 1/900 s, currents as magnitudes with ripple in the converter's
-counts (an EA05 sends only the upper 8 of 10 bits, an EA09 saturates at 0.98 A), and the stop when the host
-falls silent. An EA05 answers with what it measured at the request before.
+counts (an EA05 sends only the upper 8 of 10 bits, an EA09 saturates at 0.98 A), and the stop when no
+request arrives. An EA05 replies with its measurements at the previous request.
 
-Left out: gains, position mode, position and time reset, digital and analogue inputs, the auxiliary output,
-power-off, and that the supply feeds the motors only for part of each pulse-width cycle.
+Not modelled: gains, position mode, position and time reset, digital and analogue inputs, the auxiliary
+output, power-off, and the duty cycle in the supply current.
 
 Source: as for `drivers/robotino_board/codec.py`; reply delay and ripple measured.
 """
@@ -22,15 +22,13 @@ from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.robotino_board.codec import (
-    MAX_RAW,
-    MAX_SPEED_STEPS,
     REQUEST_SIZE,
     BoardReply,
     FrameScanner,
     build_reply,
     parse_request,
-    scales,
 )
+from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS, scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
 from sim_backends.world.line import NEVER_NS, Line, serial_bits
@@ -39,13 +37,13 @@ from sim_backends.world.sensor_errors import standard_normals, standard_uniforms
 from sim_backends.world.world import EmulatedDevice
 
 SILENCE_S = {"EA05": 1.04, "EA09": 0.2}
-"""How long each board waits for the next request before it stops the motors."""
+"""Time without a request after which each board stops the motors."""
 FASTEST_REPLY_S = 0.004
 SLOWEST_REPLY_S = 0.006
 
 
 class RobotinoBoardEmulatorSettings(Settings):
-    """How the simulated board measures.
+    """Measurement errors of the simulated board.
 
     Attributes:
         current_ripple_a: Standard deviation of a motor current reading at 1 A; it grows with the root of
@@ -61,11 +59,11 @@ class RobotinoBoardEmulator:
 
     Args:
         device: Board, gear and encoder.
-        settings: How it measures.
+        settings: Measurement errors.
         plant: The rover it drives, with three wheels.
-        to_host: Line on which it answers.
+        to_host: Line to the host.
         rng: Source of delays and noise.
-        start_ns: When it is switched on.
+        start_ns: Time of power-on.
     """
 
     def __init__(
@@ -94,11 +92,11 @@ class RobotinoBoardEmulator:
 
     @property
     def next_event_ns(self) -> int:
-        """When the next reply is ready or the host has been silent for too long."""
+        """When the next reply is ready or the time without a request ends."""
         return min(self._replies[0].t_ns, self._stop_ns) if self._replies else self._stop_ns
 
     def act(self, t_ns: int) -> None:
-        """Send the replies that are ready; stop the motors when the host has been silent for too long."""
+        """Send the replies that are ready; stop the motors when no request has arrived in time."""
         while self._replies and self._replies[0].t_ns <= t_ns:
             reply = self._replies.popleft()
             self._to_host.put(reply.t_ns, reply.payload)
@@ -106,15 +104,15 @@ class RobotinoBoardEmulator:
             self._plant.set_wheel_speeds((0.0, 0.0, 0.0))
             self._stop_ns = NEVER_NS
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
-        """Obey each request that `payload` completes and prepare its reply."""
+    def receive(self, t_ns: int, payload: bytes) -> None:
+        """Execute each request that `payload` completes and prepare its reply."""
         for frame in self._scanner.feed(payload):
             if isinstance(frame, bytes):
-                self._obey(frame)
+                self._execute(frame)
                 self._prepare_reply(t_ns)
                 self._stop_ns = t_ns + self._silence_ns
 
-    def _obey(self, frame: bytes) -> None:
+    def _execute(self, frame: bytes) -> None:
         request = parse_request(frame)
         self._plant.set_wheel_speeds(
             [
@@ -127,10 +125,10 @@ class RobotinoBoardEmulator:
         measured = self._measure(t_ns)
         answer = self._measured_before if self._board == "EA05" else measured
         self._measured_before = measured
-        begin_ns = self._replies[-1].t_ns if self._replies else t_ns
+        start_ns = self._replies[-1].t_ns if self._replies else t_ns
         delay_s = FASTEST_REPLY_S + (SLOWEST_REPLY_S - FASTEST_REPLY_S) * next(self._uniforms)
         delay_ns = nanoseconds(delay_s)
-        self._replies.append(Received(begin_ns + delay_ns, answer))
+        self._replies.append(Received(start_ns + delay_ns, answer))
 
     def _measure(self, t_ns: int) -> bytes:
         truth = self._plant.truth()
@@ -166,7 +164,7 @@ class RobotinoBoardEmulator:
 
 
 def _ticks_in_window(ticks: float, phase: float) -> int:
-    """Return how many ticks a counter sees in a window that begins anywhere between two ticks."""
+    """Return the number of ticks counted in a window that begins at `phase`, 0 to 1, between two ticks."""
     size = min(int(abs(ticks) + phase), MAX_SPEED_STEPS)
     return size if ticks >= 0 else -size
 
@@ -182,7 +180,7 @@ def make_robotino_board(
     """Return the simulated board on a serial line of the configured speed.
 
     Raises:
-        ConfigError: The rover has not three wheels.
+        ConfigError: The rover does not have three wheels.
     """
     if plant.wheel_count != 3:
         msg = f"device '{name}' turns 3 wheels but the simulated rover has {plant.wheel_count}: change one"

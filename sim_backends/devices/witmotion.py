@@ -1,7 +1,7 @@
 """A WitMotion inertial sensor on its serial line.
 
-Left out: temperature drift, scale and cross-axis errors, vibration, magnetic disturbances, magnetic frames,
-coupling of tilt and turning in the x and y rates, and commands from the host, which are ignored.
+Not modelled: temperature drift, scale and cross-axis errors, vibration, magnetic disturbances, magnetic
+frames, coupling of tilt and turning in the x and y rates, and commands from the host, which are ignored.
 """
 
 import math
@@ -36,9 +36,9 @@ class ImuEmulatorSettings(Settings):
 
     Attributes:
         rate_hz: Sets of frames per second.
-        frames: What each set holds; always sent in the order acceleration, rate, angle.
+        frames: Frames in each set; always sent in the order acceleration, rate, angle.
         gyro_bias_deg_s: Bias of each axis at the start.
-        gyro_walk_deg_s: Random walk of the bias: its standard deviation after one second.
+        gyro_walk_deg_s: Standard deviation of the bias' random walk after one second.
         gyro_noise_deg_s: Standard deviation of the white noise of each rate.
         acceleration_noise_m_s2: Standard deviation of the white noise of each acceleration.
         angle_lag_s: Time constant of the device's own attitude filter, first order.
@@ -62,12 +62,12 @@ class ImuEmulator:
     """The sensor: measures and starts to send a set of frames every period.
 
     Args:
-        settings: Its errors.
-        mounting: How it sits on the rover.
-        plant: Where the true motion comes from.
-        to_host: The wire it sends on.
-        rng: Source of its noise.
-        start_ns: When it is switched on; the first set comes one period later.
+        settings: Errors of the sensor.
+        mounting: Orientation on the rover.
+        plant: Source of the true motion.
+        to_host: Line to the host.
+        rng: Source of the noise.
+        start_ns: Time of power-on; the first set follows one period later.
     """
 
     def __init__(
@@ -112,8 +112,8 @@ class ImuEmulator:
         self._to_host.put(t_ns, burst)
         self._before = truth
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
-        """Ignore the host."""
+    def receive(self, t_ns: int, payload: bytes) -> None:
+        """Ignore the payload."""
 
     def _acceleration(self, truth: Truth) -> Vector:
         before = self._before
@@ -168,7 +168,7 @@ def make_imu(
     rng: np.random.Generator,
     start_ns: int,
 ) -> EmulatedDevice[bytes]:
-    """Build the emulated sensor and its line, mounted as the device's settings say.
+    """Build the emulated sensor and its line, mounted as in the device's settings.
 
     Raises:
         ConfigError: The line is too slow for the rate.

@@ -1,4 +1,4 @@
-"""What a model offers so that it can be compared with measured runs. It knows nothing about rovers."""
+"""Interface of a model that is compared with measured runs; independent of rovers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,8 +20,8 @@ class Parameter:
     Attributes:
         name: Unique within its model or effect.
         unit: SI unit or degree; "1" for a pure number.
-        nominal: Its value when nothing else is known; of an effect's parameter, the value without effect.
-        prior_sd: How well the nominal value is known; of an effect's parameter, its natural size.
+        nominal: Value without other knowledge; of an effect's parameter, the value without effect.
+        prior_sd: Standard deviation of the nominal value; of an effect's parameter, its natural size.
         lower: Least possible value.
         upper: Greatest possible value.
         meaning: One sentence.
@@ -52,8 +52,10 @@ class Channel:
     Attributes:
         name: Unique within its model.
         unit: Its unit.
-        sigma: Standard deviation of one value where the sensor's is known; None where replicates must tell.
+        sigma: Standard deviation of one value where the sensor's is known; None to estimate it from
+            replicates.
         quantum: Step of the sensor; 0 where there is none.
+        is_optional: Data without this channel is compared without it.
         tolerance: Standard deviation of what the base model is known to be wrong by (formula, solver), the
             same whenever the conditions are the same. Steady experiments only.
     """
@@ -63,16 +65,17 @@ class Channel:
     sigma: float | None = None
     quantum: float = 0.0
     tolerance: float = 0.0
+    is_optional: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """One experiment: what was set, and what was measured.
+    """One experiment: conditions, inputs and measurements.
 
     Attributes:
         name: Unique within a data set.
         conditions: Numbers that were set, one per run (slope, load, ...); equal conditions are replicates.
-        inputs: Series that were fed in, all of one length; empty for steady experiments.
+        inputs: Input series, all of one length; empty for steady experiments.
         measured: Channel to values: one value for a steady experiment, else a series; NaN where missing.
         overlap: How many values at the start and end of each series are NaN on purpose, as they overlap with
             a neighbouring run; they do not count as missing.
@@ -99,8 +102,8 @@ class EffectCard:
             A bound at the nominal value is the sign rule. The first is the strength, the others are shapes.
         shape_grid: Values of the shape parameters to search where the effect is not smooth at its null.
         releases: The base parameter that this card sets free beyond its prior; None for a structural effect.
-        claims: Symmetries in words: what it must do when mirrored, on the flat, with load, with time.
-        experiment: The run that tells it from its rivals.
+        claims: Symmetries in words: behaviour when mirrored, on level ground, with load, over time.
+        experiment: The run that distinguishes it from other effects.
         source: Paper, equation, data sheet or reasoning.
     """
 
@@ -162,7 +165,7 @@ class RunReader(Protocol):
         """Return the runs in a file or folder.
 
         Raises:
-            ConfigError: The data is not what it should be; the message says where.
+            ConfigError: The data is unusable; the message contains the place.
             LogError: A log cannot be read.
         """
         ...
@@ -184,3 +187,12 @@ class DrivenModel(Protocol):
     @property
     def input_units(self) -> Mapping[str, str]:
         """The inputs it needs and their units."""
+
+
+@runtime_checkable
+class EitherDriven(Protocol):
+    """A driven model with inputs that replace each other."""
+
+    @property
+    def alternative_inputs(self) -> tuple[str, ...]:
+        """Inputs of which a data set has one: the last that all of its runs have, else the first."""

@@ -1,1 +1,1 @@
-"""What the simulated overhead camera sees."""
+"""Renderer of the simulated overhead camera's images."""

@@ -1,7 +1,7 @@
-"""What the simulated overhead camera sees: the floor, and on it the rover with its marker.
+"""Images of the simulated overhead camera: the floor, and on it the rover with its marker.
 
-What it leaves out: lens distortion, rolling shutter, shadows, reflections and people; the rover is a level
-grey disc around its marker, and the floor has no patches.
+Not modelled: lens distortion, rolling shutter, shadows, reflections and people. The rover is a level grey
+disc around its marker, and the floor has no patches.
 """
 
 import math
@@ -33,7 +33,7 @@ class PinholeCamera:
     """Projects points of the world to pixels.
 
     Args:
-        emulator: Where the camera is.
+        emulator: Pose of the camera.
         width: Width of the image in pixels.
         height: Height of the image in pixels.
     """
@@ -60,12 +60,12 @@ class PinholeCamera:
 
 
 class OverheadScene:
-    """The floor from above, with the rover's marker at its true place and height.
+    """The floor from above, with the rover's marker at its true position and height.
 
     Args:
-        device: The camera and the marker as the host knows them.
-        emulator: Where the camera is, and how well it sees.
-        rng: Makes the floor and the noise of the pixels.
+        device: Camera and marker as configured on the host.
+        emulator: Pose and image quality of the camera.
+        rng: Source of the floor and of the pixel noise.
     """
 
     def __init__(
@@ -90,10 +90,10 @@ class OverheadScene:
         self._height_m = device.marker_height_m + emulator.marker_height_error_m
 
     def render(self, truth: Truth) -> Image:
-        """Return the picture, BGR, with the rover blurred by its motion during the exposure."""
+        """Return the image, BGR, with the rover blurred by its motion during the exposure."""
         image = self._floor.copy()
         shares = (np.arange(EXPOSURE_PARTS) - 0.5 * (EXPOSURE_PARTS - 1)) / EXPOSURE_PARTS
-        poses = [_moved(truth, float(share) * self._emulator.exposure_s) for share in shares]
+        poses = [_pose_after(truth, float(share) * self._emulator.exposure_s) for share in shares]
         decks = [self._camera.project(self._deck(*pose)) for pose in poses]
         boards = [self._camera.project(self._board_corners(*pose)) for pose in poses]
         margin = 2 + math.ceil(4 * self._emulator.blur_px)
@@ -111,10 +111,10 @@ class OverheadScene:
             if self._emulator.blur_px > 0.0:
                 blurred = cv2.GaussianBlur(blurred, (0, 0), self._emulator.blur_px)
             window[:] = np.round(blurred)
-        return self._develop(image)
+        return self._add_noise(image)
 
     def _draw(self, floor: Image, deck_px: Array, board_px: Array) -> Image:
-        """Return a part of the picture with the rover in it, each pixel the mean of what it covers."""
+        """Return a part of the image with the rover in it, each pixel averaged over its area."""
         height, width = floor.shape
         drawn = floor.copy()
         fine_deck = np.round(deck_px * 2**SUBPIXEL_BITS).astype(np.int32)
@@ -135,7 +135,7 @@ class OverheadScene:
         )
         return np.asarray(cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
-    def _develop(self, image: Image) -> Image:
+    def _add_noise(self, image: Image) -> Image:
         height, width = image.shape
         row, column = self._rng.integers(0, NOISE_SHIFT, 2)
         noisy = cv2.add(image, self._noise[row : row + height, column : column + width], dtype=cv2.CV_8U)
@@ -158,8 +158,8 @@ class OverheadScene:
         return np.column_stack((points.real, points.imag, np.full(len(points), self._height_m)))
 
 
-def _moved(truth: Truth, dt_s: float) -> tuple[float, float, float]:
-    """Return x, y and yaw so much later."""
+def _pose_after(truth: Truth, dt_s: float) -> tuple[float, float, float]:
+    """Return x, y and yaw `dt_s` later."""
     cosine, sine = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
     return (
         truth.x_m + dt_s * (cosine * truth.velocity_x_m_s - sine * truth.velocity_y_m_s),

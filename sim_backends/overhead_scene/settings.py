@@ -8,21 +8,23 @@ from drivers.settings import Settings
 
 
 class OverheadCameraEmulatorSettings(Settings):
-    """Where the simulated camera hangs, and how well it sees.
+    """Pose and image quality of the simulated camera.
 
     Attributes:
-        camera_x_m: Position of the lens in the world, as are `camera_y_m` and, above the floor, `height_m`.
-        turn_deg: Direction in the world of the image's x axis, counter-clockwise from x.
-        tilt_x_deg: How far the optical axis leans from straight down towards the image's right.
-        tilt_y_deg: The same towards the image's upper edge.
+        camera_x_m: Position of the lens in the world.
+        camera_y_m: Position of the lens in the world.
+        height_m: Height of the lens above the floor.
+        turn_deg: Direction of the image's x axis in the world, counter-clockwise from x.
+        tilt_x_deg: Tilt of the optical axis from straight down towards the image's right.
+        tilt_y_deg: Tilt of the optical axis from straight down towards the image's upper edge.
         horizontal_view_deg: Angle of view over the width of the image.
-        exposure_s: The picture is stamped at the beginning of the exposure.
-        transfer_min_s: Shortest time from its end to the arrival at the host.
-        transfer_max_s: Longest.
+        exposure_s: Duration of the exposure; the image is stamped at its beginning.
+        transfer_min_s: Shortest time from the end of the exposure to the arrival at the host.
+        transfer_max_s: Longest time from the end of the exposure to the arrival at the host.
         blur_px: Standard deviation of the optical blur.
         noise_grey: Standard deviation of the noise of a pixel, in grey levels of 255.
-        marker_height_error_m: How much higher the marker is than the host believes.
-        marker_yaw_error_deg: How far it is turned against what the host believes.
+        marker_height_error_m: True height of the marker minus the configured one.
+        marker_yaw_error_deg: True yaw of the marker minus the configured one.
     """
 
     type: Literal["overhead_camera"]

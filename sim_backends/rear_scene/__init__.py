@@ -1,1 +1,1 @@
-"""What a rearward camera sees: ground, ruts, light and shadow, with exact truth."""
+"""Renderer of a rearward camera's images: ground, ruts, light and shadow."""

@@ -1,4 +1,4 @@
-"""The rear scene of a simulated rover: what its emulated camera sees as the plant drives."""
+"""The rear scene of a simulated rover, rendered as the plant drives."""
 
 import math
 from dataclasses import replace
@@ -11,20 +11,20 @@ from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
 from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
 from sim_backends.rear_scene.scene import Lens, Pose, RearScene, rotations
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
-from sim_backends.world.coloured_noise import SlowNoise
+from sim_backends.world.coloured_noise import ColouredNoise
 from sim_backends.world.plant import Truth
 
 FARTHEST_M = 1.3
-"""The scene keeps the ground about as far as this from the rover."""
+"""Greatest distance of visible ground from the watched wheel; the scene stores the ground about this far."""
 PRESSED_STEP_M = 0.01
 ROCKING_TIME_S = 0.5
 
 
-def rig_of(emulator: CameraEmulatorSettings, width: int, height: int, fps: float) -> Rig:
+def make_rig(emulator: CameraEmulatorSettings, width: int, height: int, fps: float) -> Rig:
     """Return the calibrated rig of a simulated camera.
 
     Raises:
-        ConfigError: The horizon is in view, or ground too far away.
+        ConfigError: The horizon or ground too far away is in view.
     """
     focal_px = width / 2 / math.tan(math.radians(emulator.horizontal_view_deg) / 2)
     x_m, y_m = emulator.wheel_x_m, emulator.wheel_y_m
@@ -52,21 +52,21 @@ def rig_of(emulator: CameraEmulatorSettings, width: int, height: int, fps: float
 
 
 class EmulatedScene:
-    """The ground behind a simulated rover, drawn from the truth of its plant.
+    """The ground behind a simulated rover, rendered from the true state of its plant.
 
-    The plant's ground is the plane of the scene: x and y count on it, and neither its slope nor its mounds
-    change the picture; the body rocks a little against it.
+    The plant's ground is the plane of the scene: x and y are positions on it, and neither its slope nor its
+    mounds change the image. The body rocks slightly against it.
 
     Args:
-        emulator: Where the camera is, how well it sees, and what.
-        width: Width of the picture in pixels.
-        height: Height of the picture in pixels.
+        emulator: Pose, optics and scene of the camera.
+        width: Width of the image in pixels.
+        height: Height of the image in pixels.
         fps: Frames per second.
-        rng: Makes the ground and the noise of the pixels.
-        start_ns: When the simulation starts.
+        rng: Source of the ground and of the pixel noise.
+        start_ns: Start of the simulation.
 
     Raises:
-        ConfigError: The horizon is in view, or ground too far away.
+        ConfigError: The horizon or ground too far away is in view.
     """
 
     def __init__(
@@ -78,10 +78,10 @@ class EmulatedScene:
         rng: np.random.Generator,
         start_ns: int,
     ) -> None:
-        self._rig = rig_of(emulator, width, height, fps)
+        self._rig = make_rig(emulator, width, height, fps)
         self._rut = Rut(depth_m=emulator.rut_depth_m)
         self._rock_rad = math.radians(emulator.rock_deg)
-        self._rocking = SlowNoise(2, ROCKING_TIME_S, rng, start_ns)
+        self._rocking = ColouredNoise(2, ROCKING_TIME_S, rng, start_ns)
         self._scene = RearScene(
             self._rig,
             GroundSettings(kind=emulator.ground, stones_per_m2=emulator.stones_per_m2),
@@ -93,43 +93,43 @@ class EmulatedScene:
         self._before: Pose | None = None
 
     def render(self, truth: Truth) -> Image:
-        """Return the picture, BGR, from where the rover is; the traces grow from call to call."""
+        """Return the image, BGR, at the rover's true pose; the traces grow from call to call."""
         pose = self._pose(truth)
         before = self._before or pose
         self._before = pose
-        way_m = math.dist(before.position_m, pose.position_m) + abs(pose.yaw_rad - before.yaw_rad)
-        steps = max(1, math.ceil(way_m / PRESSED_STEP_M))
+        distance_m = math.dist(before.position_m, pose.position_m) + abs(pose.yaw_rad - before.yaw_rad)
+        steps = max(1, math.ceil(distance_m / PRESSED_STEP_M))
         for step in range(1, steps + 1):
-            self._scene.drive(_between(before, pose, step / steps))
+            self._scene.drive(_interpolate(before, pose, step / steps))
         return self._scene.render(pose)
 
     def _pose(self, truth: Truth) -> Pose:
         rock = self._rocking.at(truth.t_ns)
-        turned = truth.wheel_position_rad
-        return _stand(
+        wheel_angles_rad = truth.wheel_position_rad
+        return _with_rotation(
             Pose(
                 position_m=np.array([truth.x_m, truth.y_m, -self._rut.depth_m]),
                 vehicle_to_world=np.eye(3),
                 rock_rad=(self._rock_rad * rock[0], self._rock_rad * rock[1]),
                 yaw_rad=truth.yaw_rad,
-                wheel_angle_rad=sum(turned) / len(turned) if turned else 0.0,
+                wheel_angle_rad=sum(wheel_angles_rad) / len(wheel_angles_rad) if wheel_angles_rad else 0.0,
                 velocity_m_s=(truth.velocity_x_m_s, truth.velocity_y_m_s),
                 yaw_rate_rad_s=truth.yaw_rate_rad_s,
             )
         )
 
 
-def _stand(pose: Pose) -> Pose:
-    """Return the pose with its rotation as its heading says."""
+def _with_rotation(pose: Pose) -> Pose:
+    """Return the pose with the rotation of its heading."""
     level = np.zeros(1)
     return replace(pose, vehicle_to_world=rotations(np.array([pose.yaw_rad]), level, level)[0])
 
 
-def _between(before: Pose, after: Pose, share: float) -> Pose:
+def _interpolate(before: Pose, after: Pose, share: float) -> Pose:
     def mix(old: float, new: float) -> float:
         return old + share * (new - old)
 
-    return _stand(
+    return _with_rotation(
         replace(
             after,
             position_m=before.position_m + share * (after.position_m - before.position_m),
@@ -144,14 +144,14 @@ def _check_reach(rig: Rig) -> None:
     rays = np.insert(corners, 2, 1.0, axis=1) @ rig.vehicle_from_camera.T
     pixels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * [rig.width - 1, rig.height - 1]
     if not np.allclose(rig.project(rig.camera_m + rays), pixels, atol=0.5):
-        msg = "simulated camera's distortion folds the corners of its picture: choose smaller coefficients"
+        msg = "simulated camera's distortion folds the corners of its image: choose smaller coefficients"
         raise ConfigError(msg)
     with np.errstate(divide="ignore", invalid="ignore"):
         ground = rig.camera_m[:2] - rays[:, :2] * (rig.camera_m[2] / rays[:, 2:])
     from_wheel = np.hypot(ground[:, 0] - rig.wheel.x_m, ground[:, 1] - rig.wheel.y_m)
     if (rays[:, 2] >= 0).any() or from_wheel.max() > FARTHEST_M:
         msg = (
-            f"simulated camera sees ground more than {FARTHEST_M:g} m from its wheel, or the horizon: "
+            f"simulated camera views ground more than {FARTHEST_M:g} m from its wheel, or the horizon: "
             f"raise its tilt_deg, lower its height_m or its horizontal_view_deg"
         )
         raise ConfigError(msg)

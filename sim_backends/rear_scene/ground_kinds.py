@@ -1,7 +1,7 @@
-"""Kinds of ground: photographs and calculated sand, as tiles that continue over their edges.
+"""Kinds of ground: photographs and calculated sand, as periodic tiles.
 
-The photographs (gravel, grass, brick; 512 x 512, grey) are those that scikit-image ships. All three are
-under CC0 1.0: gravel and brick from CC0Textures (Gravel04, Bricks25), grass from DeviantArt (LinolaFett).
+The photographs (gravel, grass, brick; 512 x 512, grey) come with scikit-image. All three are under CC0 1.0:
+ gravel and brick from CC0Textures (Gravel04, Bricks25), grass from DeviantArt (LinolaFett).
 """
 
 from collections.abc import Mapping
@@ -25,16 +25,16 @@ TINTS: Mapping[str, tuple[float, float, float]] = {
     "brick": (0.80, 0.95, 1.15),
     "sandy_gravel": (0.85, 1.0, 1.08),
 }
-"""Blue, green, red of what is not sand."""
+"""Tint (blue, green, red) of grounds other than sand."""
 SAND_TINT = (0.74, 0.97, 1.12)
 
 
 @dataclass(frozen=True)
 class GroundTile:
-    """A square of ground, `SIZE` texels wide, that continues over its edges.
+    """A periodic square of ground, `SIZE` texels wide.
 
     Attributes:
-        reflectance: Share of the light sent back, 0 to 1.
+        reflectance: Share of the light reflected, 0 to 1.
         relief_m: Height about the mean.
         texel_m: Width of a texel.
     """
@@ -45,7 +45,7 @@ class GroundTile:
 
 
 def make_ground(kind: GroundKind, rng: np.random.Generator) -> GroundTile:
-    """Return a tile of ground of the given kind; calculated sand is another with every draw."""
+    """Return a tile of ground of the given kind; calculated sand differs with every draw."""
     if kind == "gravel":
         return _photograph(kind, texel_m=float(rng.uniform(0.0016, 0.0022)), relief_m=0.004)
     if kind == "grass":
@@ -73,13 +73,13 @@ def _photograph(kind: GroundKind, texel_m: float, relief_m: float) -> GroundTile
     decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
     grey = _tileable(np.asarray(np.asarray(decoded) / 255, np.float32))
     reflectance = np.clip(grey * (MEAN_REFLECTANCE / grey.mean()), 0.02, 0.95)
-    # Stones and blades stand out brighter than the gaps between them.
+    # Stones and blades are brighter than the gaps between them.
     bumps = _blur(grey, 2.0) - _blur(grey, 24.0)
     return GroundTile(reflectance, np.asarray(bumps * (relief_m / bumps.std() / 2), np.float32), texel_m)
 
 
 def _tileable(photograph: Texels) -> Texels:
-    """Return four copies of a photograph whose edges have been faded into each other."""
+    """Return four copies of a photograph, blended at their edges."""
     size = len(photograph) - SEAM
     fade = (np.arange(SEAM, dtype=np.float32) + 0.5) / SEAM
     rows = photograph[:size].copy()
@@ -91,7 +91,7 @@ def _tileable(photograph: Texels) -> Texels:
 
 
 def _buried(stones: GroundTile, sand: GroundTile, rng: np.random.Generator) -> GroundTile:
-    """Return the sand's tile with the stones showing where it is thin."""
+    """Return the sand's tile with stones visible where it is thin."""
     thick = 1 / (1 + np.exp(4 * (periodic_noise(SIZE, 30, 400, rng) - 0.2)))
     return GroundTile(
         np.asarray(thick * sand.reflectance + (1 - thick) * stones.reflectance, np.float32),

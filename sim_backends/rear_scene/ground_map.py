@@ -1,4 +1,4 @@
-"""The ground about the rover: made where the rover comes, pressed by its wheels, lit by the sun."""
+"""The ground around the rover: generated on demand, deformed by wheels, lit by the sun."""
 
 import math
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Terrain:
     mounds: tuple[tuple[float, float, float, float], ...] = ()
 
     def arrays(self) -> tuple[Array, Array]:
-        """Return slope and mounds as the compiled loops take them."""
+        """Return slope and mounds as arrays for the compiled loops."""
         return np.array(self.slope), np.array(self.mounds, np.float64).reshape(-1, 4)
 
     def height_m(self, x_m: Array, y_m: Array) -> Array:
@@ -51,14 +51,14 @@ class Terrain:
 
 @dataclass(frozen=True, kw_only=True)
 class Sun:
-    """Where the light comes from, and how much.
+    """Direction and strength of the light.
 
     Attributes:
         azimuth_deg: Direction to the sun in the world, counter-clockwise from x.
-        elevation_deg: Of the sun.
-        sun_grey: Light from white ground upright to the sun; 256 is the brightest that a frame holds.
-        sky_grey: What the sky adds.
-        bands: Shadows of far poles: direction of their normal (deg), offset, half width, softness in m.
+        elevation_deg: Elevation of the sun.
+        sun_grey: Light of white ground perpendicular to the sun; 256 saturates a frame.
+        sky_grey: Light of the sky.
+        bands: Shadows of distant poles: direction of the normal (deg), offset, half width, softness in m.
     """
 
     azimuth_deg: float = 120.0
@@ -74,7 +74,7 @@ class Sun:
         return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
 
     def arrays(self) -> tuple[Array, Array]:
-        """Return light and bands as the compiled loops take them."""
+        """Return light and bands as arrays for the compiled loops."""
         bands = [
             (math.cos(math.radians(turn)), math.sin(math.radians(turn)), offset, half, soft)
             for turn, offset, half, soft in self.bands
@@ -85,17 +85,17 @@ class Sun:
 
 @dataclass(frozen=True, kw_only=True)
 class Rut:
-    """What a wheel leaves behind, m.
+    """Shape of a rut, m.
 
     Attributes:
-        depth_m: Of the floor below the undisturbed ground.
+        depth_m: Depth of the floor below the undisturbed ground.
         wall_per_depth: Width over which the floor rises to the edge, per depth: 1.5 in dry sand.
         berm_m: Height of the berms beside it.
         lug_m: Depth of the grousers' imprints in the floor.
         tone: Brightness of the floor against the ground's mean.
-        compaction: Share of the ground's pattern that the wheel wipes out.
-        push: How much higher the berm is on the side the wheel drifts to, per tangent of the drift angle.
-        smear_m: How much wider the rut gets, per tangent of the drift angle.
+        compaction: Share of the ground's pattern that the wheel removes.
+        push: Relative rise of the berm on the side to which the wheel drifts, per tangent of the drift angle.
+        smear_m: Widening of the rut, per tangent of the drift angle.
     """
 
     depth_m: float = 0.014
@@ -111,12 +111,12 @@ class Rut:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSettings:
-    """What the ground is made of.
+    """Composition of the ground.
 
     Attributes:
-        tile_turn_deg: How the tile lies in the world.
-        patchiness: Strength of brightness patches over metres.
-        stones_per_m2: Number of loose stones.
+        tile_turn_deg: Rotation of the tile in the world.
+        patchiness: Strength of brightness variations over metres.
+        stones_per_m2: Loose stones per square metre.
         stone_m: Median half axis of a stone.
     """
 
@@ -129,15 +129,15 @@ class GroundSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Roll:
+class WheelStep:
     """One short step of a wheel over the ground.
 
     Attributes:
         start_m: Contact x, y in the world before the step.
         end_m: The same after it.
-        heading_rad: Of the wheel in the world.
-        lugs: Angle turned before and after, in lug pitches.
-        width_m: Of the wheel.
+        heading_rad: Heading of the wheel in the world.
+        lugs: Wheel angle before and after, in lug pitches.
+        width_m: Width of the wheel.
         softness: 0 where the ground is too hard to take a rut, 1 where it takes the full one.
     """
 
@@ -150,17 +150,17 @@ class Roll:
 
 
 class GroundMap:
-    """A window of the ground that follows the rover; what is farther away than its width is forgotten.
+    """A window of the ground that follows the rover; ground farther away than its width is discarded.
 
     Attributes:
         maps: Height, reflectance and light.
 
     Args:
-        settings: What the ground is made of.
+        settings: Composition of the ground.
         sun: The light.
-        old_rolls: Steps of wheels that came before, pressed wherever new ground appears.
-        old_rut: What those wheels left.
-        rng: Makes sand, patches and stones.
+        earlier_steps: Steps of earlier traces, pressed where new ground is generated.
+        earlier_rut: Shape of their ruts.
+        rng: Source of sand, patches and stones.
         texel_m: Width of a texel.
     """
 
@@ -168,8 +168,8 @@ class GroundMap:
         self,
         settings: GroundSettings,
         sun: Sun,
-        old_rolls: tuple[Roll, ...],
-        old_rut: Rut,
+        earlier_steps: tuple[WheelStep, ...],
+        earlier_rut: Rut,
         rng: np.random.Generator,
         texel_m: float = SHORTEST_TEXEL_M,
     ) -> None:
@@ -183,34 +183,34 @@ class GroundMap:
         self._owner = np.full((BLOCKS, BLOCKS, 2), NOWHERE)
         self._settings = settings
         self._sun = sun.arrays()
-        self._old = [(roll, _reach_box(roll, old_rut, texel_m)) for roll in old_rolls]
-        self._old_rut = old_rut
-        self._land = _land(settings, _casts(sun, texel_m), rng)
+        self._earlier = [(step, _reach_box(step, earlier_rut, texel_m)) for step in earlier_steps]
+        self._earlier_rut = earlier_rut
+        self._model = _model(settings, _light_reach(sun, texel_m), rng)
         self._stone_seed = int(rng.integers(2**32))
         self._stones_at = lru_cache(4096)(self._draw_stones)
 
-    def press(self, roll: Roll, rut: Rut) -> None:
+    def press(self, step: WheelStep, rut: Rut) -> None:
         """Press the rut of one step of a wheel into the ground."""
-        box = _reach_box(roll, rut, self.maps.texel_m)
-        self._cover(box)
-        self._press_inside(roll, rut, box)
+        box = _reach_box(step, rut, self.maps.texel_m)
+        self._ensure_blocks(box)
+        self._press_inside(step, rut, box)
 
     def prepare(self, x_m: tuple[float, float], y_m: tuple[float, float]) -> None:
-        """Make and light the ground of this rectangle of the world, at most the map's width wide."""
+        """Generate and illuminate the ground in this rectangle of the world, at most as wide as the map."""
         texel_m = self.maps.texel_m
         box = (*_texels(x_m, texel_m), *_texels(y_m, texel_m))
         margin = math.ceil(SHADOW_MARGIN_M / texel_m)
-        self._cover((box[0] - margin, box[1] + margin, box[2] - margin, box[3] + margin))
+        self._ensure_blocks((box[0] - margin, box[1] + margin, box[2] - margin, box[3] + margin))
         is_dark = self.maps.is_dark
         rows, columns = _blocks(box)
         for row in rows:
             for column in columns:
                 slot = row % BLOCKS, column % BLOCKS
                 if is_dark[slot]:
-                    kernels.light_up(self.maps, np.array(_block_box(row, column)), *self._sun)
+                    kernels.illuminate(self.maps, np.array(_block_box(row, column)), *self._sun)
                     is_dark[slot] = False
 
-    def _cover(self, box: Box) -> None:
+    def _ensure_blocks(self, box: Box) -> None:
         rows, columns = _blocks(box)
         for row in rows:
             for column in columns:
@@ -221,16 +221,16 @@ class GroundMap:
                     self._make_block(_block_box(row, column))
 
     def _make_block(self, box: Box) -> None:
-        kernels.fill(self.maps, np.array(box), self._land)
+        kernels.fill(self.maps, np.array(box), self._model)
         for stone in self._stones_near(box):
-            kernels.put_stone(self.maps, np.array(box), stone)
-        for roll, reach in self._old:
-            self._press_inside(roll, self._old_rut, _overlap(box, reach))
+            kernels.add_stone(self.maps, np.array(box), stone)
+        for step, reach in self._earlier:
+            self._press_inside(step, self._earlier_rut, _overlap(box, reach))
 
-    def _press_inside(self, roll: Roll, rut: Rut, box: Box) -> None:
+    def _press_inside(self, step: WheelStep, rut: Rut, box: Box) -> None:
         if box[0] < box[1] and box[2] < box[3]:
-            steps = np.array([*roll.start_m, *_way(roll), *_heading(roll), *roll.lugs])
-            kernels.press(self.maps, np.array(box), steps, _shape(roll, rut), self._land)
+            steps = np.array([*step.start_m, *_displacement(step), *_heading(step), *step.lugs])
+            kernels.press(self.maps, np.array(box), steps, _shape(step, rut), self._model)
 
     def _stones_near(self, box: Box) -> list[Array]:
         if self._settings.stones_per_m2 == 0:
@@ -242,7 +242,7 @@ class GroundMap:
         return [stone for row in rows for column in columns for stone in self._stones_at(row, column)]
 
     def _draw_stones(self, row: int, column: int) -> list[Array]:
-        """Return the stones of a cell, the same whenever it is asked for."""
+        """Return the stones of a cell, the same at every call."""
         # A seed takes no negative numbers; cells count from far below zero.
         rng = np.random.default_rng([self._stone_seed, row + 2**31, column + 2**31])
         stones = []
@@ -255,66 +255,70 @@ class GroundMap:
         return stones
 
 
-def _land(settings: GroundSettings, casts: NDArray[np.int64], rng: np.random.Generator) -> kernels.Land:
+def _model(
+    settings: GroundSettings, light_reach: NDArray[np.int64], rng: np.random.Generator
+) -> kernels.GroundModel:
     tile = make_ground(settings.kind, rng)
     turn = math.radians(settings.tile_turn_deg)
     slope, mounds = settings.terrain.arrays()
-    return kernels.Land(
+    return kernels.GroundModel(
         slope=slope,
         mounds=mounds,
         reflectance=tile.reflectance,
         relief=tile.relief_m,
         patches=periodic_noise(256, 8, 128, rng),
-        placing=np.array([math.cos(turn), math.sin(turn), tile.texel_m, PATCH_TEXEL_M, settings.patchiness]),
-        rough=periodic_noise(256, 2, 12, rng),
-        casts=casts,
+        tile_placement=np.array(
+            [math.cos(turn), math.sin(turn), tile.texel_m, PATCH_TEXEL_M, settings.patchiness]
+        ),
+        roughness=periodic_noise(256, 2, 12, rng),
+        light_reach=light_reach,
     )
 
 
-def _shape(roll: Roll, rut: Rut) -> Array:
-    """Return the cross-section that this step leaves: wider, and piled up on one side, when drifting."""
-    forward, left = _way(roll)
+def _shape(step: WheelStep, rut: Rut) -> Array:
+    """Return the cross-section of this step's rut: wider, with one higher berm, when the wheel drifts."""
+    forward, left = _displacement(step)
     drift = left / max(abs(forward), abs(left), 1e-9)
-    berm = rut.berm_m * roll.softness
+    berm = rut.berm_m * step.softness
     return np.array(
         [
-            0.5 * roll.width_m + rut.smear_m * abs(drift),
-            rut.depth_m * roll.softness,
-            max(rut.wall_per_depth * rut.depth_m * roll.softness, 0.004),
+            0.5 * step.width_m + rut.smear_m * abs(drift),
+            rut.depth_m * step.softness,
+            max(rut.wall_per_depth * rut.depth_m * step.softness, 0.004),
             berm * (1 + rut.push * max(0.0, drift)),
             berm * (1 + rut.push * max(0.0, -drift)),
             rut.berm_width_m,
-            rut.lug_m * roll.softness,
+            rut.lug_m * step.softness,
             rut.tone * kernels.MEAN_REFLECTANCE,
-            rut.compaction * roll.softness,
+            rut.compaction * step.softness,
         ]
     )
 
 
-def _heading(roll: Roll) -> tuple[float, float]:
-    return math.cos(roll.heading_rad), math.sin(roll.heading_rad)
+def _heading(step: WheelStep) -> tuple[float, float]:
+    return math.cos(step.heading_rad), math.sin(step.heading_rad)
 
 
-def _way(roll: Roll) -> tuple[float, float]:
-    """Return the way of a step forwards and to the left in the wheel's heading, m."""
-    cosine, sine = _heading(roll)
-    x, y = roll.end_m[0] - roll.start_m[0], roll.end_m[1] - roll.start_m[1]
+def _displacement(step: WheelStep) -> tuple[float, float]:
+    """Return the displacement of a step, forward and to the left of the wheel's heading, m."""
+    cosine, sine = _heading(step)
+    x, y = step.end_m[0] - step.start_m[0], step.end_m[1] - step.start_m[1]
     return cosine * x + sine * y, cosine * y - sine * x
 
 
-def _reach_box(roll: Roll, rut: Rut, texel_m: float) -> Box:
+def _reach_box(step: WheelStep, rut: Rut, texel_m: float) -> Box:
     """Return the box of texels that a step can change."""
-    reach = 0.5 * roll.width_m + rut.smear_m + kernels.BERM_REACH * rut.berm_width_m
-    cosine, sine = _heading(roll)
+    reach = 0.5 * step.width_m + rut.smear_m + kernels.BERM_REACH * rut.berm_width_m
+    cosine, sine = _heading(step)
     patch = kernels.CONTACT_M + 2 * texel_m
     spread_x, spread_y = abs(sine) * reach + abs(cosine) * patch, abs(cosine) * reach + abs(sine) * patch
-    x_m, y_m = sorted((roll.start_m[0], roll.end_m[0])), sorted((roll.start_m[1], roll.end_m[1]))
+    x_m, y_m = sorted((step.start_m[0], step.end_m[0])), sorted((step.start_m[1], step.end_m[1]))
     rows = _texels((x_m[0] - spread_x, x_m[1] + spread_x), texel_m)
     return (*rows, *_texels((y_m[0] - spread_y, y_m[1] + spread_y), texel_m))
 
 
-def _casts(sun: Sun, texel_m: float) -> NDArray[np.int64]:
-    """Return the offsets, in texels, of what a change of the ground lights or shades."""
+def _light_reach(sun: Sun, texel_m: float) -> NDArray[np.int64]:
+    """Return the offsets, in texels, of the ground whose light a change of the ground affects."""
     hollow = kernels.HOLLOW_M / texel_m
     away = -sun.direction()[:2] / max(sun.direction()[2], 0.1) * LARGEST_CHANGE_M / texel_m
     around = [(hollow, 0.0), (-hollow, 0.0), (0.0, hollow), (0.0, -hollow)]

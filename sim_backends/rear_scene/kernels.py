@@ -1,7 +1,7 @@
 """The compiled inner loops: ground, ruts, light and the view through the lens.
 
-Maps are square, `MAP_SIZE` texels wide, and hold the texel (i, j) of the world at (i, j) modulo their width.
-All compiled functions stand in this one file: numba's cache does not notice changes in another.
+Maps are square, `MAP_SIZE` texels wide, and store the texel (i, j) of the world at (i, j) modulo their width.
+All compiled functions are in this file: numba's cache does not detect changes in another.
 """
 
 import math
@@ -21,20 +21,20 @@ Box: TypeAlias = NDArray[np.int64]
 MEAN_REFLECTANCE = 0.42
 MAP_SIZE = 2048
 BLOCK = 32
-"""Ground is made and lit in blocks of this many texels."""
+"""Ground is generated and illuminated in blocks of this many texels."""
 LIGHT_STEPS = 64.0
 """Units of the light map in a grey level."""
 SHADOW_STEPS = 20
 SHADOW_STRETCH = 0.15
-"""The way to the sun is searched at k + stretch k^2 texels."""
+"""The line to the sun is sampled at k + stretch k^2 texels."""
 TALLEST_M = 0.06
-"""Nothing small stands higher above what it shades."""
+"""Greatest height of small obstacles above the ground that they shade."""
 HOLLOW_M = 0.012
 CONTACT_M = 0.02
-"""Half the length of the contact: what a wheel presses that is dragged sideways."""
+"""Half the length of the contact; relevant for a wheel dragged sideways."""
 BERM_REACH = 4.0
 LUG_SHARE = 0.28
-"""Share of the lug pitch that the lug's imprint takes."""
+"""Share of the lug pitch covered by the lug's imprint."""
 ROUGH_TEXEL_M = 0.0023
 HIT_STEPS = 2
 FLATTEST_RAY = 0.25
@@ -45,13 +45,13 @@ _compiled = compiled(fastmath=True)
 
 
 class Maps(NamedTuple):
-    """The ground about the rover.
+    """The ground around the rover.
 
     Attributes:
-        height: In m, world.
-        reflectance: Share of the light sent back.
-        light: What the ground sends back of sky and sun, in 1 / `LIGHT_STEPS`.
-        is_dark: Blocks whose light must be computed anew.
+        height: Height in the world, m.
+        reflectance: Share of the light reflected.
+        light: Reflected light of sky and sun, in 1 / `LIGHT_STEPS`.
+        is_dark: Blocks whose light must be recomputed.
         texel_m: Width of a texel.
     """
 
@@ -62,17 +62,17 @@ class Maps(NamedTuple):
     texel_m: float
 
 
-class Land(NamedTuple):
-    """What the ground is made from.
+class GroundModel(NamedTuple):
+    """Sources of the undisturbed ground.
 
     Attributes:
         slope: Rise along x and y, m per m.
         mounds: Rows x, y, height, radius in m.
         reflectance: A tile of the ground, as is `relief` in m.
-        patches: Slow changes of brightness, unit variance.
-        placing: Cosine, sine of the tile's turn, its texel in m, that of the patches, their strength.
-        rough: How crumbs lie, unit variance.
-        casts: Rows of offsets, in texels, of what a change of the ground lights or shades.
+        patches: Slow variation of brightness, unit variance.
+        tile_placement: Cosine, sine of the tile's turn, its texel in m, that of the patches, their strength.
+        roughness: Fine roughness of pressed ground, unit variance.
+        light_reach: Rows of offsets, in texels, of the ground whose light a change of the ground affects.
     """
 
     slope: Array
@@ -80,23 +80,23 @@ class Land(NamedTuple):
     reflectance: Map
     relief: Map
     patches: Map
-    placing: Array
-    rough: Map
-    casts: Box
+    tile_placement: Array
+    roughness: Map
+    light_reach: Box
 
 
 class View(NamedTuple):
-    """What the camera looks through. Tuples: the compiler keeps what the loop over the pixels reads.
+    """Camera and shadow for one image. Tuples: the compiler keeps their values in the loop over the pixels.
 
     Attributes:
-        rays: Of each pixel x / z, y / z and the lens's brightness.
-        camera: Its place in the world, m.
-        turn: Camera to world, row by row.
+        rays: x / z, y / z and the lens's brightness for each pixel.
+        camera: Position of the camera in the world, m.
+        turn: Rotation from camera to world, row by row.
         plane: a, b, c of undisturbed ground near the view, z = a x + b y + c, m.
-        shade: Share of the sun that the rover takes, on that plane.
+        shade: Share of the sun blocked by the rover, on that plane.
         shade_frame: Two rows that take world x, y, 1 to texels of `shade`; then x / z and y / z of the sun.
         tint: Blue, green, red of the sky, then of the sun.
-        curve: The camera's answer to 0 ... 256 units of light, evenly spaced.
+        curve: Grey level of the camera for 0 ... 256 units of light, evenly spaced.
     """
 
     rays: Map
@@ -133,23 +133,23 @@ def _sample(tile: Map, u: float, v: float) -> float:
 
 
 @_compiled
-def fill(maps: Maps, box: Box, land: Land) -> None:
-    """Lay undisturbed ground into the box: first and end row, first and end column."""
-    cosine, sine, tile_m, patch_m, strength = land.placing
+def fill(maps: Maps, box: Box, model: GroundModel) -> None:
+    """Fill the box with undisturbed ground: first and end row, first and end column."""
+    cosine, sine, tile_m, patch_m, strength = model.tile_placement
     for i in range(box[0], box[1]):
         for j in range(box[2], box[3]):
             x, y = (i + 0.5) * maps.texel_m, (j + 0.5) * maps.texel_m
             u, v = (cosine * x - sine * y) / tile_m, (sine * x + cosine * y) / tile_m
-            patch = max(0.3, 1 + strength * _sample(land.patches, x / patch_m, y / patch_m))
+            patch = max(0.3, 1 + strength * _sample(model.patches, x / patch_m, y / patch_m))
             row, column = i & MASK, j & MASK
-            maps.reflectance[row, column] = _sample(land.reflectance, u, v) * patch
-            relief = _sample(land.relief, u, v)
-            maps.height[row, column] = terrain_m(x, y, land.slope, land.mounds) + relief
+            maps.reflectance[row, column] = _sample(model.reflectance, u, v) * patch
+            relief = _sample(model.relief, u, v)
+            maps.height[row, column] = terrain_m(x, y, model.slope, model.mounds) + relief
 
 
 @_compiled
-def put_stone(maps: Maps, box: Box, stone: Array) -> None:
-    """Put a stone onto the ground: x, y, half axes, turn (rad), height, m; reflectance."""
+def add_stone(maps: Maps, box: Box, stone: Array) -> None:
+    """Add a stone to the ground: x, y, half axes, rotation (rad), height, m; reflectance."""
     x0, y0, along, across, turn, top, tone = stone
     cosine, sine = math.cos(turn), math.sin(turn)
     for i in range(box[0], box[1]):
@@ -164,14 +164,14 @@ def put_stone(maps: Maps, box: Box, stone: Array) -> None:
 
 
 @_compiled
-def press(maps: Maps, box: Box, roll: Array, rut: Array, land: Land) -> None:
+def press(maps: Maps, box: Box, roll: Array, rut: Array, model: GroundModel) -> None:
     """Press the strip of ground that a wheel's lowest line passes over in one short step.
 
-    `roll`: contact x, y before, way forwards and to the left in the wheel's heading (m), cosine and sine of
-    that heading, angle turned before and after in lug pitches. `rut`: see `_pressed`.
+    `roll`: contact x, y before, displacement forward and to the left of the wheel's heading (m), cosine and
+    sine of that heading, wheel angle before and after in lug pitches. `rut`: see `_pressed`.
     """
     x0, y0, forward, left, cosine, sine, lug0, lug1 = roll
-    # The floor may be pressed twice, so its strips overlap a little; berms grow, so theirs must not.
+    # The floor may be pressed twice, so its strips overlap slightly; berms accumulate, so theirs must not.
     first, last = min(0.0, forward), max(0.0, forward)
     overlap = 0.6 * maps.texel_m + CONTACT_M * abs(left) / (abs(left) + abs(forward) + 1e-9)
     scale = 1 / forward if abs(forward) > 1e-6 else 0.0
@@ -184,37 +184,39 @@ def press(maps: Maps, box: Box, roll: Array, rut: Array, land: Land) -> None:
             reach = rut[0] + BERM_REACH * rut[5] if first < along <= last else rut[0]
             if along < first - overlap or along > last + overlap or abs(n) > reach:
                 continue
-            rough = _sample(land.rough, x / ROUGH_TEXEL_M, y / ROUGH_TEXEL_M)
-            ground = terrain_m(x, y, land.slope, land.mounds)
+            roughness = _sample(model.roughness, x / ROUGH_TEXEL_M, y / ROUGH_TEXEL_M)
+            ground = terrain_m(x, y, model.slope, model.mounds)
             row, column = i & MASK, j & MASK
             old = maps.height[row, column], maps.reflectance[row, column]
-            new = _pressed(old, n, ground, rough, lug0 + (lug1 - lug0) * part, rut)
+            new = _pressed(old, n, ground, roughness, lug0 + (lug1 - lug0) * part, rut)
             maps.height[row, column], maps.reflectance[row, column] = new
-            _darken(maps.is_dark, i, j, land.casts)
+            _darken(maps.is_dark, i, j, model.light_reach)
 
 
 @_compiled
-def _darken(is_dark: Flags, i: int, j: int, casts: Box) -> None:
-    for k in range(casts.shape[0]):
-        is_dark[((i + casts[k, 0]) // BLOCK) & BLOCK_MASK, ((j + casts[k, 1]) // BLOCK) & BLOCK_MASK] = True
+def _darken(is_dark: Flags, i: int, j: int, light_reach: Box) -> None:
+    for k in range(light_reach.shape[0]):
+        is_dark[
+            ((i + light_reach[k, 0]) // BLOCK) & BLOCK_MASK, ((j + light_reach[k, 1]) // BLOCK) & BLOCK_MASK
+        ] = True
 
 
 @_compiled
 def _pressed(
-    old: tuple[float, float], n: float, ground: float, rough: float, lugs: float, rut: Array
+    old: tuple[float, float], n: float, ground: float, roughness: float, lugs: float, rut: Array
 ) -> tuple[float, float]:
     """Return height and reflectance after the wheel at `n` m to the left of its middle.
 
     `rut`: half width, depth, width of the wall, height of the berm left and right, its width, depth of the
-    lugs (m), reflectance of the floor, share of it in the floor's new reflectance.
+    lugs (m), reflectance of the floor, its share in the new reflectance.
     """
     half, depth, wall, berm_left, berm_right, berm_m, lug_m, tone, share = rut
     height, reflectance = old
-    edge = min(abs(n) - half + 0.0012 * rough, BERM_REACH * berm_m)
+    edge = min(abs(n) - half + 0.0012 * roughness, BERM_REACH * berm_m)
     if edge > 0:
         berm = berm_left if n > 0 else berm_right
         shape = (edge / berm_m) * math.exp(1 - edge / berm_m) * (1 - edge / (BERM_REACH * berm_m))
-        rise = berm * shape * (1 + 0.15 * rough)
+        rise = berm * shape * (1 + 0.15 * roughness)
         fresh = 0.35 * shape * berm / (berm + 0.003)
         loose = 0.93 * MEAN_REFLECTANCE
         return height + max(0.0, rise - max(0.0, height - ground)), reflectance + fresh * (
@@ -226,17 +228,17 @@ def _pressed(
     lug = 0.25 * lug_m
     if phase < LUG_SHARE:
         lug -= lug_m * math.sin(math.pi * phase / LUG_SHARE)
-    floor = ground - depth + inside * (lug + 0.0004 * rough)
-    wanted = tone * (1 + 0.04 * rough)
+    floor = ground - depth + inside * (lug + 0.0004 * roughness)
+    wanted = tone * (1 + 0.04 * roughness)
     return height + inside * (floor - height), reflectance + share * inside * (wanted - reflectance)
 
 
 @_compiled
-def light_up(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
-    """Compute how bright the sky and the sun make the ground in the box.
+def illuminate(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
+    """Compute the light of sky and sun on the ground in the box.
 
-    `sun`: direction to it x, y, z; light of white ground under the sun upright to it, and under the sky.
-    `bands`: shadows of far poles and walls; rows of normal x, y, offset, half width, softness in m.
+    `sun`: direction x, y, z; light of white ground perpendicular to the sun, and under the sky.
+    `bands`: shadows of distant poles and walls; rows of normal x, y, offset, half width, softness in m.
     """
     height, texel_m = maps.height, maps.texel_m
     hollow = int(HOLLOW_M / texel_m)
@@ -248,21 +250,21 @@ def light_up(maps: Maps, box: Box, sun: Array, bands: Array) -> None:
             upright = 1 / math.sqrt(1 + slope_x * slope_x + slope_y * slope_y)
             direct = max(0.0, (sun[2] - sun[0] * slope_x - sun[1] * slope_y) * upright)
             if direct > 0:
-                direct *= _sunshine(height, i, j, texel_m, sun)
-                direct *= _past_bands((i + 0.5) * texel_m, (j + 0.5) * texel_m, bands)
+                direct *= _sun_share(height, i, j, texel_m, sun)
+                direct *= _band_light((i + 0.5) * texel_m, (j + 0.5) * texel_m, bands)
             around = height[(i + hollow) & MASK, column] + height[(i - hollow) & MASK, column]
             around += height[row, (j + hollow) & MASK] + height[row, (j - hollow) & MASK]
-            sunk = max(0.0, 0.25 * around - height[row, column]) / HOLLOW_M
-            # Walls around take a part of the sky; the constant is chosen.
-            open_ = max(0.3, (0.5 + 0.5 * upright) * (1 - 0.6 * sunk))
+            hollow_depth = max(0.0, 0.25 * around - height[row, column]) / HOLLOW_M
+            # Surrounding walls hide part of the sky; the constant is chosen.
+            sky_share = max(0.3, (0.5 + 0.5 * upright) * (1 - 0.6 * hollow_depth))
             tone = maps.reflectance[row, column] * LIGHT_STEPS
-            maps.light[row, column, 0] = np.uint16(min(tone * sun[4] * open_, 65535.0))
+            maps.light[row, column, 0] = np.uint16(min(tone * sun[4] * sky_share, 65535.0))
             maps.light[row, column, 1] = np.uint16(min(tone * sun[3] * direct, 65535.0))
 
 
 @_compiled
-def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
-    """Return the share of the sun that the ground around leaves to a texel."""
+def _sun_share(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
+    """Return the share of the sun that the surrounding ground does not block from a texel."""
     level = math.hypot(sun[0], sun[1])
     rise, step_x, step_y = sun[2] / level, sun[0] / level, sun[1] / level
     here, hidden = height[i & MASK, j & MASK], 0.0
@@ -276,7 +278,7 @@ def _sunshine(height: Map, i: int, j: int, texel_m: float, sun: Array) -> float:
 
 
 @_compiled
-def _past_bands(x: float, y: float, bands: Array) -> float:
+def _band_light(x: float, y: float, bands: Array) -> float:
     share = 1.0
     for k in range(bands.shape[0]):
         across = abs(bands[k, 0] * x + bands[k, 1] * y - bands[k, 2]) - bands[k, 3]
@@ -285,22 +287,22 @@ def _past_bands(x: float, y: float, bands: Array) -> float:
 
 
 @_compiled
-def view(image: NDArray[np.uint8], maps: Maps, seen: View) -> None:
-    """Render the picture, blue, green, red."""
-    camera, turn, (a, b, c) = seen.camera, seen.turn, seen.plane
+def render(image: NDArray[np.uint8], maps: Maps, view: View) -> None:
+    """Render the image, blue, green, red."""
+    camera, turn, (a, b, c) = view.camera, view.turn, view.plane
     base = camera[2] - a * camera[0] - b * camera[1] - c
-    brightest, unit = seen.curve.shape[0] - 1.0, seen.curve.shape[0] / 256 / LIGHT_STEPS
+    brightest, unit = view.curve.shape[0] - 1.0, view.curve.shape[0] / 256 / LIGHT_STEPS
     texels = 1 / maps.texel_m
     for row in range(image.shape[0]):
         over = 0.0
         for column in range(image.shape[1]):
-            u, v = seen.rays[row, column, 0], seen.rays[row, column, 1]
+            u, v = view.rays[row, column, 0], view.rays[row, column, 1]
             dx = turn[0] * u + turn[1] * v + turn[2]
             dy = turn[3] * u + turn[4] * v + turn[5]
             dz = turn[6] * u + turn[7] * v + turn[8]
-            # Rays that do not meet the ground within its map see its farthest part.
+            # Rays that do not meet the ground within its map show its farthest part.
             per_fall = 1 / max(a * dx + b * dy - dz, FLATTEST_RAY)
-            # The ground is about as high as where the pixel beside looks: a few steps find where it is met.
+            # The ground height is close to that of the neighbouring pixel: a few steps find the intersection.
             for _ in range(HIT_STEPS):
                 distance = (base - over) * per_fall
                 x, y = camera[0] + distance * dx, camera[1] + distance * dy
@@ -308,13 +310,13 @@ def view(image: NDArray[np.uint8], maps: Maps, seen: View) -> None:
             distance = (base - over) * per_fall
             x, y = camera[0] + distance * dx, camera[1] + distance * dy
             sky, sun = _light_at(maps.light, x * texels - 0.5, y * texels - 0.5)
-            sun *= 1 - _shaded(seen, x - over * seen.shade_frame[6], y - over * seen.shade_frame[7])
-            lens = seen.rays[row, column, 2] * unit
+            sun *= 1 - _rover_shadow(view, x - over * view.shade_frame[6], y - over * view.shade_frame[7])
+            lens = view.rays[row, column, 2] * unit
             sky *= lens
             sun *= lens
             for colour in range(3):
-                light = seen.tint[colour] * sky + seen.tint[colour + 3] * sun
-                image[row, column, colour] = seen.curve[int(min(light, brightest))]
+                light = view.tint[colour] * sky + view.tint[colour + 3] * sun
+                image[row, column, colour] = view.curve[int(min(light, brightest))]
 
 
 @_compiled
@@ -337,9 +339,9 @@ def _light_at(light: LightMap, u: float, v: float) -> tuple[float, float]:
 
 
 @_compiled
-def _shaded(seen: View, x: float, y: float) -> float:
-    """Return the share of the sun that the rover takes from a point of the plane."""
-    shade, frame = seen.shade, seen.shade_frame
+def _rover_shadow(view: View, x: float, y: float) -> float:
+    """Return the share of the sun that the rover blocks from a point of the plane."""
+    shade, frame = view.shade, view.shade_frame
     s = frame[0] * x + frame[1] * y + frame[2]
     t = frame[3] * x + frame[4] * y + frame[5]
     if not (0 <= s < shade.shape[0] - 1 and 0 <= t < shade.shape[0] - 1):

@@ -1,4 +1,4 @@
-"""Where the rear camera sits, what its lens does, and which wheels press the ground."""
+"""Geometry of the rear camera: pose, lens and wheels."""
 
 import math
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ CLOSEST_DEPTH_M = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Wheel:
-    """A wheel and where it touches the ground.
+    """A wheel and its contact point.
 
     Attributes:
         x_m: Forward of the vehicle's origin.
         y_m: To the left of it.
-        radius_m: To the rim, without the grousers.
+        radius_m: Radius of the rim, without the grousers.
     """
 
     name: str
@@ -41,8 +41,8 @@ class Rig:
         distortion: k1, k2, p1, p2, k3 as OpenCV defines them.
         vehicle_from_camera: Rotation; its columns are the camera's right, down and forward.
         camera_m: Position of the lens.
-        wheel: The wheel whose trace is watched.
-        other_wheels: The others, which press traces too.
+        wheel: The wheel whose trace is in view.
+        other_wheels: The other wheels; they also leave traces.
     """
 
     width: int
@@ -57,7 +57,7 @@ class Rig:
 
     @property
     def wheels(self) -> tuple[Wheel, ...]:
-        """Every wheel, the watched one last: where it follows another it presses the later trace."""
+        """Every wheel, the watched one last: where it follows another, its trace covers the earlier one."""
         return (*self.other_wheels, self.wheel)
 
     def project(self, points_m: Array) -> Array:
@@ -75,15 +75,15 @@ class Rig:
         return self._unproject(pixels).reshape(self.height, self.width, 2)
 
     def _unproject(self, pixels: Array) -> Array:
-        # The default stops after five steps, tenths of a pixel off in the corners.
+        # The default stops after five steps, with errors of tenths of a pixel in the corners.
         enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-6)
         rays = cv2.undistortPoints(pixels[:, None, :], self.camera_matrix, self.distortion, criteria=enough)
         return np.asarray(rays, np.float64)[:, 0, :]
 
     def wheel_outline(self, body_to_vehicle: Array) -> Array | None:
-        """Return the watched wheel's outline in the picture, (column, row); None when it is not in view.
+        """Return the watched wheel's outline in the image, (column, row); None when it is not in view.
 
-        `body_to_vehicle` turns points of the body, to which the camera is fixed, into the vehicle frame.
+        `body_to_vehicle` rotates points of the body, to which the camera is fixed, into the vehicle frame.
         """
         angles = np.linspace(0, 2 * np.pi, 36, endpoint=False)
         radius = self.wheel.radius_m + self.wheel.grouser_height_m
@@ -96,14 +96,14 @@ class Rig:
         if len(in_camera) == 0:
             return None
         rays = in_camera[:, :2] / in_camera[:, 2:]
-        # The lens's polynomial holds only in and near the picture: pull in what lies farther out.
+        # The lens polynomial is valid only in and near the image: limit rays that lie farther out.
         rays *= np.minimum(1.0, self._widest_ray / np.linalg.norm(rays, axis=1, keepdims=True))
         hull = cv2.convexHull(self._pixels(np.insert(rays, 2, 1.0, axis=1)).astype(np.float32))
         return np.asarray(hull, np.float64)[:, 0, :]
 
     @cached_property
     def _widest_ray(self) -> float:
-        """Return a radius x / z, y / z a little beyond the corners of the picture."""
+        """Return a radius x / z, y / z a little beyond the corners of the image."""
         right, bottom = self.width - 1.0, self.height - 1.0
         return float(
             1.1
@@ -122,9 +122,9 @@ def looking_back(tilt_deg: float, pan_deg: float = 0.0, bank_deg: float = 0.0) -
     """Return vehicle_from_camera of a camera that looks backwards and down.
 
     Args:
-        tilt_deg: Of the optical axis below the horizontal.
-        pan_deg: Of the optical axis about the vertical, counter-clockwise from straight back.
-        bank_deg: Of the image about the optical axis.
+        tilt_deg: Angle of the optical axis below the horizontal.
+        pan_deg: Angle of the optical axis about the vertical, counter-clockwise from straight back.
+        bank_deg: Angle of the image about the optical axis.
     """
     tilt, pan, bank = map(math.radians, (tilt_deg, pan_deg, bank_deg))
     # Looking back, the vehicle's left is the image's right.

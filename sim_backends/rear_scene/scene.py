@@ -1,4 +1,4 @@
-"""The picture that a rear camera takes as the rover drives."""
+"""Images of a rear camera as the rover drives."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from drivers.samples import Image
 from sim_backends.arrays import Array
 from sim_backends.rear_scene import kernels
 from sim_backends.rear_scene.ground_kinds import SAND_TINT, TINTS
-from sim_backends.rear_scene.ground_map import GroundMap, GroundSettings, Roll, Rut, Sun
+from sim_backends.rear_scene.ground_map import GroundMap, GroundSettings, Rut, Sun, WheelStep
 from sim_backends.rear_scene.rig import Rig, Wheel
 
 Boxes: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
@@ -23,11 +23,11 @@ SHADE_TEXEL_M = 0.006
 SUN_WIDTH = 0.0093
 MARGIN_M = 0.03
 FARTHEST_M = 1.4
-"""Ground farther away from the camera than this is not drawn right: its map is about twice as wide."""
+"""Limit of correct rendering; the map of the ground is about twice as wide."""
 NOISE_SHIFT = 64
 SUBPIXEL_BITS = 4
 HARD = 0.05
-"""Ground less soft than this takes no mark at all."""
+"""Ground with less softness than this takes no mark."""
 SKY_COLOUR = (1.10, 1.0, 0.92)
 SUN_COLOUR = (0.94, 1.0, 1.05)
 BODY: Boxes = (
@@ -36,21 +36,21 @@ BODY: Boxes = (
     (-0.40, -0.20, 0.165, 0.275, 0.0, 0.184),
     (-0.40, -0.20, -0.275, -0.165, 0.0, 0.184),
 )
-"""What casts the rover's shadow, boxes in the vehicle frame, m: body, mast, rear wheels."""
+"""Boxes that cast the rover's shadow, vehicle frame, m: body, mast, rear wheels."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where the rover is and how it moves at one instant.
+    """Pose and motion of the rover at one instant.
 
     Attributes:
         position_m: Origin of the vehicle frame in the world.
         vehicle_to_world: Rotation; the vehicle's x and y axes lie in the wheel-contact plane.
-        rock_rad: How far the body, with the camera, leans against that plane: about x, about y.
+        rock_rad: Rotation of the body, with the camera, against that plane: about x, about y.
         yaw_rad: Heading.
         wheel_angle_rad: Angle that the wheels have turned.
-        velocity_m_s: Of the origin in the vehicle frame, x and y.
-        yaw_rate_rad_s: Of the vehicle.
+        velocity_m_s: Velocity of the origin in the vehicle frame, x and y.
+        yaw_rate_rad_s: Yaw rate of the vehicle.
         softness: Under each wheel of the rig: 0 on ground too hard to take a rut, 1 on ground that takes the
             full one.
     """
@@ -67,13 +67,13 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True)
 class Lens:
-    """How well the camera sees.
+    """Image quality of the camera.
 
     Attributes:
-        exposure_s: How long the shutter is open, centred on the frame's time.
+        exposure_s: Exposure time, centred on the frame's time.
         blur_px: Standard deviation of the optical blur.
         noise_grey: Standard deviation of a pixel's noise, grey levels of 255.
-        vignette: Loss of light in the corners.
+        vignette: Loss of light in the corners, as a share.
         gamma: Exponent from light to grey.
     """
 
@@ -85,20 +85,20 @@ class Lens:
 
 
 class RearScene:
-    """The ground behind the rover, pressed by its wheels, as its rear camera sees it.
+    """The ground behind the rover, deformed by its wheels, as imaged by its rear camera.
 
     Args:
         rig: Camera and wheels.
-        ground: What the ground is made of.
+        ground: Composition of the ground.
         sun: The light; fixed to the world.
-        rut: What the wheels leave.
-        lens: How well the camera sees.
-        rng: Makes ground and noise.
-        old_rolls: Steps of wheels that came before.
-        body: What casts the rover's shadow.
+        rut: Shape of the ruts.
+        lens: Image quality of the camera.
+        rng: Source of ground and noise.
+        earlier_steps: Steps of earlier traces.
+        body: Boxes that cast the rover's shadow.
 
     Attributes:
-        ground: What the wheels have pressed so far.
+        ground: The ground with the ruts pressed so far.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class RearScene:
         rut: Rut,
         lens: Lens,
         rng: np.random.Generator,
-        old_rolls: tuple[Roll, ...] = (),
+        earlier_steps: tuple[WheelStep, ...] = (),
         body: Boxes = BODY,
     ) -> None:
         self._rig = rig
@@ -118,7 +118,7 @@ class RearScene:
         self._lens = lens
         self._rng = rng
         self._corners = [_corners(box) for box in body]
-        self.ground = GroundMap(ground, sun, old_rolls, rut, rng)
+        self.ground = GroundMap(ground, sun, earlier_steps, rut, rng)
         self._rays = _lit_rays(rig, lens)
         self._edge = _edge_rays(self._rays)
         light = np.linspace(0, 1, CURVE_SIZE)
@@ -130,7 +130,7 @@ class RearScene:
         self._before: Pose | None = None
 
     def drive(self, pose: Pose) -> None:
-        """Press the ruts of the way from the last pose to this one; steps of a few mm to cm."""
+        """Press the ruts between the last pose and this one; a few mm to cm apart."""
         before, self._before = self._before, pose
         if before is None:
             return
@@ -140,7 +140,7 @@ class RearScene:
             lugs = before.wheel_angle_rad / pitch_rad, pose.wheel_angle_rad / pitch_rad
             heading = pose.yaw_rad + math.radians(wheel.steer_deg)
             if math.dist(start, end) > 0 and softness > HARD:
-                roll = Roll(
+                roll = WheelStep(
                     start_m=start,
                     end_m=end,
                     heading_rad=heading,
@@ -151,14 +151,14 @@ class RearScene:
                 self.ground.press(roll, self._rut)
 
     def render(self, pose: Pose, gain: float = 1.0) -> Image:
-        """Return the picture, BGR, from this pose; `gain` is the exposure against the nominal one."""
+        """Return the image, BGR, from this pose; `gain` is the exposure relative to the nominal one."""
         rock = rocking(*pose.rock_rad)
         turn = pose.vehicle_to_world @ rock @ self._rig.vehicle_from_camera
         camera = pose.position_m + pose.vehicle_to_world @ rock @ self._rig.camera_m
         plane = self._plane(pose)
         self._prepare(camera, turn, plane)
         shade, shade_frame = self._shade(pose, rock)
-        seen = kernels.View(
+        view = kernels.View(
             rays=self._rays,
             camera=tuple(camera.tolist()),
             turn=tuple(turn.ravel().tolist()),
@@ -168,7 +168,7 @@ class RearScene:
             tint=tuple((gain * self._tint).ravel().tolist()),
             curve=self._curve,
         )
-        kernels.view(self._image, self.ground.maps, seen)
+        kernels.render(self._image, self.ground.maps, view)
         self._draw_wheel(rock, gain)
         blurred = cv2.filter2D(self._image, -1, self._blur(pose), borderType=cv2.BORDER_REPLICATE)
         row, column = self._rng.integers(0, NOISE_SHIFT, 2)
@@ -176,7 +176,7 @@ class RearScene:
         return np.asarray(cv2.add(blurred, noise, dtype=cv2.CV_8U), np.uint8)
 
     def _plane(self, pose: Pose) -> Array:
-        """Return a, b, c of the undisturbed ground z = a x + b y + c about the rover."""
+        """Return a, b, c of the undisturbed ground z = a x + b y + c around the rover."""
         normal = pose.vehicle_to_world[:, 2]
         a, b = -normal[0] / normal[2], -normal[1] / normal[2]
         x, y, z = pose.position_m
@@ -192,7 +192,7 @@ class RearScene:
         self.ground.prepare((first[0], last[0]), (first[1], last[1]))
 
     def _shade(self, pose: Pose, rock: Array) -> tuple[NDArray[np.float32], Array]:
-        """Return the rover's shadow on the ground, and how the world lies to it."""
+        """Return the rover's shadow on the ground, and the transformation from the world to it."""
         sun = pose.vehicle_to_world.T @ self._sun_to
         level = np.array([self._rig.wheel.x_m - 0.45, self._rig.wheel.y_m])
         shade = np.zeros((SHADE_SIZE, SHADE_SIZE), np.uint8)
@@ -212,7 +212,7 @@ class RearScene:
         return np.asarray(soft / 255, np.float32), frame
 
     def _draw_wheel(self, rock: Array, gain: float) -> None:
-        """Draw the watched wheel where it hides the ground."""
+        """Draw the watched wheel where it occludes the ground."""
         outline = self._rig.wheel_outline(rock)
         if outline is None:
             return
@@ -221,7 +221,7 @@ class RearScene:
         cv2.fillConvexPoly(self._image, hull, (grey, grey, grey), cv2.LINE_AA, SUBPIXEL_BITS)
 
     def _blur(self, pose: Pose) -> Array:
-        """Return the kernel of optical blur and of the way the middle of the picture moves."""
+        """Return the kernel of optical blur and of the motion at the middle of the image."""
         rig, exposure = self._rig, self._lens.exposure_s
         axis = rig.vehicle_from_camera[:, 2]
         middle = rig.camera_m - axis * rig.camera_m[2] / axis[2]
@@ -232,12 +232,14 @@ class RearScene:
         return blur_kernel(ends[1] - ends[0], self._lens.blur_px)
 
 
-def blur_kernel(way_px: Array, sigma_px: float) -> Array:
-    """Return a kernel of a Gaussian of `sigma_px` drawn along the way (columns, rows) in pixels."""
-    half = math.ceil(0.5 * float(np.abs(way_px).max()) + 2.5 * sigma_px)
+def blur_kernel(motion_px: Array, sigma_px: float) -> Array:
+    """Return a kernel of a Gaussian of `sigma_px` drawn along a motion (columns, rows) in pixels."""
+    half = math.ceil(0.5 * float(np.abs(motion_px).max()) + 2.5 * sigma_px)
     rows, columns = np.mgrid[-half : half + 1, -half : half + 1]
     shares = np.linspace(-0.5, 0.5, 9)
-    square = (columns[..., None] - shares * way_px[0]) ** 2 + (rows[..., None] - shares * way_px[1]) ** 2
+    square = (columns[..., None] - shares * motion_px[0]) ** 2 + (
+        rows[..., None] - shares * motion_px[1]
+    ) ** 2
     weights = np.exp(-0.5 * square / sigma_px**2).sum(axis=-1)
     return np.asarray(weights / weights.sum())
 

@@ -1,4 +1,4 @@
-"""Settings of the simulated rear camera and of the ground that it sees."""
+"""Settings of the simulated rear camera and of the ground in its view."""
 
 from typing import Annotated, Literal, TypeAlias
 
@@ -21,23 +21,23 @@ class CameraEmulatorSettings(Settings):
     three wheels mirror this one about the rover's axes.
 
     Attributes:
-        wheel_x_m: Where the wheel touches the ground, forward of the rover's origin.
-        wheel_y_m: The same, to the left.
-        behind_m: How far the camera is behind that point.
+        wheel_x_m: Contact point of the wheel, forward of the rover's origin.
+        wheel_y_m: Contact point of the wheel, to the left of the rover's origin.
+        behind_m: Distance of the camera behind that point.
         height_m: Height of the camera above the floor of the trace.
         tilt_deg: Angle of the optical axis below the horizontal.
         horizontal_view_deg: Angle of view over the width of the image.
         distortion: k1, k2, p1, p2, k3 of the lens, as OpenCV defines them.
         trace_width_m: Width of the wheels.
-        rut_depth_m: How deep they sink in.
-        ground: What the ground looks like.
-        stones_per_m2: Loose stones on it.
+        rut_depth_m: Sinkage of the wheels.
+        ground: Appearance of the ground.
+        stones_per_m2: Number of loose stones per square metre.
         sun_azimuth_deg: Direction to the sun in the world, counter-clockwise from x.
-        sun_elevation_deg: Its height above the ground.
+        sun_elevation_deg: Elevation of the sun above the ground.
         rock_deg: Standard deviation of the body's rocking, about x and about y.
         noise_grey: Standard deviation of the noise of a pixel, in grey levels of 255.
-        exposure_s: Time from the capture stamp to the end of exposure.
-        transfer_s: Time from there to the arrival at the host.
+        exposure_s: Time from the capture stamp to the end of the exposure.
+        transfer_s: Time from the end of the exposure to the arrival at the host.
     """
 
     type: Literal["camera"]

@@ -1,4 +1,4 @@
-"""A node on a CAN bus that python-can reaches: SocketCAN (vcan) or python-can's virtual bus."""
+"""A node on a CAN bus supported by python-can: SocketCAN (vcan) or python-can's virtual bus."""
 
 import contextlib
 
@@ -12,7 +12,7 @@ from sim_backends.serving.port import Port
 class CanBusPort(Port[bytes]):
     """A node on the bus; payloads are 16-byte CAN frames.
 
-    A bus has no plug to see: when this port is closed, the node is silent and deaf.
+    A bus has no plug: when this port is closed, the node neither sends nor receives.
 
     Args:
         interface: Name of python-can's interface, "socketcan" or "virtual".
@@ -42,20 +42,20 @@ class CanBusPort(Port[bytes]):
             self._bus = None
 
     def read(self) -> list[bytes]:
-        """Return the classic frames that others have sent."""
+        """Return the classic frames sent by other nodes."""
         frames: list[bytes] = []
-        with contextlib.suppress(can.CanError, OSError):  # the bus is down: nothing to hear
+        with contextlib.suppress(can.CanError, OSError):  # the bus is down: nothing to receive
             while self._bus is not None and (message := self._bus.recv(0)) is not None:
                 if not message.is_fd:
                     frames.append(_payload(message))
         return frames
 
     def has_listener(self) -> bool:
-        """Tell whether the bus has been joined; a CAN node cannot tell who listens."""
+        """Return whether the bus has been joined; a CAN node cannot detect listeners."""
         return self._bus is not None
 
     def write(self, payload: bytes) -> bool:
-        """Send a frame; False when the payload is none or the bus does not take it now."""
+        """Send a frame; return False when the payload is not a frame or the bus does not accept it now."""
         frame = unpack_can_frame(payload)
         if frame is None or self._bus is None:
             return False

@@ -13,7 +13,7 @@ class FramePort(Port[CameraImage]):
     """Writes each frame into the live folder; the folder is the plug.
 
     Args:
-        folder: Where the host looks for frames; it is made.
+        folder: Where the host reads frames; it is made.
     """
 
     def __init__(self, folder: str) -> None:
@@ -46,7 +46,7 @@ class FramePort(Port[CameraImage]):
         return []
 
     def has_listener(self) -> bool:
-        """Tell whether the folder is there; it cannot tell who looks."""
+        """Return whether the folder is there; it cannot detect a reader."""
         return self._writer is not None
 
     def write(self, payload: CameraImage) -> bool:

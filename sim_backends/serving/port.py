@@ -1,4 +1,4 @@
-"""What a served bus looks like from the simulated device's side."""
+"""The simulator's end of a served bus."""
 
 from abc import ABC, abstractmethod
 from typing import Generic
@@ -7,25 +7,25 @@ from drivers.link import PayloadT
 
 
 class Port(ABC, Generic[PayloadT]):
-    """The simulator's end of a bus. No method blocks.
+    """A port on which an emulated device is served. No method blocks.
 
     Attributes:
-        where: The bus as the user knows it.
+        where: Name of the bus in messages.
     """
 
     where: str
 
     @abstractmethod
     def open(self) -> None:
-        """Make the bus appear.
+        """Create the bus, or join it.
 
         Raises:
-            NotConnectedError: It cannot; nothing is left behind.
+            NotConnectedError: The bus cannot be created; nothing is left behind.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Make the bus vanish, as when the plug is pulled; may be called again."""
+        """Remove the bus, as when the plug is pulled; may be called again."""
 
     @abstractmethod
     def read(self) -> list[bytes]:
@@ -33,8 +33,8 @@ class Port(ABC, Generic[PayloadT]):
 
     @abstractmethod
     def has_listener(self) -> bool:
-        """Tell whether anybody would get what is written now."""
+        """Return whether a host would receive what is written now."""
 
     @abstractmethod
     def write(self, payload: PayloadT) -> bool:
-        """Send to the host; False when the payload, or part of it, was lost on the way."""
+        """Send to the host; return False when the payload, or part of it, was lost."""

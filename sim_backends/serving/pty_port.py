@@ -21,7 +21,7 @@ class PtyPort(Port[bytes]):
     does not fit into the buffer (about 20 kB) is lost.
 
     Args:
-        path: Where the host looks for the port; missing folders are made, and removed again on `close`. Only
+        path: Path that the host opens; missing folders are made, and removed again on `close`. Only
             the dangling link of a simulator that has ended is ever replaced.
     """
 
@@ -67,12 +67,12 @@ class PtyPort(Port[bytes]):
         """Return what the host has written, as one chunk."""
         data = b""
         if self._master is not None:
-            with contextlib.suppress(OSError):  # nothing there, or nobody has the port open
+            with contextlib.suppress(OSError):  # nothing to read, or no host has the port open
                 data = os.read(self._master, READ_SIZE)
         return [data] if data else []
 
     def has_listener(self) -> bool:
-        """Tell whether a host has the port open."""
+        """Return whether a host has the port open."""
         if self._master is None:
             return False
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
@@ -92,7 +92,7 @@ class PtyPort(Port[bytes]):
             taken = taken or not str(self._path.readlink()).startswith(PSEUDO_TERMINALS)
         if taken:
             msg = (
-                f"cannot serve a serial port at {self.where}: something is there; end the simulator that "
+                f"cannot serve a serial port at {self.where}: the path is taken; end the simulator that "
                 "serves it, remove it, or change the device's port"
             )
             raise NotConnectedError(msg)

@@ -24,8 +24,8 @@ class ServedDevice(Generic[PayloadT]):
     """An emulated device and the port it is served on.
 
     Attributes:
-        sent: Payloads that a listening host was given.
-        dropped: Payloads that it was to be given and that the port could not take.
+        sent: Payloads sent to a listening host.
+        dropped: Payloads that the port could not accept.
     """
 
     def __init__(self, device: EmulatedDevice[PayloadT], port: Port[PayloadT]) -> None:
@@ -39,13 +39,13 @@ class ServedDevice(Generic[PayloadT]):
         """Name of the device in the configuration."""
         return self._device.name
 
-    def take_in(self, now_ns: int) -> None:
-        """Put what the host has sent on the wire to the device."""
+    def receive_from_host(self, now_ns: int) -> None:
+        """Put what the host has sent on the line to the device."""
         for payload in self.port.read():
             self._device.to_device.put(now_ns, payload)
 
-    def give_out(self, now_ns: int) -> None:
-        """Move the plug when the device's has moved; give the host what has reached it."""
+    def send_to_host(self, now_ns: int) -> None:
+        """Open or close the port with the device's plug; send what has reached the host."""
         if self._device.unplugged:
             self.port.close()
             return
@@ -63,7 +63,7 @@ AnyServedDevice: TypeAlias = ServedDevice[bytes] | ServedDevice[CameraImage]
 class Server:
     """Serves a world in real time, in cycles of 1 ms; a late cycle is skipped and counted.
 
-    A context manager: the ports appear on entry and vanish on exit.
+    A context manager: it opens the ports on entry and closes them on exit.
 
     Args:
         world: The simulated rover, built for the present time of `clock`.
@@ -105,10 +105,10 @@ class Server:
             device.port.close()
 
     def run(self, duration_s: float) -> None:
-        """Serve for so long.
+        """Serve for `duration_s`.
 
         Raises:
-            NotConnectedError: A plug was restored, but its port could not be.
+            NotConnectedError: A plug was restored, but its port could not be opened.
         """
         end_ns = self._clock.now_ns() + nanoseconds(duration_s)
         while self._next_cycle_ns < end_ns:
@@ -121,10 +121,10 @@ class Server:
 
     def _cycle(self, now_ns: int) -> None:
         for device in self.served:
-            device.take_in(now_ns)
+            device.receive_from_host(now_ns)
         self.world.advance(now_ns)
         for device in self.served:
-            device.give_out(now_ns)
+            device.send_to_host(now_ns)
 
 
 def put_on_ports(world: World, settings: Mapping[str, AnyDeviceSettings]) -> list[AnyServedDevice]:

@@ -19,11 +19,11 @@ HEX_DIGITS = frozenset(b"0123456789ABCDEFabcdef")
 class SlcanPort(Port[bytes]):
     """The adapter: commands C, O, S, s and frames t, T, r, R; payloads are 16-byte CAN frames.
 
-    Source: LAWICEL CAN232 / CANUSB manual. Left out: listening only, time stamps, filters, status and version
-    queries (answered with an error), and error frames, which the protocol cannot carry.
+    Source: LAWICEL CAN232 / CANUSB manual. Not modelled: listening only, time stamps, filters, status and
+    version queries (answered with an error), and error frames, which the protocol cannot carry.
 
     Args:
-        path: Where the host looks for the adapter's serial port.
+        path: Path of the adapter's serial port on the host.
     """
 
     def __init__(self, path: str) -> None:
@@ -33,7 +33,7 @@ class SlcanPort(Port[bytes]):
         self._channel_is_open = False
 
     def open(self) -> None:
-        """Create the pseudo-terminal; the CAN channel is opened by the host."""
+        """Create the pseudo-terminal; the host opens the CAN channel."""
         self._pty.open()
 
     def close(self) -> None:
@@ -42,21 +42,21 @@ class SlcanPort(Port[bytes]):
         self._forget_host()
 
     def read(self) -> list[bytes]:
-        """Obey the adapter's commands and return the CAN frames that the host has sent."""
+        """Execute the adapter's commands and return the CAN frames that the host has sent."""
         self._received += b"".join(self._pty.read())
         *lines, self._received = self._received.split(OK)
         self._received = self._received[-LONGEST_LINE:]
-        frames = [frame for frame in map(self._obey, lines) if frame is not None]
+        frames = [frame for frame in map(self._execute, lines) if frame is not None]
         if not self._pty.has_listener():
             self._forget_host()
         return frames
 
     def has_listener(self) -> bool:
-        """Tell whether a host has the CAN channel open."""
+        """Return whether a host has the CAN channel open."""
         return self._channel_is_open and self._pty.has_listener()
 
     def write(self, payload: bytes) -> bool:
-        """Send a CAN frame to the host; False for what the protocol cannot carry or the buffer not take."""
+        """Send a CAN frame to the host; return False when the protocol or the buffer cannot take it."""
         frame = unpack_can_frame(payload)
         return frame is not None and not frame.is_error and self._pty.write(_line(frame))
 
@@ -64,7 +64,7 @@ class SlcanPort(Port[bytes]):
         self._received = b""
         self._channel_is_open = False
 
-    def _obey(self, line: bytes) -> bytes | None:
+    def _execute(self, line: bytes) -> bytes | None:
         """Answer one command; return the CAN frame it sends, if any."""
         command = line[:1]
         frame = _frame(line) if self._channel_is_open else None

@@ -1,4 +1,4 @@
-"""Seeded noise that wanders slowly, the same for every integration step."""
+"""Coloured noise: seeded, slowly varying, the same for every integration step."""
 
 import math
 
@@ -9,15 +9,15 @@ from drivers.clock import nanoseconds
 KNOT_INTERVAL_NS = 100_000_000
 
 
-class SlowNoise:
+class ColouredNoise:
     """Independent channels of unit-variance noise with an exponential correlation over time.
 
-    Values are drawn at fixed knots 0.1 s apart and read off linearly between them, so the same seed gives
-    the same noise whatever the integration step. Time must not run backwards.
+    Values are drawn at fixed knots 0.1 s apart and interpolated linearly, so the same seed gives the same
+    noise for every integration step. Time must not run backwards.
 
     Args:
-        channels: How many values `at` returns.
-        correlation_time_s: After this time the correlation has fallen to 1/e; much longer than a knot.
+        channels: Number of values that `at` returns.
+        correlation_time_s: Time in which the correlation falls to 1/e; must be much longer than 0.1 s.
         rng: Source of all randomness.
         start_ns: Time of the first knot.
     """

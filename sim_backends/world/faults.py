@@ -17,14 +17,20 @@ GREY = 128
 
 
 class TimedFault(Settings):
-    """Which device a fault befalls, and when: seconds from the start of the simulation."""
+    """A fault of one device, at a time counted from the start of the simulation.
+
+    Attributes:
+        device: Name of the device that fails.
+        start_s: Start of the fault after the start of the simulation.
+        duration_s: Duration of the fault.
+    """
 
     device: str
     start_s: Annotated[float, Field(ge=0, le=1e6)]
     duration_s: Annotated[float, Field(gt=0, le=1e6)]
 
     def holds(self, since_start_ns: int) -> bool:
-        """Tell whether the fault is there at a time after the start."""
+        """Return whether the fault is active at this time after the start."""
         return self.start_ns <= since_start_ns < self.end_ns
 
     @property
@@ -39,18 +45,21 @@ class TimedFault(Settings):
 
 
 class StateFault(TimedFault):
-    """A pulled plug ("unplug"), or a device that hears and acts but says nothing ("freeze")."""
+    """A pulled plug ("unplug"), or a device that receives and acts but sends nothing ("freeze")."""
 
     type: Literal["unplug", "freeze"]
 
 
 class ChanceFault(TimedFault):
-    """What happens to each payload with some probability.
+    """A fault that affects each payload with some probability.
 
-    "drop" loses it, in both directions. The others concern what the host hears: "duplicate" delivers it
+    "drop" loses it, in both directions. The others affect what the host receives: "duplicate" delivers it
     twice, "reorder" after the next one, "corrupt" damages it: one bit flipped, or the lower half of an image
     grey. On a CAN bus the controller's checksum would catch a flipped bit; there it stands for a device that
-    lies.
+    reports wrong values.
+
+    Attributes:
+        probability: Probability that a payload is affected.
     """
 
     type: Literal["drop", "duplicate", "reorder", "corrupt"]
@@ -58,7 +67,11 @@ class ChanceFault(TimedFault):
 
 
 class DelayFault(TimedFault):
-    """Everything the device says arrives `delay_s` late."""
+    """Everything that the device sends arrives late.
+
+    Attributes:
+        delay_s: Delay of every payload to the host.
+    """
 
     type: Literal["delay"]
     delay_s: Annotated[float, Field(gt=0, le=10)]
@@ -97,7 +110,7 @@ def schedule_faults(
 
 
 class _Disturbance(Generic[PayloadT]):
-    """What the faults of one device make of each arrival on one line."""
+    """Applies the faults of one device to each arrival on one line."""
 
     def __init__(
         self,
@@ -149,7 +162,7 @@ def flip_bit(payload: bytes, rng: np.random.Generator) -> bytes:
 
 
 def grey_lower_half(frame: CameraImage, rng: np.random.Generator) -> CameraImage:
-    """Return a frame as a broken-off JPEG shows it: grey from a random line below the middle."""
+    """Return a frame like that of a truncated JPEG: grey from a random line below the middle."""
     image = frame.image.copy()
     image[rng.integers(len(image) // 2, len(image)) :] = GREY
     return CameraImage(image, frame.t_capture_ns)

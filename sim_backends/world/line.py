@@ -1,4 +1,4 @@
-"""A wire that takes time: payloads arrive after as long as the real bus needs for their bits."""
+"""One direction of a bus: a payload arrives after the time that the real bus needs for its bits."""
 
 from bisect import insort
 from collections import deque
@@ -17,11 +17,11 @@ class Line(Generic[PayloadT]):
     """One direction of one bus, first in first out.
 
     Args:
-        bits_of: How many bits a payload occupies on the wire, framing included.
+        bits_of: Number of bits of a payload on the wire, framing included.
         bits_per_s: Speed of the wire.
 
     Attributes:
-        disturb: What becomes of an arrival; a fault loses, delays, doubles or damages it here.
+        disturb: Applied to each arrival; a fault drops, delays, duplicates or corrupts it here.
     """
 
     def __init__(self, bits_of: Callable[[PayloadT], float], bits_per_s: float) -> None:
@@ -33,7 +33,7 @@ class Line(Generic[PayloadT]):
 
     @property
     def next_arrival_ns(self) -> int:
-        """When the next payload is complete at the far end; `NEVER_NS` when nothing is under way."""
+        """When the next payload is complete at the far end; `NEVER_NS` when nothing is in transit."""
         return self._queue[0].t_ns if self._queue else NEVER_NS
 
     def put(self, t_ns: int, payload: PayloadT) -> None:
@@ -51,7 +51,7 @@ class Line(Generic[PayloadT]):
         return arrived
 
     def clear(self) -> None:
-        """Lose everything under way, as when the plug is pulled."""
+        """Drop everything in transit, as when the plug is pulled."""
         self._queue.clear()
         self._busy_until_ns = 0
 

@@ -1,4 +1,4 @@
-"""A folder that shows another process what a simulated camera sees."""
+"""A folder through which the frames of a simulated camera reach another process."""
 
 import contextlib
 from collections import deque
@@ -10,14 +10,14 @@ from drivers.samples import Image
 
 
 class LiveFolderWriter:
-    """Writes frames for a camera with `source = "live_folder"`; the newest ones stay.
+    """Writes frames for a camera with `source = "live_folder"`; keeps the newest.
 
-    Each is a JPEG, as USB cameras send them, called by its capture time in nanoseconds of the host's
-    monotonic clock, and is renamed into place when it is complete. Only files of this writer are removed.
+    Each is a JPEG, as USB cameras send them, named after its capture time in nanoseconds of the host's
+    monotonic clock, and renamed into place when it is complete. Only files of this writer are removed.
 
     Args:
-        folder: Made when it is missing.
-        keep: How many frames stay.
+        folder: Folder of the frames; created when it is missing.
+        keep: Number of frames kept.
     """
 
     def __init__(self, folder: Path, keep: int = 50) -> None:
@@ -27,7 +27,7 @@ class LiveFolderWriter:
         folder.mkdir(parents=True, exist_ok=True)
 
     def write(self, image: Image, t_capture_ns: int) -> None:
-        """Write one frame, and remove the oldest when there are too many.
+        """Write one frame, and remove the oldest when there are more than `keep`.
 
         Raises:
             OSError: The folder is not writable, or the disk is full.

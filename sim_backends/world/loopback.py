@@ -12,8 +12,8 @@ class LoopbackLink(Generic[PayloadT]):
 
     Args:
         world: The simulated rover.
-        device: Which of its devices is on this link.
-        clock: The clock that the loop sleeps on.
+        device: The device on this link.
+        clock: The clock of the control loop.
     """
 
     def __init__(self, world: World, device: EmulatedDevice[PayloadT], clock: Clock) -> None:
@@ -24,7 +24,7 @@ class LoopbackLink(Generic[PayloadT]):
         self._was_unplugged = False
 
     def open(self, timeout_s: float) -> None:
-        """Attach to the emulated device; what it has said before is lost."""
+        """Attach to the emulated device; what it has sent before is discarded."""
         now_ns = self._clock.now_ns()
         self._world.advance(now_ns)
         self._device.to_host.take(now_ns)
@@ -49,7 +49,7 @@ class LoopbackLink(Generic[PayloadT]):
         return items
 
     def send(self, payload: bytes) -> bool:
-        """Put bytes on the wire to the device; False when it is unplugged."""
+        """Put bytes on the line to the device; return False when it is unplugged."""
         if self._device.unplugged or not self._is_open:
             return False
         self._device.to_device.put(self._clock.now_ns(), payload)

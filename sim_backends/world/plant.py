@@ -1,4 +1,4 @@
-"""What a simulated rover offers to the emulators of its devices. Truth only: no noise, no quantisation."""
+"""Interface between a simulated rover and its device emulators: the true state, without sensor errors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,12 +35,12 @@ class Truth:
 
 
 class Plant(Protocol):
-    """A rover that moves when its wheels are told to. Deterministic for a given seed."""
+    """A simulated rover that follows wheel speed set-points. Deterministic for a given seed."""
 
     wheel_count: int
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Give the wheels' inner speed loops new set-points, at the plant's present time."""
+        """Set the set-points of the wheels' inner speed loops, at the plant's present time."""
         ...
 
     def advance(self, t_ns: int) -> None:

@@ -23,7 +23,7 @@ def standard_uniforms(rng: np.random.Generator) -> Iterator[float]:
 
 
 class DirectionLag:
-    """First-order low-pass of a direction: filters its unit vector, so it never goes the long way round.
+    """First-order low-pass of a direction: filters its unit vector, so it turns through the smaller angle.
 
     Exact for an input vector that moves in a straight line between steps (first-order hold). Turning at a
     constant rate w, the output lags by atan(w tau).
@@ -42,7 +42,7 @@ class DirectionLag:
         self._state = (0.0, 0.0)
 
     def settle(self, angle_rad: float) -> None:
-        """Start as if the input had been `angle_rad` for ever."""
+        """Set the steady state for the constant input `angle_rad`."""
         self._previous = self._state = (math.cos(angle_rad), math.sin(angle_rad))
 
     def step(self, angle_rad: float) -> float:

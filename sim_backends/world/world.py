@@ -11,22 +11,22 @@ from sim_backends.world.plant import Plant
 
 
 class Emulator(Protocol):
-    """The far end of a bus: hears what the host sends, speaks at its own pace.
+    """The far end of a bus: receives what the host sends, and sends at its own rate.
 
-    It is called only when the plant stands at the given time, so it may read the truth and set the wheels.
+    It is called only when the plant has reached the given time, so it may read the truth and set the wheels.
     """
 
     @property
     def next_event_ns(self) -> int:
-        """When it wants to act next, e.g. its next sampling instant or the end of a watchdog."""
+        """When it must act next, e.g. its next sampling instant or the expiry of a watchdog."""
         ...
 
     def act(self, t_ns: int) -> None:
         """Do what is due at `t_ns`; must move `next_event_ns` on."""
         ...
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
-        """Take what the host sent, complete at `t_ns`."""
+    def receive(self, t_ns: int, payload: bytes) -> None:
+        """Process what the host sent; it was complete at `t_ns`."""
         ...
 
 
@@ -34,7 +34,7 @@ class EmulatedDevice(Generic[PayloadT]):
     """An emulator and the two directions of its bus.
 
     Attributes:
-        unplugged: The plug is pulled: nothing passes, neither now nor later.
+        unplugged: The plug is pulled: nothing passes in either direction.
         plug_moves: When the plug will be pulled (True) or restored (False), in order of time.
     """
 
@@ -50,16 +50,16 @@ class EmulatedDevice(Generic[PayloadT]):
 
     @property
     def next_event_ns(self) -> int:
-        """When the emulator must run or the plug be moved next."""
+        """When the emulator must run or the plug moves next."""
         next_ns = min(self.emulator.next_event_ns, self.to_device.next_arrival_ns)
         return min(next_ns, self.plug_moves[0][0]) if self.plug_moves else next_ns
 
     def run_event(self, t_ns: int) -> None:
-        """Move the plug when that is due; let the emulator hear what has arrived and do what is due."""
+        """Move the plug when that is due, deliver what has arrived, and let the emulator do what is due."""
         while self.plug_moves and self.plug_moves[0][0] <= t_ns:
             _, self.unplugged = self.plug_moves.popleft()
         for received in self.to_device.take(t_ns):
-            self.emulator.hear(received.t_ns, received.payload)
+            self.emulator.receive(received.t_ns, received.payload)
         if self.emulator.next_event_ns <= t_ns:
             self.emulator.act(t_ns)
         if self.unplugged:

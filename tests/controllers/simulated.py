@@ -9,18 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.estimation.settings import FilterSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
+from controllers.motion.settings import LimitSettings, MissionSettings, RectangleMission, WaypointsMission
 from controllers.roles import DeviceRoles
 from controllers.safety.settings import SafetySettings
-from controllers.settings import (
-    ControlSettings,
-    FilterSettings,
-    LimitSettings,
-    MissionSettings,
-    OmniRoverSettings,
-    RectangleMission,
-    SkidSteerRoverSettings,
-    WaypointsMission,
-)
+from controllers.settings import ControlSettings
 from drivers.samples import HeadingReference, HeadingSample, RateSample, Sample, WheelSample
 
 MS = 1_000_000

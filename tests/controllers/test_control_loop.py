@@ -11,13 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from controllers.safety.settings import SafetySettings
-from controllers.settings import (
-    OmniRoverSettings,
-    SkidSteerRoverSettings,
-)
 from drivers.errors import ConfigError
 from drivers.samples import (
     BumperSample,
@@ -182,7 +179,7 @@ CYCLES = st.lists(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(cycles=CYCLES, has_mission=st.booleans())
 def test_no_stream_of_samples_makes_it_raise_or_ask_for_too_much(
     cycles: list[tuple[int, bool, list[Sample]]], has_mission: bool

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
-from controllers.settings import FilterSettings
-from controllers.slip.effort.compensator import HOLD_S, STUCK_AFTER_S, SlipReport
+from controllers.slip.effort.compensator import HOLD_S, SlipReport
+from controllers.slip.effort.stuck_wheels import STUCK_AFTER_S
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES
 from tests.controllers.slip_bench import KINEMATICS, PERIOD_S, PRIOR, Bench, wheel_speeds

@@ -8,11 +8,9 @@ import pytest
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_filter import YawSource
+from controllers.estimation.settings import FilterSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
-from controllers.settings import (
-    FilterSettings,
-)
 from drivers.samples import (
     HeadingReference,
     HeadingSample,

@@ -13,12 +13,12 @@ from controllers.estimation.guarded_filter import Array, Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
 from controllers.estimation.pose_fixes import FixQueue, WayBack
+from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import Pose, wrap_angle
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
-from controllers.settings import FilterSettings
 from drivers.samples import PoseFixSample
 from tests.controllers.floor_fixes import FIX, on_floor
 from tests.controllers.simulated import (

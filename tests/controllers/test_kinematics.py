@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.motion.kinematics import Kinematics, make_kinematics
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from tests.controllers.simulated import OMNI, SKID, Geometry, omni_geometry, skid_geometry
 
 speeds = st.floats(-3.0, 3.0)

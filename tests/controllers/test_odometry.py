@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers.estimation.odometry import WheelOdometry
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import wrap_angle
-from controllers.settings import OmniRoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.samples import WheelSample
 from tests.controllers.simulated import (
     OMNI,
@@ -37,6 +37,7 @@ def feed(odometry: WheelOdometry, t_ns: int, *positions: float) -> None:
 
 
 @pytest.mark.parametrize(("rover", "geometry"), [(OMNI, omni_geometry()), (SKID, skid_geometry())])
+@settings(max_examples=30)
 @given(set_points=st.lists(st.lists(st.floats(-8.0, 8.0), min_size=4, max_size=4), min_size=1, max_size=4))
 def test_without_slip_the_wheels_tell_the_true_pose(
     rover: OmniRoverSettings | SkidSteerRoverSettings, geometry: Geometry, set_points: list[list[float]]

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from controllers.motion.mission import corner_points
 from controllers.motion.path_following import Guidance, PathFollower
 from controllers.motion.planar import Pose, move
-from controllers.settings import MissionSettings, PathSettings
+from controllers.motion.settings import MissionSettings, PathSettings
 from drivers.errors import ConfigError
 
 ADAPTER: TypeAdapter[MissionSettings] = TypeAdapter(MissionSettings)

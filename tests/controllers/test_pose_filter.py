@@ -11,8 +11,8 @@ from scipy.stats import chi2
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.estimation.settings import FilterSettings
 from controllers.motion.planar import wrap_angle
-from controllers.settings import FilterSettings
 from drivers.samples import HeadingReference
 
 SETTINGS = FilterSettings(

@@ -14,8 +14,10 @@ from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.motion.path_following import PathFollower
 from controllers.motion.planar import Pose
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
+from controllers.motion.settings import LineMission
 from controllers.roles import DeviceRoles
-from controllers.settings import ControlSettings, LineMission, SkidSteerRoverSettings
+from controllers.settings import ControlSettings
 from controllers.slip.scomp.compensator import Rates, ScompCompensator, TraceReading
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds

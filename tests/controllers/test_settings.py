@@ -45,3 +45,14 @@ def test_the_robotino_is_accepted_with_the_papers_wheel_angles() -> None:
 def test_wrong_units_and_unknown_keys_are_refused(table: str, key: str, value: object) -> None:
     with pytest.raises(ValidationError, match=key):
         ControlSettings.model_validate(with_value(table, key, value))
+
+
+@pytest.mark.parametrize(("speed_m_s", "is_refused"), [(0.0201, False), (0.0199, True)])
+def test_a_mission_too_slow_for_a_stall_to_be_noticed_is_refused(speed_m_s: float, is_refused: bool) -> None:
+    slow = with_value("mission", "speed_m_s", speed_m_s)
+    if is_refused:
+        with pytest.raises(ValidationError, match=r"stall_set_point_rad_s is 0.5 rad/s.* at 0.497 rad/s"):
+            ControlSettings.model_validate(slow)
+    else:
+        ControlSettings.model_validate(slow)
+    ControlSettings.model_validate({**slow, "safety": {"stall_set_point_rad_s": 0.4}})

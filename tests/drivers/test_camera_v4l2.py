@@ -21,7 +21,7 @@ from drivers.samples import FrameSample, LinkSample, Sample
 PERIOD_NS = 10_000_000
 MJPG = float(int.from_bytes(b"MJPG", "little"))
 YUYV = float(int.from_bytes(b"YUYV", "little"))
-DEADLINE_S = 5.0
+DEADLINE_S = 60.0
 
 
 @dataclass

@@ -97,7 +97,7 @@ WRONG = [
     (SPEED, SPEED.replace("rad/s", "km/h"), "wheel.0.speed.unit: .*'rpm'"),
     (SPEED, SPEED.replace("speed", "current"), "wheel.0.current.unit: .*'mA'"),
     (SPEED, TICKS, "wheel.0.position: give ticks_per_revolution"),
-    (SPEED, "", "wheel.0: the wheel tells neither position nor speed"),
+    (SPEED, "", "wheel.0: the wheel has neither position nor speed"),
     (
         SETPOINT,
         SETPOINT.replace(" }", ", fixed = { Enable = 1 } }"),
@@ -121,7 +121,7 @@ WRONG = [
 STATUS = 'messages = ["Drive_Status"]'
 WRONG_PROTECTION = [
     (f'{STATUS}\nchecksum = "Faults"\nalgorithm = "xor8"', "0: checksum 'Faults' is not one whole byte"),
-    (f'{STATUS}\nchecksum = "Checksum"', "0: checksum and algorithm go together"),
+    (f'{STATUS}\nchecksum = "Checksum"', "0: checksum and algorithm belong together"),
     (f'{STATUS}\ncounter = "Counter"\ncounter_modulus = 17', "0: signal 'Counter' cannot hold 16"),
     (
         'messages = ["Wheel{node}_Sate"]\ncounter = "Counter"',
@@ -140,6 +140,31 @@ def test_wrong_mapping_is_refused_with_file_key_and_fix(
     with pytest.raises(ConfigError, match=told) as caught:
         load_mapping(path)
     assert path in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "keys"),
+    [
+        ((('"rad/s"', '"m/s"'), ("node = 0", "node = 0\ngear = 2")), ("wheel.0.speed.unit", "wheel.0.gear")),
+        (
+            (("_State", "_Stat"), ("_Setpoint", "_Setpont")),
+            ("wheel.0.speed", "wheel.0.s"),
+        ),
+    ],
+)
+def test_all_mistakes_of_a_mapping_come_at_once(
+    tmp_path: Path, changes: tuple[tuple[str, str], ...], keys: tuple[str, ...]
+) -> None:
+    text = MINIMAL
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = write_mapping(tmp_path, text)
+    with pytest.raises(ConfigError) as caught:
+        load_mapping(path)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(keys)
+    assert all(line.startswith(f"{path}: {key}") for line, key in zip(lines, keys, strict=True))
 
 
 @pytest.mark.parametrize(("section", "told"), WRONG_PROTECTION)

@@ -200,3 +200,10 @@ def test_readings_that_do_not_tell_are_refused(
 ) -> None:
     with pytest.raises(ModelError, match=message):
         fit_magnetometer(make(), source="x", date=DAY, planar=planar)
+
+
+def test_all_mistakes_of_a_calibration_come_at_once(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        table_of(tmp_path, TABLE.replace("10, 100", "100, 10").replace("date", "day"))
+    lines = str(caught.value).splitlines()
+    assert [line.split("key ")[1].split(":")[0] for line in lines] == ["'date'", "'heading_deg'", "'day'"]

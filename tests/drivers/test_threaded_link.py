@@ -14,7 +14,7 @@ from drivers.link import LinkChange, LinkItem, Received
 from drivers.serial_link import SerialLink
 from drivers.threaded_link import ThreadedLink
 
-DEADLINE_S = 5.0
+DEADLINE_S = 60.0
 
 
 def collect(

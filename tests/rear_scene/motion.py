@@ -106,7 +106,7 @@ class _Track:
     slip_angle_rad: Floats
 
 
-class _Stand:
+class _ContactPlane:
     """How the rover stands on the terrain: the plane that fits the ground under its wheels best."""
 
     def __init__(self, rig: Rig, terrain: Terrain) -> None:
@@ -126,12 +126,12 @@ class _Stand:
 
 def drive(rig: Rig, terrain: Terrain, plan: Plan, depth_m: float) -> Motion:
     """Drive the plan over the terrain; ruts are `depth_m` deep where the ground is soft."""
-    stand = _Stand(rig, terrain)
-    track = _integrate(stand, plan)
+    contact_plane = _ContactPlane(rig, terrain)
+    track = _integrate(contact_plane, plan)
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(track.x_m), np.diff(track.y_m)))])
     ahead = [wheel.x_m - rig.wheel.x_m for wheel in rig.wheels]
     softness = np.stack([_softness(way_m + x_m, plan.hard_m) for x_m in ahead], axis=1)
-    rise_ahead, rise_left, z_m = stand.plane(track.x_m, track.y_m, track.yaw_rad)
+    rise_ahead, rise_left, z_m = contact_plane.plane(track.x_m, track.y_m, track.yaw_rad)
     pitch, roll = -np.arctan(rise_ahead), np.arctan(rise_left / np.hypot(1.0, rise_ahead))
     turn = rotations(track.yaw_rad, pitch, roll)
     position = np.stack([track.x_m, track.y_m, z_m - depth_m * softness[:, -1]], axis=1)
@@ -159,7 +159,7 @@ def drive(rig: Rig, terrain: Terrain, plan: Plan, depth_m: float) -> Motion:
     )
 
 
-def _integrate(stand: _Stand, plan: Plan) -> _Track:
+def _integrate(contact_plane: _ContactPlane, plan: Plan) -> _Track:
     steps = len(plan.rim_speed_m_s)
     x_m, y_m, yaw = (np.zeros(steps) for _ in range(3))
     slip, drift = plan.slip.copy(), plan.slip_angle_rad.copy()
@@ -168,7 +168,7 @@ def _integrate(stand: _Stand, plan: Plan) -> _Track:
     added_slip = added_drift = 0.0
     for k in range(steps):
         if plan.drift_per_roll or plan.slip_per_pitch:
-            rise_ahead, rise_left, _ = stand.plane(x_m[k], y_m[k], yaw[k])[:, 0]
+            rise_ahead, rise_left, _ = contact_plane.plane(x_m[k], y_m[k], yaw[k])[:, 0]
             follow = 1 - math.exp(-plan.rim_speed_m_s[k] * STEP_S / REACTION_M)
             added_drift += follow * (-plan.drift_per_roll * math.atan(rise_left) - added_drift)
             wanted = plan.slip_per_pitch * math.atan(rise_ahead) + plan.slip_per_drift * abs(drift[k])

@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from sim_backends.rear_scene.ground_map import GroundSettings, Roll, Rut, Sun
+from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun, WheelStep
 from sim_backends.rear_scene.scene import BODY, Boxes, Lens, RearScene
 from tests.rear_scene.motion import RATE_HZ, Motion
 from tests.rear_scene.rig_file import CalibratedRig
@@ -23,7 +23,7 @@ Row: TypeAlias = FrameTruth | Telemetry
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class Appearance:
     """All that decides how a drive looks.
 
     Attributes:
@@ -35,7 +35,7 @@ class Look:
     rut: Rut
     lens: Lens
     gain: tuple[float, ...]
-    old_rolls: tuple[Roll, ...] = ()
+    earlier_steps: tuple[WheelStep, ...] = ()
     body: Boxes = BODY
 
 
@@ -47,7 +47,7 @@ class FrameSequence:
         seed: Of the drive within the set.
         rig: Camera and wheels.
         motion: How the rover moves.
-        look: How it looks.
+        appearance: How it looks.
         errors: Of the other sensors.
 
     Attributes:
@@ -56,16 +56,22 @@ class FrameSequence:
     """
 
     def __init__(
-        self, name: str, seed: int, rig: CalibratedRig, motion: Motion, look: Look, errors: SensorErrors
+        self,
+        name: str,
+        seed: int,
+        rig: CalibratedRig,
+        motion: Motion,
+        appearance: Appearance,
+        errors: SensorErrors,
     ) -> None:
         self.name = name
         self.seed = seed
         self.rig = rig
         self.motion = motion
-        self._look = look
+        self._appearance = appearance
         period = round(RATE_HZ / rig.fps)
-        self._steps = [k * period for k in range(len(look.gain))]
-        usable = [0.2 <= gain <= 2.5 for gain in look.gain]
+        self._steps = [k * period for k in range(len(appearance.gain))]
+        usable = [0.2 <= gain <= 2.5 for gain in appearance.gain]
         self.truth: list[FrameTruth] = [
             frame_truth(rig, motion, step, frame, usable[frame]) for frame, step in enumerate(self._steps)
         ]
@@ -77,14 +83,21 @@ class FrameSequence:
 
     def frames(self) -> Iterator[Image]:
         """Render the frames in order of time; each call starts anew and gives the same frames."""
-        look = self._look
+        appearance = self._appearance
         rng = np.random.default_rng([self.seed, 2])
         scene = RearScene(
-            self.rig, look.ground, look.sun, look.rut, look.lens, rng, look.old_rolls, look.body
+            self.rig,
+            appearance.ground,
+            appearance.sun,
+            appearance.rut,
+            appearance.lens,
+            rng,
+            appearance.earlier_steps,
+            appearance.body,
         )
         pressed = 0
         scene.drive(self.motion.pose(0))
-        for step, gain in zip(self._steps, look.gain, strict=True):
+        for step, gain in zip(self._steps, appearance.gain, strict=True):
             while pressed < step:
                 pressed = min(step, pressed + self._stride(pressed))
                 scene.drive(self.motion.pose(pressed))

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
-from sim_backends.rear_scene.ground_map import GroundSettings, Roll, Rut, Sun, Terrain
+from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun, Terrain, WheelStep
 from sim_backends.rear_scene.scene import Lens
 from sim_backends.rear_scene.settings import GroundKind
 from tests.rear_scene.draws import SPEED_M_S, draw_errors, draw_rig, wander
 from tests.rear_scene.motion import RATE_HZ, Plan, drive
 from tests.rear_scene.rig_file import CalibratedRig
-from tests.rear_scene.sequence import FrameSequence, Look
+from tests.rear_scene.sequence import Appearance, FrameSequence
 
 Floats: TypeAlias = NDArray[np.float64]
 SetName: TypeAlias = Literal[
@@ -51,7 +51,7 @@ PHOTOGRAPHS: Mapping[bool, tuple[GroundKind, ...]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Draft:
+class DriveDraft:
     """A drive being put together; `gain` is the exposure of each frame."""
 
     held_out: bool
@@ -62,7 +62,7 @@ class Draft:
     rut: Rut
     lens: Lens
     gain: Floats
-    old_rolls: tuple[Roll, ...] = ()
+    earlier_steps: tuple[WheelStep, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -70,7 +70,7 @@ class Draft:
         return len(self.plan.rim_speed_m_s)
 
 
-Change: TypeAlias = Callable[[Draft, np.random.Generator], Draft]
+Change: TypeAlias = Callable[[DriveDraft, np.random.Generator], DriveDraft]
 
 
 def make_sequence(name: SetName, seed: int, duration_s: float | None = None) -> FrameSequence:
@@ -92,25 +92,25 @@ def make_sequence(name: SetName, seed: int, duration_s: float | None = None) -> 
     easy = _easy(seed >= FIRST_HELD_OUT_SEED, fps, duration_s or DURATIONS_S.get(name, DURATION_S), rng)
     draft = _CHANGES[name](easy, rng)
     motion = drive(draft.rig, draft.ground.terrain, draft.plan, draft.rut.depth_m)
-    look = Look(
+    appearance = Appearance(
         ground=draft.ground,
         sun=draft.sun,
         rut=draft.rut,
         lens=draft.lens,
         gain=tuple(map(float, draft.gain)),
-        old_rolls=draft.old_rolls,
+        earlier_steps=draft.earlier_steps,
     )
-    return FrameSequence(name, seed, draft.rig, motion, look, draw_errors(rng))
+    return FrameSequence(name, seed, draft.rig, motion, appearance, draw_errors(rng))
 
 
-def _easy(held_out: bool, fps: float, duration_s: float, rng: np.random.Generator) -> Draft:
+def _easy(held_out: bool, fps: float, duration_s: float, rng: np.random.Generator) -> DriveDraft:
     """Return a drive on sand with the sun from the side and slow drift; the other sets change it."""
     steps = round(duration_s * RATE_HZ)
     frames = int(duration_s * fps)
     heading = float(rng.uniform(-np.pi, np.pi))
     from_side_deg = float(rng.choice([-1, 1]) * rng.uniform(60, 120))
     rock = np.stack([wander(steps, 0.35 * RATE_HZ, rng), wander(steps, 0.35 * RATE_HZ, rng)], axis=1)
-    return Draft(
+    return DriveDraft(
         held_out=held_out,
         rig=draw_rig(held_out, fps, rng),
         plan=Plan(
@@ -137,7 +137,7 @@ def _easy(held_out: bool, fps: float, duration_s: float, rng: np.random.Generato
     )
 
 
-def _texture(draft: Draft, rng: np.random.Generator) -> Draft:
+def _texture(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     ground = replace(draft.ground, kind=_pick(PHOTOGRAPHS[draft.held_out], rng), patchiness=0.1)
     rut = replace(
         draft.rut, compaction=float(rng.uniform(0.35, 0.6)), depth_m=float(rng.uniform(0.008, 0.014))
@@ -145,7 +145,7 @@ def _texture(draft: Draft, rng: np.random.Generator) -> Draft:
     return replace(draft, ground=ground, rut=rut)
 
 
-def _shadow(draft: Draft, rng: np.random.Generator) -> Draft:
+def _shadow(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     heading_deg = math.degrees(draft.plan.start_yaw_rad)
     poles = tuple(
         (heading_deg + float(rng.uniform(-60, 60)), float(way_m), float(rng.uniform(0.01, 0.08)), 0.008)
@@ -163,23 +163,23 @@ def _shadow(draft: Draft, rng: np.random.Generator) -> Draft:
     return _any_ground(replace(draft, sun=sun, ground=ground), rng)
 
 
-def _overlap(draft: Draft, rng: np.random.Generator) -> Draft:
+def _overlap(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     """Lay old traces across and beside the way, and drift enough that the front wheel's shows too."""
     heading = draft.plan.start_yaw_rad
     offset = np.radians(rng.choice([-1, 1]) * rng.uniform(4, 9))
     plan = replace(draft.plan, slip_angle_rad=draft.plan.slip_angle_rad + offset)
     course = np.array([math.cos(heading + offset), math.sin(heading + offset)])
     old = [
-        _old_roll(way_m * course + rng.normal(0, 0.15, 2), heading + turn, draft.rig.wheel.width_m, rng)
+        _earlier_step(way_m * course + rng.normal(0, 0.15, 2), heading + turn, draft.rig.wheel.width_m, rng)
         for way_m, turn in zip(rng.uniform(-1, 4, 8), np.radians(rng.uniform(-70, 70, 8)), strict=True)
     ]
-    return _any_ground(replace(draft, plan=plan, old_rolls=tuple(old)), rng)
+    return _any_ground(replace(draft, plan=plan, earlier_steps=tuple(old)), rng)
 
 
-def _old_roll(through_m: Floats, heading: float, width_m: float, rng: np.random.Generator) -> Roll:
+def _earlier_step(through_m: Floats, heading: float, width_m: float, rng: np.random.Generator) -> WheelStep:
     half = 2.5 * np.array([math.cos(heading), math.sin(heading)])
     start, end = through_m - half, through_m + half
-    return Roll(
+    return WheelStep(
         start_m=(float(start[0]), float(start[1])),
         end_m=(float(end[0]), float(end[1])),
         heading_rad=heading,
@@ -189,14 +189,14 @@ def _old_roll(through_m: Floats, heading: float, width_m: float, rng: np.random.
     )
 
 
-def _curved(draft: Draft, rng: np.random.Generator) -> Draft:
+def _curved(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     drift = np.radians(rng.uniform(4, 7) * wander(draft.steps, 3.5 * RATE_HZ, rng))
     yaw_rate = np.radians(0.6) * wander(draft.steps, 3 * RATE_HZ, rng)
     plan = replace(draft.plan, slip_angle_rad=np.clip(drift, -0.5, 0.5), yaw_rate_rad_s=yaw_rate)
     return _any_ground(replace(draft, plan=plan), rng)
 
 
-def _drop_out(draft: Draft, rng: np.random.Generator) -> Draft:
+def _drop_out(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     """Black, dim and burnt frames, and stretches of ground too hard for a rut."""
     gain = draft.gain.copy()
     for _ in range(len(gain) // 15):
@@ -207,14 +207,14 @@ def _drop_out(draft: Draft, rng: np.random.Generator) -> Draft:
     return _any_ground(replace(draft, gain=gain, plan=replace(draft.plan, hard_m=hard)), rng)
 
 
-def _no_trace(draft: Draft, rng: np.random.Generator) -> Draft:
+def _no_trace(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     """Drive on ground too hard for any rut, with shadows and old lines to be fooled by."""
     hard = replace(draft.plan, hard_m=((-1.0, 1e3),))
     other = _shadow(replace(draft, plan=hard), rng) if rng.random() < 0.5 else replace(draft, plan=hard)
     return _any_ground(other, rng)
 
 
-def _field_test_1(draft: Draft, rng: np.random.Generator) -> Draft:
+def _field_test_1(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     """7 m up a slope of about 5 degrees, from 60 s on along the flank of a long mound."""
     side = float(rng.choice([-1, 1]))
     heading = draft.plan.start_yaw_rad
@@ -223,7 +223,7 @@ def _field_test_1(draft: Draft, rng: np.random.Generator) -> Draft:
     return _on_slope(draft, heading, long_mound, rng)
 
 
-def _field_test_2(draft: Draft, rng: np.random.Generator) -> Draft:
+def _field_test_2(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     """13 m up a slope of about 5 degrees over small mounds on alternating sides."""
     heading = draft.plan.start_yaw_rad
     side = float(rng.choice([-1, 1]))
@@ -247,11 +247,11 @@ def _field_test_2(draft: Draft, rng: np.random.Generator) -> Draft:
 
 
 def _on_slope(
-    draft: Draft,
+    draft: DriveDraft,
     heading: float,
     mounds: tuple[tuple[float, float, float, float], ...],
     rng: np.random.Generator,
-) -> Draft:
+) -> DriveDraft:
     grade = math.tan(math.radians(5))
     terrain = Terrain(slope=(grade * math.cos(heading), grade * math.sin(heading)), mounds=mounds)
     plan = replace(
@@ -274,12 +274,12 @@ def _beside(
     return cosine * along_m - sine * left_m, sine * along_m + cosine * left_m, float(height_m), radius_m
 
 
-def _sparse(draft: Draft, rng: np.random.Generator) -> Draft:
+def _sparse(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     drift = np.radians(5 * wander(draft.steps, 8 * RATE_HZ, rng))
     return _any_ground(replace(draft, plan=replace(draft.plan, slip_angle_rad=drift)), rng)
 
 
-def _any_ground(draft: Draft, rng: np.random.Generator) -> Draft:
+def _any_ground(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     """Half on sand, half on a photograph."""
     return _texture(draft, rng) if rng.random() < 0.5 else draft
 
@@ -288,7 +288,7 @@ def _pick(kinds: tuple[GroundKind, ...], rng: np.random.Generator) -> GroundKind
     return kinds[int(rng.integers(len(kinds)))]
 
 
-def _unchanged(draft: Draft, rng: np.random.Generator) -> Draft:
+def _unchanged(draft: DriveDraft, rng: np.random.Generator) -> DriveDraft:
     return draft
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_hil.identify.run_data import ROBOTINO, RunWindows, to_wheels
+from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.identify.slip.run_data import RunWindows, to_wheels
 
 NAMES = (
     "t;xsetspeed;m1setvel;m2setvel;m3setvel;m1pos;m2pos;m3pos;"

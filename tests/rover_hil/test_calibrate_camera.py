@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Literal
 
@@ -151,9 +152,13 @@ def test_a_wrong_square_puts_the_camera_too_high(charuco: Path, tmp_path: Path) 
 
 
 def test_too_few_pictures_show_the_board(charuco: Path, tmp_path: Path) -> None:
+    views = tmp_path / "views"
+    views.mkdir()
+    for number in range(3):
+        shutil.copy(charuco / "views" / f"{number}.png", views)
     with pytest.raises(ConfigError, match="--columns, --rows"):
         calibrate_camera(
-            charuco / "views", ground=charuco / "ground.png", rover=charuco / "rover.json", fps=5.0,
+            views, ground=charuco / "ground.png", rover=charuco / "rover.json", fps=5.0,
             board=Board(kind="chessboard", columns=12, rows=9, square_m=0.04), target=GROUND,
             out=tmp_path / "rig.json",
         )  # fmt: skip

@@ -1,6 +1,8 @@
 """The commands as a user meets them: exit codes, one-sentence errors, nothing half-done left behind."""
 
 import json
+import os
+import resource
 import signal
 import subprocess
 import sys
@@ -9,42 +11,12 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.app.app import _spread, main
+from rover_hil.app.app import _spread
 from rover_hil.recording.reader import LogReader
+from tests.rover_hil.command import Command, assert_one_sentence
 
 SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 RUN_LIMIT_S = 60.0
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> "Command":
-    monkeypatch.chdir(tmp_path)
-    return Command(monkeypatch, capsys)
-
-
-class Command:
-    """Runs the command line in this process."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self._monkeypatch = monkeypatch
-        self._capsys = capsys
-        self.out = ""
-        self.error = ""
-
-    def __call__(self, *arguments: str) -> int:
-        self._monkeypatch.setattr(sys, "argv", ["rover-hil", *arguments])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        self.out, self.error = self._capsys.readouterr()
-        return caught.value.code if isinstance(caught.value.code, int) else 0
-
-
-def assert_one_sentence(error: str, *words: str) -> None:
-    assert error.startswith("rover-hil: ")
-    assert error.count("\n") == 1
-    assert "Traceback" not in error
-    for word in words:
-        assert word in error
 
 
 @pytest.mark.parametrize("name", ["run", "simulate", "replay", "doctor", "import"])
@@ -65,6 +37,7 @@ def test_virtual_run_writes_log_summary_and_report(command: Command, tmp_path: P
     assert json.loads(command.out)["identical"] is True
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_run_that_ends_in_a_safe_stop_says_no(command: Command, tmp_path: Path) -> None:
     text = (SHIPPED / "robotino.toml").read_text()
     fault = '[[simulation.faults]]\ntype = "unplug"\ndevice = "imu"\nstart_s = 4\nduration_s = 100\n'
@@ -73,6 +46,7 @@ def test_a_run_that_ends_in_a_safe_stop_says_no(command: Command, tmp_path: Path
     assert "imu" in command.out
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_log_is_not_overwritten(command: Command) -> None:
     assert command("run", "robotino", "--virtual", "--duration", "4", "--out", "a") == 0
     before = Path("a/run.mcap").read_bytes()
@@ -125,16 +99,16 @@ def test_a_missing_data_file_leaves_nothing(command: Command, tmp_path: Path) ->
     assert not (tmp_path / "a").exists()
 
 
-def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+def test_a_log_that_cannot_be_written_is_one_sentence(command: Command) -> None:
     """A limit on the size of files stands for a full disk."""
-    words = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
-    program = f"{words}from rover_hil.app.app import _spread, main; main()"
-    arguments = ["run", "robotino", "--virtual", "--duration", "5", "--out", "a"]
-    done = subprocess.run(
-        [sys.executable, "-c", program, *arguments], cwd=tmp_path, check=False, capture_output=True, text=True
-    )
-    assert done.returncode == 2
-    assert_one_sentence(done.stderr, "a/run.mcap", "File too large")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, hard))
+    try:
+        code = command("run", "robotino", "--virtual", "--duration", "5", "--out", "a")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert code == 2
+    assert_one_sentence(command.error, "a/run.mcap", "File too large")
 
 
 @pytest.mark.parametrize(
@@ -149,6 +123,17 @@ def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
 )
 def test_one_option_may_take_several_values(typed: str, understood: str) -> None:
     assert _spread(typed.split(), "--test") == understood.split()
+
+
+@pytest.mark.parametrize(("chosen", "used"), [(None, "1"), ("3", "3")])
+def test_linear_algebra_has_one_thread_unless_the_user_wants_more(
+    command: Command, monkeypatch: pytest.MonkeyPatch, chosen: str | None, used: str
+) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    if chosen is not None:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", chosen)
+    assert command("--help") == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == used
 
 
 def test_usage_errors_exit_with_two(command: Command) -> None:
@@ -179,6 +164,7 @@ def test_two_processes_over_pseudo_terminals_and_ctrl_c(tmp_path: Path) -> None:
         deadline_ns = clock.now_ns() + nanoseconds(RUN_LIMIT_S)
         while not (tmp_path / "ports" / "imu").exists():
             assert clock.now_ns() < deadline_ns
+            assert simulator.poll() is None
             clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
         runner = subprocess.Popen(
             [program, "run", "robotino", "--out", "a"], cwd=tmp_path, stdout=subprocess.DEVNULL

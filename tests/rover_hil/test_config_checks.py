@@ -150,3 +150,14 @@ def test_devices_may_share_a_can_interface_and_recorded_frames(
     shared = f"[devices.a]\n{bus}\n[devices.b]\n{bus}\n[devices.c]\n{video}\n[devices.d]\n{video}\n"
     path = write(tmp_path, "el-dorado", ("[mission]", f"{shared}\n[mission]"))
     assert load_config(path, ROVER_CHECKS).devices.keys() >= {"a", "b", "c", "d"}
+
+
+def test_a_broken_device_is_no_reason_to_miss_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor to find [devices] empty, or the other device without a role."""
+    monkeypatch.chdir(tmp_path)
+    broken = (('port = "ports/board"', "port = 1"), ('port = "ports/imu"', "port = 2"))
+    lines = mistakes("run", write(tmp_path, "robotino", *broken))
+    assert lines == [
+        "rover.toml: devices.board.port: input should be a valid string, got 1",
+        "rover.toml: devices.imu.port: input should be a valid string, got 2",
+    ]

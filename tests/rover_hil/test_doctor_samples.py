@@ -27,8 +27,8 @@ from rover_hil.doctor.clocks import check_device_clock
 from rover_hil.doctor.faults import check_faults
 from rover_hil.doctor.finding import Finding, Level
 from rover_hil.doctor.frames import check_frames
-from rover_hil.doctor.listening import Heard
-from rover_hil.doctor.no_data import check_silence
+from rover_hil.doctor.listening import Reception
+from rover_hil.doctor.no_data import check_no_data
 from rover_hil.doctor.rejections import check_rejections
 from rover_hil.doctor.streams import Part, check_breaks, check_streams, stream_of
 
@@ -42,13 +42,15 @@ def levels(findings: list[Finding]) -> list[Level]:
     return [finding.level for finding in findings]
 
 
-def heard(
+def reception(
     *samples: Sample,
     settings: AnyDeviceSettings = COMPASS,
     rejected: Mapping[str, int] | None = None,
     accepted: int | None = None,
     breaks: int = 0,
-) -> Heard:
+    start_s: float | None = None,
+    pause_s: float = 0.005,
+) -> Reception:
     health = Health(
         device="compass",
         state=DeviceState.STREAMING,
@@ -61,7 +63,9 @@ def heard(
         send_failures=0,
         last_link_reason="pulled" if breaks else "",
     )
-    return Heard("compass", settings, 2 * SECOND, samples, (), health)
+    first_ns = samples[0].t_ns if samples else 0
+    start_ns = first_ns if start_s is None else nanoseconds(start_s)
+    return Reception("compass", settings, start_ns, 2 * SECOND, pause_s, samples, (), health)
 
 
 def headings(*times_s: float) -> tuple[HeadingSample, ...]:
@@ -72,14 +76,48 @@ def headings(*times_s: float) -> tuple[HeadingSample, ...]:
     )
 
 
-# What was heard
+# What was received
 
 
 def test_a_stream_is_counted_by_its_intervals() -> None:
-    stream = stream_of([nanoseconds(t) for t in (1.0, 1.1, 1.2, 1.7)], nanoseconds(1.8))
+    stream = stream_of([nanoseconds(t) for t in (1.0, 1.1, 1.2, 1.7)], SECOND, nanoseconds(1.8))
     assert stream.rate_hz == pytest.approx(3 / 0.7)
     assert stream.silence_s == pytest.approx(0.5)
-    assert stream_of([5], 7).rate_hz == 0.0
+    assert stream_of([5], 5, 7).rate_hz == 0.0
+
+
+@pytest.mark.parametrize(
+    "times_s", [np.linspace(1.97, 1.99, 200), np.full(200, 1.99), np.linspace(0, 0.02, 200)]
+)
+def test_a_burst_from_a_buffer_is_no_rate(times_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
+    """Two seconds of a sensor at 100 Hz, read at once by a program that got no processor time before."""
+    stream = stream_of([nanoseconds(t) for t in times_s], 0, 2 * SECOND)
+    assert stream.rate_hz == pytest.approx(100.0, rel=0.02)
+    assert stream.silence_s > 1.9
+    assert stream.is_burst
+    assert not stream_of([nanoseconds(t) for t in np.linspace(0, 2, 201)], 0, 2 * SECOND).is_burst
+
+
+@pytest.mark.parametrize(
+    ("pause_s", "cause"),
+    [(1.9, "the doctor itself got no processor time for 1.900 s"), (0.005, "waited in a buffer")],
+)
+def test_a_burst_is_reported_as_one(pause_s: float, cause: str) -> None:
+    times_s = np.linspace(1.96, 1.98, 200)
+    received = reception(*headings(*times_s), start_s=0.0, pause_s=pause_s)
+    (finding,) = check_streams(received, [HEADING], is_required=True)
+    assert finding.level is Level.WARNING
+    assert finding.what == (
+        "heading: silent for 1.960 s, the limit max_age_s is 0.18 s; 200 samples came in one burst of "
+        "0.020 s, so the rate is unknown"
+    )
+    assert cause in finding.cause
+
+
+def test_a_doctor_without_processor_time_does_not_judge_the_rate() -> None:
+    (finding,) = check_streams(reception(*headings(1.1, 1.9), pause_s=0.7), [HEADING], is_required=True)
+    assert finding.level is Level.WARNING
+    assert "the doctor itself got no processor time for 0.700 s" in finding.cause
 
 
 HEADING = Part(HeadingSample, None, "heading")
@@ -89,7 +127,7 @@ HEADING = Part(HeadingSample, None, "heading")
     ("times_s", "is_required", "level", "what"),
     [
         ((1.7, 1.8, 1.9), True, Level.OK, "10.0 Hz, newest 50 ms old"),
-        ((1.4, 1.8, 1.9), True, Level.PROBLEM, "heading: 4.0 Hz, needed are 5.6 Hz"),
+        ((1.4, 1.8, 1.9), True, Level.PROBLEM, "heading: 4.0 Hz, required are 5.6 Hz"),
         ((1.4, 1.8, 1.9), False, Level.WARNING, "heading: 4.0 Hz"),
         ((1.3, 1.35, 1.4, 1.45, 1.5, 1.9), True, Level.WARNING, "heading: silent for 0.400 s"),
         ((1.7, 1.71, 1.72), True, Level.WARNING, "heading: silent for 0.280 s"),
@@ -97,24 +135,24 @@ HEADING = Part(HeadingSample, None, "heading")
     ],
 )
 def test_rates_and_silences(times_s: tuple[float, ...], is_required: bool, level: Level, what: str) -> None:
-    (finding,) = check_streams(heard(*headings(*times_s)), [HEADING], is_required=is_required)
+    (finding,) = check_streams(reception(*headings(*times_s)), [HEADING], is_required=is_required)
     assert (finding.level, finding.what[: len(what)]) == (level, what)
 
 
 def test_the_suggested_age_limit_is_enough() -> None:
-    (finding,) = check_streams(heard(*headings(1.0, 1.5, 2.0)), [HEADING], is_required=True)
+    (finding,) = check_streams(reception(*headings(1.0, 1.5, 2.0)), [HEADING], is_required=True)
     assert finding.fix.endswith("set max_age_s = 0.9")
 
 
 def test_a_role_needs_its_own_kind_of_sample() -> None:
     rate = RateSample(device="compass", t_ns=1, rate_z_rad_s=0.0)
-    (finding,) = check_streams(heard(rate), [HEADING], is_required=True)
+    (finding,) = check_streams(reception(rate), [HEADING], is_required=True)
     assert finding.what == "samples arrive, but no heading"
 
 
 def test_a_broken_link_is_a_problem() -> None:
-    assert check_breaks(heard()) == []
-    assert "broke while listening: pulled" in check_breaks(heard(breaks=2))[0].what
+    assert check_breaks(reception()) == []
+    assert "broke while listening: pulled" in check_breaks(reception(breaks=2))[0].what
 
 
 @pytest.mark.parametrize(
@@ -130,25 +168,27 @@ def test_a_broken_link_is_a_problem() -> None:
     ],
 )
 def test_rejections_beside_good_data(rejected: dict[str, int], accepted: int, level: Level | None) -> None:
-    findings = check_rejections(heard(rejected=rejected, accepted=accepted))
+    findings = check_rejections(reception(rejected=rejected, accepted=accepted))
     assert levels(findings) == ([] if level is None else [level])
     assert all("{" not in finding.fix for finding in findings)
 
 
 def test_a_silent_board_is_probably_off() -> None:
-    (finding,) = check_silence(heard(settings=RobotinoBoardSettings(type="robotino_board", port="/dev/x")))
+    (finding,) = check_no_data(
+        reception(settings=RobotinoBoardSettings(type="robotino_board", port="/dev/x"))
+    )
     assert finding.fix.startswith("switch the rover on")
 
 
 def test_foreign_can_traffic_only_is_a_wrong_mapping() -> None:
-    (finding,) = check_silence(heard(settings=CAN, rejected={"other_traffic": 9}))
-    assert "none that the mapping knows" in finding.cause
+    (finding,) = check_no_data(reception(settings=CAN, rejected={"other_traffic": 9}))
+    assert "none that the mapping contains" in finding.cause
     assert "[devices.compass]" in finding.fix
 
 
 def test_a_watchdog_that_misses_set_points_is_no_problem_while_nobody_drives() -> None:
     sample = FaultSample(device="compass", t_ns=1, code=8, text="watchdog: set-points missing")
-    (finding,) = check_faults(heard(sample), bumper_stops=True)
+    (finding,) = check_faults(reception(sample), bumper_stops=True)
     assert finding.level is Level.WARNING
     assert "normal here" in finding.cause
 
@@ -163,14 +203,14 @@ def test_faults_active_and_over() -> None:
         fault(2, 0, ""),
         fault(None, 32, "CAN bus: no acknowledge"),
     )
-    first, second, third = check_faults(heard(*samples), bumper_stops=True)
+    first, second, third = check_faults(reception(*samples), bumper_stops=True)
     assert (first.level, first.what) == (Level.PROBLEM, "wheel 1: fault 8 (overcurrent)")
-    assert (second.level, second.what) == (Level.WARNING, "wheel 2: fault 4 (hot), now over")
+    assert (second.level, second.what) == (Level.WARNING, "wheel 2: fault 4 (hot), now cleared")
     assert "60 ohm" in third.fix
 
 
 def test_a_pressed_bumper_matters_only_where_it_stops_the_rover() -> None:
-    pressed = heard(
+    pressed = reception(
         BumperSample(device="compass", t_ns=1, pressed=True),
         PowerSample(device="compass", t_ns=1, voltage_v=24.06),
     )
@@ -179,7 +219,7 @@ def test_a_pressed_bumper_matters_only_where_it_stops_the_rover() -> None:
     assert supply.what == "24.1 V"
 
 
-def frames(rate_hz: float, age_s: float | None) -> Heard:
+def frames(rate_hz: float, age_s: float | None) -> Reception:
     settings = CameraSettings(
         type="camera", source="v4l2", path="/dev/video0", width=64, height=48, frame_rate_hz=10
     )
@@ -194,14 +234,14 @@ def frames(rate_hz: float, age_s: float | None) -> Heard:
         )
         for index in range(8)
     ]
-    return heard(*samples, settings=settings)
+    return reception(*samples, settings=settings)
 
 
 @pytest.mark.parametrize(
     ("rate_hz", "age_s", "level", "what"),
     [
         (10.0, 0.03, Level.OK, "10.0 frames per second, at most 30 ms"),
-        (5.0, 0.03, Level.WARNING, "5.0 frames per second, the configuration says 10"),
+        (5.0, 0.03, Level.WARNING, "5.0 frames per second, configured are 10"),
         (10.0, None, Level.WARNING, "no usable capture times"),
         (10.0, -0.2, Level.WARNING, "no usable capture times: up to -0.200 s"),
         (10.0, 7.0, Level.WARNING, "no usable capture times: up to 7.000 s"),
@@ -231,4 +271,4 @@ def test_device_clock(speed: float | None, expected: list[Level]) -> None:
         )
         for index in range(15)
     ]
-    assert levels(check_device_clock(heard(*samples))) == expected
+    assert levels(check_device_clock(reception(*samples))) == expected

@@ -23,7 +23,7 @@ from rover_hil.config import Config
 from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.can_interface import check_interface
 from rover_hil.doctor.clocks import ClockPair, check_host_clock
-from rover_hil.doctor.config_consistency import check_sanity
+from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
 from rover_hil.doctor.installation import OWNERS, check_installation
 from rover_hil.doctor.ports import (
@@ -67,7 +67,7 @@ def test_a_name_that_nobody_owns_is_a_problem() -> None:
 @pytest.mark.parametrize(
     ("requirement", "what"),
     [
-        ("numpy>=999", "needed is 999 or newer"),
+        ("numpy>=999", "required is 999 or newer"),
         ("no-such-library<3,>=1.0", "no-such-library is missing"),
         ("numpy>=2.1", None),
         ('no-such-library>=1.0; extra == "live"', None),
@@ -110,13 +110,13 @@ def test_a_dangling_link_is_an_unplugged_device(system: SystemPaths) -> None:
     link = system.dev / "imu"
     link.symlink_to("/nowhere/pts/9")
     (finding,) = check_port("imu", Port(SERIAL, "port", link), system)
-    assert "/nowhere/pts/9, which is gone" in finding.cause
+    assert "/nowhere/pts/9, which does not exist" in finding.cause
 
 
 def test_a_file_is_no_port(system: SystemPaths) -> None:
     (system.dev / "imu").write_text("not a device")
     (finding,) = check_port("imu", Port(SERIAL, "port", system.dev / "imu"), system)
-    assert finding.what.endswith("is no device file")
+    assert finding.what.endswith("is not a device file")
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_a_can_interface_that_is_down_missing_or_none(system: SystemPaths) -> No
     assert other.fix.endswith("set channel to one of: can0")
     (system.sys / "class/net/can0/type").write_text("1")
     (ethernet,) = check_interface("wheels", CAN, system.sys, "")
-    assert ethernet.what == "can0 is no CAN interface"
+    assert ethernet.what == "can0 is not a CAN interface"
 
 
 @pytest.mark.parametrize("text", ["", "no json", "[]", "[3]", '[{"linkinfo": 3}]'])
@@ -343,7 +343,7 @@ def test_calibration_is_recent_old_from_the_future_or_missing(
 def test_times_that_do_not_fit(
     rate_hz: float, expiry_s: float, max_age_s: float, expected: list[Level], configure: Callable[..., Config]
 ) -> None:
-    assert levels(check_sanity(configure(rate_hz, expiry_s, max_age_s))) == expected
+    assert levels(check_consistency(configure(rate_hz, expiry_s, max_age_s))) == expected
 
 
 # The page

@@ -115,6 +115,16 @@ def test_when_the_log_cannot_be_written_all_wheels_are_stopped(
     assert tuple(bench.identifiers()) == SET_POINTS * 6
 
 
+def test_an_error_inside_the_loop_stops_all_wheels(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError
+
+    bench.before_sending({THIRD_CYCLE: lambda: monkeypatch.setattr(bench.rig.loop, "step", fail)})
+    with pytest.raises(ZeroDivisionError):
+        bench.executive.run(5.0)
+    assert tuple(bench.identifiers()) == SET_POINTS * 6
+
+
 def test_a_device_without_a_role_that_is_given_up_does_not_end_the_run(bench: Bench) -> None:
     bench.links.image_links["camera"].feed(LinkChange(bench.rig.clock.now_ns(), False, "gave up", True))
     assert bench.executive.run(3.0).end is End.TIME_OVER

@@ -75,7 +75,7 @@ def test_an_expression_chooses(expression: str, count: int) -> None:
 @pytest.mark.parametrize(
     ("expression", "words"),
     [
-        ("slope_deg >=", "no expression"),
+        ("slope_deg >=", "not an expression"),
         ("incline > 3", "has no 'incline'"),
         ("__import__('os').system('true')", "only comparisons"),
         ("run > 'c1'", "== and !="),

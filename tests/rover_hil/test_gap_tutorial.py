@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from rover_hil.app.app import main
 from tests.rover_hil.gap_data import TUTORIAL, tutorial_files
 
 COMMAND = re.compile(r"^(python|rover-hil) .*$", re.MULTILINE)
@@ -22,10 +24,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tutorial")
     for name, text in tutorial_files().items():
         (folder / name).write_text(text)
-    for match in COMMAND.finditer(TUTORIAL.read_text("utf-8")):
-        words = shlex.split(match[0])
-        program = [sys.executable] if words[0] == "python" else [sys.executable, "-c", PROGRAM]
-        subprocess.run([*program, *words[1:]], cwd=folder, check=True, capture_output=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for match in COMMAND.finditer(TUTORIAL.read_text("utf-8")):
+            words = shlex.split(match[0])
+            if words[0] == "python":
+                runpy.run_path(words[1])
+                continue
+            patch.setattr(sys, "argv", words)
+            with pytest.raises(SystemExit) as ended:
+                main()
+            assert not ended.value.code
     return folder
 
 

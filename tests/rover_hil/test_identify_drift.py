@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rover_hil.identify.camera_scale import find_scale
-from rover_hil.identify.run_data import RunWindows
-from rover_hil.identify.slip_identification import identify_slip_maps
-from rover_hil.identify.slip_report import result_record
-from rover_hil.identify.surface_fit import fit_surface_map
+from rover_hil.identify.slip.camera_scale import find_scale
+from rover_hil.identify.slip.identification import identify_slip_maps
+from rover_hil.identify.slip.report import result_record
+from rover_hil.identify.slip.run_data import RunWindows
+from rover_hil.identify.slip.surface_fit import fit_surface_map
 from tests.rover_hil.test_identify_slip_fit import surface_runs, table_runs
 
 MM_PER_PX = 2.0

@@ -1,6 +1,6 @@
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,10 @@ import pytest
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.identify_motor import identify_motor
 from rover_hil.config import load_config
-from rover_hil.identify.motor import find_logs, read_records
-from rover_hil.identify.motor_log import read_log
-from rover_hil.identify.motor_table import read_table
+from rover_hil.identify.motor.identify import find_logs, identify, read_records
+from rover_hil.identify.motor.log import read_log
+from rover_hil.identify.motor.report import MotorReport
+from rover_hil.identify.motor.table import read_table
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
 from tests.nature.motor import Measured, TrueMotor, measure, staircase, write_csv
@@ -34,6 +35,17 @@ def soft() -> Measured:
 def free(tmp_path_factory: pytest.TempPathFactory) -> Path:
     measured = measure(FREE, PROFILE, 3, np.random.default_rng(6), friction_spread=0.02)
     return write_csv(tmp_path_factory.mktemp("free") / "free.csv", measured, (0, 1, 2))
+
+
+@pytest.fixture(scope="module")
+def reports(free: Path) -> Sequence[MotorReport]:
+    return identify(read_records(free), lambda: None)
+
+
+@pytest.fixture
+def fitted(reports: Sequence[MotorReport], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit the record of `free` once for all tests that only look at what is printed or written of it."""
+    monkeypatch.setattr("rover_hil.app.identify_motor.identify", lambda records, on_motor: reports)
 
 
 def run_json(capsys: pytest.CaptureFixture[str], *logs: Path) -> tuple[int, list[dict[str, Any]]]:
@@ -82,6 +94,7 @@ def test_everything_is_found_where_the_voltage_is_measured_and_the_loop_is_slow(
         assert motor["fitted"]["current_a"] < motor["data_sheet"]["current_a"]
 
 
+@pytest.mark.usefixtures("fitted")
 def test_without_voltage_only_ratios_to_kt_are_given(free: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, motors = run_json(capsys, free)
     assert code == 0
@@ -101,6 +114,7 @@ def test_without_voltage_only_ratios_to_kt_are_given(free: Path, capsys: pytest.
         assert any("Kt" in words and "ratios" in words for words in motor["undetermined"])
 
 
+@pytest.mark.usefixtures("fitted")
 def test_people_see_every_name_value_and_reason(
     free: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -125,6 +139,7 @@ def test_friction_on_the_ground_is_not_taken_for_the_motor_s_own(
     assert all(any("contains what rolling costs" in note for note in motor["notes"]) for motor in motors)
 
 
+@pytest.mark.usefixtures("fitted")
 def test_inertia_is_not_given_where_the_speed_settles_between_two_samples(
     free: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,8 +206,8 @@ def spoil_number(names: list[str], rows: Lines) -> None:
     ("change", "words"),
     [
         (drop_current, "names no column 'm3cur'"),
-        (turn_clock_back, "the clock goes backwards"),
-        (spoil_number, "line 11 does not hold"),
+        (turn_clock_back, r"line 104, column .t.: .* is negative or not after the line before"),
+        (spoil_number, "line 11, column .m1cur.: .nan. is not a number"),
     ],
 )
 def test_wrong_tables_are_refused_in_one_sentence(
@@ -210,6 +225,7 @@ def test_paths_without_logs_are_refused(tmp_path: Path) -> None:
         find_logs([tmp_path / "missing.csv"])
 
 
+@pytest.mark.usefixtures("fitted")
 def test_the_data_file_holds_what_is_determined_and_is_never_overwritten(free: Path, tmp_path: Path) -> None:
     out = tmp_path / "motor.toml"
     identify_motor([free], out=out, as_json=False)

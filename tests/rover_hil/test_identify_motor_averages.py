@@ -10,9 +10,9 @@ import pytest
 
 from drivers.errors import LogError
 from rover_hil.app.identify_motor import identify_motor
-from rover_hil.identify.averaged_csv import COMMANDS, CURRENTS, SPEEDS
-from rover_hil.identify.motor_averages import read_drives, report_drives
-from rover_hil.identify.run_data import ROBOTINO, to_wheels
+from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS
+from rover_hil.identify.motor.averages import read_drives, report_drives
+from rover_hil.identify.slip.run_data import to_wheels
 
 GAIN, DROOP = 0.98, 8.0
 STEP_RAD_S = 27.0 * math.tau / 60.0

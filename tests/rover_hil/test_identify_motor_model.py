@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from rover_hil.identify.motor_record import Scale, Series, find_moves
-from rover_hil.identify.motor_response import MotorModel, respond
-from rover_hil.identify.motor_sensing import CurrentSensor
+from rover_hil.identify.motor.record import Scale, Series, find_moves
+from rover_hil.identify.motor.response import MotorModel, respond
+from rover_hil.identify.motor.sensing import CurrentSensor
 
 STEP_S = 1e-5
 

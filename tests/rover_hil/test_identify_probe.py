@@ -11,13 +11,14 @@ from typer.testing import CliRunner
 from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.yaw_excitation import slip_of
 from drivers.errors import ConfigError, LogError
-from drivers.samples import RateSample, Sample, WheelSample
+from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
 from rover_hil.app.app import app
 from rover_hil.app.identify_probe import identify_probe
 from rover_hil.config import load_config
-from rover_hil.identify.run_data import ROBOTINO
-from rover_hil.identify.slip_map_file import read_slip_map
+from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.identify.slip.map_file import read_slip_map
 from rover_hil.recording.writer import LogWriter
+from tests.rover_hil.test_overhead_run import config_with
 
 PERIOD_S = 0.02
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.4)
@@ -33,10 +34,13 @@ def write_shaken_drive(
     shares: tuple[float, ...] = SHARES,
     stretch_s: float = STRETCH_S,
     seed: int = 1,
+    fix_period_s: float | None = None,
 ) -> Path:
     """Write a drive to the left with yaw excitation; each stretch has another transmission loss."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    config_json = load_config("robotino").model_dump_json(by_alias=True).encode()
+    config = load_config("robotino") if fix_period_s is None else config_with()
+    config_json = config.model_dump_json(by_alias=True).encode()
+    next_fix_s = 0.0
     kinematics, rng = OmniKinematics(ROBOTINO), np.random.default_rng(seed)
     position_rad = np.zeros(3)
     place, yaw_rad = 0j, 0.7
@@ -55,7 +59,23 @@ def write_shaken_drive(
             ]
             if has_gyro:
                 samples.append(RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=turn_rad / PERIOD_S + 0.03))
+            if fix_period_s is not None and t_s >= next_fix_s:
+                next_fix_s += fix_period_s
+                x_m, y_m = rng.normal((place.real, place.imag), 0.002).tolist()
+                fix = PoseFixSample(
+                    device="overhead",
+                    t_ns=t_ns,
+                    t_capture_ns=t_ns,
+                    x_m=x_m,
+                    y_m=y_m,
+                    yaw_rad=yaw_rad,
+                    position_std_m=0.002,
+                    yaw_std_rad=0.0035,
+                )
+                samples.append(fix)
             log.samples(t_ns, samples)
+            if fix_period_s is not None:
+                continue
             truth = {"t_ns": t_ns, "x_m": place.real, "y_m": place.imag, "yaw_rad": yaw_rad}
             log.write_json("/truth", t_ns, truth)
     return path
@@ -63,7 +83,7 @@ def write_shaken_drive(
 
 def identify(logs: list[Path], out: Path, **changes: float) -> int:
     shake = {"amplitude_rad_s": 0.5, "frequency_hz": 5.0, **changes}
-    return identify_probe(logs, maps="robotino", out=out, as_json=True, **shake)
+    return identify_probe(logs, maps="robotino", out=out, as_json=True, force=False, **shake)
 
 
 def test_the_law_of_the_drives_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,6 +104,25 @@ def test_the_law_of_the_drives_is_found(tmp_path: Path, capsys: pytest.CaptureFi
     shipped = read_slip_map("robotino")
     assert found.model_copy(update={"yaw_probe": None}) == shipped.model_copy(update={"yaw_probe": None})
     assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize(("fix_period_s", "stretch_s"), [(0.2, 12.0), (2.0, 48.0)])
+def test_the_law_is_found_with_pose_fixes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], fix_period_s: float, stretch_s: float
+) -> None:
+    log = write_shaken_drive(tmp_path / "run.mcap", fix_period_s=fix_period_s, stretch_s=stretch_s)
+    assert identify([log], tmp_path / "map.toml") == 0
+    assert "truth of 1 log: pose fixes of 'overhead'" in json.loads(capsys.readouterr().out)["notes"]
+    probe = read_slip_map(str(tmp_path / "map.toml")).yaw_probe
+    assert probe is not None
+    for lost in (0.1, 0.2, 0.3):
+        assert slip_of(probe, lost) == pytest.approx(2.0 * lost, abs=0.05)
+
+
+def test_fixes_that_are_too_rare_are_named(tmp_path: Path) -> None:
+    log = write_shaken_drive(tmp_path / "run.mcap", fix_period_s=4.0)
+    with pytest.raises(LogError, match=r"drive more; \d+ rejected: no pose fix"):
+        identify([log], tmp_path / "map.toml")
 
 
 def test_the_command(tmp_path: Path) -> None:

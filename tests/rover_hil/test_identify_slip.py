@@ -7,14 +7,14 @@ import pytest
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.identify_slip import identify_slip
-from rover_hil.identify.slip_map_file import read_slip_map
+from rover_hil.identify.slip.map_file import read_slip_map
 from tests.rover_hil.slip_runs import write_drive
 
 SURFACES = {"table_surface": (0.0, 0.3), "sand_surface": (0.5, 1.0)}
 MAPS = {"encoder", "linear_m", "linear_i", "isotonic_m", "isotonic_torque", "best", "best_known_surface"}
 
 
-def write_set(folder: Path, directions_deg: range) -> Path:
+def write_set(folder: Path, directions_deg: range, duration_s: float = 3.0) -> Path:
     for surface, (slip, current_a) in SURFACES.items():
         for number, direction_deg in enumerate(directions_deg):
             write_drive(
@@ -23,7 +23,7 @@ def write_set(folder: Path, directions_deg: range) -> Path:
                 current_a=current_a,
                 direction_deg=direction_deg,
                 mm_per_px=2.03,
-                duration_s=3.0,
+                duration_s=duration_s,
                 turn_rad_s=0.05,
             )
     return folder
@@ -63,6 +63,27 @@ def test_json_and_data_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert not list(tmp_path.glob("*.part"))
 
 
+def test_three_runs_of_a_surface_are_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = identify_json(capsys, [write_set(tmp_path / "train", range(-180, 180, 120), 6.0)], [])
+    assert result["cross_validation"]["best"]["n"] == 6
+    assert not [note for note in result["notes"] if "cross-validated" in note]
+
+
+def test_two_runs_of_a_surface_are_refused(tmp_path: Path) -> None:
+    train = write_set(tmp_path / "train", range(-180, 180, 120))
+    (train / "sand_surface" / "exp00.csv").unlink()
+    with pytest.raises(LogError, match="surface 'sand_surface' has 2 training runs, fewer than 3"):
+        identify_slip([train], test=[], as_json=True, out=None)
+
+
+def test_runs_that_cannot_be_left_out_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train = write_set(tmp_path / "train", range(-180, 180, 120))
+    result = identify_json(capsys, [train], [])
+    (note,) = [note for note in result["notes"] if "cross-validated" in note]
+    assert note == "2 of 6 runs are not cross-validated: too little remains without them"
+    assert result["cross_validation"]["best"]["n"] == 4
+
+
 def test_tables_for_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     train = write_set(tmp_path, range(-180, 180, 36))
     (train / "readme.md").write_text("-", encoding="utf-8")
@@ -87,7 +108,7 @@ def test_a_broken_test_run_leaves_no_data_file(tmp_path: Path) -> None:
     broken = tmp_path / "test" / "exp.csv"
     broken.parent.mkdir()
     broken.write_text("a;b\n", encoding="utf-8")
-    with pytest.raises(LogError, match="no header of three"):
+    with pytest.raises(LogError, match="no header of 3"):
         identify_slip([train], test=[broken], as_json=True, out=tmp_path / "map.toml")
     assert not (tmp_path / "map.toml").exists()
 

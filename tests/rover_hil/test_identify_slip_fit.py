@@ -8,9 +8,12 @@ import pytest
 
 from controllers.slip.effort.slip_map import PolynomialMap, TractionMap, slip_at
 from drivers.errors import ConfigError, LogError
-from rover_hil.identify.camera_scale import CALIBRATED_MM_PER_PX, NOMINAL_MM_PER_PX, find_scale
-from rover_hil.identify.run_data import RunWindows
-from rover_hil.identify.slip_fit import (
+from rover_hil.identify.slip.camera_scale import CALIBRATED_MM_PER_PX, NOMINAL_MM_PER_PX, find_scale
+from rover_hil.identify.slip.identification import fit_maps, identify_slip_maps
+from rover_hil.identify.slip.run_data import RunWindows
+from rover_hil.identify.slip.scores import BEST, BEST_KNOWN, ENCODER, Score, score_runs
+from rover_hil.identify.slip.surface_fit import fit_surface_map
+from rover_hil.identify.slip.wheel_fit import (
     WheelSamples,
     collect_samples,
     fit_line,
@@ -19,9 +22,6 @@ from rover_hil.identify.slip_fit import (
     fit_support_vector_line,
     fit_traction,
 )
-from rover_hil.identify.slip_identification import fit_maps, identify_slip_maps
-from rover_hil.identify.slip_scores import BEST, BEST_KNOWN, ENCODER, Score, score_runs
-from rover_hil.identify.surface_fit import fit_surface_map
 from tests.rover_hil.slip_runs import windows
 
 M_PER_PX = math.nan  # the synthetic runs are in metres: a scale that gets used by mistake shows

@@ -6,7 +6,7 @@ import pytest
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.config import load_config
-from rover_hil.identify.runs import find_runs, read_windows, surface_of, surface_parts
+from rover_hil.identify.slip.runs import find_runs, read_windows, surface_of, surface_parts
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
 from rover_hil.recording.writer import LogWriter
@@ -169,9 +169,9 @@ def test_averaged_rows_become_drives(tmp_path: Path) -> None:
             "1" + ";1" * 11,
             "no column 'Motor 2 current, A'",
         ),
-        (AVERAGED_NAMES, "1;2", "line 2 does not hold 12 numbers"),
-        (AVERAGED_NAMES, "1" + ";nan" * 11, "line 2 does not hold 12 numbers"),
-        (AVERAGED_NAMES, "", "does not hold 12 numbers"),
+        (AVERAGED_NAMES, "1;2", "line 2 has 2 cells, its header 12"),
+        (AVERAGED_NAMES, "1" + ";nan" * 11, r"line 2, column .Y axis speed, mm/s.: .nan. is not a number"),
+        (AVERAGED_NAMES, "", "holds no lines below its header"),
     ],
 )
 def test_wrong_averages_are_refused(tmp_path: Path, names: str, row: str, message: str) -> None:

@@ -19,16 +19,13 @@ from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
 from rover_hil.run.live_trace import LiveTraceFinder
+from tests.rover_hil.conftest import EL_DORADO_S
 from tests.rover_hil.test_virtual_run import with_changes
-
-DRIVE_S = 12.0
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("live") / "run.mcap"
-    run_virtual(load_config("el-dorado"), path, DRIVE_S, None)
-    return path
+def log(el_dorado_log: Path) -> Path:
+    return el_dorado_log
 
 
 def summary_of(path: Path) -> Summary:
@@ -55,7 +52,7 @@ def test_the_trace_is_seen_and_the_slip_counted(log: Path, tmp_path: Path) -> No
     assert drift is not None
     assert error is not None
     assert plain is not None
-    assert 20 < drift.traces <= 5 * DRIVE_S
+    assert 20 < drift.traces <= 5 * EL_DORADO_S
     assert drift.slip_angle_error_rms_deg is not None
     assert drift.slip_angle_error_rms_deg < 1.5
     assert drift.slip_error_rms is not None

@@ -15,9 +15,9 @@ from rover_hil.gap.output.model_file import ModelFile, Number, Provenance, model
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from sim_backends.models.interface import Model
-from sim_backends.models.robotino_drive import make_model as make_drive
-from sim_backends.models.robotino_motor import make_model as make_motor
-from sim_backends.models.side_slope import make_model as make_side_slope
+from sim_backends.models.robotino_drive.model import make_model as make_drive
+from sim_backends.models.robotino_motor.model import make_model as make_motor
+from sim_backends.models.side_slope.model import make_model as make_side_slope
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 
 Effects = Mapping[str, Mapping[str, float]]
@@ -126,6 +126,7 @@ def test_another_rover_has_no_robotino_effects(tmp_path: Path) -> None:
         extend_simulation(load_config("el-dorado"), path)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_virtual_run_has_the_effects_in_its_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

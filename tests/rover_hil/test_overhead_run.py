@@ -105,9 +105,9 @@ def test_a_lost_camera_stops_the_rover_only_where_fixes_are_required(required: b
 @pytest.mark.parametrize(
     ("roles", "words"),
     [
-        ({"fixes": ["nobody"]}, "does not have"),
-        ({"fixes": ["imu"]}, "only a device of type 'overhead_camera'"),
-        ({"headings": ["overhead"]}, "can only be named in roles.fixes"),
+        ({"fixes": ["nobody"]}, r"roles.fixes: \[devices\] has no 'nobody'"),
+        ({"fixes": ["imu"]}, "device 'imu' is not an overhead_camera: name one of overhead"),
+        ({"headings": ["overhead"]}, "device 'overhead' is a camera and measures no heading"),
     ],
 )
 def test_roles_that_make_no_sense_are_refused(roles: dict[str, object], words: str) -> None:

@@ -20,6 +20,7 @@ from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
+from rover_hil.recording.schema import end_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
@@ -136,7 +137,7 @@ def write_log(path: Path, drive: Drive) -> Path:
         log.health(now_ns, [HEALTH])
         if drive.has_end:
             result = RunResult(End.FINISHED, "mission finished", Mode.FINISHED, count, 0, drive.duration_s, 0)
-            log.write_json("/end", now_ns, result.record())
+            log.write_json("/end", now_ns, end_record(result))
     return path
 
 

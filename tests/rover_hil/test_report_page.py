@@ -85,6 +85,7 @@ def test_the_same_log_gives_the_same_page(tmp_path: Path) -> None:
     assert pages[0] == pages[1]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
     log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=2.0))
     (tmp_path / "file").write_text("in the way")
@@ -92,6 +93,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
         write_report(log_path, tmp_path / "file" / "out")
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=2.0))
     write_text = Path.write_text
@@ -108,6 +110,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.M
     assert list((tmp_path / "out").iterdir()) == []
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_virtual_run_has_a_report(tmp_path: Path) -> None:
     run_rover("robotino", virtual=True, duration_s=7.0, out=tmp_path / "out", realtime=False, as_json=True)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

@@ -9,7 +9,8 @@ import pytest
 from drivers.driver import Rejection
 from drivers.errors import ConfigError, LogError
 from drivers.link import Received
-from drivers.robotino_board.codec import RobotinoBoardCodec, parse_reply, scales
+from drivers.robotino_board.codec import RobotinoBoardCodec, parse_reply
+from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import BumperSample, WheelSample
 from rover_hil.importing.robotino_csv import START_NS, RobotinoRun, read_run
@@ -108,7 +109,7 @@ def test_wrong_cell_is_named(tmp_path: Path, row: int, column: str, cell: str, c
     [
         (NAMES.replace("m2cur", "i2"), UNITS, ROWS, "line 3 names no column 'm2cur'"),
         (NAMES, UNITS.replace("pix", "mm"), ROWS, "line 2, column 'xpos': the unit is not pix"),
-        (NAMES, UNITS, (ROWS[0], ROWS[1][:30]), "line 5 has 6 cells, its header 18"),
+        (NAMES, UNITS, (ROWS[0], ROWS[1][:30]), "line 5 has 6 cells, its header 17"),
         (NAMES, UNITS, (), "holds no lines below its header"),
     ],
 )

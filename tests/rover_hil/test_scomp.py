@@ -14,9 +14,10 @@ from drivers.errors import ConfigError, LogError, ModelError
 from rover_hil.app.app import app
 from rover_hil.app.identify_scomp import identify_scomp
 from rover_hil.app.scomp import run_scomp
+from rover_hil.pages.atomic_write import write_file
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive
-from rover_hil.scomp.files import HEADER, parameters_text, read_drive, read_parameters, write_text
+from rover_hil.scomp.files import HEADER, parameters_text, read_drive, read_parameters
 from rover_hil.scomp.pictures import model_pictures
 from rover_hil.scomp.read_csv import read_truth
 from tests.controllers.scomp.drives import mounds, sideways
@@ -79,10 +80,10 @@ def test_parameters_have_a_provenance_and_survive_the_file(folder: Path, tmp_pat
     assert parameters.provenance.truth == "first_truth.csv"
     assert len(parameters.provenance.fitted_on) == 8
     again = tmp_path / "again.toml"
-    write_text(parameters_text(parameters), again)
+    write_file(again, parameters_text(parameters))
     assert read_parameters(again) == parameters
     defaults = tmp_path / "defaults.toml"
-    write_text(parameters_text(ScompParameters()), defaults)
+    write_file(defaults, parameters_text(ScompParameters()))
     assert read_parameters(defaults).pitch.model == ScompParameters().pitch.model
 
 
@@ -110,7 +111,7 @@ def test_parameters_go_to_standard_output(folder: Path, capsys: pytest.CaptureFi
 
 
 def test_an_existing_parameter_file_is_kept(folder: Path) -> None:
-    with pytest.raises(ConfigError, match="not overwritten"):
+    with pytest.raises(ConfigError, match="never overwritten"):
         identify_scomp(
             folder / "first.csv",
             truth=folder / "first_truth.csv",
@@ -205,8 +206,8 @@ def test_wheels_that_disagree_are_told() -> None:
         ("t_s,enc1_rad\n", "has no data"),
         ("t_s,enc1_rad\n0,0\n0,1\n", "time does not increase"),
         ("t_s,enc1_rad\n0,0\n,1\n", "time does not increase"),
-        ("t_s,enc1_rad\n0,0\n1,fast\n", "column 'enc1_rad', row 3: 'fast' is not a number"),
-        ("t_s,enc1_rad\n0,0\n1\n", "row 3 has 1 cells"),
+        ("t_s,enc1_rad\n0,0\n1,fast\n", "line 3, column 'enc1_rad': 'fast' is not a number"),
+        ("t_s,enc1_rad\n0,0\n1\n", "line 3 has 1 cells, its header 2"),
         ("t_s,enc1_rad,enc1_rad\n0,0,0\n1,1,1\n", "twice"),
         ("enc1_rad\n0\n1\n", "no column 't_s'"),
         ("t_s,gyro_z_deg_s\n0,0\n1,1\n", "no wheel encoder"),
@@ -237,7 +238,7 @@ def test_missing_files(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("t_s,x_m,y_m\n0,0,0\n1,1,1\n", "no column 'psi_rad'"),
-        ("t_s,x_m,y_m,psi_rad\n0,0,0,0\n1,,1,0\n", "column 'x_m': row 3"),
+        ("t_s,x_m,y_m,psi_rad\n0,0,0,0\n1,,1,0\n", "line 3, column 'x_m' holds no finite"),
         ("t_s,x_m,y_m,psi_rad\n1,0,0,0\n0,1,1,0\n", "time does not increase"),
     ],
 )

@@ -9,21 +9,17 @@ import pytest
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import LogError
 from rover_hil.app.run import run_virtual
-from rover_hil.config import Config, load_config
+from rover_hil.config import load_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.scomp.files import ReadDrive, read_drive
 from rover_hil.scomp.odometry import estimate_track
-
-DRIVE_S = 12.0
+from tests.rover_hil.conftest import EL_DORADO_S
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log(el_dorado_log: Path) -> Path:
     """A drive of the simulated four-wheel rover up a slope, with a mound on its left."""
-    table = load_config("el-dorado").model_dump(by_alias=True)
-    path = tmp_path_factory.mktemp("log") / "run.mcap"
-    run_virtual(Config.model_validate(table), path, DRIVE_S, None)
-    return path
+    return el_dorado_log
 
 
 def truths(path: Path) -> dict[str, np.ndarray]:
@@ -57,7 +53,7 @@ def test_sensors_come_in_the_units_of_the_csv(log: Path) -> None:
     new = np.isfinite(drive.compass_rad)
     assert 0.05 < new.mean() < 0.2
     assert drive.trace_rad is not None
-    assert 10 < np.isfinite(drive.trace_rad).sum() < 5 * DRIVE_S
+    assert 10 < np.isfinite(drive.trace_rad).sum() < 5 * EL_DORADO_S
     off = drive.compass_rad[new] - at_rows(log, source, "yaw_rad")[new]
     assert np.degrees(np.std(off)) < 1.5
 

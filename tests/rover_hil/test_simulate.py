@@ -17,7 +17,7 @@ from drivers.samples import WheelCommand, WheelSample
 from rover_hil.app.simulate import simulate
 from rover_hil.config import read_config_text
 
-START_LIMIT_S = 30.0
+START_LIMIT_S = 60.0
 COMMAND = "from rover_hil.app.app import main; main()"
 
 
@@ -66,7 +66,7 @@ def test_it_serves_until_it_is_told_to_end_and_leaves_nothing(tmp_path: Path, en
                 position_rad = newest_position_rad(board, position_rad)
             assert position_rad >= 1.0
         process.send_signal(end)
-        output, _ = process.communicate(timeout=10.0)
+        output, _ = process.communicate(timeout=START_LIMIT_S)
     assert process.returncode == 0
     assert "ports/board" in output
     assert "rover-hil run robotino" in output
@@ -95,7 +95,7 @@ def test_it_leaves_nothing_when_a_port_cannot_be_served(
     config = tmp_path / "rover.toml"
     config.write_text(shipped.replace('"ports/imu"', '"taken"').replace('"ports/board"', '"a/b/board"'))
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(NotConnectedError, match="taken: something is there"):
+    with pytest.raises(NotConnectedError, match="taken: the path is taken"):
         simulate("rover.toml", 0.1)
     assert {path.name for path in tmp_path.iterdir()} == {"rover.toml", "taken"}
 

@@ -8,8 +8,8 @@ from controllers.safety import Mode
 from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.tune.metrics import reversals_per_s
-from rover_hil.tune.rehearsal import drive
-from rover_hil.tune.sites import at_site
+from rover_hil.tune.scenarios import with_scenario
+from rover_hil.tune.simulated_mission import drive
 from tests.rover_hil.test_virtual_run import records, replay_file, with_changes
 
 CORRECTION = {"gain_rad_s_nm": 1.0, "bound_rad_s": 0.5}
@@ -54,7 +54,7 @@ def test_no_slip_is_told_once_the_wheels_are_silent(tmp_path: Path) -> None:
 def rehearse(correction: dict[str, object] | None, site: int) -> tuple[Mode, float]:
     """Return the mode, and the reversals of the busiest wheel per second."""
     config = with_changes("robotino", slip__use="linear_m", slip__torque_correction=correction)
-    driven = drive(at_site(config, site))
+    driven = drive(with_scenario(config, site))
     period_s = 1.0 / config.loop.rate_hz
     return driven.mode, reversals_per_s(driven.set_points_rad_s, period_s, REVERSAL_RAD_S)
 

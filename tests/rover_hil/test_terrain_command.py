@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, seconds
-from rover_hil.app.app import main
+from tests.rover_hil.command import Command
 
 KEYS = [
     "slope_deg",
@@ -35,21 +35,11 @@ EXPECTED = {
 }
 
 
-class Terrain:
-    """Runs `rover-hil terrain` in this process."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self._monkeypatch = monkeypatch
-        self._capsys = capsys
-        self.out = ""
-        self.error = ""
+class Terrain(Command):
+    """Runs `rover-hil terrain`."""
 
     def __call__(self, *arguments: str) -> int:
-        self._monkeypatch.setattr(sys, "argv", ["rover-hil", "terrain", *arguments])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        self.out, self.error = self._capsys.readouterr()
-        return caught.value.code if isinstance(caught.value.code, int) else 0
+        return super().__call__("terrain", *arguments)
 
 
 @pytest.fixture
@@ -221,6 +211,9 @@ def test_out_writes_one_page_that_needs_nothing_else_and_exact_numbers(
 def test_papers_writes_both_papers_figures(terrain: Terrain, tmp_path: Path) -> None:
     assert terrain("papers", "--out", "p", "--json") == 0
     assert len(json.loads(terrain.out)) == 20
+    names = ["limits.csv", "measured_wheels.csv", "report.html", "traverse.csv"]
+    assert sorted(path.name for path in (tmp_path / "p").iterdir()) == names
+    assert "Wh32_slip_up" in (tmp_path / "p" / "measured_wheels.csv").read_text()
     page = (tmp_path / "p" / "report.html").read_text()
     assert page.count("data:image/svg+xml;base64,") == 6
     assert "33.8" in page

@@ -15,21 +15,21 @@ from drivers.errors import ConfigError
 from rover_hil.app import tune as command
 from rover_hil.app.tune import tune
 from rover_hil.config import load_config
-from tests.rover_hil.tuning import MISSION, TUNE, FakeBench, write_config
+from tests.rover_hil.tuning import MISSION, TUNE, FakeRuns, write_config
 
 SMALL = TUNE.replace("train = 4", "train = 2").replace("held_out = 6", "held_out = 2")
 POOR = MISSION + "heading_gain_per_s = 0.5\n"
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> FakeBench:
-    fake = FakeBench()
+def parallel_runs(monkeypatch: pytest.MonkeyPatch) -> FakeRuns:
+    fake = FakeRuns()
 
     @contextmanager
-    def open_bench() -> Generator[FakeBench, None, None]:
+    def open_runs() -> Generator[FakeRuns, None, None]:
         yield fake
 
-    monkeypatch.setattr(command, "Bench", open_bench)
+    monkeypatch.setattr(command, "ParallelRuns", open_runs)
     return fake
 
 
@@ -51,8 +51,9 @@ def result_in(tmp_path: Path) -> dict[str, object]:
     return result
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_better_configuration_is_written_with_its_provenance(
-    bench: FakeBench, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_config(tmp_path)
     assert run(as_json=True) == 0
@@ -80,7 +81,10 @@ def test_a_better_configuration_is_written_with_its_provenance(
     assert record.held_out_cost_after < record.held_out_cost_before
 
 
-def test_only_what_was_tuned_differs(bench: FakeBench, run: Callable[..., int], tmp_path: Path) -> None:
+@pytest.mark.usefixtures("unrendered")
+def test_only_what_was_tuned_differs(
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
+) -> None:
     before = tomllib.loads(write_config(tmp_path).read_text("utf-8"))
     assert run() == 0
     after = tomllib.loads((tmp_path / "tuning" / "first" / "tuned.toml").read_text("utf-8"))
@@ -92,43 +96,45 @@ def test_only_what_was_tuned_differs(bench: FakeBench, run: Callable[..., int], 
 
 
 def test_the_page_is_complete_and_needs_nothing_else(
-    bench: FakeBench, run: Callable[..., int], tmp_path: Path
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
     write_config(tmp_path)
     assert run(trials=25) == 0
     html = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
-    titles = ["Values", "Held-out comparison", "Held-out sites", "True paths", "Search", "Parameters"]
+    titles = ["Values", "Held-out comparison", "Held-out scenarios", "True paths", "Search", "Parameters"]
     assert re.findall(r"<h2>(.*?)</h2>", html) == titles
     assert html.count('<img src="data:image/svg+xml;base64,') == 4
     assert not re.search(r"""(src|href)=["'](?!data:)""", html)
-    assert "6 sites that the search has not seen: seeds" in html
+    assert "6 scenarios that the search did not use: seeds" in html
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_count_goes_on_and_a_finished_study_is_not_searched_again(
-    bench: FakeBench, run: Callable[..., int], tmp_path: Path
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
     write_config(tmp_path)
     assert run(trials=4) == 0
     assert result_in(tmp_path)["trials"] == 4
     assert run(trials=9) == 0
     assert result_in(tmp_path)["trials"] == 9
-    cases = {seed for _, seed in bench.driven if seed < 1000}
-    bench.driven.clear()
+    cases = {seed for _, seed in parallel_runs.driven if seed < 1000}
+    parallel_runs.driven.clear()
     assert run(trials=9) == 0
     assert cases == {1, 2, 3, 4}
-    assert all(seed > 1000 for _, seed in bench.driven)
+    assert all(seed > 1000 for _, seed in parallel_runs.driven)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
-    bench: FakeBench, run: Callable[..., int], tmp_path: Path
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
     write_config(tmp_path)
 
     def interrupt() -> None:
-        if len(bench.driven) == 9:  # in the third trial of four cases each
+        if len(parallel_runs.driven) == 9:  # in the third trial of four cases each
             os.kill(os.getpid(), signal.SIGINT)
 
-    bench.before_case = interrupt
+    parallel_runs.before_case = interrupt
     assert run(trials=50) == 0
     assert result_in(tmp_path)["trials"] == 3
     assert (tmp_path / "tuning" / "first" / "tuned.toml").exists()
@@ -137,14 +143,20 @@ def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
     assert result_in(tmp_path)["trials"] == 6
 
 
-def test_time_over_ends_the_search_too(bench: FakeBench, run: Callable[..., int], tmp_path: Path) -> None:
+@pytest.mark.usefixtures("unrendered")
+def test_time_over_ends_the_search_too(
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
+) -> None:
     write_config(tmp_path)
     assert run(trials=50, minutes=1e-9) == 0
     assert result_in(tmp_path)["trials"] == 0
     assert result_in(tmp_path)["verdict"] == "confirmed"
 
 
-def test_the_best_start_is_confirmed(bench: FakeBench, run: Callable[..., int], tmp_path: Path) -> None:
+@pytest.mark.usefixtures("unrendered")
+def test_the_best_start_is_confirmed(
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
+) -> None:
     write_config(tmp_path, mission=MISSION.replace("lookahead_m = 0.5", "lookahead_m = 0.1"))
     assert run() == 0
     assert result_in(tmp_path)["verdict"] == "confirmed"
@@ -156,8 +168,9 @@ def test_the_best_start_is_confirmed(bench: FakeBench, run: Callable[..., int], 
     assert tuned.tune.provenance.changes == {}
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_trials_that_cost_more_than_the_start_are_not_called_better(
-    bench: FakeBench, run: Callable[..., int], tmp_path: Path
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
     write_config(tmp_path, mission=MISSION.replace("lookahead_m = 0.5", "lookahead_m = 0.1"))
     assert run() == 0
@@ -170,22 +183,25 @@ def test_trials_that_cost_more_than_the_start_are_not_called_better(
         assert float(found[1]) >= float(found[2])
     page = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
     assert "better in the search" not in page.lower()
-    assert "Driven on the held-out sites, and not taken" in page
+    assert "Driven on the held-out scenarios, and not taken" in page
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_no_acceptable_values_is_a_no_and_leaves_no_configuration(
-    bench: FakeBench, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mission = MISSION.replace("lookahead_m = 0.5", "lookahead_m = 0.03")
     write_config(tmp_path, TUNE.replace("high = 1.0, scale", "high = 0.039, scale"), mission)
     assert run() == 1
     assert "No acceptable values" in capsys.readouterr().out
     assert not (tmp_path / "tuning" / "first" / "tuned.toml").exists()
-    assert result_in(tmp_path)["start_refused"] == "site 1001: oscillates"
+    assert result_in(tmp_path)["start_refused"] == "scenario 1001: oscillates"
 
 
 @pytest.mark.parametrize("study", ["", "a/b", "..", "."])
-def test_a_study_is_a_name(bench: FakeBench, run: Callable[..., int], tmp_path: Path, study: str) -> None:
+def test_a_study_is_a_name(
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path, study: str
+) -> None:
     write_config(tmp_path)
     with pytest.raises(ConfigError, match="--study"):
         run(study=study)

@@ -14,7 +14,7 @@ from rover_hil.recording.reader import LogReader
 from rover_hil.run.executive import End
 from rover_hil.run.replay import ReplayResult, replay
 
-FAULT_START_S = 3.0
+FAULT_START_S = 2.0
 FAULT_S = 1.0
 DETECTION_LIMIT_S = 0.2
 CYCLE_MARGIN_S = 0.021
@@ -132,7 +132,7 @@ def test_a_lost_device_stops_the_rover_and_a_returned_one_lets_it_go_on(
 ) -> None:
     fault = {"type": kind, "device": device, "start_s": FAULT_START_S, "duration_s": FAULT_S}
     path = tmp_path / "run.mcap"
-    run_virtual(with_changes(name, simulation__faults=[fault]), path, 6.5, None)
+    run_virtual(with_changes(name, simulation__faults=[fault]), path, 4.5, None)
     start_ns = LogReader(path).start_ns
     begin_ns = start_ns + nanoseconds(FAULT_START_S)
     end_ns = begin_ns + nanoseconds(FAULT_S)

@@ -1,4 +1,4 @@
-"""A rover to tune, and a bench that answers at once."""
+"""A rover to tune, and simulated missions that answer at once."""
 
 import math
 from collections.abc import Callable, Generator, Sequence
@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from rover_hil.config import Config, load_config
-from rover_hil.tune.metrics import Way
-from rover_hil.tune.rehearsal import Rehearsal
+from rover_hil.tune.metrics import TruePath
+from rover_hil.tune.simulated_mission import SimulatedMission
 
 SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 BEST_LOOKAHEAD_M = 0.1
@@ -57,25 +57,29 @@ def make_config(folder: Path, tune: str = TUNE, mission: str = MISSION) -> Confi
 
 
 def lookahead_m(config: Config) -> float:
-    """Return the value that the bench below looks at."""
+    """Return the value that the missions below depend on."""
     assert config.mission is not None
     return config.mission.lookahead_m
 
 
-def answer(config: Config, seed: int) -> Rehearsal:
-    """Return a rehearsal that is best at one look-ahead, dearer at higher seeds, unstable when too short."""
+def answer(config: Config, seed: int) -> SimulatedMission:
+    """Return a mission that is best at one look-ahead, dearer at higher seeds, unstable when too short."""
     value_m = lookahead_m(config)
     off = abs(math.log(value_m / BEST_LOOKAHEAD_M))
     refused = "oscillates" if value_m < UNSTABLE_BELOW_M else ""
     names = ("path_rms_m", "closure_m", "heading_deg", "effort_rad_s2", "duration_s")
     terms = dict.fromkeys(names, 0.01 * (1.0 + off) * (1.0 + 1e-4 * seed))
     x_m = np.linspace(0.0, 0.2, 5)
-    return Rehearsal(
-        seed=seed, refused=refused, terms=terms, reversals_per_s=0.5, way=Way(x_m, 0.1 * x_m, 0.0 * x_m)
+    return SimulatedMission(
+        seed=seed,
+        refused=refused,
+        terms=terms,
+        reversals_per_s=0.5,
+        true_path=TruePath(x_m, 0.1 * x_m, 0.0 * x_m),
     )
 
 
-class FakeBench:
+class FakeRuns:
     """Answers at once, and remembers what it was asked.
 
     Attributes:
@@ -87,7 +91,7 @@ class FakeBench:
         self.driven: list[tuple[float, int]] = []
         self.before_case = before_case
 
-    def drive(self, config: Config, seeds: Sequence[int]) -> Generator[Rehearsal, None, None]:
+    def drive(self, config: Config, seeds: Sequence[int]) -> Generator[SimulatedMission, None, None]:
         """Answer for each seed when asked for it."""
         for seed in seeds:
             self.before_case()

@@ -14,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.samples import FrameSample, Image
 from sim_backends.devices.camera import make_camera
-from sim_backends.rear_scene.emulated_scene import EmulatedScene, rig_of
+from sim_backends.rear_scene.emulated_scene import EmulatedScene, make_rig
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.live_folder import LiveFolderWriter
 from sim_backends.world.loopback import LoopbackLink
@@ -86,7 +86,9 @@ def rectify(image: Image, emulator: CameraEmulatorSettings = SETTINGS) -> Image:
     y_m = FIRST_Y_M - METRES_PER_PIXEL * np.arange(COLUMNS)
     surface_m = np.full((ROWS, COLUMNS), emulator.rut_depth_m)
     ground = np.stack([*np.meshgrid(x_m, y_m, indexing="ij"), surface_m], axis=-1).reshape(-1, 3)
-    pixels = rig_of(emulator, WIDTH, HEIGHT, 5.0).project(ground).reshape(ROWS, COLUMNS, 2).astype(np.float32)
+    pixels = (
+        make_rig(emulator, WIDTH, HEIGHT, 5.0).project(ground).reshape(ROWS, COLUMNS, 2).astype(np.float32)
+    )
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     return np.asarray(cv2.remap(grey, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR), np.uint8)
 
@@ -95,7 +97,7 @@ def test_the_optical_axis_meets_the_floor_behind_the_wheel_in_the_middle_of_the_
     emulator = CameraEmulatorSettings(
         type="camera", wheel_x_m=-0.3, wheel_y_m=0.2, height_m=0.5, tilt_deg=60, behind_m=0.1
     )
-    rig = rig_of(emulator, WIDTH, HEIGHT, 5.0)
+    rig = make_rig(emulator, WIDTH, HEIGHT, 5.0)
     met = np.array([[-0.4 - 0.5 / math.tan(math.radians(60)), 0.2, 0.0]])
     assert rig.project(met)[0] == pytest.approx((319.5, 239.5))
     # Left of the rover is right in the picture, farther behind is higher, at the scale of a pinhole.
@@ -149,8 +151,8 @@ def test_the_trace_leaves_the_wheel_against_the_direction_of_travel(sideslip_rad
     side = -1 if sideslip_rad < 0 else 1
     low_sun = SETTINGS.model_copy(update={"sun_azimuth_deg": 90.0 * side, "sun_elevation_deg": 40.0})
     travelled, fresh = scene(low_sun), scene(low_sun)
-    for step in range(50):
-        distance_m = 0.02 * step
+    for step in range(25):
+        distance_m = 0.04 * step
         pose = truth_at(distance_m * math.cos(sideslip_rad), distance_m * math.sin(sideslip_rad))
         picture = travelled.render(pose)
     darker = rectify(fresh.render(pose)).astype(int) - rectify(picture) > 25
@@ -166,8 +168,8 @@ def test_the_trace_leaves_the_wheel_against_the_direction_of_travel(sideslip_rad
 
 def test_a_rover_that_spins_or_reverses_over_its_trace_is_rendered() -> None:
     ground = scene()
-    for step in range(40):
-        image = ground.render(truth_at(-0.05 * step, 0.0, 0.1 * step))
+    for step in range(20):
+        image = ground.render(truth_at(-0.1 * step, 0.0, 0.2 * step))
     assert image.shape == (HEIGHT, WIDTH, 3)
 
 
@@ -188,8 +190,8 @@ def test_a_trace_ahead_of_the_camera_is_not_seen() -> None:
     # Reversing, the wheels make their traces where the camera has been.
     alone = SETTINGS.model_copy(update={"wheel_x_m": 0.0, "behind_m": 0.32})
     reversing, fresh = scene(alone), scene(alone)
-    for step in range(60):
-        pose = truth_at(-0.02 * step)
+    for step in range(30):
+        pose = truth_at(-0.04 * step)
         picture = reversing.render(pose)
     assert np.array_equal(picture[:300], fresh.render(pose)[:300])
 

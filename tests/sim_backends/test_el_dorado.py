@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from sim_backends.plants.el_dorado.dynamics import Ground as GroundShape
-from sim_backends.plants.el_dorado.dynamics import Rover, State, stand, surface
+from sim_backends.plants.el_dorado.dynamics import Rover, State, settle, surface
 from sim_backends.plants.el_dorado.plant import ElDoradoPlant
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings, Ground, Mound
 from sim_backends.terramechanics.slope.rover import Conditions, SlopeRover
@@ -199,8 +199,8 @@ def test_the_weight_takes_for_a_climb_what_it_gives_on_the_way_down() -> None:
     step_m, work_nm = 0.005, [0.0]
     for x_m in np.arange(-1.0, 4.0, step_m).tolist():
         state = State(np.array([x_m, 0.0, 0.0]), *(np.zeros(n) for n in (2, 3, 4, 4)))
-        footing = stand(state, rover, ground)
-        work_nm.append(work_nm[-1] - float(footing.pull[0]) * step_m / math.cos(state.tilt[0]))
+        contact = settle(state, rover, ground)
+        work_nm.append(work_nm[-1] - float(contact.pull[0]) * step_m / math.cos(state.tilt[0]))
     heights = [surface(ground, 1.5 + x_m, y_m)[0] for x_m, y_m in CONTACTS_M]
     assert max(work_nm) == pytest.approx(26.4 * 9.80665 * np.mean(heights), rel=0.05)
     assert work_nm[-1] == pytest.approx(0, abs=0.02 * max(work_nm))

@@ -31,7 +31,7 @@ class Counter:
         self._to_host.put(t_ns, number.to_bytes(2, "big"))
         self.next_event_ns += PERIOD_NS
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         self.heard.append(payload)
 
 

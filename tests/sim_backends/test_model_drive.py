@@ -1,5 +1,5 @@
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,16 +8,18 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.columns import DriveLog
+from rover_hil.gap.data.readers.four_wheel_drive import four_wheel_runs_of_log, read_four_wheel_runs
+from rover_hil.gap.data.readers.robotino_drive import drive_runs_of_log, read_drive_runs
+from rover_hil.gap.data.windows import stretches, windows_over
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.four_wheel_drive import TRACK_M, FourWheelDrive
-from sim_backends.models.four_wheel_drive import make_model as make_four_wheel
-from sim_backends.models.four_wheel_drive_data import WHEELS
-from sim_backends.models.interface import DrivenModel, Run, RunReader
-from sim_backends.models.log_columns import DriveLog
-from sim_backends.models.robotino_drive import RobotinoDrive
-from sim_backends.models.robotino_drive import make_model as make_robotino
-from sim_backends.models.windows import earlier, windows_over
+from sim_backends.models.delay import earlier
+from sim_backends.models.four_wheel_drive.model import TRACK_M, WHEELS, FourWheelDrive
+from sim_backends.models.four_wheel_drive.model import make_model as make_four_wheel
+from sim_backends.models.interface import DrivenModel, Run
+from sim_backends.models.robotino_drive.model import RobotinoDrive
+from sim_backends.models.robotino_drive.model import make_model as make_robotino
 from tests.nature.four_wheel_drive import Rover, draw_soil, drive, random_site
 from tests.nature.omni_drive import TrueRover, record, write
 from tests.sim_backends.model_contract import (
@@ -59,7 +61,6 @@ def skid_run(count: int = 60) -> Run:
     ("model", "run"), [(make_robotino(), omni_run()), (make_four_wheel(), skid_run())], ids=["omni", "skid"]
 )
 def test_cards(model: RobotinoDrive | FourWheelDrive, run: Run) -> None:
-    assert isinstance(model, RunReader)
     assert isinstance(model, DrivenModel)
     assert_cards_are_whole(model)
     assert_nulls_change_nothing(model, [run])
@@ -111,7 +112,7 @@ def test_slip_takes_from_wheels_that_pull_on_its_surface_only() -> None:
 
 def test_reads_measured_runs_as_the_files_own_steps_say(shared_data: Path) -> None:
     folder = shared_data / "robotino_2023" / "one_surface_type" / "table_surface"
-    runs = make_robotino().read_runs(folder)
+    runs = read_drive_runs(folder)
     assert len(runs) == 36
     # 0 deg forward, 90 deg left; the encoders see 0.09 m/s, the camera at its nominal scale a tenth less.
     by_name = {run.name: run for run in runs}
@@ -124,13 +125,12 @@ def test_reads_measured_runs_as_the_files_own_steps_say(shared_data: Path) -> No
 
 
 def test_reads_averages_and_several_surfaces(shared_data: Path) -> None:
-    averaged = make_robotino().read_runs(shared_data / "robotino_2021" / "experimental_data_blue.csv")
+    averaged = read_drive_runs(shared_data / "robotino_2021" / "experimental_data_blue.csv")
     assert len(averaged) >= 8
     assert all(run.measured["forward_m_s"].size >= 30 for run in averaged)
-    model = make_robotino()
     surfaces = {
         run.conditions["surface"]
-        for run in model.read_runs(shared_data / "robotino_2023" / "one_surface_type")
+        for run in read_drive_runs(shared_data / "robotino_2023" / "one_surface_type")
     }
     assert surfaces == {1.0, 2.0, 3.0, 4.0}
 
@@ -141,8 +141,7 @@ def omni_records(folder: Path, rover: TrueRover) -> tuple[RobotinoDrive, list[Ru
     for index, direction in enumerate((*DIRECTIONS_DEG, *DIRECTIONS_DEG)):
         speed = 0.2 if index < len(DIRECTIONS_DEG) else 0.1
         write(folder / f"exp{index:02}.csv.gz", record(rover, direction, speed, rng))
-    model = make_robotino()
-    return model, model.read_runs(folder)
+    return make_robotino(), read_drive_runs(folder)
 
 
 def test_rolling_wheels_under_a_good_camera_leave_no_gap(tmp_path: Path) -> None:
@@ -184,7 +183,7 @@ def field_drives(folder: Path, errors: tuple[float, float, float, float]) -> Non
 def test_hard_iron_is_named_from_field_drives(tmp_path: Path) -> None:
     field_drives(tmp_path, (6.0, -3.0, 0.0, 0.0))
     model = make_four_wheel()
-    runs = model.read_runs(tmp_path)
+    runs = read_four_wheel_runs(tmp_path)
     assert len(runs) == 8
     assert "turn_rad_s" not in runs[0].measured  # all wheels were driven alike
     verdict = analyse(model, runs).verdict
@@ -224,13 +223,13 @@ def test_lost_ticks_hide_motion() -> None:
 def test_logs_without_truth_and_of_other_rovers_are_refused(tmp_path: Path) -> None:
     wheels = {f"enc{wheel}_rad": np.arange(50.0) for wheel in (1, 2, 3, 4)}
     write_table(tmp_path / "drive.csv", {"t_s": np.arange(50.0), **wheels})
-    with pytest.raises(ConfigError, match="no truth beside it"):
-        make_four_wheel().read_runs(tmp_path)
+    with pytest.raises(ConfigError, match="no truth in its folder"):
+        read_four_wheel_runs(tmp_path)
     log = DriveLog(name="drive", columns={}, kind="omni3")
     with pytest.raises(ConfigError, match="four wheels"):
-        make_four_wheel().runs_of_log(log)
+        four_wheel_runs_of_log(log)
     with pytest.raises(ConfigError, match="omnidirectional"):
-        make_robotino().runs_of_log(replace(log, kind="skid_steer_4"))
+        drive_runs_of_log(replace(log, kind="skid_steer_4"))
 
 
 def test_wheels_that_are_logged_late_do_not_stop_when_the_log_does() -> None:
@@ -252,16 +251,16 @@ def test_a_small_latency_changes_rates_in_proportion() -> None:
 
 
 def test_a_long_drive_is_cut_into_stretches_and_a_short_one_is_not() -> None:
-    model, run = make_four_wheel(), skid_run(count=300)
+    run = skid_run(count=300)
     run = replace(run, measured={"forward_m_s": np.arange(300.0)})
-    parts = model.stretches_of(run)
+    parts = stretches(run)
     assert [part.name for part in parts] == [f"run part {number}" for number in (1, 2, 3, 4)]
     assert sum(part.inputs["t_s"].size for part in parts) == 300
     missing = [np.flatnonzero(np.isnan(part.measured["forward_m_s"])).tolist() for part in parts]
     assert missing == [[0, 1, 74]] * 4
     assert parts[1].measured["forward_m_s"][2] == 77.0
     assert run.measured["forward_m_s"][0] == 0.0
-    assert len(model.stretches_of(skid_run())) == 1
+    assert len(stretches(skid_run())) == 1
 
 
 def test_ends_at_which_a_wheel_says_nothing_are_left_out() -> None:
@@ -273,14 +272,15 @@ def test_ends_at_which_a_wheel_says_nothing_are_left_out() -> None:
     }
     columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
     columns["enc4_rad"][-3:] = np.nan
-    (run,) = make_four_wheel().runs_of_log(DriveLog(name="drive", columns=columns, kind="skid_steer_4"))
+    (run,) = four_wheel_runs_of_log(DriveLog(name="drive", columns=columns, kind="skid_steer_4"))
     assert np.isfinite(run.inputs["wheel_4_rad_s"]).all()
     assert run.inputs["t_s"][-1] < columns["t_s"][-4]
 
 
-@pytest.mark.parametrize("kind", ["skid_steer_4", "omni3"])
-def test_gaps_that_are_bridged_are_counted_and_an_empty_column_is_refused(kind: str) -> None:
-    model = make_four_wheel() if kind == "skid_steer_4" else make_robotino()
+@pytest.mark.parametrize("read", [read_four_wheel_runs, read_drive_runs])
+def test_gaps_that_are_bridged_are_counted_and_an_empty_column_is_refused(
+    tmp_path: Path, read: Callable[[Path], list[Run]]
+) -> None:
     count = 200
     steps = np.arange(count, dtype=np.float64)
     columns: dict[str, NDArray[np.float64]] = {
@@ -290,8 +290,10 @@ def test_gaps_that_are_bridged_are_counted_and_an_empty_column_is_refused(kind: 
     columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
     columns["gyro_z_deg_s"] = np.zeros(count)
     columns["gyro_z_deg_s"][20:26] = np.nan
-    (run,) = model.runs_of_log(DriveLog(name="drive", columns=columns, kind=kind))
+    write_table(tmp_path / "drive.csv", columns)
+    (run,) = read(tmp_path)
     assert run.missing == {"gyro_z_deg_s": (6, count)}
     columns["gyro_z_deg_s"][:] = np.nan
+    write_table(tmp_path / "drive.csv", columns)
     with pytest.raises(ConfigError, match="drive: column 'gyro_z_deg_s' holds no value"):
-        model.runs_of_log(DriveLog(name="drive", columns=columns, kind=kind))
+        read(tmp_path)

@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.columns import DriveLog
+from rover_hil.gap.data.observed_model import ObservedModel
+from rover_hil.gap.data.readers.robotino_motor import motor_runs_of_log, read_motor_runs
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.interface import Array, DrivenModel, Run, RunReader, Values
-from sim_backends.models.log_columns import DriveLog
-from sim_backends.models.robotino_motor import (
+from sim_backends.models.interface import Array, DrivenModel, Run, Values
+from sim_backends.models.robotino_motor.model import (
     CURRENT_STEP_A,
-    NOMINAL,
+    PARAMETERS,
     SPEED_STEP_RAD_S,
     RobotinoMotor,
     make_model,
@@ -23,6 +25,7 @@ from tests.sim_backends.model_contract import (
 )
 
 PERIOD_S = 0.03
+BASE = {item.name: item.nominal for item in PARAMETERS}
 COULOMB: Values = {"torque": 0.009}
 VISCOUS: Values = {"per_speed": 2e-5}
 
@@ -52,7 +55,6 @@ def changing_run() -> Run:
 
 def test_cards() -> None:
     model = make_model()
-    assert isinstance(model, RunReader)
     assert isinstance(model, DrivenModel)
     assert_cards_are_whole(model)
     assert_nulls_change_nothing(model, [changing_run(), voltage_run(5.0)])
@@ -61,7 +63,7 @@ def test_cards() -> None:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_steady_speed_and_current_in_the_loop(sign: float) -> None:
-    base = NOMINAL
+    base = BASE
     speed, current = last(
         loop_run(np.full(100, sign * 100.0)), {"coulomb_friction": COULOMB, "viscous_friction": VISCOUS}
     )
@@ -175,24 +177,22 @@ def test_readings_are_cut_to_whole_steps_on_average() -> None:
 
 
 def test_reads_the_measured_records(shared_data: Path) -> None:
-    model = RobotinoMotor()
-    runs = model.read_runs(shared_data / "robotino_2023" / "motor_identification")
+    runs = read_motor_runs(shared_data / "robotino_2023" / "motor_identification")
     assert len(runs) == 6
     assert sorted(run.conditions["integral"] for run in runs) == [0.0] * 3 + [1.0] * 3
     assert {run.measured["speed_rad_s"].size for run in runs} == {2294, 2291}
     assert max(run.measured["current_a"].max() for run in runs) == pytest.approx(1.05, abs=0.01)
-    assert model.input_units["set_point_rad_s"] == "rad/s"
+    assert "voltage_v" not in ObservedModel(RobotinoMotor(), runs).input_units
 
 
 def test_reads_a_table_with_voltages(tmp_path: Path) -> None:
     rows = [f"{name},{0.1 * i},{i % 7},{i},{0.1}" for name in ("one", "two") for i in range(40)]
     head = "run,t_s,voltage_v [V],speed_rad_s,current_a"
     (tmp_path / "motor.csv").write_text("\n".join([head, *rows]))
-    model = RobotinoMotor()
-    runs = model.read_runs(tmp_path / "motor.csv")
+    runs = read_motor_runs(tmp_path / "motor.csv")
     assert [run.name for run in runs] == ["one", "two"]
     assert runs[1].inputs["voltage_v"].tolist() == [float(i % 7) for i in range(40)]
-    assert "voltage_v" in model.input_units
+    assert list(ObservedModel(RobotinoMotor(), runs).input_units) == ["t_s", "voltage_v", "others_current_a"]
 
 
 @pytest.mark.parametrize(
@@ -200,15 +200,15 @@ def test_reads_a_table_with_voltages(tmp_path: Path) -> None:
     [
         ("t_s,speed_rad_s,current_a\n0,1,1\n1,1,1\n", "set_point_rad_s"),
         ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,1\n0,1,1,1\n", "time"),
-        ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,x\n", "no number"),
+        ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1,x\n", "is not a number"),
         ("t_s,set_point_rad_s,speed_rad_s,current_a\n0,1,1\n", "cells"),
-        ("nothing here\n", "no table"),
+        ("nothing here\n", "not a table"),
     ],
 )
 def test_wrong_tables_are_refused(tmp_path: Path, text: str, wrong: str) -> None:
     (tmp_path / "motor.csv").write_text(text)
     with pytest.raises(ConfigError, match=wrong):
-        make_model().read_runs(tmp_path)
+        read_motor_runs(tmp_path)
 
 
 def test_a_log_makes_one_run_per_wheel() -> None:
@@ -221,7 +221,7 @@ def test_a_log_makes_one_run_per_wheel() -> None:
             f"current{wheel}_a": np.full(count, 0.3 * wheel),
         }
     log = DriveLog(name="drive", columns=columns, facts={"gear_ratio": 16.0, "speed_step_rad_s": 0.1767})
-    runs = make_model().runs_of_log(log)
+    runs = motor_runs_of_log(log)
     assert [run.name for run in runs] == ["drive wheel 1", "drive wheel 2"]
     assert runs[0].inputs["set_point_rad_s"][0] == pytest.approx(32.0)
     assert runs[0].inputs["others_current_a"][0] == pytest.approx(0.6)
@@ -236,7 +236,7 @@ def test_friction_and_delay_are_named_in_records_of_another_simulator(tmp_path: 
         measured = measure(motor, profile, 3, rng, steps_per_cycle=2)
         write_csv(tmp_path / f"record{number}_without_integral.csv.gz", measured, (0, 1, 2))
     model = make_model()
-    analysis = analyse(model, model.read_runs(tmp_path))
+    analysis = analyse(model, read_motor_runs(tmp_path))
     found = {effect.name: effect.parameters for effect in analysis.verdict.effects}
     assert {"coulomb_friction", "loop_delay"} <= set(found), analysis.verdict.sentence
     assert found["coulomb_friction"]["torque"].value == pytest.approx(0.0085, rel=0.15)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
-from sim_backends.models.interface import EffectCard, Model, Run, RunReader
-from sim_backends.models.side_slope import SideSlope, make_model
-from sim_backends.models.side_slope_data import BEND, path_bend_deg_m
-from sim_backends.models.side_slope_effects import EFFECTS
+from rover_hil.gap.data.observed_model import ObservedModel
+from rover_hil.gap.data.readers.side_slope import path_bend_deg_m, read_side_slope
+from sim_backends.models.interface import EffectCard, Model, Run
+from sim_backends.models.side_slope.effects import EFFECTS
+from sim_backends.models.side_slope.model import BEND, SideSlope, make_model
 from tests.nature.side_slope import Experiment, Nature, Sites, some_nature, travel, write
 
 AT_ONCE = {"start_length_m": 0.005}
@@ -55,7 +56,6 @@ def change(model: SideSlope, run: Run, effect: str, **parameters: float) -> dict
 
 def test_model_offers_the_cards_by_name(model: SideSlope) -> None:
     offered: Model = model
-    assert isinstance(model, RunReader)
     assert set(NAMES) <= {card.name for card in offered.effects}
     for card in EFFECTS:
         assert card.sentence.endswith(".")
@@ -232,27 +232,28 @@ def test_reader_takes_both_files(model: SideSlope, tmp_path: Path) -> None:
     experiment = Experiment(conditions=((15.0, 23.8),), rolls=(0.0, 20.0), replicates=2)
     rng = np.random.default_rng(3)
     write(tmp_path, some_nature(rng, drift=-6.0), experiment, rng)
-    runs = model.read_runs(tmp_path)
+    runs = read_side_slope(tmp_path)
     assert [run.name for run in runs] == ["c1_p0_r1", "c1_p0_r2", "c1_p20_r1", "c1_p20_r2"]
     assert runs[2].conditions["roll_deg"] == 20.0
     assert runs[2].conditions["rep"] == 1.0
     assert set(runs[0].measured) == {*PATH_CHANNELS, *BODY_CHANNELS}
     assert np.mean([run.measured[BEND][0] for run in runs]) < -2.0
     (tmp_path / "paths.csv").unlink()
-    assert BEND not in model.read_runs(tmp_path)[0].measured
-    assert BEND not in {channel.name for channel in model.channels}
+    runs = read_side_slope(tmp_path)
+    assert BEND not in runs[0].measured
+    assert BEND not in {channel.name for channel in ObservedModel(model, runs).channels}
 
 
 def test_reader_says_what_is_wrong(model: SideSlope, tmp_path: Path) -> None:
     summary = tmp_path / "summary.csv"
     with pytest.raises(ConfigError, match="cannot read"):
-        model.read_runs(tmp_path)
+        read_side_slope(tmp_path)
     summary.write_text("run,slope_deg,roll_deg,slip\na,10,0,0.1\n")
     with pytest.raises(ConfigError, match="no column 'mass_kg'"):
-        model.read_runs(tmp_path)
+        read_side_slope(tmp_path)
     summary.write_text("run,slope_deg,roll_deg,mass_kg,slip\na,10,0,23.8,much\n")
-    with pytest.raises(ConfigError, match="line 2: slip is 'much'"):
-        model.read_runs(tmp_path)
+    with pytest.raises(ConfigError, match="line 2, column 'slip': 'much' is not a number"):
+        read_side_slope(tmp_path)
 
 
 def test_bend_of_an_arc() -> None:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.readers.single_wheel import FILE, read_single_wheel
 from sim_backends.models.interface import EffectCard, Model, Run
-from sim_backends.models.single_wheel import SingleWheel, make_model
-from sim_backends.models.single_wheel_data import FILE
-from sim_backends.models.single_wheel_effects import EFFECTS
+from sim_backends.models.single_wheel.effects import EFFECTS
+from sim_backends.models.single_wheel.model import SingleWheel, make_model
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
 from sim_backends.terramechanics.soil.library import load_wheel
 
@@ -99,7 +99,7 @@ def test_too_great_a_load_is_not_a_number() -> None:
 
 
 def test_reader_groups_the_trials_of_the_test_bed(shared_data: Path) -> None:
-    runs = make_model().read_runs(shared_data / "cmu_single_wheel")
+    runs = read_single_wheel(shared_data / "cmu_single_wheel")
     assert len(runs) == 189
     keys = {tuple(run.conditions.values()) for run in runs}
     assert len(keys) == 63
@@ -109,11 +109,11 @@ def test_reader_groups_the_trials_of_the_test_bed(shared_data: Path) -> None:
 def test_reader_brings_forces_to_the_load_of_the_group(tmp_path: Path) -> None:
     head = "beta_deg,Vry_cmd_mm_s,V_mm_s,r_omega_mm_s,Fx_tractive_N,Fy_lateral_N,Fz_load_N,sinkage_mm\n"
     (tmp_path / FILE).write_text(head + "15,8,10,8,-9,6,18,20\n15,8,10,8,-11,8,22,21\n")
-    one, other = make_model().read_runs(tmp_path)
+    one, other = read_single_wheel(tmp_path)
     assert one.conditions == other.conditions
     assert one.conditions["load_N"] == 20.0
     assert one.measured["drawbar_N"] == pytest.approx([-10.0])
     assert other.measured["side_N"] == pytest.approx([8.0 * 20.0 / 22.0])
     (tmp_path / FILE).write_text(head.replace("Fz_load_N,", "") + "15,8,10,8,-9,6,20\n")
     with pytest.raises(ConfigError, match="no column 'Fz_load_N'"):
-        make_model().read_runs(tmp_path)
+        read_single_wheel(tmp_path)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from benchmarks.robotino_cells import measured_cells, simulated
-from sim_backends.plants.robotino.dynamics import _feel_ground
+from sim_backends.plants.robotino.dynamics import _contact_coefficients
 from sim_backends.plants.robotino.site import Site
 from sim_backends.plants.robotino.surfaces import shipped_surfaces
 from tests.sim_backends.robotino_drives import OFFSET_M, RADIUS_M, ahead, drive, mean_currents, on, plant
@@ -65,7 +65,7 @@ def test_a_wheel_that_carries_more_sinks_deeper_and_drags_more_per_load() -> Non
     moving = plant(on(site))
     moving._state.twist[:] = (0.1, 0.0, 0.0)
     grip, along, across = np.zeros(3), np.zeros(3), np.zeros(3)
-    _feel_ground(moving._state, moving._rover, moving._ground, grip, along, across)
+    _contact_coefficients(moving._state, moving._rover, moving._ground, grip, along, across)
     load = moving._rover.load_n
     per_load = across / load
     assert per_load[0] > 0
@@ -125,6 +125,6 @@ def test_the_same_covering_resists_more_here_and_less_there() -> None:
     felt = []
     for x_m in np.linspace(-0.8, 0.8, 100):
         moving._state.pose[0] = x_m
-        _feel_ground(moving._state, moving._rover, moving._ground, grip, along, across)
+        _contact_coefficients(moving._state, moving._rover, moving._ground, grip, along, across)
         felt.append(across[1])
     assert 0.15 < np.std(felt) / np.mean(felt) < 0.45

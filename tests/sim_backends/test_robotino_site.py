@@ -7,15 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError
-from sim_backends.plants.robotino.ground import Ground, lay_out
+from sim_backends.plants.robotino.ground import Ground, rasterise
 from sim_backends.plants.robotino.site import PolygonPatch, RectanglePatch, Site, load_site, random_site
-from sim_backends.plants.robotino.surfaces import Surface, immersion, shipped_surfaces
+from sim_backends.plants.robotino.surfaces import Surface, shipped_surfaces, soft_ground_resistance
 
 RADIUS_M = 0.04
 
 
 def ground(site: Site, seed: int = 1) -> Ground:
-    return lay_out(site, RADIUS_M, np.random.default_rng(seed))
+    return rasterise(site, RADIUS_M, np.random.default_rng(seed))
 
 
 def row_at(laid: Ground, x_m: float, y_m: float) -> list[float]:
@@ -67,7 +67,7 @@ def test_resistance_of_sinking_is_the_work_of_pressing_the_bed_down() -> None:
     depth_m = sinkage_m - x_m**2 / (2 * RADIUS_M)
     load = np.trapezoid(stiffness * depth_m, x_m)
     work_per_way = 0.5 * stiffness * sinkage_m**2
-    assert immersion(sinkage_m, RADIUS_M).along == pytest.approx(work_per_way / load, rel=1e-6)
+    assert soft_ground_resistance(sinkage_m, RADIUS_M).along == pytest.approx(work_per_way / load, rel=1e-6)
 
 
 @given(

@@ -22,7 +22,7 @@ from sim_backends.world.line import Line
 from sim_backends.world.world import EmulatedDevice, World
 from tests.sim_backends.turning_plant import TurningPlant
 
-DEADLINE_S = 10.0
+DEADLINE_S = 60.0
 
 
 class ServingClock(SystemClock):
@@ -130,7 +130,7 @@ class Quiet:
     def act(self, t_ns: int) -> None:
         pass
 
-    def hear(self, t_ns: int, payload: bytes) -> None:
+    def receive(self, t_ns: int, payload: bytes) -> None:
         pass
 
 

@@ -96,7 +96,7 @@ def test_nothing_else_is_replaced(tmp_path: Path, target: str, pty: PtyPort) -> 
     path = tmp_path / "port"
     path.symlink_to(pty.where if target == "served" else target)
     before = path.readlink()
-    with pytest.raises(NotConnectedError, match="something is there"):
+    with pytest.raises(NotConnectedError, match="the path is taken"):
         PtyPort(str(path)).open()
     assert path.readlink() == before
 
@@ -105,7 +105,7 @@ def test_a_file_is_not_replaced_nor_is_the_link_of_a_running_simulator(tmp_path:
     path = tmp_path / "port"
     path.write_text("precious")
     for taken in (path, Path(pty.where)):
-        with pytest.raises(NotConnectedError, match="something is there"):
+        with pytest.raises(NotConnectedError, match="the path is taken"):
             PtyPort(str(taken)).open()
     assert path.read_text() == "precious"
     assert pty.write(b"") or not pty.has_listener()

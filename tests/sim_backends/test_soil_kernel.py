@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -50,6 +51,14 @@ def test_compiled_and_numpy_give_the_same_numbers(
     compiled = compiled_kernel(contact, rule, sinkage, slip, side_speed)
     scale = np.maximum(np.abs(plain[:, 2:3]), 1e-3)
     assert np.abs((plain - compiled) / scale).max() < 1e-10
+
+
+def test_wheels_without_side_walls_need_no_second_compilation() -> None:
+    with_walls, without = (
+        wheel_contact(WHEEL, SAND, camber_rad=0.1, cross_slope_rad=0.1, sidewall=sidewall)
+        for sidewall in (True, False)
+    )
+    assert numba.typeof(with_walls) == numba.typeof(without)  # type: ignore[no-untyped-call]
 
 
 @pytest.mark.parametrize("kernel", KERNELS)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ModelError
@@ -85,6 +85,7 @@ def test_factors_are_the_balance_of_the_wedge(
     for passive in (True, False):
         low = slope if passive else wall.soil_friction
         high = math.pi / 2 + lean - (wall.wall_friction + wall.soil_friction if passive else 0.0)
+        assume(high - low > 0.05)  # steep walls on steep slopes leave no slip surface
         mu = low + share * (high - low)
         n_weight, n_cohesion, n_adhesion = passive_factors(mu, wall) if passive else active_factors(mu, wall)
         force = (

@@ -1,11 +1,16 @@
-"""Wheels on soils at random, from fixed seeds."""
+"""Wheels on soils at random, from fixed seeds, and forces at given sinkages."""
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from sim_backends.terramechanics.soil.library import ReeceLaw, SoilSettings, load_soil
+from sim_backends.terramechanics.soil.library import ReeceLaw, SoilSettings, WheelSettings, load_soil
+from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
+from sim_backends.terramechanics.soil.quadrature import rule_for
+from sim_backends.terramechanics.soil.slip import speed_ratio
+from sim_backends.terramechanics.soil.wheel_contact import wheel_contact
+from sim_backends.terramechanics.soil.wheel_forces import WheelForces
 
 Floats = NDArray[np.float64]
 SAND = load_soil("toyoura")
@@ -41,3 +46,25 @@ def random_motion(
         close, 10.0 ** generator.uniform(-7.0, -1.0, count), generator.uniform(0.0, 0.785, count)
     )
     return sinkage, slip, angle * generator.choice([-1.0, 1.0], count)
+
+
+def forces_at_sinkage(
+    wheel: WheelSettings,
+    soil: SoilSettings,
+    *,
+    sinkage_m: ArrayLike,
+    slip: ArrayLike,
+    slip_angle_rad: ArrayLike = 0.0,
+    camber_rad: float = 0.0,
+    cross_slope_rad: float = 0.0,
+    gravity_m_s2: float = 9.80665,
+    bound: float = 1e-8,
+) -> WheelForces:
+    """Return the forces on wheels at given sinkages of their middle planes."""
+    contact = wheel_contact(
+        wheel, soil, camber_rad=camber_rad, cross_slope_rad=cross_slope_rad, gravity_m_s2=gravity_m_s2
+    )
+    side_speed = speed_ratio(slip) * np.tan(slip_angle_rad)
+    states = np.broadcast_arrays(np.asarray(sinkage_m, float), np.asarray(slip, float), side_speed)
+    columns = numpy_kernel(contact, rule_for(bound), *(np.array(values).ravel() for values in states))
+    return WheelForces(*(columns[:, index].reshape(states[0].shape) for index in range(4)))

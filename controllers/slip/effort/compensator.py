@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import BodyMotion, Kinematics
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.motor_model import SLOWEST_RAD_S, EffortFlag, EffortObserver, WheelEffort
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_map import wheel_slip
 from controllers.slip.effort.slip_sharing import share_slip
+from controllers.slip.effort.stuck_wheels import StuckWheels
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Travel
 from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
@@ -22,18 +23,8 @@ from drivers.samples import Sample, WheelSample
 HOLD_S = 1.0
 """Without a new value the slip of a wheel decays to that of the surface with this time constant."""
 
-STUCK_AFTER_S = 0.3
-"""A wheel that draws current and does not turn is stuck after this time: until then it may be starting."""
-
-STUCK_CURRENT = 2.0
-"""Current of a stuck wheel, over the no-load current."""
-
 LEAST_SPEED_M_S = 0.02
 """Slower travel has no direction."""
-
-STUCK_SPEED_RAD_S = 0.02
-"""Greatest speed of a stuck wheel. One step of the speed field would be too much: a loaded wheel creeps with
-0.1 rad/s (0.4 rad/s of droop per ampere) and moves the rover, and a slip of 1 would hide that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,14 +103,13 @@ class EffortCompensator:
         self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
         self._wheel_map = settings.maps.wheel_maps.get(settings.use)
-        self._no_load_a = settings.maps.motor.coulomb_torque_nm / settings.maps.motor.torque_constant_nm_a
+        self._stuck = StuckWheels(settings.maps.motor, count)
         self._kinematics = kinematics
         self._tracker = SurfaceTracker(surfaces, rover.base_radius_m)
         self._surface = self._tracker.step(NO_TRAVEL)
         self._currents: list[WheelSample | None] = [None] * count
         self._current_ns = [-1] * count
         self._observers: list[EffortObserver] = []
-        self._stalled_s = [0.0] * count
         self._window_slip = _WindowSlip(None, 0.0, "too little way so far")
         self._slips = [self._tracker.prior_slip] * count
         self._held = [self._tracker.prior_slip] * count
@@ -290,7 +280,7 @@ class EffortCompensator:
     def _wheel_slip(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> WheelSlip:
         effort = self.efforts[wheel]
         slip, reason = self._found_slip(wheel)
-        if self._is_stuck(wheel, elapsed_s, set_speed_rad_s):
+        if self._stuck.check(wheel, effort, elapsed_s, set_speed_rad_s):
             slip, reason = 1.0, "stuck"
         elif slip is not None:
             self._held[wheel] = slip
@@ -322,14 +312,3 @@ class EffortCompensator:
         if math.hypot(x_m_s, y_m_s) < LEAST_SPEED_M_S:
             return ""
         return direction_problem(self._settings.maps.surfaces.directions_rad, math.atan2(y_m_s, x_m_s))
-
-    def _is_stuck(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> bool:
-        effort = self.efforts[wheel]
-        stalls = (
-            abs(effort.speed_rad_s) < STUCK_SPEED_RAD_S
-            and abs(set_speed_rad_s) > SLOWEST_RAD_S
-            and abs(effort.current_a) > STUCK_CURRENT * self._no_load_a
-            and effort.unknown_torque in (None, EffortFlag.SATURATED)
-        )
-        self._stalled_s[wheel] = self._stalled_s[wheel] + elapsed_s if stalls else 0.0
-        return self._stalled_s[wheel] >= STUCK_AFTER_S

@@ -12,10 +12,11 @@ YAW_PROBE = "yaw_probe"
 
 
 class TorqueCorrectionSettings(Settings):
-    """How strongly the paper's torque correction acts. It is positive feedback, so it is bounded.
+    """Strength of the torque correction of paper 003. It is positive feedback, so it is bounded.
 
     Attributes:
-        matrix: `dual` is R J^-T, the inverse of the statics; the one printed in paper 003 weighs yaw twice.
+        matrix: `dual` is R J^-T, the inverse of the statics; the matrix printed in paper 003 counts the yaw
+            twice.
         gain_rad_s_nm: Change of a set-point per torque.
         bound_rad_s: Greatest change of a set-point.
     """
@@ -33,14 +34,14 @@ class TorqueCorrectionSettings(Settings):
 
 
 class SlipSettings(Settings):
-    """Slip compensation by motor effort or yaw excitation.
+    """How wheel slip is estimated and compensated.
 
     Attributes:
-        maps: Fitted maps; in a configuration file the name of a shipped file or the path of one.
-        use: `yaw_probe` for slip by a small yaw excitation, `surfaces` for the map that recognises the
-            surface, or the name of one of the wheel maps.
-        known_surfaces: Where the ground is known: the only surfaces to choose from.
-        torque_correction: Also correct the set-points; None leaves them unchanged.
+        maps: Fitted maps: name of a shipped file or path of one.
+        use: `yaw_probe` excites the yaw a little and measures how much of the motion is lost; `surfaces` uses
+            the map of the recognised surface; the name of a wheel map uses that one.
+        known_surfaces: Where the ground is known: only these surfaces are considered.
+        torque_correction: Also corrects the set-points; without it they stay as they are.
     """
 
     maps: SlipMapFile

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.settings import TorqueCorrectionSettings
 
 

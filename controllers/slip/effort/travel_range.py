@@ -29,6 +29,6 @@ def travel_problem(
 def direction_problem(directions_rad: Sequence[float], direction_rad: float) -> str:
     """Return why a map does not hold for a direction in the body frame; empty where it does."""
     gaps = (abs(math.remainder(direction_rad - known, math.tau)) for known in directions_rad)
-    if min(gaps) > DIRECTION_GAP_RAD:
+    if all(gap > DIRECTION_GAP_RAD for gap in gaps):
         return f"direction {math.degrees(direction_rad):.0f} deg is outside the training range"
     return ""

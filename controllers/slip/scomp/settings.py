@@ -10,18 +10,17 @@ from drivers.settings import Settings
 
 
 class ScompSettings(Settings):
-    """Slip compensation of a four-wheel rover by tilt and the rear wheel's trace.
+    """How slip and slip angle of a four-wheel rover are estimated and compensated.
 
     Attributes:
-        parameters: Of rover, ground and sensors; in a configuration file the name of a shipped file or the
-            path of one by `rover-hil identify scomp`.
-        rig: Calibration of the camera in `roles.camera`, schema `rear-camera-rig/1`; in a configuration file
-            the name of a shipped file or the path of one. Without it the slip angle is the one expected from
-            the roll.
-        frame_period_s: Frames that arrive sooner after the last evaluated one are skipped: the evaluation
-            takes some milliseconds of a cycle.
-        trace_age_s: Without a trace for this time the slip angle is flagged as uncertain.
-        steer_against_drift: Steer the course over ground along the path, not the heading.
+        parameters: Parameters of rover, ground and sensors: name of a shipped file or path of one by
+            `rover-hil identify scomp`.
+        rig: Calibration of the camera in `roles.camera`, schema `rear-camera-rig/1`: name of a shipped file
+            or path of one. Without it the slip angle is predicted from the roll.
+        frame_period_s: Frames that come sooner after the last processed one are skipped: processing takes
+            some milliseconds of a cycle.
+        trace_age_s: Without a trace for this long the slip angle is flagged as uncertain.
+        steer_against_drift: Align the course over ground with the path, not the rover's longitudinal axis.
     """
 
     parameters: ScompParameters = ScompParameters()

@@ -1,9 +1,12 @@
-"""Models by name, and models in files of a user's own."""
+"""Models by name or from a user's file, and their measured runs."""
 
 import importlib
 import importlib.util
+import pkgutil
 import sys
-from collections.abc import Sequence
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import cast
 
@@ -11,28 +14,26 @@ import numpy as np
 
 from drivers.errors import ConfigError, RoverHilError
 from rover_hil.gap.data.logs import find_logs, read_logs
-from rover_hil.gap.data.table import read_table
+from rover_hil.gap.data.reader import reader_of
 from rover_hil.gap.plan import LEAST_RUNS
-from sim_backends.models.interface import Model, Run, RunReader, StretchReader
+from sim_backends import models
+from sim_backends.models.interface import Model, Run
 
-SHIPPED = ("side-slope", "single-wheel", "robotino-motor", "robotino-drive", "four-wheel-drive")
+SHIPPED = tuple(one.name.replace("_", "-") for one in pkgutil.iter_modules(models.__path__) if one.ispkg)
 FACTORY = "make_model"
 PARTS = ("name", "channels", "condition_units", "parameters", "effects", "predict")
 NULL_TOLERANCE = 1e-9
 
 
 def load_model(name: str) -> Model:
-    """Return a shipped model, or what `file.py:factory` makes.
+    """Return a shipped model, or the result of `file.py:factory`.
 
     Raises:
-        ConfigError: There is no such model, or it is none.
+        ConfigError: There is no such model, or it lacks a part.
     """
     if name in SHIPPED:
-        module_name, factory_name = f"sim_backends.models.{name.replace('-', '_')}", FACTORY
-        try:
-            module: object = importlib.import_module(module_name)
-        except ModuleNotFoundError as error:
-            raise ConfigError(f"model {name} is not part of this installation") from error
+        factory_name = FACTORY
+        module: object = importlib.import_module(f"{models.__name__}.{name.replace('-', '_')}.model")
     else:
         file, _, factory_name = name.rpartition(":")
         if not file.endswith(".py"):
@@ -40,50 +41,78 @@ def load_model(name: str) -> Model:
         module = _load_file(Path(file))
     factory = getattr(module, factory_name, None)
     if not callable(factory):
-        raise ConfigError(f"{name}: there is no function '{factory_name}' that makes the model")
-    model = factory()
+        raise ConfigError(f"{name}: there is no function '{factory_name}' to make the model")
+    with name_model_errors(Path(name.rpartition(":")[0])):
+        model = factory()
     missing = [part for part in PARTS if not hasattr(model, part)]
     if missing:
-        raise ConfigError(f"{name}: what {factory_name}() returns has no '{missing[0]}'")
+        raise ConfigError(f"{name}: the result of {factory_name}() has no '{missing[0]}'")
     return cast("Model", model)
 
 
 def _load_file(path: Path) -> object:
     spec = importlib.util.spec_from_file_location(f"_user_model_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise ConfigError(f"cannot read the model file {path}: is the path right?")
+        raise ConfigError(f"cannot read the model file {path}: check the path")
     module = importlib.util.module_from_spec(spec)
     # Dataclasses look their module up by name.
     sys.modules[spec.name] = module
-    try:
+    with name_model_errors(path):
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise ConfigError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
     return module
 
 
-def read_runs(model: Model, path: Path) -> list[Run]:
-    """Return measured runs: from logs, by the model's own reader, or from a table.
+@contextmanager
+def name_model_errors(path: Path) -> Iterator[None]:
+    """Give an exception that comes from a model of a user's own the file and line where it was raised.
 
-    Drives that are too few to split are cut into stretches, where the model can begin in the middle of one.
+    Args:
+        path: The file of the model.
 
     Raises:
-        ConfigError, LogError: The data is not what it should be.
+        ConfigError: In place of such an exception.
     """
-    if find_logs(path):
-        runs = read_logs(model, path)
+    file = path.resolve()
+    try:
+        yield
+    except RoverHilError:
+        raise
+    except (Exception, SystemExit) as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == file]
+        if isinstance(error, SyntaxError):
+            lines.append(error.lineno)
+        if not lines:
+            raise
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise ConfigError(f"{path}, line {lines[-1]}: {what}; correct the model file") from error
+
+
+def read_runs(model: Model, path: Path) -> list[Run]:
+    """Return measured runs from logs, files of the model, or tables.
+
+    Where there are too few drives to split, they are cut into stretches if the model can start in the middle.
+
+    Raises:
+        ConfigError, LogError: The data is unusable.
+    """
+    reader = reader_of(model)
+    if not find_logs(path):
+        runs = reader.read(path)
+    elif reader.runs_of_log is not None:
+        runs = read_logs(reader.runs_of_log, path)
     else:
-        runs = model.read_runs(path) if isinstance(model, RunReader) else read_table(model, path)
-    if len(runs) < LEAST_RUNS[False] and isinstance(model, StretchReader):
-        runs = [part for run in runs for part in model.stretches_of(run)]
+        raise ConfigError(f"{path}: the model cannot be compared with logs; give its measurements as a table")
+    if len(runs) < LEAST_RUNS[False] and reader.cut is not None:
+        runs = [part for run in runs for part in reader.cut(run)]
     return runs
 
 
 def check_model(model: Model, runs: Sequence[Run]) -> None:
-    """Try a model on a few runs: every effect at its null must change nothing.
+    """Check on a few runs that effects at their null change nothing.
 
     Raises:
-        ConfigError: A card is wrong.
+        ConfigError: An effect changes a prediction at its null, or fails.
     """
     some = list(runs[:3])
     base = model.predict(some, {}, {})

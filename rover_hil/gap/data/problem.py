@@ -1,4 +1,4 @@
-"""Measured values and what a model says to them, stacked into vectors."""
+"""Measured values and predictions, stacked into vectors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ Key: TypeAlias = tuple[str, str]
 Point: TypeAlias = Mapping[Key, float]
 
 WEAK = 10.0
-"""Prior of an effect's strength, in its natural sizes: wide enough not to pull on what is found."""
+"""Prior of an effect's strength in its natural sizes, too wide to bias it."""
 STEP_SHARE = 0.05
 EFFECT_STEP_SHARE = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Free:
-    """A number that is fitted, with its prior and the step of its derivatives."""
+    """A fitted parameter, with its prior and the step of its derivatives."""
 
     key: Key
     mean: float
@@ -46,7 +46,7 @@ class Observations:
     """All values, one row each.
 
     Attributes:
-        groups: What is predicted: one site per group.
+        groups: One predicted site per group.
         channels: In the order of `channel`.
         values: Measured; the mean over the runs of a steady group.
         site: Index of the group of each row.
@@ -65,17 +65,17 @@ class Observations:
 
     @property
     def run_count(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         return sum(len(group.runs) for group in self.groups)
 
 
 def condition_key(model: Model, run: Run) -> tuple[float, ...]:
-    """Return what makes two runs replicates of each other."""
+    """Return the key that replicates have in common."""
     return tuple(round(float(run.conditions[name]), 9) for name in model.condition_units)
 
 
 def is_steady(runs: Sequence[Run]) -> bool:
-    """Tell whether every run has one value per channel and no input series."""
+    """Return True where every run has one value per channel."""
     return all(values.size == 1 for run in runs for values in run.measured.values())
 
 
@@ -130,11 +130,11 @@ def cells(observations: Observations) -> list[Indices]:
 
 
 class Problem:
-    """A model beside observations; predictions are remembered.
+    """A model and observations; predictions are cached.
 
     Args:
         model: The simulator.
-        observations: What it is compared with.
+        observations: Measured values.
     """
 
     def __init__(self, model: Model, observations: Observations) -> None:
@@ -157,7 +157,7 @@ class Problem:
         here = point.get(free.key, free.start)
         low, high = max(here - free.step, free.lower), min(here + free.step, free.upper)
         if free.key[0] == "" or low == here or high == here:
-            # A smooth parameter or one with a sign: one side is enough, and costs half.
+            # For a smooth parameter or one with a sign, one side is enough and costs half.
             other = high if high > here else low
             low, high = min(here, other), max(here, other)
         above = self.predict({**point, free.key: high})

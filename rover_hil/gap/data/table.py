@@ -1,12 +1,10 @@
 """Runs from tables: one CSV file of all runs, or a folder of files with one run each.
 
 A row is a steady experiment, or a sample of a series where several rows carry the same `run`. Columns:
-`run`, the model's conditions, its channels, its inputs. Units stand in the header, `current [A]`, or in the
-name, `speed_rad_s`; they must be the model's.
+`run`, the model's conditions, its channels, its inputs. Units are part of the header, `current [A]`, or of
+the name, `speed_rad_s`; they must be those of the model.
 """
 
-import csv
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,16 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.datasets.csv_table import read_csv
 from sim_backends.models.interface import Array, DrivenModel, Model, Run
-
-HEADER = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?$")
 
 
 def read_table(model: Model, path: Path) -> list[Run]:
     """Return the runs in a CSV file, or in all CSV files of a folder.
 
     Raises:
-        ConfigError: A column or a unit is missing, or a cell holds no number; the message says where.
+        ConfigError: A column or a unit is missing, or a cell holds no number; the message contains the place.
     """
     files = sorted(path.glob("*.csv")) if path.is_dir() else [path]
     if not files:
@@ -35,20 +32,20 @@ def read_table(model: Model, path: Path) -> list[Run]:
 
 
 def _read_file(model: Model, path: Path) -> list[Run]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [row for row in csv.reader(stream) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"cannot read {path} as a table: {error}") from error
-    if len(rows) < 2:
+    cells = read_csv(path, ConfigError)
+    if not cells.rows:
         raise ConfigError(f"{path} holds no runs: a header line and one row per run or sample are needed")
-    columns = _columns(model, path, rows[0])
-    names = [row[columns["run"]].strip() if "run" in columns else path.stem for row in rows[1:]]
-    table = {
-        name: _numbers(path, name, [row[position] if position < len(row) else "" for row in rows[1:]])
-        for name, position in columns.items()
-        if name != "run"
-    }
+    units = {channel.name: channel.unit for channel in model.channels} | dict(model.condition_units)
+    if isinstance(model, DrivenModel):
+        units |= dict(model.input_units)
+    for name in cells.names:
+        if name in units:
+            _check_unit(path, name, cells.units.get(name), units[name])
+    for name in (*model.condition_units, *_input_names(model)):
+        if name not in cells.names:
+            raise ConfigError(f"{path} has no column '{name}' [{units[name]}]")
+    table = {name: cells.numbers(name) for name in cells.names if name in units}
+    names = cells.text("run") if "run" in cells.names else [path.stem] * len(cells.rows)
     members: dict[str, list[int]] = {}
     for index, name in enumerate(names):
         members.setdefault(name, []).append(index)
@@ -85,29 +82,6 @@ def _input_names(model: Model) -> Sequence[str]:
     return list(model.input_units) if isinstance(model, DrivenModel) else []
 
 
-def _columns(model: Model, path: Path, header: Sequence[str]) -> dict[str, int]:
-    """Return the place of each column the model knows, after a check of its unit."""
-    units = {channel.name: channel.unit for channel in model.channels} | dict(model.condition_units)
-    if isinstance(model, DrivenModel):
-        units |= dict(model.input_units)
-    positions: dict[str, int] = {}
-    for position, cell in enumerate(header):
-        match = HEADER.match(cell.strip())
-        if match is None:
-            continue
-        name = match["name"].strip()
-        if name == "run":
-            positions[name] = position
-        elif name in units:
-            _check_unit(path, name, match["unit"], units[name])
-            positions[name] = position
-    needed = [*model.condition_units, *_input_names(model)]
-    missing = [name for name in needed if name not in positions]
-    if missing:
-        raise ConfigError(f"{path} has no column '{missing[0]}' [{units[missing[0]]}]")
-    return positions
-
-
 def _check_unit(path: Path, name: str, given: str | None, unit: str) -> None:
     if given is None:
         if _plain(unit) != "1" and not name.lower().endswith(f"_{_plain(unit)}"):
@@ -117,17 +91,6 @@ def _check_unit(path: Path, name: str, given: str | None, unit: str) -> None:
 
 
 def _plain(unit: str) -> str:
-    """Return a unit as it stands at the end of a name: rad/s is rad_s, N m is nm, % is percent."""
+    """Return a unit as in the end of a name: rad/s is rad_s, N m is nm, % is percent."""
     text = unit.strip().lower().replace("%", "percent").replace("°", "deg").replace("/", "_")
     return re.sub(r"[\s·*.]", "", text) or "1"
-
-
-def _numbers(path: Path, name: str, cells: Sequence[str]) -> Array:
-    values = []
-    for row, cell in enumerate(cells, start=2):
-        text = cell.strip()
-        try:
-            values.append(float(text) if text else math.nan)
-        except ValueError as error:
-            raise ConfigError(f"{path}, line {row}: {name} is '{text}', no number") from error
-    return np.array(values, dtype=np.float64)

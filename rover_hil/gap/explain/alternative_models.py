@@ -1,4 +1,4 @@
-"""Terms without a name that explain series as well as a named effect: then its name is not certain."""
+"""Free-form terms that explain series as well as a named effect, whose name is then not certain."""
 
 from collections.abc import Mapping
 
@@ -14,14 +14,14 @@ from sim_backends.models.interface import Array
 
 
 def find_alternative_terms(prepared: Prepared, naming: Naming, best: Explanation) -> Mapping[str, str]:
-    """Return the effects of an explanation that a term does as well as, and the term.
+    """Return effects of an explanation that a free-form term equals, and the term.
 
-    A term that does nearly what the effect does is the effect as an equation, and a rival only where it
-    explains more: then the law is another one.
+    A term with nearly the same change is the effect as an equation; it is an alternative only where it
+    explains more, as another law of that shape.
 
     Args:
-        prepared: Observations and terms; nothing comes out for steady experiments.
-        naming: For the explanations without one of the effects; one that was not fitted is left out.
+        prepared: Observations and terms; steady experiments give no alternatives.
+        naming: For the explanations without one of the effects; those not fitted are skipped.
         best: The explanation.
     """
     if prepared.problem.observations.is_steady:
@@ -40,7 +40,7 @@ def find_alternative_terms(prepared: Prepared, naming: Naming, best: Explanation
 
 
 def _term(prepared: Prepared, part: Fit, best: Explanation, gain: float) -> str:
-    """Return the term that explains most of what a part of an explanation leaves, where that is enough."""
+    """Return the best term for the residual of a part of an explanation, if it explains enough."""
     noise, observations = prepared.noise, prepared.problem.observations
     effect = _change(prepared, part, best)
     reach = set_reach(noise.freedom)
@@ -54,7 +54,7 @@ def _term(prepared: Prepared, part: Fit, best: Explanation, gain: float) -> str:
 
 
 def _change(prepared: Prepared, part: Fit, best: Explanation) -> Array:
-    """Return what the effect changes, whitened, after projection, of unit length."""
+    """Return the change by the effect, whitened and projected, of unit length."""
     problem = prepared.problem
     change = problem.predict(best.fit.point) - problem.predict(part.point)
     projected = Projection(part).apply(prepared.noise.whiten(np.where(np.isfinite(change), change, 0.0)))

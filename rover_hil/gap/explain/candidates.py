@@ -1,4 +1,4 @@
-"""Effects as candidates: how each would change the prediction, and how much the data asks for it."""
+"""Effects as candidates: the change of the prediction by each, and its score."""
 
 import itertools
 import math
@@ -14,16 +14,16 @@ from rover_hil.gap.statistics.score import Direction, Score, cosine, one_sided_z
 from sim_backends.models.interface import Array, EffectCard, Parameter
 
 VISIBLE = 1e-3
-"""Share of an effect's change that base parameters must leave: below it derivatives are not exact enough."""
+"""Least share of an effect's change not absorbed by base parameters; below, derivatives are too inexact."""
 EXACT = 1e-6
 """The same for series, whose models are explicit formulas."""
 SHOWN = 1.0
-"""Standard errors that an effect of natural size must then have."""
+"""Least strength in standard errors of an effect of natural size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """An effect that can be named, with the best of its shapes by score."""
+    """An effect with the best of its shapes by score."""
 
     card: EffectCard
     score: Score
@@ -62,7 +62,7 @@ def _change(problem: Problem, point: Point, card: EffectCard, shapes: Mapping[st
 
 
 def shape_points(card: EffectCard) -> list[dict[str, float]]:
-    """Return the shapes to search: the grid, and the nominal value of what is not in it."""
+    """Return the shapes to search: the grid, and nominal values of shapes outside it."""
     nominal = {item.name: item.nominal for item in card.parameters[1:]}
     names = list(card.shape_grid)
     return [
@@ -72,14 +72,14 @@ def shape_points(card: EffectCard) -> list[dict[str, float]]:
 
 
 def sign_rule(parameter: Parameter) -> int:
-    """Return +1 or -1 where the parameter may only leave its null to one side."""
+    """Return +1 or -1 where the parameter has a sign, else 0."""
     if parameter.lower >= parameter.nominal:
         return 1
     return -1 if parameter.upper <= parameter.nominal else 0
 
 
 def best_of_each(scores: Sequence[Score], cards: Sequence[EffectCard]) -> list[Candidate]:
-    """Return each effect at the shape that the data asks for most, the most asked first."""
+    """Return each effect at the shape with the highest score, the highest first."""
     by_name = {card.name: card for card in cards}
     best: dict[str, Score] = {}
     for score in scores:
@@ -94,10 +94,10 @@ def best_of_each(scores: Sequence[Score], cards: Sequence[EffectCard]) -> list[C
 
 
 def is_visible(item: Candidate, *, is_steady: bool = True) -> bool:
-    """Tell whether the data could show an effect; a released parameter is judged by its prior alone.
+    """Return True where the data can show an effect; a released parameter depends on its prior alone.
 
-    In long series base parameters may imitate an effect almost wholly, at the price of their priors, and yet
-    leave enough of one of natural size.
+    In long series base parameters may absorb an effect almost completely, against their priors, and yet leave
+    enough of one of natural size.
     """
     if item.card.releases is not None or item.score.remaining_share >= VISIBLE:
         return True
@@ -106,7 +106,7 @@ def is_visible(item: Candidate, *, is_steady: bool = True) -> bool:
 
 
 def imitating_parameter(start: Fit, score: Score) -> str:
-    """Return the base parameter that imitates a direction best."""
+    """Return the base parameter most similar to a direction."""
     best, most = "", -1.0
     change = score.direction.change
     for index, item in enumerate(start.free):
@@ -119,7 +119,7 @@ def imitating_parameter(start: Fit, score: Score) -> str:
 
 
 def confusability(candidates: Sequence[Candidate]) -> tuple[list[str], Array]:
-    """Return the names of the effects and how alike each two are after projection."""
+    """Return the names of the effects and the similarity of each pair after projection."""
     names = [item.card.name for item in candidates]
     matrix = np.array([[cosine(one.score, other.score) for other in candidates] for one in candidates])
     return names, matrix

@@ -1,4 +1,4 @@
-"""Is there a gap at all: lack of fit beside replicates, and scores of effects and of free-form terms."""
+"""Test for a gap: lack of fit against replicates, and scores of effects and of free-form terms."""
 
 import math
 from collections.abc import Sequence
@@ -25,18 +25,18 @@ from sim_backends.models.interface import Array
 
 GAP_ALPHA = 0.01
 WEIGHTS = {"effects": 2.0, "free": 1.0, "lack of fit": 1.0}
-"""How the probability of error is shared among the tests (weighted Bonferroni)."""
+"""Weights of the tests in the probability of error (weighted Bonferroni)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GapTest:
-    """Whether the model disagrees with the data beyond errors and its parameters' priors.
+    """Result: whether the model disagrees with the data beyond errors and priors.
 
     Attributes:
-        p: Probability of as large a disagreement without gap, over all tests.
+        p: Probability of such a disagreement without gap, over all tests.
         parts: The same by kind of test.
-        free: Scores of the free-form terms, the most asked first.
-        threshold: The free-form score that counts.
+        free: Scores of the free-form terms, the highest first.
+        threshold: Least significant free-form score.
     """
 
     p: float
@@ -55,7 +55,7 @@ def find_gap(
     p_effects: float | None,
     rng: np.random.Generator,
 ) -> GapTest:
-    """Test what is left after a fit.
+    """Test the residual of a fit.
 
     Args:
         observations: The observations.
@@ -63,8 +63,8 @@ def find_gap(
         scatter: Of the replicates; None for series.
         fitted: The model's fit.
         terms: Free-form terms.
-        effects_fitted: How many effects are in the fit.
-        p_effects: Probability of the scores of the effects that are not; None where they were not taken.
+        effects_fitted: Number of effects in the fit.
+        p_effects: Probability of the scores of the other effects; None where they were not computed.
         rng: For the calibration.
     """
     scores = score_all(
@@ -90,10 +90,10 @@ def find_gap(
 def _lack_of_fit(
     observations: Observations, scatter: Scatter, fitted: Fit, effects_fitted: int, rng: np.random.Generator
 ) -> float:
-    """Return the probability of as large a sum of squares, and as large a one in any channel.
+    """Return the probability of such a sum of squares, in total or in any channel.
 
-    Under its priors the model leaves a sum of squares of residuals and pulls with as many degrees of freedom
-    as there are rows; each channel's part is as uncertain as its replicates are few.
+    Under its priors the sum of squares of residuals and pulls has as many degrees of freedom as there are
+    rows; each channel's part is uncertain by the number of its replicates.
     """
     channels = [int(index) for index in np.unique(observations.channel)]
     squares = np.array(

@@ -1,4 +1,4 @@
-"""Prove on locked runs that the gap shrinks, and that it is the named effect that shrinks it."""
+"""Validation on locked runs: the gap shrinks, and the named effect is the cause."""
 
 import math
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ PLACEBOS = 20
 RESAMPLES = 1000
 HARM = 1.02
 VETO_SD = 3.0
-"""Standard deviations by which errors on the locked runs may lean towards the base model."""
+"""Greatest tendency of the errors on the locked runs towards the base model, in standard deviations."""
 CLEAR = 2.0
-"""Standard errors by which a channel's error must exceed the noise for its closure to mean something."""
+"""Least excess of a channel's error over the noise for a closure, in standard errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class ChannelValidation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation:
-    """What the locked runs say.
+    """Result on the locked runs.
 
     Attributes:
         channels: By name.
@@ -63,7 +63,7 @@ class Validation:
             next best effect.
         harmed: Channels that got worse.
         is_confirmed: The effects predict the locked runs better than base parameters fitted alike.
-        steps: Error over all channels in units of noise: base, base fitted, each effect added, noise.
+        steps: Error over all channels in units of noise: base, base fitted, with each effect, noise.
     """
 
     channels: dict[str, ChannelValidation]
@@ -75,10 +75,10 @@ class Validation:
 
 
 class LockedRuns:
-    """Locked runs, and errors of predictions on them.
+    """Locked runs and errors of predictions on them.
 
     Args:
-        prepared: What was learned from the other runs.
+        prepared: Fit of the other runs.
         runs: The locked runs.
     """
 
@@ -155,13 +155,13 @@ class LockedRuns:
 def validate(
     prepared: Prepared, runs: Sequence[Run], best: Explanation, naming: Naming, rng: np.random.Generator
 ) -> Validation:
-    """Open the locked runs.
+    """Validate an explanation on the locked runs.
 
     Args:
-        prepared: What was learned from the other runs.
+        prepared: Fit of the other runs.
         runs: The locked runs.
         best: The chosen explanation.
-        naming: All explanations, for the rival.
+        naming: All explanations, for the next best.
         rng: For intervals and placebos.
     """
     locked = LockedRuns(prepared, runs)
@@ -192,7 +192,7 @@ def validate(
 
 
 def _parts(best: Explanation, naming: Naming) -> list[Explanation]:
-    """Return the best smaller explanation of each size within the chosen one."""
+    """Return the best subset of each size of the chosen explanation."""
     parts = []
     for size in range(1, len(best.names)):
         within = [one for key, one in naming.tried.items() if len(key) == size and set(key) < set(best.names)]
@@ -202,10 +202,10 @@ def _parts(best: Explanation, naming: Naming) -> list[Explanation]:
 
 
 def _is_confirmed(prepared: Prepared, locked: LockedRuns, best: Explanation) -> bool:
-    """Tell whether the locked runs do not speak against the effects, beside base parameters fitted alike.
+    """Return False where the locked runs contradict the effects.
 
-    They do where they are nearer to the fitted base model, and lean towards it more than by chance: were the
-    effects all there is, the part of their errors in its direction would be normal, as wide as runs scatter.
+    They do where they are nearer to the fitted base model than by chance: with the right effects, the part of
+    the errors in its direction is normal, as wide as runs scatter.
     """
     noise = for_other_runs(prepared.noise, prepared.scatter, locked.observations)
     base, with_effects = (locked.predict(one) for one in (prepared.start.point, best.fit.point))
@@ -215,14 +215,14 @@ def _is_confirmed(prepared: Prepared, locked: LockedRuns, best: Explanation) -> 
     apart = noise.whiten(np.where(good, base - with_effects, 0.0))
     lean, square = float(error @ apart), float(apart @ apart)
     if prepared.scatter is None:
-        # In minus two log-likelihood: where base and effects hardly differ there, neither speaks against any.
+        # In minus two log-likelihood: where base and effects hardly differ, no contradiction is possible.
         return 2.0 * lean - square <= (VETO_SD * best.widening) ** 2
     distance = math.sqrt(square)
     return lean <= max(VETO_SD * best.widening, 0.5 * distance) * distance
 
 
 def retuned(prepared: Prepared) -> Point:
-    """Return base parameters fitted with wide priors and no effect: what compensation can do."""
+    """Return base parameters fitted with wide priors and no effect: compensation without a cause."""
     problem = prepared.problem
     return fit(
         problem, prepared.noise, base_free(problem.model, widening=WIDENING), prepared.start.point

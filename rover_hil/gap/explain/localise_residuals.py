@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from rover_hil.gap.data.problem import Observations, Point, Problem
 from rover_hil.gap.explain.candidates import Candidate
@@ -42,7 +42,7 @@ class ResidualLocation:
     standard_error: float
 
     def sentence(self) -> str:
-        """Return it in words."""
+        """Return it as text."""
         return (
             f"{self.channel}, {self.condition}: {self.size:+.3g} ± {1.96 * self.standard_error:.2g} "
             f"{self.unit} (n = {self.n})"
@@ -52,7 +52,7 @@ class ResidualLocation:
 def localise_residuals(
     problem: Problem, noise: Noise, point: Point, input_units: Mapping[str, str]
 ) -> list[ResidualLocation]:
-    """Return for each channel the part of the data where it differs most clearly, the clearest first.
+    """Return for each channel the part of the data with the most significant difference, the highest first.
 
     Args:
         problem: Model and observations.
@@ -74,7 +74,7 @@ def localise_residuals(
             if error <= 0.0:
                 continue
             z = abs(mean) / error
-            p = tests * 2.0 * float(stats.norm.sf(z))
+            p = tests * 2.0 * float(special.ndtr(-z))
             if p <= LOCALISE_ALPHA and (best is None or z > best[0]):
                 place = ResidualLocation(
                     channel=channel.name,
@@ -91,7 +91,7 @@ def localise_residuals(
 
 
 def by_place(candidates: Sequence[Candidate]) -> list[tuple[str, float, str]]:
-    """Return where in the model the data asks for a change: place, greatest score, the effect that has it."""
+    """Return places of the model by the score of their effects: place, highest score, its effect."""
     best: dict[str, tuple[float, str]] = {}
     for item in candidates:
         score = one_sided_z(item.score)

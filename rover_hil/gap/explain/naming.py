@@ -1,4 +1,4 @@
-"""Name what is missing: best subset of effects, fitted together with the base parameters."""
+"""Name the missing effects: the best subset, fitted together with the base parameters."""
 
 import itertools
 import math
@@ -29,35 +29,35 @@ NAME_ALPHA = 0.005
 MORE_ALPHA = 0.005
 """The same for each further name."""
 SET_LEVEL = 0.99
-"""Level of the likelihood ratio that keeps one rival in the set: with all rivals it stays above 95 %."""
+"""Level of the likelihood ratio for one alternative in the set; for all of them it stays above 95 %."""
 MOST_EFFECTS = 3
 TOP = 8
 IMITATED = 0.1
-"""Share below which an effect that is not asked for is said to be imitated by base parameters."""
+"""Share not absorbed by base parameters below which an insignificant effect counts as imitated."""
 SHARE_OF_REST = 0.5
-"""What a further name must explain of what is left."""
+"""Share of the remaining cost that a further effect must explain."""
 SHARE_OF_BEST = 0.9
-"""What a rival that costs more than errors of samples allow must explain of what the best does."""
+"""Share of the gain of the best that an alternative beyond sample errors must reach."""
 TRIED_PER_SIZE = 8
 ALIKE = 0.9
-"""Cosine from which on two effects are not tried together."""
+"""Least cosine of two effects that are not fitted together."""
 WORTH = 0.6
-"""Share of the gain that counts from which on larger subsets are tried."""
+"""Share of the significant gain from which on larger subsets are fitted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Naming:
-    """What came out.
+    """Result of the search.
 
     Attributes:
         scores: Best score of each effect at the base model.
         p_name: Probability of the greatest score without gap.
-        best: The chosen explanation; None where no effect is asked for.
-        members: Explanations that the data does not tell from the best, the best first.
+        best: The chosen explanation; None where no effect is significant.
+        members: Explanations that the data does not distinguish from the best, the best first.
         tried: All fitted explanations.
-        absorbed: Effects that base parameters hide, and the parameter that does it.
-        threshold: The score that counts.
-        inflation: By how much what is left exceeds what errors explain, at least 1.
+        absorbed: Effects imitated by base parameters, and the parameter.
+        threshold: Least significant score.
+        inflation: Ratio of the remaining cost to that of errors alone, at least 1.
     """
 
     scores: tuple[Candidate, ...]
@@ -86,7 +86,7 @@ def name_effects(
         start: The base model's fit.
         cards: The effects.
         rng: For the calibration.
-        advance: Told what is being done.
+        advance: Called with the current step.
     """
     advance("scoring effects")
     changes = card_directions(problem, noise, start, cards)
@@ -97,7 +97,7 @@ def name_effects(
     counted = [score for score in scores if score.direction.name in names]
     draws = family_draws(counted, noise.freedom, rng)
     search = Search(problem, noise, start, visible, scores)
-    # Of series, the scatter between runs is known only when effects are out of it: fitted first, judged then.
+    # The scatter between runs of series is known only without the effects: fit first, then test.
     greatest = max((one_sided_z(score, by_samples=True) for score in counted), default=0.0)
     p_name = family_p(counted, greatest, draws, noise.freedom) if counted else 1.0
     chosen = None
@@ -156,7 +156,7 @@ def _choose(
 def _largest_needed(
     problem: Problem, start: Fit, by_size: Mapping[int, Sequence[Explanation]], draws: Array
 ) -> Explanation | None:
-    """Return the explanation with as many effects as the data asks for."""
+    """Return the explanation with as many effects as the data supports."""
     best: Explanation | None = None
     for size, ranked in sorted(by_size.items()):
         sure = quantile(draws, NAME_ALPHA if size == 1 else MORE_ALPHA)
@@ -182,7 +182,7 @@ def _members(
     best: Explanation,
     draws: Array,
 ) -> list[Explanation]:
-    """Return what the data does not tell from the best; of series, each run is one witness."""
+    """Return the explanations that the data does not distinguish from the best; in series, by runs."""
     alternatives, parts = by_size[len(best.names)], by_size.get(len(best.names) - 1, ())
     reach = inflation_of(problem, best) * set_reach(noise.freedom)
     members = [one for one in alternatives if one.cost <= best.cost + reach and one.jackknife_z > 0.0]
@@ -191,7 +191,7 @@ def _members(
     threshold, least = quantile(draws, NAME_ALPHA), SHARE_OF_BEST * (start.cost - best.cost)
     others = [one for one in alternatives if one.jackknife_z >= threshold and start.cost - one.cost >= least]
     for part in parts:
-        # An effect that adds nothing to the others does not make them a rival.
+        # An effect that adds nothing to others does not make them an alternative.
         others = [
             one
             for one in others
@@ -203,14 +203,14 @@ def _members(
 
 
 def set_reach(freedom: float) -> float:
-    """Return how much worse a rival may be and stay in the set."""
+    """Return the greatest extra cost of an alternative in the set."""
     if math.isfinite(freedom):
         return float(stats.f.ppf(SET_LEVEL, 1, freedom))
     return float(stats.chi2.ppf(SET_LEVEL, 1))
 
 
 def unexplained_cost(problem: Problem, explanation: Explanation) -> float:
-    """Return the cost beyond what errors alone would leave; 0 for series, whose errors are learned."""
+    """Return the cost beyond that of errors alone; 0 for series, whose errors are estimated."""
     if not problem.observations.is_steady:
         return 0.0
     count = problem.observations.values.size - len(explanation.names)
@@ -218,7 +218,7 @@ def unexplained_cost(problem: Problem, explanation: Explanation) -> float:
 
 
 def inflation_of(problem: Problem, explanation: Explanation) -> float:
-    """Return by how much what is left exceeds what errors explain, at least 1."""
+    """Return the ratio of the remaining cost to that of errors alone, at least 1."""
     if not problem.observations.is_steady:
         return 1.0
     count = max(problem.observations.values.size - len(explanation.names), 1)
@@ -233,7 +233,7 @@ def _promising(
     size: int,
     by_size: Mapping[int, Sequence[Explanation]],
 ) -> list[tuple[str, ...]]:
-    """Return the subsets worth a fit: best to first order at the base model, and next to the best so far."""
+    """Return the subsets to fit: the best to first order, and extensions of the best so far."""
     by_name = {item.card.name: item for item in top}
     subsets = [one for one in itertools.combinations(sorted(by_name), size) if are_distinct(by_name, one)]
     if size == 1:
@@ -250,7 +250,7 @@ def _promising(
 
 
 def are_distinct(by_name: Mapping[str, Candidate], names: Sequence[str]) -> bool:
-    """Tell whether no two look the same: two that do imitate a third by pulling against each other."""
+    """Return True where no two effects are alike: two that are imitate a third as their difference."""
     pairs = itertools.combinations(names, 2)
     return all(abs(cosine(by_name[one].score, by_name[other].score)) < ALIKE for one, other in pairs)
 

@@ -1,4 +1,4 @@
-"""The run to make next: where explanations that the data cannot tell apart would differ most."""
+"""Proposal of the next run: conditions under which undistinguished explanations differ most."""
 
 import itertools
 import math
@@ -19,7 +19,7 @@ MOST_REPETITIONS = 12
 
 
 def propose(prepared: Prepared, first: Explanation, second: Explanation) -> str:
-    """Return the conditions, within those already used, that tell two explanations apart, as a sentence."""
+    """Return the conditions within the used ranges that distinguish two explanations, as a sentence."""
     model = prepared.problem.model
     runs = _possible_runs(prepared)
     one, other = (predict_rows(model, runs, explanation.fit.point) for explanation in (first, second))
@@ -38,17 +38,17 @@ def propose(prepared: Prepared, first: Explanation, second: Explanation) -> str:
     needed = math.ceil((CLEAR_SD / max(best_distance, 1e-9)) ** 2)
     if needed > MOST_REPETITIONS:
         hints = "; ".join(_experiments(prepared, (*first.names, *second.names)))
-        return f"no run within the ranges used tells {names}: {hints}"
+        return f"no run within the ranges used distinguishes {names}: {hints}"
     times = "once" if needed == 1 else f"{needed} times"
-    return f"{where}, {times}: tells {names} by {best_distance:.1f} standard deviations each time"
+    return f"{where}, {times}: distinguishes {names} by {best_distance:.1f} standard deviations each time"
 
 
 def watch(candidates: Sequence[Candidate]) -> str:
-    """Return the run that would make the least visible effect visible."""
+    """Return the run that shows the least visible effect."""
     if not candidates:
         return ""
     hardest = max(candidates, key=lambda item: item.score.standard_error / item.card.parameters[0].prior_sd)
-    return f"to see {hardest.card.name} better: {hardest.card.experiment}"
+    return f"to measure {hardest.card.name} better: {hardest.card.experiment}"
 
 
 def _possible_runs(prepared: Prepared) -> list[Run]:

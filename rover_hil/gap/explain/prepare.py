@@ -30,7 +30,7 @@ from sim_backends.models.interface import Array, DrivenModel, Model, Run
 CONDITION_STEP = 0.01
 UNSOLVED_SHARE = 0.2
 STANDS_OUT = 3.0
-"""Score from which on an effect is taken out of the residual before errors are learned from it."""
+"""Least score of an effect that is removed from the residual before errors are estimated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class Prepared:
         scatter: Of replicates; None for series.
         start: The base model under its priors, with derivatives at the fit.
         terms: Free-form terms of these observations.
-        left_out: Runs for which the model has no solution.
+        left_out: Runs without solution of the model.
     """
 
     problem: Problem
@@ -65,7 +65,7 @@ def prepare(model: Model, runs: Sequence[Run]) -> Prepared:
 
 
 def relearn_noise(prepared: Prepared, best: Fit) -> Prepared:
-    """Return the same with the errors of series learned from what `best` leaves."""
+    """Return the same with the errors of series estimated from the residual of `best`."""
     if prepared.scatter is not None:
         return prepared
     problem = prepared.problem
@@ -160,10 +160,10 @@ def _series(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Pre
 
 
 def _overfitted(problem: Problem) -> Array:
-    """Return what is left when everything that could be fitted is.
+    """Return the residual of an overfitted model.
 
-    A large effect looks like slow errors, in which it would then drown; these are too small, which does no
-    harm where they only choose what to take out before errors are learned for good.
+    A large effect resembles slow errors, which would hide it. These errors are too small, which is harmless:
+    they only select what to remove before the final errors are estimated.
     """
     observations, point = problem.observations, dict[Key, float]()
     columns = [problem.derivative(point, item) for item in base_free(problem.model)]
@@ -184,17 +184,17 @@ def _changes(problem: Problem, point: Point) -> list[Direction]:
 
 
 def _without_effects(problem: Problem, noise: Noise, start: Fit) -> Array:
-    """Return measured minus predicted, without the effects and free-form terms that stand out."""
+    """Return measured minus predicted, without the significant effects and free-form terms."""
     observations = problem.observations
     columns = [problem.derivative(start.point, item) * item.sd for item in start.free]
     changes = _changes(problem, start.point)
     directions = [replace(one, change=noise.whiten(one.change)) for one in changes]
     raw = {id(one): change.change for one, change in zip(directions, changes, strict=True)}
     fitted = start
-    # Each channel may have its own: one that stays in makes errors look slow, and hides behind them.
+    # Each channel may have its own: one that remains makes errors look slow and is hidden by them.
     for _ in range(MOST_EFFECTS * len(observations.channels)):
         scores = score_all(fitted, noise, directions, is_steady=False)
-        # By samples: runs that disagree on a term are no reason to take what it explains for errors.
+        # By samples: a term on which runs disagree is still no error.
         best = max(scores, key=lambda score: one_sided_z(score, by_samples=True), default=None)
         if best is None or one_sided_z(best, by_samples=True) < STANDS_OUT:
             break

@@ -1,4 +1,4 @@
-"""When no effect fits: the shortest equation with units that does, labelled as having no name."""
+"""Equations for what no effect explains: the shortest with units."""
 
 import itertools
 from collections.abc import Sequence
@@ -20,13 +20,13 @@ MOST_EQUATIONS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equation:
-    """What must be added to one channel.
+    """Sum to add to one channel.
 
     Attributes:
         channel: The channel.
         unit: Of the sum.
         terms: Text, coefficient, its standard error and unit, of each term.
-        closest: The effect whose change is most alike, and how alike.
+        closest: The effect with the most similar change.
         cosine: -1..1.
     """
 
@@ -54,15 +54,15 @@ def find_equations(
     effects: Sequence[Score],
     threshold: float,
 ) -> list[Equation]:
-    """Return an equation for each channel that asks for one, the most asked first.
+    """Return an equation for each channel with significant terms, the greatest gain first.
 
     Args:
         observations: The observations.
         noise: Of the observations.
-        fitted: The model with what could be named.
+        fitted: The model with the named effects.
         terms: To choose from.
         effects: Scores of the effects at the same fit, for the closest one.
-        threshold: Score that counts, over all terms and channels.
+        threshold: Least significant score, over all terms and channels.
     """
     scores = of_terms(
         score_all(fitted, noise, directions(observations, noise, terms), is_steady=observations.is_steady)
@@ -82,7 +82,7 @@ def find_equations(
 
 
 def _choose(scores: Sequence[Score], threshold: float) -> tuple[int, ...]:
-    """Return the best subset; a further term must be asked for as clearly as the first."""
+    """Return the best subset; a further term must be as significant as the first."""
     best: tuple[int, ...] = (0,)
     for size in range(1, min(MOST_TERMS, len(scores)) + 1):
         subsets = itertools.combinations(range(len(scores)), size)

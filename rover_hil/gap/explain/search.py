@@ -1,4 +1,4 @@
-"""Fits of subsets of effects, remembered."""
+"""Cached fits of subsets of effects."""
 
 import itertools
 import math
@@ -20,13 +20,13 @@ from sim_backends.models.interface import Array, Parameter
 STARTS = 2
 """Starting shapes of a fit."""
 FAR = (0.5, 1.0, 2.0, 4.0)
-"""Strengths to begin from, in natural sizes."""
+"""Strengths to start from, in natural sizes."""
 FAR_STARTS = 3
-"""Strong effects to begin from: of a delay, the nearest in cost may lead to another swing of the error."""
+"""Strong effects to start from: for a delay, the nearest in cost may be another local minimum."""
 MOST_CANCELLATION = 4.0
-"""How much larger effects may be one by one than together."""
+"""Greatest ratio of the effects one by one to their sum."""
 HOPELESS = 60.0
-"""Cost above the best at which a fit is left as it is."""
+"""Cost above the best at which a fit ends early."""
 
 AT_LIMIT = 1e-3
 """Share of its range within which a strength is at its limit."""
@@ -43,7 +43,7 @@ class Explanation:
         names: Effects, sorted.
         fit: Base parameters and effects together.
         cost: Minus two log-posterior; free shapes are charged for (Laplace's approximation).
-        jackknife_z: What independent runs say of its weakest effect, as a standard normal; endless for steady
+        jackknife_z: Significance of its weakest effect over runs, as a standard normal; infinite for steady
             experiments, whose scatter between runs is in the errors.
         widening: Factor on standard errors that covers the scatter between runs.
     """
@@ -56,7 +56,7 @@ class Explanation:
 
 
 class Search:
-    """Fits subsets of effects and remembers them.
+    """Fits subsets of effects and caches them.
 
     Args:
         problem: Model and observations.
@@ -97,7 +97,7 @@ class Search:
                     best = found
                 hopeless = min(hopeless, best.cost + HOPELESS)
             if best is None:
-                raise AssertionError("every subset has shapes to begin with")
+                raise AssertionError("every subset has starting shapes")
             cost = best.cost + self._charge(key, best)
             sure, widening = self._jackknife(key, best, cost)
             self.tried[key] = Explanation(names=key, fit=best, cost=cost, jackknife_z=sure, widening=widening)
@@ -120,7 +120,7 @@ class Search:
         by_runs = min(abs(one.z) for one in found)
         if len(names) == 1:
             by_runs = max(by_runs, *(one_sided_z(score) for score in self._scores[names[0]]))
-        # A base parameter that is set free needs more than its place: it must lie beyond its prior.
+        # A released base parameter must also lie beyond its prior.
         gain = math.sqrt(max(self._start.cost - cost, 0.0))
         return min(gain, by_runs), max(one.widening for one in found)
 
@@ -129,7 +129,7 @@ class Search:
         return fitted.shape_information(shapes) if shapes else 0.0
 
     def free(self, names: Sequence[str], shapes: Shapes) -> list[Free]:
-        """Return what a subset fits: a base parameter that an effect releases is left to the effect."""
+        """Return the parameters of a subset, without base parameters that its effects release."""
         cards = [self._by_name[name].card for name in names]
         released = [card.releases for card in cards if card.releases is not None]
         free = base_free(self._problem.model, leave_out=released)
@@ -138,7 +138,7 @@ class Search:
         return free
 
     def _starts(self, names: tuple[str, ...]) -> list[tuple[Shapes, Point]]:
-        """Return what to begin from: near the base model, and of one effect also far from it."""
+        """Return starting points: near the base model, and for one effect also far from it."""
         starts = []
         for shapes in self._shapes(names):
             free = self.free(names, shapes)
@@ -170,7 +170,7 @@ class Search:
         )
 
     def _shapes(self, names: tuple[str, ...]) -> list[Shapes]:
-        """Return the shapes to begin with: with the greatest gain to first order, and fitted before."""
+        """Return starting shapes: those with the greatest gain to first order, and those fitted before."""
         ranked = sorted(
             itertools.product(*(self._scores[name] for name in names)),
             key=lambda scores: -linear_gain(scores),
@@ -224,10 +224,10 @@ class Search:
         return {**begin, (name, strength.name): float(np.clip(value, strength.lower, strength.upper))}
 
     def _far(self, name: str, shapes: Shapes) -> list[Point]:
-        """Return points with a strong effect, and all base parameters nominal or the one that imitates it.
+        """Return points with a strong effect, with nominal base parameters or only the imitating one nominal.
 
-        A base model without a large effect is bent so far to make up for it that derivatives taken there
-        point anywhere: a delay of several samples is not found from it.
+        Without a large effect the base parameters compensate so much that derivatives there are useless: a
+        delay of several samples is not found from that point.
         """
         candidate = self._by_name[name]
         strength = candidate.card.parameters[0]
@@ -261,7 +261,7 @@ class Search:
         return min(parts, key=lambda one: one.cost, default=None)
 
     def _warm(self, names: tuple[str, ...], free: Sequence[Free], begin: Point) -> Array:
-        """Return derivatives to begin with: from smaller subsets, else only those by effects are taken."""
+        """Return starting derivatives: from smaller subsets where possible, else computed."""
         known = [self._start, *(one.fit for one in self._parts(names))]
         columns: dict[Key, Array] = {}
         for fitted in known:
@@ -279,7 +279,7 @@ class Search:
 
 
 def _is_at_limit(strength: Parameter, value: float) -> bool:
-    """Tell whether a strength would be more than it can be: then it stands for something else."""
+    """Return True for a strength at its limit: it then represents another effect."""
     limits = [one for one in (strength.lower, strength.upper) if math.isfinite(one)]
     return any(
         abs(value - one) <= AT_LIMIT * abs(one - strength.nominal)
@@ -289,9 +289,9 @@ def _is_at_limit(strength: Parameter, value: float) -> bool:
 
 
 def cancellation(fitted: Fit, strengths: Sequence[Key]) -> float:
-    """Return by how much more effects change the prediction one by one than together, at least 1.
+    """Return the ratio of the change by effects one by one to that of all together, at least 1.
 
-    Large effects that cancel imitate the small difference between them, which is something else.
+    Large effects that nearly cancel imitate another effect by their small difference.
     """
     positions = [index for index, item in enumerate(fitted.free) if item.key in strengths]
     changes = fitted.jacobian[:, positions] * fitted.pull[positions]
@@ -300,7 +300,7 @@ def cancellation(fitted: Fit, strengths: Sequence[Key]) -> float:
 
 
 def linear_gain(scores: Sequence[Score], pulled: float = 0.0) -> float:
-    """Return how much a subset lowers the cost to first order, signs kept."""
+    """Return the reduction of the cost by a subset to first order, with the signs of the effects."""
     matrix = np.stack([score.projected for score in scores], axis=1)
     target = np.array([score.z for score in scores])
     gram = matrix.T @ matrix + 1e-9 * np.eye(len(scores))

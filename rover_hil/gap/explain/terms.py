@@ -1,4 +1,4 @@
-"""Terms of free-form equations: what a channel could depend on that no effect card says, with units."""
+"""Terms of free-form equations with their units: dependences that no effect describes."""
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence

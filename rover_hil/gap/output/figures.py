@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import partial
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,75 +12,20 @@ from rover_hil.gap.explain.candidates import Candidate, confusability
 from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.output import residual_figures
 from rover_hil.gap.statistics.score import one_sided_z
-from rover_hil.report import style
+from rover_hil.pages import style
+from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 
 MOST_BARS = 16
 FEW = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """A picture with what to look for in it."""
-
-    title: str
-    caption: str
-    source: str
-
-
-def draw_pictures(analysis: Analysis) -> list[Picture]:
+def draw_report(analysis: Analysis) -> list[Picture]:
     """Return the pictures in the order of the report; those without content are left out."""
     findings = analysis.findings
     if findings is None:
         return []
-    pictures = []
-    with mpl.rc_context(style.STYLE):
-        for title, caption, draw in _pictures(analysis):
-            figure = draw(analysis, findings)
-            if figure is not None:
-                pictures.append(Picture(title=title, caption=caption, source=style.data_uri(figure)))
-    return pictures
-
-
-Draw = Callable[[Analysis, Findings], Figure | None]
-
-
-def _pictures(analysis: Analysis) -> Sequence[tuple[str, str, Draw]]:
-    del analysis
-    return (
-        (
-            "Measured against simulated",
-            "Dots are runs, hollow where they stayed locked until the end; the band is the scatter of one "
-            "run. The orange line is the simulation as it was, the blue one with the effects.",
-            residual_figures.draw_overlay,
-        ),
-        (
-            "Where they differ",
-            "Measured minus simulated in units of the scatter, before and after, on one scale: white is "
-            "agreement.",
-            residual_figures.draw_maps,
-        ),
-        (
-            "What the data asks for",
-            "How strongly the data asks for each effect, after base parameters have absorbed what they can. "
-            "Only bars beyond the line count: with no gap, none gets there in 995 of 1000 experiments.",
-            _draw_scores,
-        ),
-        (
-            "What could be confused",
-            "How alike two effects look in these runs: at +1 or -1 no analysis can tell the two apart.",
-            _draw_confusion,
-        ),
-        (
-            "From the base model to the noise",
-            "Error on the locked runs over all channels, in units of the scatter: 1 is as good as can be.",
-            _draw_waterfall,
-        ),
-        (
-            "Base parameters",
-            "How far the fit pulls each base parameter from what it is known to be, in its own standard "
-            "deviations. Beyond 2 something else hides in it.",
-            _draw_pulls,
-        ),
+    return draw_pictures(
+        Drawing(title, caption, partial(draw, analysis, findings)) for title, caption, draw in PICTURES
     )
 
 
@@ -97,10 +41,8 @@ def _draw_scores(analysis: Analysis, findings: Findings) -> Figure | None:
         axes.barh(position, one_sided_z(item.score), color=colour)
         wrong = one_sided_z(item.score) == 0.0 and abs(item.score.z) > 1.0
         if wrong:
-            axes.text(0.05, position, f"{item.score.z:+.1f}, a sign it cannot have", va="center", fontsize=8)
-    axes.axvline(
-        findings.naming.threshold, color=style.ALARM, linestyle=(0, (4, 2)), label="line that counts"
-    )
+            axes.text(0.05, position, f"{item.score.z:+.1f}, impossible sign", va="center", fontsize=8)
+    axes.axvline(findings.naming.threshold, color=style.ALARM, linestyle=(0, (4, 2)), label="significant")
     axes.legend(loc="lower right")
     _label_rows(axes, [item.card.name for item in candidates])
     return figure
@@ -131,7 +73,7 @@ def _draw_confusion(analysis: Analysis, findings: Findings) -> Figure | None:
 
 
 def _by_likeness(matrix: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> list[int]:
-    """Return an order that puts effects that look alike side by side."""
+    """Return an order with similar effects next to each other."""
     from scipy.cluster.hierarchy import leaves_list, linkage
     from scipy.spatial.distance import squareform
 
@@ -152,7 +94,7 @@ def _draw_waterfall(analysis: Analysis, findings: Findings) -> Figure | None:
         axes.barh(position, size, color=colour.get(name, style.ESTIMATE))
         axes.text(size, position, f" {size:.2f}", va="center", fontsize=9)
     axes.axvline(1.0, color=style.TRUTH, linewidth=1.0)
-    labels = {"base": "as it was", "base fitted": "parameters fitted", "noise": "scatter"}
+    labels = {"base": "before", "base fitted": "parameters fitted", "noise": "scatter"}
     _label_rows(axes, [labels.get(name, f"with {name}") for name, _ in steps])
     return figure
 
@@ -194,3 +136,41 @@ def _bars(count: int, label: str) -> tuple[Figure, Axes]:
 def _label_rows(axes: Axes, names: Sequence[str]) -> None:
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
+
+
+PICTURES: Sequence[tuple[str, str, Callable[[Analysis, Findings], Figure | None]]] = (
+    (
+        "Measured against simulated",
+        "Dots are runs, hollow if they were locked; the band is the scatter of one run. The orange line is "
+        "the simulation without the effects, the blue one with them.",
+        residual_figures.draw_overlay,
+    ),
+    (
+        "Where they differ",
+        "Measured minus simulated in units of the scatter, before and after, on one scale; white is "
+        "agreement.",
+        residual_figures.draw_maps,
+    ),
+    (
+        "Scores of the effects",
+        "Score of each effect, after base parameters have absorbed what they can. Only bars beyond the "
+        "line are significant: without a gap, none reaches it in 995 of 1000 experiments.",
+        _draw_scores,
+    ),
+    (
+        "What could be confused",
+        "Similarity of two effects in these runs: at +1 or -1 no analysis can distinguish them.",
+        _draw_confusion,
+    ),
+    (
+        "From the base model to the noise",
+        "Error on the locked runs over all channels, in units of the scatter; 1 is perfect.",
+        _draw_waterfall,
+    ),
+    (
+        "Base parameters",
+        "Distance of each fitted base parameter from its prior, in prior standard deviations. Beyond 2 it "
+        "compensates another effect.",
+        _draw_pulls,
+    ),
+)

@@ -1,4 +1,4 @@
-"""A model with what was found missing in it, as a file: base, parameters, active effects, provenance."""
+"""Model file: base model, parameters, named effects, provenance."""
 
 import json
 import tomllib
@@ -18,6 +18,7 @@ from sim_backends.models.interface import (
     Channel,
     DrivenModel,
     EffectCard,
+    EitherDriven,
     Model,
     Parameter,
     Run,
@@ -29,7 +30,7 @@ SEPARATOR = "."
 
 
 class Number(Settings):
-    """A parameter: value, unit, how well it is known, and for effects the 95 % interval."""
+    """A parameter: value, unit, standard deviation, and for effects the 95 % interval."""
 
     value: float
     unit: str
@@ -38,7 +39,7 @@ class Number(Settings):
 
 
 class Provenance(Settings):
-    """Where the numbers come from."""
+    """Origin of the numbers."""
 
     date: str
     verdict: str
@@ -49,7 +50,7 @@ class Provenance(Settings):
 
 
 class ModelFile(Settings):
-    """What the file says."""
+    """Content of the file."""
 
     schema_name: Literal["rover-hil-model/1"] = SCHEMA
     base: str
@@ -59,17 +60,18 @@ class ModelFile(Settings):
 
 
 class ExtendedModel:
-    """A model with effects that were named before; their parameters are now its own.
+    """A model with effects named before; their parameters are now base parameters.
 
     Args:
         base: The model without them.
-        file: What is known.
+        file: Content of a model file.
 
     Raises:
         ConfigError: The file names parameters or effects that the model does not have.
     """
 
     input_units: Mapping[str, str]
+    alternative_inputs: tuple[str, ...]
 
     def __init__(self, base: Model, file: ModelFile) -> None:
         self._base = base
@@ -95,6 +97,8 @@ class ExtendedModel:
         self._nominal = {item.name: item.nominal for item in self.parameters}
         if isinstance(base, DrivenModel):
             self.input_units = base.input_units
+        if isinstance(base, EitherDriven):
+            self.alternative_inputs = base.alternative_inputs
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -147,16 +151,14 @@ def read_model_file(path: Path) -> ModelFile:
     """Read a model file.
 
     Raises:
-        ConfigError: It cannot be read or says something unknown.
+        ConfigError: It cannot be read, or contains an unknown key.
     """
     try:
         table = tomllib.loads(path.read_text("utf-8"))
     except OSError as error:
-        raise ConfigError(
-            f"cannot read {path}: {error.strerror}; give the model.toml of a gap run"
-        ) from error
+        raise ConfigError(f"cannot read {path}: {error.strerror}; use the model.toml of a gap run") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is no TOML file: {error}") from error
+        raise ConfigError(f"{path} is not a TOML file: {error}") from error
     table["schema_name"] = table.pop("schema", None)
     table.setdefault("parameters", {})
     table.setdefault("effects", {})
@@ -175,13 +177,13 @@ def describe_model(
     fitted: Fit | None,
     intervals: Mapping[Key, tuple[float, float]],
 ) -> ModelFile:
-    """Return what is known of a model after a fit; unchanged without one.
+    """Return the model file after a fit; unchanged without one.
 
     Args:
         model: The model that was analysed; may be an extended one.
-        base: How it was named on the command line.
-        provenance: Where the numbers come from.
-        fitted: Parameters and effects; None leaves everything as it was.
+        base: Name on the command line.
+        provenance: Origin of the numbers.
+        fitted: Parameters and effects; None changes nothing.
         intervals: 95 % interval of each fitted parameter, as in the verdict.
     """
     parameters: dict[str, Number] = {}
@@ -205,7 +207,7 @@ def describe_model(
 def _number(
     item: Parameter, key: Key, fitted: Fit | None, intervals: Mapping[Key, tuple[float, float]]
 ) -> Number:
-    if fitted is None or key not in intervals:
+    if fitted is None or key not in {free.key for free in fitted.free}:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
     return Number(value=fitted.value(key), unit=item.unit, sd=fitted.standard_error(key), ci95=intervals[key])
 

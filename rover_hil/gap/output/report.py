@@ -1,16 +1,13 @@
-"""The report: one page that needs nothing else."""
+"""The report: one self-contained page."""
 
 from collections.abc import Sequence
-from importlib import resources
-
-from jinja2 import Environment, StrictUndefined
 
 from rover_hil.gap.explain.localise_residuals import by_place
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.output.figures import draw_pictures
+from rover_hil.gap.output.figures import draw_report
 from rover_hil.gap.verdict import Answer
+from rover_hil.pages.render import render
 
-TEMPLATE_NAME = "report.html"
 GRADES = {
     Answer.NO_GAP: "good",
     Answer.NAMED: "good",
@@ -25,22 +22,19 @@ TAGS = {
     Answer.NAMED: "named",
     Answer.NAMED_SET: "named, with alternatives",
     Answer.PARTLY_NAMED: "partly named",
-    Answer.UNNAMED: "gap without a name",
-    Answer.NOT_IDENTIFIABLE: "these runs cannot tell",
+    Answer.UNNAMED: "unexplained gap",
+    Answer.NOT_IDENTIFIABLE: "not identifiable",
     Answer.BAD_DATA: "bad data",
 }
 
 
-def render(analysis: Analysis) -> str:
-    """Return the page."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["number"] = _number
-    template = (resources.files("rover_hil.gap.output") / TEMPLATE_NAME).read_text("utf-8")
+def report_text(analysis: Analysis) -> str:
+    """Return the report as HTML."""
     findings = analysis.findings
     cards = {card.name: card for card in analysis.model.effects}
-    return environment.from_string(template).render(
+    return render(
+        "gap/output/report.html",
+        filters={"number": _number},
         model=analysis.model,
         verdict=analysis.verdict,
         grade=GRADES[analysis.verdict.verdict],
@@ -50,7 +44,7 @@ def render(analysis: Analysis) -> str:
         cards=cards,
         locations=findings.locations if findings is not None else (),
         in_model=by_place(findings.naming.scores) if findings is not None else (),
-        pictures=draw_pictures(analysis),
+        pictures=draw_report(analysis),
         harmed=findings.validation.harmed if findings is not None and findings.validation is not None else (),
         left_out=findings.prepared.left_out if findings is not None else (),
     )

@@ -1,4 +1,4 @@
-"""Measured beside simulated, before and after, for a gap report."""
+"""Measured and simulated values, before and after, for a gap report."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from rover_hil.gap.data.problem import Point, predict_rows
 from rover_hil.gap.findings import Analysis, Findings
-from rover_hil.report import style
+from rover_hil.pages import style
 from sim_backends.models.interface import Array, Channel, Run
 
 MOST_CHANNELS = 3
@@ -64,7 +64,7 @@ def draw_maps(analysis: Analysis, findings: Findings) -> Figure | None:
 
 
 def _shown(analysis: Analysis) -> list[Run]:
-    """Return the runs to draw: those that stayed locked are not looked at."""
+    """Return the runs to draw, without those that stayed locked."""
     locked = set(analysis.plan.confirm) if analysis.plan is not None else set()
     opened = analysis.findings is not None and analysis.findings.validation is not None
     return [run for run in analysis.runs if opened or run.name not in locked]

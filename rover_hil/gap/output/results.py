@@ -1,4 +1,4 @@
-"""What an analysis leaves behind: verdict, plan, model and report, in one folder."""
+"""Files of an analysis: verdict, plan, model and report, in one folder."""
 
 import json
 from pathlib import Path
@@ -7,15 +7,16 @@ from pydantic_core import to_json
 
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text
-from rover_hil.gap.output.report import render
+from rover_hil.gap.output.report import report_text
 from rover_hil.gap.plan import Plan
 from rover_hil.gap.verdict_rules import intervals, is_named
-from rover_hil.report.write import write_all
+from rover_hil.pages.atomic_write import write_files
 
 VERDICT_NAME = "verdict.json"
 MODEL_NAME = "model.toml"
 REPORT_NAME = "report.html"
 PLAN_NAME = "plan.json"
+RESULT_NAMES = (VERDICT_NAME, PLAN_NAME, MODEL_NAME, REPORT_NAME)
 
 
 def plan_text(plan: Plan) -> str:
@@ -23,32 +24,33 @@ def plan_text(plan: Plan) -> str:
     return json.dumps(plan.content(), indent=2) + "\n"
 
 
-def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> str:
-    """Write `verdict.json`, `plan.json`, `model.toml` and `report.html`.
+def verdict_text(analysis: Analysis) -> str:
+    """Return the verdict as JSON."""
+    return to_json(analysis.verdict, indent=2, inf_nan_mode="null").decode()
+
+
+def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> None:
+    """Write `verdict.json`, `model.toml` and `report.html`, and why there is no plan where there is none.
+
+    The plan itself is written before the analysis.
 
     Args:
-        folder: Where to.
-        analysis: What was found.
-        base: The model as it was named.
+        folder: Target folder.
+        analysis: Result of the workflow.
+        base: Name of the model on the command line.
         date: For the model's provenance.
-
-    Returns:
-        The verdict as JSON text, as in the file.
 
     Raises:
         ConfigError: The folder cannot be written to. No half-written file is left behind.
     """
-    verdict_json = to_json(analysis.verdict, indent=2, inf_nan_mode="null").decode()
-    plan = analysis.plan
-    reason = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
     texts = {
-        VERDICT_NAME: verdict_json + "\n",
-        PLAN_NAME: reason if plan is None else plan_text(plan),
+        VERDICT_NAME: verdict_text(analysis) + "\n",
         MODEL_NAME: _model_text(analysis, base, date),
-        REPORT_NAME: render(analysis),
+        REPORT_NAME: report_text(analysis),
     }
-    write_all(folder, texts)
-    return verdict_json
+    if analysis.plan is None:
+        texts[PLAN_NAME] = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
+    write_files(folder, texts)
 
 
 def _model_text(analysis: Analysis, base: str, date: str) -> str:

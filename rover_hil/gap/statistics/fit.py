@@ -14,11 +14,11 @@ from sim_backends.models.interface import Array
 MOST_ROUNDS = 8
 MOST_STEPS = 7
 GOOD_SHARE = 0.5
-"""Of the promised gain that a step must keep, or the derivatives are taken anew."""
+"""Share of the predicted gain that a step must reach; otherwise the derivatives are recomputed."""
 FINE = 0.05
-"""Share of the usual step for derivatives where those of the usual step lead nowhere."""
+"""Share of the usual step for derivatives where the usual step makes no progress."""
 SETTLED = 0.05
-"""Gain of minus two log-likelihood that is not worth another step."""
+"""Gain of minus two log-likelihood below which the fit ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,7 @@ class Fit:
     """Parameters fitted to observations.
 
     Attributes:
-        free: What was fitted, in the order of the columns of `jacobian`.
+        free: Fitted parameters, in the order of the columns of `jacobian`.
         point: Fitted values.
         residual: Whitened: measured minus predicted.
         jacobian: Whitened: change of the prediction per prior deviation of each parameter.
@@ -49,7 +49,7 @@ class Fit:
         return np.linalg.inv(normal).astype(np.float64)
 
     def shape_information(self, shapes: Sequence[Key]) -> float:
-        """Return what shape parameters win in minus two log-likelihood by being free (Laplace)."""
+        """Return the gain of free shape parameters in minus two log-likelihood (Laplace)."""
         normal = self.jacobian.T @ self.jacobian + np.eye(len(self.free))
         others = [index for index, item in enumerate(self.free) if item.key not in shapes]
         return float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(normal[np.ix_(others, others)])[1])
@@ -87,12 +87,11 @@ def fit(
     Args:
         problem: Model and observations.
         noise: Of the observations.
-        free: What may change.
-        start: Where to begin; parameters that it leaves out begin where they say themselves.
-        jacobian: Derivatives to begin with, as `Fit.jacobian`.
-        fixed: Values of further parameters that stay.
-        hopeless: Cost to which a further step as good as the last must lead, or it is left: for the search of
-            the best.
+        free: Parameters to fit.
+        start: Starting values; other parameters start at their own `start`.
+        jacobian: First derivatives, as `Fit.jacobian`.
+        fixed: Values of further parameters that are kept.
+        hopeless: The fit ends if a further step as good as the last would not reach this cost.
     """
     search = _Search(problem, noise, tuple(free), dict(fixed or {}))
     pull = np.array([(start.get(item.key, item.start) - item.mean) / item.sd for item in free])
@@ -111,7 +110,7 @@ def fit(
         cost = float(residual @ residual + pull @ pull)
         if fresh and 2.0 * cost - before > hopeless:
             break
-        # Derivatives by base parameters hardly change: at first only those by effects are taken anew.
+        # Derivatives by base parameters hardly change: at first only those by effects are recomputed.
         fresh = fresh or turn > 0 or not new
         matrix = search.derivatives(pull, share) if fresh else search.renewed(pull, matrix, new)
     return Fit(
@@ -152,26 +151,26 @@ class _Search:
         return whitened_jacobian(self._problem, self._noise, free, self.point(pull))
 
     def renewed(self, pull: Array, jacobian: Array, columns: Sequence[int]) -> Array:
-        """Return derivatives of which only these columns are taken anew."""
+        """Return derivatives with these columns recomputed."""
         matrix = jacobian.copy()
         chosen = [self._free[index] for index in columns]
         matrix[:, columns] = whitened_jacobian(self._problem, self._noise, chosen, self.point(pull))
         return matrix
 
     def descend(self, pull: Array, residual: Array, jacobian: Array) -> tuple[Array, Array, str]:
-        """Step down with these derivatives while they keep their promise."""
+        """Step down with these derivatives while they predict the gain."""
         normal = jacobian.T @ jacobian + np.eye(pull.size)
         cost = float(residual @ residual + pull @ pull)
         damping = 0.0
         for _ in range(MOST_STEPS):
-            step, promised = self._step(pull, residual, jacobian, normal, damping)
-            if promised < SETTLED:
-                # A damped step promises little because it is short.
+            step, predicted_gain = self._step(pull, residual, jacobian, normal, damping)
+            if predicted_gain < SETTLED:
+                # A damped step predicts little gain because it is short.
                 return pull, residual, "settled" if damping == 0.0 else "stuck"
             trial = np.clip(pull + step, self.lower, self.upper)
             changed = self.residual(trial)
             value = float(changed @ changed + trial @ trial)
-            kept = (cost - value) / promised if math.isfinite(value) else -1.0
+            kept = (cost - value) / predicted_gain if math.isfinite(value) else -1.0
             if kept > 0.0:
                 pull, residual, cost = trial, changed, value
             if 0.0 < kept < GOOD_SHARE:

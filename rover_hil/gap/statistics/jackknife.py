@@ -1,8 +1,8 @@
-"""How consistently independent runs of series ask for the numbers of a fit: the jackknife over runs.
+"""Jackknife over runs: how consistently independent runs of series support the parameters of a fit.
 
-Errors of series are learned from the data, sample by sample; what differs from run to run (where a run
-begins, a radius after another warm-up) is no part of them. Left out one at a time, runs tell how much a
-number depends on which of them were made.
+Errors of series are estimated sample by sample; differences between runs (the start, a radius after another
+warm-up) are not part of them. The jackknife leaves out one run at a time and measures how much a parameter
+depends on the choice of runs.
 """
 
 import math
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from rover_hil.gap.data.problem import Indices, Key
 from rover_hil.gap.statistics.fit import Fit
@@ -18,23 +18,23 @@ from rover_hil.gap.statistics.noise import Noise
 from sim_backends.models.interface import Array
 
 LEAST_RUNS = 6
-"""From which on whole runs are left out; below, stretches of them."""
+"""Fewest runs to leave out whole ones; below, stretches of them are left out."""
 AGREEING_RUNS = 3.0
-"""What is believed beforehand, in runs: that runs scatter no more than their samples do. Without it, an
-effect that only one or two runs show could never be sure, however clearly they do."""
+"""Weight of the prior, in runs, that runs scatter no more than their samples. Without it, an effect in one or
+two runs is never significant."""
 BEYOND_CHANCE, SCATTERING_RUNS = 0.9, 1.0
-"""Level from which on runs do scatter more than their samples, and what is left of that belief then."""
+"""Level of a test that runs scatter more than their samples, and the weight of the prior if they do."""
 ALMOST_ALL = 0.999
-"""Share of what is known of a number that one run may hold."""
+"""Greatest share of the information on a parameter that one run may hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JackknifeEstimate:
-    """What a fitted number rests on.
+    """Significance of a fitted parameter by its scatter over runs.
 
     Attributes:
-        z: Distance from its null, as a standard normal would be as improbable; the smaller of the values by
-            errors of samples and by scatter between runs.
+        z: Distance from its null as an equivalent standard normal; the smaller of the values by errors of
+            samples and by scatter between runs.
         widening: Factor on the standard error by errors of samples that covers the scatter, at least 1.
     """
 
@@ -43,7 +43,7 @@ class JackknifeEstimate:
 
 
 def clusters(noise: Noise) -> Indices:
-    """Return the number of the cluster of each whitened row: its run, or its stretch where runs are few."""
+    """Return the cluster of each whitened row: its run, or its stretch where runs are few."""
     found = noise.site if np.unique(noise.site).size >= LEAST_RUNS else noise.block
     numbered: Indices = np.unique(found, return_inverse=True)[1].astype(np.intp)
     return numbered
@@ -52,13 +52,13 @@ def clusters(noise: Noise) -> Indices:
 def jackknife(
     fit: Fit, noise: Noise, keys: Sequence[Key], given: Sequence[Key] = ()
 ) -> list[JackknifeEstimate]:
-    """Return what each of `keys` rests on.
+    """Return the jackknife estimate of each of `keys`.
 
     Args:
         fit: With derivatives near the fitted point.
         noise: Of the observations.
-        keys: Of fitted numbers.
-        given: Numbers that are taken as known: shapes, which mean nothing without their strength.
+        keys: Fitted parameters.
+        given: Parameters taken as known: shapes, which have no meaning without their strength.
     """
     used = [index for index, item in enumerate(fit.free) if item.key not in given]
     positions = [[fit.free[index].key for index in used].index(key) for key in keys]
@@ -70,7 +70,7 @@ def jackknife(
     moved, informed = np.zeros((len(parts), len(used))), np.zeros((len(parts), len(used)))
     squares = [jacobian[rows].T @ jacobian[rows] for rows in parts]
     for index, rows in enumerate(parts):
-        # A run that holds almost all that is known would leave nothing but the priors.
+        # Without a run that holds almost all information only the priors would remain.
         without = normal - ALMOST_ALL * squares[index]
         moved[index] = np.linalg.solve(without, jacobian[rows].T @ fit.residual[rows])
         informed[index] = np.sum((jacobian[rows] @ covariance) ** 2, axis=0)
@@ -93,18 +93,20 @@ def _jackknife(moved: Array, informed: Array, pull: float, variance: float) -> J
 
 
 def scatter_of_runs(by_runs: float, informed: Array) -> tuple[float, float]:
-    """Return by how much more a number scatters than its samples say, at least 1, and how sure that is.
+    """Return the ratio of the scatter over runs to that of samples, at least 1, and its degrees of freedom.
 
     Args:
         by_runs: Standard error by the jackknife over that by samples.
-        informed: What each run knows of the number.
+        informed: Information of each run on the parameter.
 
     Returns:
         The factor, and its degrees of freedom.
     """
     active = float(informed.sum() ** 2 / max(float((informed**2).sum()), 1e-300))
     freedom = max(active - 1.0, 0.0)
-    is_sure = freedom >= 1.0 and by_runs**2 > stats.chi2.ppf(BEYOND_CHANCE, freedom) / freedom
+    is_sure = (
+        freedom >= 1.0 and by_runs**2 > 2.0 * special.gammaincinv(freedom / 2.0, BEYOND_CHANCE) / freedom
+    )
     agreeing = SCATTERING_RUNS if is_sure else AGREEING_RUNS
     together = (agreeing + freedom * by_runs**2) / (agreeing + freedom)
     return math.sqrt(max(together, 1.0)), agreeing + freedom
@@ -112,15 +114,16 @@ def scatter_of_runs(by_runs: float, informed: Array) -> tuple[float, float]:
 
 def as_normal(z: float, spread: float, freedom: float) -> float:
     """Return the size of the standard normal that is as improbable as z over the scatter of runs."""
-    t = abs(z) / spread
-    return min(abs(z), max(0.0, float(-stats.norm.ppf(max(stats.t.sf(t, freedom), 1e-300)))))
+    # Not scipy.stats, whose distributions take a hundred times as long for one number.
+    probability = float(special.stdtr(freedom, -abs(z) / spread))
+    return min(abs(z), max(0.0, -float(special.ndtri(max(probability, 1e-300)))))
 
 
 def is_clearly_worse(rival: Fit, best: Fit, noise: Noise, level: float) -> bool:
-    """Tell whether a rival explains the runs worse than the best, run by run (paired t-test).
+    """Return True where an alternative explains the runs worse than the best, by a paired t-test over runs.
 
-    Each run's difference is taken in its own standard deviation: that of twice the squared distance between
-    the two, were errors all there is.
+    Each run's difference is divided by its standard deviation without a gap, from the distance between the
+    two.
     """
     number = clusters(noise)
     worse = np.bincount(number, weights=rival.residual**2 - best.residual**2)

@@ -1,4 +1,4 @@
-"""What errors look like, as a transformation after which they are independent and of unit size."""
+"""Noise models: transformations that make errors independent and of unit size."""
 
 import math
 from collections.abc import Sequence
@@ -18,11 +18,11 @@ MOST_LAGS = 8
 HUBER_SD = 2.5
 LEAST_BLOCKS = 24
 RINGING = 0.9
-"""Size of complex poles from which on errors swing for ten samples and more."""
+"""Least size of complex poles for which errors oscillate for ten samples and more."""
 ROUNDING = 1e-9
-"""Errors of exact data, as a share of the values: below it is arithmetic."""
+"""Least size of errors, as a share of the values: below it is rounding of the arithmetic."""
 CLEARLY = 1.0
-"""By which minus two log-likelihood must fall before runs are said to have constants of their own."""
+"""Least gain in minus two log-likelihood for constants per run."""
 
 
 class Noise(Protocol):
@@ -50,7 +50,7 @@ class Noise(Protocol):
 
     @property
     def block(self) -> Indices:
-        """Stretch of data of each whitened row; errors of two stretches are independent."""
+        """Stretch of data of each whitened row; errors of different stretches are independent."""
         ...
 
     def whiten(self, rows: Array) -> Array:
@@ -60,7 +60,7 @@ class Noise(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SteadyNoise:
-    """Errors of group means: scatter over the number of runs, and what replicates share."""
+    """Errors of group means: scatter over the number of runs, and the common errors of replicates."""
 
     matrix: Array
     freedom: float
@@ -106,9 +106,9 @@ def steady_noise(observations: Observations, scatter: Scatter) -> SteadyNoise:
 
 
 def _shared_variance(channel: Channel, variance: float) -> float:
-    """Return the variance of what replicates have in common: the model's own error, and rounding.
+    """Return the variance that replicates have in common: the model's own error, and rounding.
 
-    Where the scatter is small beside the step, all replicates are rounded the same way; the correlation of
+    Where the scatter is small against the step, all replicates are rounded alike; the correlation of
     two rounding errors is exp(-(2 pi sd / step)^2) (characteristic function of the scatter).
     """
     if channel.quantum <= 0.0:
@@ -124,9 +124,9 @@ class SeriesNoise:
     Attributes:
         lags: Coefficients of past errors, per channel.
         taps: The same for each row.
-        innovation_sd: Of what is new in each error, per channel.
-        constant_sd: Of what each run has of its own, per channel.
-        keep: Rows that have all their past.
+        innovation_sd: Standard deviation of the innovations, per channel.
+        constant_sd: Standard deviation of the constants of the runs, per channel.
+        keep: Rows with complete past.
         scale: Factor of each kept row.
     """
 
@@ -144,19 +144,19 @@ class SeriesNoise:
     block: Indices
 
     def whiten(self, rows: Array) -> Array:
-        """Return independent standard errors of the rows that have all their past."""
+        """Return independent standard errors of the rows with complete past."""
         filtered = _filter(self.taps, rows)[self.keep]
         return self.constants.whiten(filtered * (self.scale if rows.ndim == 1 else self.scale[:, None]))
 
 
 def series_noise(observations: Observations, residual: Array, *, is_final: bool = True) -> SeriesNoise:
-    """Learn the errors from what is left between measurement and model.
+    """Estimate the errors from the residual.
 
     Args:
         observations: The observations.
         residual: Measured minus predicted; NaN where either is missing.
-        is_final: Weight down what lies far out. Not before effects are out of the residual: an effect that
-            acts now and then, like a delay, looks like heavy tails.
+        is_final: Reduce the weight of outliers. Only after effects are removed from the residual: an effect
+            that acts at times, like a delay, resembles heavy tails.
     """
     constant_sd = np.zeros(len(observations.channels))
     centred = residual.copy()
@@ -199,8 +199,8 @@ def series_noise(observations: Observations, residual: Array, *, is_final: bool 
 def _learn(observations: Observations, residual: Array, channel: int) -> tuple[Array, float]:
     """Return the autoregression of one channel's errors, and the deviation of the constants of its runs.
 
-    A constant that differs from run to run looks like errors that never fade, behind which all that is slow
-    would hide; so both readings are tried, and the likelier one is kept.
+    A constant per run resembles errors that never decay, which would hide all slow effects. Both models are
+    fitted, and the likelier one is kept.
     """
     cost = {}
     found = {}
@@ -227,7 +227,7 @@ def _learn(observations: Observations, residual: Array, channel: int) -> tuple[A
 
 
 def _centre(observations: Observations, values: Array, channel: int) -> None:
-    """Take the mean out of each series of a channel."""
+    """Subtract the mean of each series of a channel."""
     for cell in cells(observations):
         good = cell[np.isfinite(values[cell])]
         if observations.channel[cell[0]] == channel and good.size:
@@ -256,7 +256,7 @@ def _weigh(innovations: Array, channel: Channel, least: float, *, is_final: bool
 
 
 def for_other_runs(noise: Noise, scatter: Scatter | None, observations: Observations) -> Noise:
-    """Return the same kind and size of errors for observations that were not learned from."""
+    """Return the same noise model for other observations."""
     if isinstance(noise, SeriesNoise):
         present = np.isfinite(observations.values)
         keep = _with_past(observations, present, noise.lags)
@@ -345,7 +345,7 @@ def _fit_lags(observations: Observations, residual: Array, channel: int) -> Arra
 
 
 def _rings(lags: NDArray[np.floating]) -> bool:
-    """Tell whether errors of such an autoregression swing: like a system that the model has wrong."""
+    """Return True where the autoregression oscillates, like a system with wrong dynamics in the model."""
     poles = np.roots(np.concatenate(([1.0], -lags)))
     return bool(np.any((np.abs(poles) > RINGING) & (np.abs(poles.imag) > 1e-9) & (poles.real > 0.0)))
 

@@ -1,11 +1,11 @@
-"""Scatter of steady experiments, learned from replicates alone: no model can hide in it.
+"""Scatter of steady experiments, estimated from replicates alone and independent of any model.
 
 The covariance of the channels of one run is
 
     diag(a_c^2 + (b_c m_c)^2) + sum_k tau_k^2 g_k g_k^T
 
-with m the measured mean, g_k the model's change per unit of condition k: what was set is never reproduced
-exactly, and such an error moves all channels together and most where the model is steep. The variances are
+with m the measured mean and g_k the model's change per unit of condition k: settings are never reproduced
+exactly, and such an error moves all channels together, most where the model is steep. The variances are
 fitted to the differences between replicates by restricted maximum likelihood; AICc decides on the
 second term.
 """
@@ -23,19 +23,19 @@ from sim_backends.models.interface import Array, Channel, Run
 CLIP_SD = 4.0
 FLOOR_SHARE = 1e-6
 MANY = 5.0
-"""Differences between replicates per variance, from which on errors of settings are looked for."""
+"""Fewest differences between replicates per variance to estimate errors of settings."""
 LEAST_FREEDOM = 3
-"""Replicates beyond the first, over all groups, that make a scatter of their own."""
+"""Fewest replicates beyond the first, over all groups, to estimate a scatter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """What replicates say.
+    """Scatter of replicates.
 
     Attributes:
         covariance: Of the channels of one run, for each group: groups x channels x channels.
         freedom: Degrees of freedom behind each channel's variance; infinite where the sensor's is given.
-        setting_sd: How well each condition is reproduced, by condition; 0 where it does not show.
+        setting_sd: Standard deviation of each condition between replicates; 0 where it is not visible.
     """
 
     covariance: Array
@@ -55,7 +55,7 @@ class _Evidence:
 
 
 def pooled_freedom(groups: Sequence[Group], channels: Sequence[Channel]) -> Array:
-    """Return per channel how many differences between replicates there are."""
+    """Return the number of differences between replicates per channel."""
     return np.array(
         [
             sum(max(0, sum(1 for run in group.runs if item.name in run.measured) - 1) for group in groups)
@@ -97,7 +97,7 @@ def estimate_scatter(groups: Sequence[Group], channels: Sequence[Channel], gradi
 
 
 def winsorise(groups: Sequence[Group], channels: Sequence[Channel], scatter: Scatter) -> list[Run]:
-    """Return all runs, values far from the median of their replicates drawn in to `CLIP_SD`."""
+    """Return all runs, values limited to `CLIP_SD` from the median of their replicates."""
     runs = []
     for index, group in enumerate(groups):
         clipped = {}
@@ -163,7 +163,7 @@ def _fit(evidence: _Evidence, gradient: Array, floors: Array) -> tuple[Array, Ar
 
 
 def pooled_count(evidence: _Evidence) -> float:
-    """Return how many differences between replicates there are, over all channels."""
+    """Return the number of differences between replicates over all channels."""
     return float((evidence.counts - 1.0).sum()) * float(evidence.deviations.shape[1])
 
 

@@ -1,4 +1,4 @@
-"""What differs from run to run: in each run and channel a constant of its own, drawn anew."""
+"""Scatter between runs: each run and channel has a random constant."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ RATIOS = np.geomspace(1e-3, 1e8, 111)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScatter:
-    """Makes rows with constants of their own independent.
+    """Whitens rows with random constants per series.
 
     Attributes:
         starts: First row of each series.
-        direction: What the constant does to each row of its series, of unit length in each.
-        shrink: Share of that direction's part that is taken away, per series.
+        direction: Effect of the constant on each row of its series, of unit length in each.
+        shrink: Share of that direction that is removed, per series.
     """
 
     starts: Indices
@@ -38,7 +38,7 @@ class RunScatter:
 
 
 def series_starts(site: Indices, channel: Indices) -> Indices:
-    """Return the first row of each series; rows of a series stand together."""
+    """Return the first row of each series; rows of a series are contiguous."""
     change = (np.diff(site) != 0) | (np.diff(channel) != 0)
     return np.concatenate(([0], np.flatnonzero(change) + 1)).astype(np.intp)
 

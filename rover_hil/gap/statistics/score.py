@@ -1,8 +1,8 @@
-"""Scores: how much the data asks for a direction that the base model cannot follow.
+"""Score tests: how strongly the data supports a direction that the base model cannot follow.
 
-At the fitted base parameters, the whitened residual and the pulls of the priors are one vector. What the base
-parameters can absorb is projected out of it and of each direction; without a gap the rest is standard normal
-along every direction, whatever the parameters were.
+At the fitted base parameters, the whitened residual and the pulls of the priors form one vector. The part
+that the base parameters can absorb is projected out of it and of each direction. Without a gap the remaining
+vector is standard normal along every direction, for any parameters.
 """
 
 import math
@@ -20,7 +20,7 @@ from sim_backends.models.interface import Array
 
 DRAWS = 4000
 LARGE = 0.02
-"""Share of the scatter of samples from which on a term counts although runs do not agree on it."""
+"""Least share of the scatter of samples for a term to count although runs disagree on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ class Direction:
         name: Effect, or term of an equation.
         change: Per unit of strength.
         sign: +1 or -1 where the strength has a sign, else 0.
-        shapes: The other parameters it was taken at.
+        shapes: Values of the other parameters.
         size: Natural size of the strength.
         unit: Of the strength.
     """
@@ -46,16 +46,16 @@ class Direction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """How much the data asks for one direction.
+    """Support of the data for one direction.
 
     Attributes:
-        direction: Which.
+        direction: The direction.
         z: Standard normal without gap; one-sided where the strength has a sign. The smaller of the values by
             the noise model and by the scatter between independent stretches of data.
         z_by_samples: The former alone.
         strength: Estimate to first order, in the direction's unit.
         standard_error: Of the strength.
-        remaining_share: Share of the direction that base parameters leave.
+        remaining_share: Share of the direction that base parameters do not absorb.
         projected: The direction after projection, of unit length.
     """
 
@@ -69,7 +69,7 @@ class Score:
 
 
 class Projection:
-    """Takes out of vectors what the fitted base parameters can absorb."""
+    """Projects vectors on what the fitted base parameters cannot absorb."""
 
     def __init__(self, fit: Fit) -> None:
         self._priors = fit.jacobian.shape[1]
@@ -78,7 +78,7 @@ class Projection:
         self.residual = self.apply(fit.residual, -fit.pull)
 
     def apply(self, rows: Array, priors: Array | None = None) -> Array:
-        """Return what is left of a whitened vector."""
+        """Return the projection of a whitened vector."""
         tail = np.zeros(self._priors) if priors is None else priors
         vector = np.concatenate((rows, tail))
         residual: Array = vector - self._basis @ (self._basis.T @ vector)
@@ -86,7 +86,7 @@ class Projection:
 
 
 def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_steady: bool) -> list[Score]:
-    """Return one score per direction; those that change nothing are left out."""
+    """Return one score per direction; directions that change nothing are omitted."""
     projection = Projection(fit)
     blocks = None if is_steady else clusters(noise)
     scores = []
@@ -117,13 +117,13 @@ def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_ste
 
 
 def one_sided_z(score: Score, *, by_samples: bool = False) -> float:
-    """Return how strongly the data asks for a direction: 0 where it asks for the forbidden sign."""
+    """Return the score of a direction; 0 where the data supports the forbidden sign."""
     z = score.z_by_samples if by_samples else score.z
     return max(0.0, score.direction.sign * z) if score.direction.sign else abs(z)
 
 
 def of_terms(scores: Sequence[Score]) -> list[Score]:
-    """Return scores of terms that need no name: where they are large, runs may disagree on them."""
+    """Return scores of free-form terms; runs may disagree on those that are large."""
     return [
         replace(one, z=one.z_by_samples) if one.z_by_samples**2 > LARGE * one.direction.change.size else one
         for one in scores
@@ -133,8 +133,8 @@ def of_terms(scores: Sequence[Score]) -> list[Score]:
 def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float:
     """Return the size of z when only the scatter between blocks counts (jackknife, Student's t).
 
-    It is taken around the fitted direction, so that an effect that is there does not count as scatter; the
-    leverage of each block is taken out, as in the jackknife.
+    It is taken around the fitted direction, so that a real effect does not count as scatter; the leverage of
+    each block is removed, as in the jackknife.
     """
     rows = blocks.size
     parts = np.bincount(blocks, weights=unit[:rows] * (residual[:rows] - z * unit[:rows]))
@@ -150,8 +150,7 @@ def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float
 def family_draws(scores: Sequence[Score], freedom: float, rng: np.random.Generator) -> Array:
     """Return draws of the greatest `one_sided_z` of a family when there is no gap, sorted.
 
-    The directions' correlations are kept; the size of the errors is as uncertain as its degrees of freedom
-    say.
+    The directions' correlations are kept; the size of the errors is uncertain by its degrees of freedom.
     """
     if not scores:
         return np.zeros(DRAWS)
@@ -188,5 +187,5 @@ def quantile(draws: Array, alpha: float) -> float:
 
 
 def cosine(first: Score, second: Score) -> float:
-    """Return how alike two directions are after projection, -1..1."""
+    """Return the similarity of two directions after projection, -1..1."""
     return float(first.projected @ second.projected)

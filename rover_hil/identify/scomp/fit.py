@@ -21,8 +21,9 @@ from controllers.slip.scomp.parameters import (
 )
 from controllers.slip.scomp.two_segment_slip_law import fit_two_segments
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Array, Drive, TruePath
-from rover_hil.scomp.windows import WINDOW_S, Windows, cut, smoothed, true_velocity
+from rover_hil.datasets.arrays import Array
+from rover_hil.scomp.drive import Drive, TruePath
+from rover_hil.scomp.windows import LONGEST_TRUTH_GAP_S, WINDOW_S, Windows, cut, smoothed, true_velocity
 
 TWO_SEGMENT_RANGE_RAD = (0.0, math.radians(25.0))
 SMALLEST_FLUCTUATION = 0.03
@@ -71,6 +72,11 @@ def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) 
     windows = cut(drive, truth, rover.wheel_radius_m)
     _check_windows(windows)
     notes: list[str] = []
+    if windows.without_truth:
+        notes.append(
+            f"{windows.without_truth} windows of {WINDOW_S:g} s left out: no true pose for more than "
+            f"{LONGEST_TRUTH_GAP_S:g} s"
+        )
     pitch, slip_rms = fit_pitch(windows, notes)
     trace, rear_axle_m = fit_trace(drive, truth, rover, notes)
     parameters = ScompParameters(

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
 from drivers.errors import ModelError
-
-Array = NDArray[np.float64]
+from rover_hil.datasets.arrays import Array
 
 LOW_SLIP = 0.2
 HIGH_SLIP = 0.5

@@ -1,9 +1,9 @@
 """The rover's equations of motion, compiled.
 
-A step is linearly implicit: the forces' slope over the body's velocity is found by differences and taken into
-the step, so that a light body on a stiff soil needs no microsecond steps; in steady state it is exact.
+A step is linearly implicit: it includes the derivative of the forces by the body's velocity, computed by
+differences, so that a light body on a stiff soil needs no microsecond steps. In steady state it is exact.
 
-All compiled functions stand in this one file: numba's cache does not notice changes in another.
+All compiled functions are in this file: numba's cache does not detect changes in another.
 """
 
 import math
@@ -17,7 +17,7 @@ from sim_backends.jit import compiled
 from sim_backends.plants.el_dorado.wheel_table import WheelTable
 
 REST_M_S = 1e-5
-"""When every rim is slower, the soil holds the rover where it stands."""
+"""When every rim is slower, the soil holds the rover at rest."""
 LEAST_LOAD = 0.02
 """A wheel carries at least this share of the weight: the rover does not tip."""
 
@@ -28,7 +28,7 @@ class Rover(NamedTuple):
     """Constants of the body.
 
     Attributes:
-        contact_m: Of each wheel, rows x, y in the body.
+        contact_m: Contact of each wheel, rows x, y in the body frame.
         inertia: Mass, mass, moment of inertia about the vertical.
     """
 
@@ -51,13 +51,13 @@ class Ground(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes; arrays are written in place.
+    """State variables; arrays are updated in place.
 
     Attributes:
         pose: x, y in the world, yaw.
-        tilt: Pitch (nose down positive) and roll (left side up positive) of the plane on which it stands.
+        tilt: Pitch (nose down positive) and roll (left side up positive) of the contact plane.
         twist: Velocity forward and to the left in that plane, rate about its normal.
-        torque_nm: That the soil asks of each wheel.
+        torque_nm: Torque of the soil on each wheel.
         slip: Slip ratio of each wheel.
     """
 
@@ -68,11 +68,11 @@ class State(NamedTuple):
     slip: Array
 
 
-class Footing(NamedTuple):
-    """How each wheel stands, and what the weight asks of all.
+class GroundContact(NamedTuple):
+    """Load and camber of each wheel, and the effect of the weight along the contact plane.
 
     Attributes:
-        load_n: On each wheel.
+        load_n: Load on each wheel.
         camber_rad: From the surface's normal under the wheel to the wheel's plane, positive to the left.
         pull: Weight along the body's x and y, N, and its moment, N m; rises under the wheels that differ
             from the plane of the four contacts included.
@@ -99,8 +99,8 @@ def surface(ground: Ground, x_m: float, y_m: float) -> tuple[float, float, float
 
 
 @_compiled
-def stand(state: State, rover: Rover, ground: Ground) -> Footing:
-    """Tilt the body onto the plane nearest to its four contacts, and share its weight among the wheels."""
+def settle(state: State, rover: Rover, ground: Ground) -> GroundContact:
+    """Tilt the body onto the best-fit plane of its contacts, and distribute its weight over the wheels."""
     cosine, sine = math.cos(state.pose[2]), math.sin(state.pose[2])
     ahead, left = rover.contact_m[:, 0], rover.contact_m[:, 1]
     rise_ahead = rise_left = 0.0
@@ -133,12 +133,12 @@ def stand(state: State, rover: Rover, ground: Ground) -> Footing:
         pull[0] -= back_n
         pull[1] -= right_n
         pull[2] += back_n * left[wheel] - right_n * ahead[wheel]
-    return Footing(load, camber, pull)
+    return GroundContact(load, camber, pull)
 
 
 @_compiled
-def _place(axis: Array, value: float) -> tuple[int, float]:
-    """Return the cell of an axis and the share of the way through it; the ends are held."""
+def _cell_of(axis: Array, value: float) -> tuple[int, float]:
+    """Return the cell of an axis and the relative position in it; values are clamped to the ends."""
     cell = min(max(int(np.searchsorted(axis, value)) - 1, 0), len(axis) - 2)
     share = (value - axis[cell]) / (axis[cell + 1] - axis[cell])
     return cell, min(max(share, 0.0), 1.0)
@@ -150,10 +150,10 @@ def look_up(
 ) -> tuple[float, float, float]:
     """Return drawbar pull, side force to the left, and torque over radius, as shares of the load."""
     mirror = -1.0 if side_rad < 0.0 else 1.0
-    first, a = _place(table.load_n, load_n)
-    second, b = _place(table.slip, slip)
-    third, c = _place(table.side_rad, mirror * side_rad)
-    fourth, d = _place(table.camber_rad, mirror * camber_rad)
+    first, a = _cell_of(table.load_n, load_n)
+    second, b = _cell_of(table.slip, slip)
+    third, c = _cell_of(table.side_rad, mirror * side_rad)
+    fourth, d = _cell_of(table.camber_rad, mirror * camber_rad)
     drawbar = side = torque = 0.0
     for corner in range(16):
         i, j, k, m = corner & 1, corner >> 1 & 1, corner >> 2 & 1, corner >> 3
@@ -171,17 +171,17 @@ def wheel_shares(
 ) -> tuple[float, float, float, float]:
     """Return force forward, to the left and torque over radius, as shares of the load, and the slip ratio.
 
-    Backward travel mirrors forward travel. Pushed against the turning of its rim a wheel ploughs: its
+    Backward travel mirrors forward travel. A wheel pushed against the rotation of its rim ploughs: its
     resistance grows with that speed up to its load.
     """
-    way = -1.0 if rim_m_s < 0.0 or (rim_m_s == 0.0 and ahead_m_s < 0.0) else 1.0
-    rim, forward = way * rim_m_s, way * ahead_m_s
+    direction = -1.0 if rim_m_s < 0.0 or (rim_m_s == 0.0 and ahead_m_s < 0.0) else 1.0
+    rim, forward = direction * rim_m_s, direction * ahead_m_s
     ploughing = min(max(-forward / rim, 0.0), 1.0) if rim > 0.0 else 0.0
     forward = max(forward, 0.0)
     faster = max(rim, forward, 1e-12)
     slip = (rim - forward) / faster
     drawbar, side, torque = look_up(table, load_n, slip, math.atan(left_m_s / faster), camber_rad)
-    return way * (drawbar + ploughing), side, way * torque, slip
+    return direction * (drawbar + ploughing), side, direction * torque, slip
 
 
 @_compiled
@@ -191,27 +191,27 @@ def _soil_forces(
     steer_rad: Array,
     strength: Array,
     rover: Rover,
-    footing: Footing,
+    contact: GroundContact,
     table: WheelTable,
     state: State,
 ) -> Array:
-    """Return what the soil does to the body: forces along x, y, and moment; note slips and torques."""
+    """Return the soil's forces on the body along x, y, and its moment; update slips and torques."""
     total = np.zeros(3)
     for wheel in range(4):
         ahead, left = rover.contact_m[wheel, 0], rover.contact_m[wheel, 1]
         x_m_s, y_m_s = twist[0] - twist[2] * left, twist[1] + twist[2] * ahead
         cosine, sine = math.cos(steer_rad[wheel]), math.sin(steer_rad[wheel])
-        load_n = footing.load_n[wheel]
+        load_n = contact.load_n[wheel]
         drawbar, side, torque, slip = wheel_shares(
             table,
             load_n,
             rim_m_s[wheel],
             cosine * x_m_s + sine * y_m_s,
             -sine * x_m_s + cosine * y_m_s,
-            footing.camber_rad[wheel],
+            contact.camber_rad[wheel],
         )
-        pull_n, side_n = strength[wheel] * load_n * drawbar, strength[wheel] * load_n * side
-        x_n, y_n = cosine * pull_n - sine * side_n, sine * pull_n + cosine * side_n
+        drawbar_n, side_n = strength[wheel] * load_n * drawbar, strength[wheel] * load_n * side
+        x_n, y_n = cosine * drawbar_n - sine * side_n, sine * drawbar_n + cosine * side_n
         total[0] += x_n
         total[1] += y_n
         total[2] += ahead * y_n - left * x_n
@@ -231,19 +231,19 @@ def step(
     strength: Array,
     step_s: float,
 ) -> None:
-    """Do a step with the rims at given speeds.
+    """Integrate one step with the rims at given speeds.
 
     Args:
-        state: Is moved on.
-        rover: Body.
+        state: State, updated in place.
+        rover: Constants of the body.
         ground: Shape of the ground.
         table: Forces of the soil.
-        rim_m_s: Of each wheel.
+        rim_m_s: Rim speed of each wheel.
         steer_rad: Angle of each wheel, counter-clockwise.
         strength: Factor on the soil's horizontal forces at each wheel.
         step_s: Length of the step.
     """
-    footing = stand(state, rover, ground)
+    contact = settle(state, rover, ground)
     fastest = np.max(np.abs(rim_m_s))
     if fastest < REST_M_S:
         state.twist[:] = 0.0
@@ -253,22 +253,22 @@ def step(
     matrix = np.zeros((3, 3))
     probe = 1e-3 * fastest
     for axis in range(3):
-        # Differences to both sides: forward pull does not change with the sign of a sideways speed.
+        # Central differences: the drawbar pull is even in the sideways speed.
         less, more = state.twist.copy(), state.twist.copy()
         less[axis] -= probe
         more[axis] += probe
-        below = _soil_forces(less, rim_m_s, steer_rad, strength, rover, footing, table, state)
-        above = _soil_forces(more, rim_m_s, steer_rad, strength, rover, footing, table, state)
+        below = _soil_forces(less, rim_m_s, steer_rad, strength, rover, contact, table, state)
+        above = _soil_forces(more, rim_m_s, steer_rad, strength, rover, contact, table, state)
         matrix[:, axis] = (below - above) / (2.0 * probe)
         matrix[axis, axis] += rover.inertia[axis] / step_s
-    forces = _soil_forces(state.twist, rim_m_s, steer_rad, strength, rover, footing, table, state)
-    state.twist[:] += np.linalg.solve(matrix, forces + footing.pull)
+    forces = _soil_forces(state.twist, rim_m_s, steer_rad, strength, rover, contact, table, state)
+    state.twist[:] += np.linalg.solve(matrix, forces + contact.pull)
     _move(state, rover, ground, step_s)
 
 
 @_compiled
 def _move(state: State, rover: Rover, ground: Ground, step_s: float) -> None:
-    """Move the pose along the plane on which the rover stands, and turn it onto the next."""
+    """Integrate the pose along the contact plane, and tilt it onto the next one."""
     pitch, roll = state.tilt[0], state.tilt[1]
     forward = state.twist[0] * math.cos(pitch) + state.twist[1] * math.sin(pitch) * math.sin(roll)
     left = state.twist[1] * math.cos(roll)
@@ -276,6 +276,6 @@ def _move(state: State, rover: Rover, ground: Ground, step_s: float) -> None:
     middle = state.pose[2] + 0.5 * turn
     state.pose[0] += step_s * (math.cos(middle) * forward - math.sin(middle) * left)
     state.pose[1] += step_s * (math.sin(middle) * forward + math.cos(middle) * left)
-    stand(state, rover, ground)
-    # On curved ground a body that does not turn about its own normal still turns in the plan.
+    settle(state, rover, ground)
+    # On curved ground a body that does not turn about its own normal still turns in plan view.
     state.pose[2] += turn + math.tan(roll) / math.cos(pitch) * (state.tilt[0] - pitch)

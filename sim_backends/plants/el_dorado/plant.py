@@ -1,4 +1,4 @@
-"""The simulated El-Dorado: what the compiled equations make of set-points, at the times others ask for."""
+"""The simulated El-Dorado: integrates the compiled equations of motion to the requested times."""
 
 import math
 from collections.abc import Sequence
@@ -7,11 +7,11 @@ import numpy as np
 
 from drivers.clock import seconds
 from drivers.units import STANDARD_GRAVITY_M_S2
-from sim_backends.plants.el_dorado.dynamics import Ground, Rover, State, stand, step
+from sim_backends.plants.el_dorado.dynamics import Ground, Rover, State, settle, step
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.el_dorado.wheel_table import WheelTable, load_table
 from sim_backends.terramechanics.soil.library import load_soil, load_wheel
-from sim_backends.world.coloured_noise import SlowNoise
+from sim_backends.world.coloured_noise import ColouredNoise
 from sim_backends.world.plant import Truth
 
 FRICTION_SMOOTHING_RAD_S = 0.02
@@ -19,16 +19,16 @@ STEP_NS = 10_000_000
 
 
 class ElDoradoPlant:
-    """Four wheels, each driven and steered by itself, on a slope with mounds.
+    """Four wheels, each with its own drive and steering, on a slope with mounds.
 
     Wheels: front left, front right, rear left, rear right. x and y are horizontal, as a tracker on the ground
-    measures them. What it leaves out is on the page on simulators.
+    measures them. docs/simulators.md lists what is not modelled.
 
     Args:
         settings: The true rover and its ground.
-        rng: Source of all fluctuation.
+        rng: Source of the fluctuation of forces.
         start_ns: Time at the start pose, at rest.
-        table: Forces of the soil; None takes those of the settings' wheel, soil and mass.
+        table: Forces of the soil; None uses those of the settings' wheel, soil and mass.
 
     Raises:
         ConfigError: There is no such wheel or soil.
@@ -55,24 +55,24 @@ class ElDoradoPlant:
             torque_nm=np.zeros(4),
             slip=np.zeros(4),
         )
-        stand(self._state, self._rover, self._ground)
-        self._noise = SlowNoise(4, settings.fluctuation_time_s, rng, start_ns)
+        settle(self._state, self._rover, self._ground)
+        self._noise = ColouredNoise(4, settings.fluctuation_time_s, rng, start_ns)
         self._now_ns = self._reached_ns = start_ns
         self._set_rad_s, self._set_steer_rad = np.zeros(4), np.zeros(4)
         self._speed_rad_s, self._angle_rad, self._steer_rad = np.zeros(4), np.zeros(4), np.zeros(4)
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Give the inner speed loops new set-points: front left, front right, rear left, rear right."""
+        """Set the set-points of the inner speed loops: front left, front right, rear left, rear right."""
         self._catch_up()
         self._set_rad_s = np.array(speed_rad_s, dtype=np.float64)
 
     def set_steering(self, angle_rad: Sequence[float]) -> None:
-        """Give the steering drives new angles, counter-clockwise, in the order of the wheels."""
+        """Set the steering angles, counter-clockwise, in the order of the wheels."""
         self._catch_up()
         self._set_steer_rad = np.array(angle_rad, dtype=np.float64)
 
     def advance(self, t_ns: int) -> None:
-        """Go on to `t_ns`; does nothing for a time already reached. `truth` integrates when it is asked."""
+        """Set the present time; does nothing for a time already reached. `truth` integrates on demand."""
         self._now_ns = max(self._now_ns, t_ns)
 
     def _catch_up(self) -> None:
@@ -82,15 +82,15 @@ class ElDoradoPlant:
             self._reached_ns += step_ns
 
     def _step(self, step_s: float) -> None:
-        """Solve the first-order lag of the wheels exactly over the step, and move at their mean speed."""
+        """Integrate one step: the wheels' first-order lag is exact, the body moves at their mean speed."""
         settings = self._settings
         kept = math.exp(-step_s / settings.speed_lag_s)
-        behind = self._speed_rad_s - self._set_rad_s
-        turned = self._set_rad_s * step_s + behind * (settings.speed_lag_s * (1.0 - kept))
+        speed_error = self._speed_rad_s - self._set_rad_s
+        turned = self._set_rad_s * step_s + speed_error * (settings.speed_lag_s * (1.0 - kept))
         self._angle_rad += turned
-        self._speed_rad_s = self._set_rad_s + behind * kept
-        most = settings.steer_rate_rad_s * step_s
-        self._steer_rad += np.clip(self._set_steer_rad - self._steer_rad, -most, most)
+        self._speed_rad_s = self._set_rad_s + speed_error * kept
+        limit_rad = settings.steer_rate_rad_s * step_s
+        self._steer_rad += np.clip(self._set_steer_rad - self._steer_rad, -limit_rad, limit_rad)
         strength = 1.0 + settings.force_fluctuation * np.array(self._noise.at(self._reached_ns))
         step(
             self._state,
@@ -134,7 +134,7 @@ class ElDoradoPlant:
         )
 
     def _currents_a(self) -> list[float]:
-        """Return the signed currents that friction, soil and acceleration ask for; gears hold at rest."""
+        """Return the signed currents for friction, soil and acceleration; the gears hold at rest."""
         settings = self._settings
         turning = self._speed_rad_s / np.hypot(self._speed_rad_s, FRICTION_SMOOTHING_RAD_S)
         acceleration = (self._set_rad_s - self._speed_rad_s) / settings.speed_lag_s
@@ -172,9 +172,9 @@ def _rover(settings: ElDoradoPlantSettings) -> Rover:
 
 def _ground(settings: ElDoradoPlantSettings) -> Ground:
     shape = settings.ground
-    steep, uphill_rad = math.tan(math.radians(shape.inclination_deg)), math.radians(shape.uphill_deg)
+    grade, uphill_rad = math.tan(math.radians(shape.inclination_deg)), math.radians(shape.uphill_deg)
     mounds = [(mound.x_m, mound.y_m, mound.height_m, mound.radius_m) for mound in shape.mounds]
     return Ground(
-        grade=steep * np.array([math.cos(uphill_rad), math.sin(uphill_rad)]),
+        grade=grade * np.array([math.cos(uphill_rad), math.sin(uphill_rad)]),
         mounds=np.array(mounds, dtype=np.float64).reshape(-1, 4),
     )

@@ -1,4 +1,4 @@
-"""What the configuration says about the simulated El-Dorado and its ground."""
+"""Settings of the simulated El-Dorado and its ground."""
 
 from typing import Annotated, Literal
 
@@ -8,7 +8,14 @@ from drivers.settings import Settings
 
 
 class Mound(Settings):
-    """A bell-shaped mound: `height_m` at the top, falling off with the standard deviation `radius_m`."""
+    """A bell-shaped mound.
+
+    Attributes:
+        x_m: Position of the top.
+        y_m: Position of the top.
+        height_m: Height of the top.
+        radius_m: Standard deviation of the bell shape.
+    """
 
     x_m: float
     y_m: float
@@ -20,8 +27,9 @@ class Ground(Settings):
     """The shape of the ground, and the soil.
 
     Attributes:
-        inclination_deg: Of the slope below the mounds.
+        inclination_deg: Inclination of the slope below the mounds.
         uphill_deg: Direction of steepest ascent, counter-clockwise from x.
+        mounds: Mounds on the slope.
         soil: A soil of the library (`sim_backends/terramechanics/soil/library/soils`), or a TOML file.
     """
 
@@ -39,17 +47,27 @@ class ElDoradoPlantSettings(Settings):
     wheel base, height of the centre of mass and motors are chosen.
 
     Attributes:
+        start_x_m: Position at the start.
+        start_y_m: Position at the start.
+        start_yaw_deg: Heading at the start, counter-clockwise from x.
         wheel: A wheel of the library (`sim_backends/terramechanics/soil/library/wheels`), or a TOML file.
-        wheel_radius_error: The wheels really roll on the wheel's radius times (1 + wheel_radius_error).
+        wheel_radius_error: The true radius of the wheels is the wheel's radius times (1 +
+            wheel_radius_error).
         track_m: Distance between left and right wheels.
         wheel_base_m: Distance between front and rear wheels.
-        centre_height_m: Of the centre of mass above the ground.
+        centre_height_m: Height of the centre of mass above the ground.
+        mass_kg: Mass of the rover.
+        ground: Shape of the ground, and soil.
         force_fluctuation: Standard deviation of the soil's horizontal forces on each wheel, as a share.
-        fluctuation_time_s: Its correlation time.
+        fluctuation_time_s: Correlation time of these forces.
         speed_lag_s: Time constant of the inner speed loop.
         steer_rate_rad_s: Speed of the steering drives.
-        torque_per_ampere_nm: At the wheel, gear and its efficiency included.
-        idle_current_a: What the electronics draw from the battery.
+        no_load_current_a: Current of a motor that turns without load.
+        torque_per_ampere_nm: Torque at the wheel per current, with gear and efficiency.
+        resistance_ohm: Resistance of a motor.
+        battery_v: Voltage of the battery without load.
+        battery_resistance_ohm: Internal resistance of the battery.
+        idle_current_a: Current of the electronics.
     """
 
     type: Literal["el_dorado"] = "el_dorado"

@@ -1,6 +1,6 @@
 """Forces of a soil on a wheel as a table over load, slip, side speed and camber.
 
-Importing this brings numba; the first table of a machine compiles the wheel forces, about 20 s.
+Importing this module loads numba; the first table on a machine compiles the wheel forces, about 20 s.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from sim_backends.terramechanics.soil.wheel_contact import wheel_contact
 from sim_backends.terramechanics.soil.wheel_forces import sink
 
 LOADS = (0.1, 0.35, 0.75, 1.3, 2.1, 3.6)
-"""Over the mean load of a wheel."""
+"""Loads relative to the mean load of a wheel."""
 SLIPS = (
     *(-0.9, -0.7, -0.5, -0.35, -0.24, -0.16, -0.1, -0.06, -0.03, 0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.26),
     *(0.33, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0),
@@ -32,14 +32,14 @@ BOUND = 1e-3
 
 
 class WheelTable(NamedTuple):
-    """Forces over the load, for speeds in any ratio.
+    """Forces relative to the load, for any ratio of the speeds.
 
     Attributes:
-        load_n: Axis; loads on the wheel.
-        slip: Axis; slip ratio, negative in skid.
-        side_rad: Axis; arctangent of the sideways speed, to the left, over the faster of rim and forward
-            speed.
-        camber_rad: Axis; from the surface's normal to the wheel's plane, positive to the left.
+        load_n: Axis of loads on the wheel.
+        slip: Axis of slip ratios, negative in skid.
+        side_rad: Axis of the arctangent of the sideways speed, to the left, over the faster of rim and
+            forward speed.
+        camber_rad: Axis of the angle from the surface's normal to the wheel's plane, positive to the left.
         share: Drawbar pull, side force to the left, and torque over radius, as shares of the load; shape
             (loads, slips, sides, cambers, 3).
     """
@@ -52,16 +52,16 @@ class WheelTable(NamedTuple):
 
 
 def load_table(wheel: WheelSettings, soil: SoilSettings, load_n: float) -> WheelTable:
-    """Return the table of `build_table`, from beside numba's cache when it was computed before."""
+    """Return the table of `build_table`; it is stored in numba's cache folder and reused."""
     axes = (LOADS, SLIPS, SIDES_DEG, CAMBERS_DEG, BOUND)
     content = f"{wheel.model_dump_json()} {soil.model_dump_json()} {load_n!r} {axes}"
     stored = cache_folder() / f"wheel_table.{hashlib.sha256(content.encode()).hexdigest()[:16]}.npz"
     try:
         with stored.open("rb") as file, np.load(file) as arrays:
             return WheelTable(*(arrays[name] for name in WheelTable._fields))
-    except (OSError, ValueError, KeyError, BadZipFile):  # not there, or cut short
+    except (OSError, ValueError, KeyError, BadZipFile):  # missing or truncated
         table = build_table(wheel, soil, load_n)
-    with suppress(OSError):  # a folder that cannot be written only costs time
+    with suppress(OSError):  # without a writable folder the table is computed again each time
         stream = io.BytesIO()
         np.savez_compressed(stream, **table._asdict())
         part = stored.with_suffix(f".{os.getpid()}.part")
@@ -87,7 +87,7 @@ def build_table(wheel: WheelSettings, soil: SoilSettings, load_n: float) -> Whee
     )
     camber = np.radians(np.array(CAMBERS_DEG))
     loads, slips, sides = (grid.ravel() for grid in np.meshgrid(load, slip, side, indexing="ij"))
-    # The kernel wants the sideways speed over the rim's, the table has it over the faster of the two.
+    # The kernel takes the sideways speed over the rim's, the table over the faster of the two.
     side_speed = np.tan(sides) / np.where(slips < 0.0, 1.0 + slips, 1.0)
     share = np.empty((len(load), len(slip), len(side), len(camber), 3))
     for index, angle in enumerate(camber.tolist()):

@@ -5,7 +5,7 @@ times the new speed, the coefficient taken at the old state. Such a step is exac
 can only dissipate, and stays stable where a stiff contact would need steps of microseconds. Eliminating the
 wheels leaves three equations for the body.
 
-All compiled functions stand in this one file: numba's cache does not notice changes in another.
+All compiled functions are in this file: numba's cache does not detect changes in another.
 """
 
 import math
@@ -20,20 +20,20 @@ from sim_backends.plants.robotino.ground import Ground
 
 BRIDGE_COUNTS = 255.0
 CREEP_M_S = 0.001
-"""Below this speed resistance and traction fade to nothing instead of changing sign at once."""
+"""Below this speed resistance and traction decrease to zero instead of changing sign abruptly."""
 
 _compiled = compiled()
 
 
 class Rover(NamedTuple):
-    """Constants; everything is seen at the wheel unless named otherwise.
+    """Constants; motor quantities are referred to the wheel.
 
     Attributes:
         steps_per_control: Steps in a period of the speed loop.
-        direction, radial: Of each wheel's rolling and of its axle, as rows (x, y, arm of yaw).
-        load_n: On each wheel.
-        mass: Matrix of inertia about the rover's centre.
-        current_step: Share of the way to its final value that the current goes in one step.
+        direction, radial: Rolling direction and axle of each wheel, rows (x, y, lever arm of yaw).
+        load_n: Load on each wheel.
+        mass: Inertia matrix about the rover's centre.
+        current_step: Share of the difference to its final value by which the current changes in one step.
         tick_rad: Encoder tick at the wheel.
     """
 
@@ -62,13 +62,13 @@ class Rover(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes; arrays are written in place.
+    """State variables; arrays are updated in place.
 
     Attributes:
         pose: x, y, yaw in the world.
-        twist: Velocity x, y and yaw rate in the body.
+        twist: Velocity x, y and yaw rate in the body frame.
         set_ticks: Set-point of each wheel, ticks per period of the speed loop.
-        counted: Ticks of each wheel when the speed loop last looked.
+        counted: Ticks of each wheel at the last call of the speed loop.
         supply: Battery voltage.
         step: Number of steps done.
     """
@@ -87,21 +87,21 @@ class State(NamedTuple):
 
 @_compiled
 def advance(state: State, rover: Rover, ground: Ground, steps: int) -> None:
-    """Do a number of steps."""
+    """Integrate a number of steps."""
     along = np.empty(3)
     across = np.empty(3)
     grip = np.empty(3)
     for _ in range(steps):
         if state.step[0] % rover.steps_per_control == 0:
             _control_speed(state, rover)
-        _feel_ground(state, rover, ground, grip, along, across)
-        _move(state, rover, grip, along, across)
+        _contact_coefficients(state, rover, ground, grip, along, across)
+        _step_body(state, rover, grip, along, across)
         state.step[0] += 1
 
 
 @_compiled
 def _control_speed(state: State, rover: Rover) -> None:
-    """Set each bridge from the ticks counted since the last call; let the battery sag."""
+    """Set each bridge from the ticks counted since the last call, and the battery voltage from the load."""
     power_w = 0.0
     for wheel in range(3):
         power_w += state.voltage_v[wheel] * state.current_a[wheel]
@@ -113,26 +113,26 @@ def _control_speed(state: State, rover: Rover) -> None:
         ticks = math.floor(state.angle_rad[wheel] / rover.tick_rad)
         measured = ticks - state.counted[wheel]
         state.counted[wheel] = ticks
-        wanted = state.set_ticks[wheel]
-        counts = wanted + rover.gain * (wanted - measured)
+        set_point = state.set_ticks[wheel]
+        counts = set_point + rover.gain * (set_point - measured)
         counts = min(max(counts, -BRIDGE_COUNTS), BRIDGE_COUNTS)
         state.voltage_v[wheel] = supply_v * counts / BRIDGE_COUNTS
 
 
 @_compiled
-def _feel_ground(
+def _contact_coefficients(
     state: State, rover: Rover, ground: Ground, grip: Array, along: Array, across: Array
 ) -> None:
-    """Find traction per sliding speed and resistance per speed, N s/m, of each wheel where it stands.
+    """Compute traction per sliding speed and resistance per speed, N s/m, at each wheel's contact.
 
     Traction over load follows s' / sqrt(1 + s'^2) with s' = stiffness * slip / friction. The slip is the
-    sliding speed over the speed at which the contact passes over the ground, sideways motion included: that
-    is how fast unstrained fibres arrive under the rollers.
+    sliding speed over the speed at which the contact passes over the ground, sideways motion included: the
+    rate at which unstrained fibres enter the contact.
     """
     cos_yaw = math.cos(state.pose[2])
     sin_yaw = math.sin(state.pose[2])
     for wheel in range(3):
-        row, rough = _ground_under(state, rover, ground, wheel, cos_yaw, sin_yaw)
+        row, roughness = _ground_under(state, rover, ground, wheel, cos_yaw, sin_yaw)
         friction = ground.rows[row, 0]
         stiffness = ground.rows[row, 1]
         load = rover.load_n[wheel]
@@ -144,8 +144,8 @@ def _feel_ground(
         strain = stiffness * (rim - rolling) / (friction * passing)
         grip[wheel] = load * stiffness / (passing * math.sqrt(1.0 + strain * strain))
         speed = math.sqrt(rolling * rolling + sideways * sideways + CREEP_M_S * CREEP_M_S)
-        along[wheel] = load * rough * (ground.rows[row, 2] + ground.rows[row, 4] * deeper) / speed
-        across[wheel] = load * rough * (ground.rows[row, 3] + ground.rows[row, 5] * deeper) / speed
+        along[wheel] = load * roughness * (ground.rows[row, 2] + ground.rows[row, 4] * deeper) / speed
+        across[wheel] = load * roughness * (ground.rows[row, 3] + ground.rows[row, 5] * deeper) / speed
 
 
 @_compiled
@@ -156,18 +156,18 @@ def _ground_under(
     arm = rover.direction[wheel, 2]  # the wheel's distance; its axle points away from the centre
     x = rover.radial[wheel, 0] * arm
     y = rover.radial[wheel, 1] * arm
-    here_x = state.pose[0] + cos_yaw * x - sin_yaw * y
-    here_y = state.pose[1] + sin_yaw * x + cos_yaw * y
-    column = math.floor((here_x - ground.x_min_m) * ground.cells_per_m)
-    line = math.floor((here_y - ground.y_min_m) * ground.cells_per_m)
+    contact_x = state.pose[0] + cos_yaw * x - sin_yaw * y
+    contact_y = state.pose[1] + sin_yaw * x + cos_yaw * y
+    column = math.floor((contact_x - ground.x_min_m) * ground.cells_per_m)
+    line = math.floor((contact_y - ground.y_min_m) * ground.cells_per_m)
     if 0 <= column < ground.row.shape[0] and 0 <= line < ground.row.shape[1]:
         return int(ground.row[column, line]), float(ground.roughness[column, line])
     return 0, 1.0
 
 
 @_compiled
-def _move(state: State, rover: Rover, grip: Array, along: Array, across: Array) -> None:
-    """Do one step of motors, wheels and body."""
+def _step_body(state: State, rover: Rover, grip: Array, along: Array, across: Array) -> None:
+    """Integrate motors, wheels and body over one step."""
     step_s, radius_m = rover.step_s, rover.radius_m
     sign = np.empty(3)
     free = np.zeros(3)
@@ -183,28 +183,28 @@ def _move(state: State, rover: Rover, grip: Array, along: Array, across: Array) 
             pushed = step_s * (torque_nm - sign[wheel] * rover.friction_nm)
             free[wheel] = (rover.wheel_inertia_kg_m2 * state.speed_rad_s[wheel] + pushed) / held
             follow[wheel] = step_s * radius_m * grip[wheel] / held
-        drawn = grip[wheel] * (1.0 - radius_m * follow[wheel]) + along[wheel]
+        drag = grip[wheel] * (1.0 - radius_m * follow[wheel]) + along[wheel]
         for i in range(3):
             ahead = rover.direction[wheel, i]
             aside = rover.radial[wheel, i]
             right[i] += ahead * grip[wheel] * radius_m * free[wheel]
             for j in range(3):
                 matrix[i, j] += (
-                    ahead * rover.direction[wheel, j] * drawn + aside * rover.radial[wheel, j] * across[wheel]
+                    ahead * rover.direction[wheel, j] * drag + aside * rover.radial[wheel, j] * across[wheel]
                 )
     _solve(matrix, right, state.twist)
     for wheel in range(3):
         speed = free[wheel] + follow[wheel] * _dot(rover.direction, wheel, state.twist)
         if speed * sign[wheel] < 0.0:
-            speed = 0.0  # friction stops a wheel, it does not turn it back
+            speed = 0.0  # friction stops a wheel but does not reverse it
         state.speed_rad_s[wheel] = speed
         state.angle_rad[wheel] += step_s * speed
-    _carry(state, step_s)
+    _integrate_pose(state, step_s)
 
 
 @_compiled
-def _carry(state: State, step_s: float) -> None:
-    """Move the pose on, along the heading in the middle of the step."""
+def _integrate_pose(state: State, step_s: float) -> None:
+    """Integrate the pose, along the heading in the middle of the step."""
     middle_yaw = state.pose[2] + 0.5 * step_s * state.twist[2]
     cos_yaw = math.cos(middle_yaw)
     sin_yaw = math.sin(middle_yaw)
@@ -215,7 +215,7 @@ def _carry(state: State, step_s: float) -> None:
 
 @_compiled
 def _motor_torque(state: State, rover: Rover, wheel: int) -> float:
-    """Move the current on and return the torque behind the gear, Coulomb friction left out."""
+    """Integrate the current and return the torque at the gear's output, without Coulomb friction."""
     speed = state.speed_rad_s[wheel]
     final_a = (state.voltage_v[wheel] - rover.back_emf_v_s * speed) / rover.resistance_ohm
     state.current_a[wheel] += rover.current_step * (final_a - state.current_a[wheel])
@@ -227,7 +227,7 @@ def _motor_torque(state: State, rover: Rover, wheel: int) -> float:
 
 @_compiled
 def _friction_sign(state: State, rover: Rover, wheel: int, torque_nm: float, grip: float) -> float:
-    """Return the direction that Coulomb friction opposes: that of motion; 0 where the wheel stays at rest."""
+    """Return the sign of motion that Coulomb friction opposes; 0 where the wheel stays at rest."""
     speed = state.speed_rad_s[wheel]
     if speed == 0.0:
         pull = torque_nm + rover.radius_m * grip * _dot(rover.direction, wheel, state.twist)
@@ -239,7 +239,7 @@ def _friction_sign(state: State, rover: Rover, wheel: int, torque_nm: float, gri
 
 @_compiled
 def _momentum(twist: Array, mass: Array, step_s: float) -> Array:
-    """Return momentum over step, with what the turning of the frame makes of it."""
+    """Return momentum over step, with the terms of the rotating frame."""
     momentum = np.empty(3)
     for i in range(3):
         momentum[i] = mass[i, 0] * twist[0] + mass[i, 1] * twist[1] + mass[i, 2] * twist[2]
@@ -266,7 +266,7 @@ def _solve(matrix: Array, right: Array, solution: Array) -> None:
             for j in range(k, 3):
                 matrix[i, j] -= factor * matrix[k, j]
     for i in range(2, -1, -1):
-        rest = right[i]
+        residual = right[i]
         for j in range(i + 1, 3):
-            rest -= matrix[i, j] * solution[j]
-        solution[i] = rest / matrix[i, i]
+            residual -= matrix[i, j] * solution[j]
+        solution[i] = residual / matrix[i, i]

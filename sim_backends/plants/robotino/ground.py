@@ -1,4 +1,4 @@
-"""The site as the integrator reads it: per cell a row of a table of grounds, and a factor of roughness."""
+"""The site as a grid: per cell a row of a table of grounds, and a roughness factor."""
 
 import math
 from typing import NamedTuple
@@ -9,20 +9,20 @@ from scipy import ndimage
 
 from sim_backends.arrays import Array
 from sim_backends.plants.robotino.site import Site
-from sim_backends.plants.robotino.surfaces import immersion
+from sim_backends.plants.robotino.surfaces import soft_ground_resistance
 
 MARGIN_M = 0.1
 
 
 class Ground(NamedTuple):
-    """The ground in cells; outside them it is that of row 0, without roughness.
+    """The ground in cells; outside the grid it is row 0 without roughness.
 
     Attributes:
         x_min_m, y_min_m: Corner of the first cell.
         cells_per_m: One over the width of a cell.
-        row: By x and y: which row of `rows` a cell has.
-        roughness: By x and y: factor on the resistances.
-        rows: Per ground: friction, stiffness, drag along, drag across, immersion along, immersion across.
+        row: Row of `rows` for each cell, by x and y.
+        roughness: Factor on the resistances for each cell, by x and y.
+        rows: Per ground: friction, stiffness, drag along, drag across, soft-ground resistance along, across.
     """
 
     x_min_m: float
@@ -33,19 +33,19 @@ class Ground(NamedTuple):
     rows: Array
 
 
-def lay_out(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Ground:
-    """Lay the patches of a site into cells and draw the roughness.
+def rasterise(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Ground:
+    """Return the patches of a site on a grid, with random roughness.
 
     Args:
         site: The site.
-        wheel_radius_m: Of the rover that sinks in.
+        wheel_radius_m: Radius of the rover's wheels.
         rng: Source of the roughness; two calls with the same generator state give the same ground.
     """
     (x_min, x_max), (y_min, y_max) = _extent(site)
     columns = max(1, math.ceil((x_max - x_min) / site.cell_m))
     lines = max(1, math.ceil((y_max - y_min) / site.cell_m))
-    x_m = _centres(x_min, columns, site.cell_m)[:, None]
-    y_m = _centres(y_min, lines, site.cell_m)[None, :]
+    x_m = _cell_centres(x_min, columns, site.cell_m)[:, None]
+    y_m = _cell_centres(y_min, lines, site.cell_m)[None, :]
     grounds = [(site.floor, 0.0)]
     row = np.zeros((columns, lines), dtype=np.int16)
     for patch in site.patches:
@@ -59,7 +59,7 @@ def lay_out(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Grou
     )
 
 
-def _centres(first_edge_m: float, count: int, cell_m: float) -> Array:
+def _cell_centres(first_edge_m: float, count: int, cell_m: float) -> Array:
     return np.array([first_edge_m + (index + 0.5) * cell_m for index in range(count)])
 
 
@@ -85,8 +85,8 @@ def _extent(site: Site) -> tuple[tuple[float, float], tuple[float, float]]:
 
 def _row(site: Site, name: str, sinkage_m: float, wheel_radius_m: float) -> tuple[float, ...]:
     surface = site.surfaces[name]
-    sinking = immersion(sinkage_m, wheel_radius_m)
-    return (surface.friction, surface.stiffness, surface.drag_along, surface.drag_across, *sinking)
+    soft_ground = soft_ground_resistance(sinkage_m, wheel_radius_m)
+    return (surface.friction, surface.stiffness, surface.drag_along, surface.drag_across, *soft_ground)
 
 
 def _roughness(site: Site, shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""The dynamic Robotino: what the compiled equations make of set-points, at the times others ask for."""
+"""The dynamic Robotino: integrates the compiled equations of motion to the requested times."""
 
 import math
 from collections import deque
@@ -10,13 +10,13 @@ import numpy as np
 from drivers.clock import nanoseconds, seconds
 from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.plants.robotino.dynamics import Rover, State, advance
-from sim_backends.plants.robotino.ground import lay_out
+from sim_backends.plants.robotino.ground import rasterise
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.world.plant import Truth
 
 WHEEL_ANGLES_DEG = (60.0, 180.0, 300.0)
 SLIP_FLOOR_M_S = 0.02
-"""Slip fades to 0 where rim and ground are both slower: 1 - v / (r omega) has no meaning at rest."""
+"""Slip decreases to 0 where rim and ground are both slower: 1 - v / (r omega) is undefined at rest."""
 
 
 class _Command(NamedTuple):
@@ -28,10 +28,10 @@ class RobotinoPlant:
     """Three gear motors with the board's speed loop, omnidirectional wheels on a test site, a heavy body.
 
     It integrates on a grid of its own: half the period of the speed loop, 0.56 ms, at a random phase. Between
-    two grid points `truth` moves on at constant speed, so that the result does not depend on when and how
-    often it is asked.
+    two grid points `truth` extrapolates at constant speed, so that the result does not depend on when and how
+    often it is called.
 
-    What it leaves out is on the page on simulators.
+    docs/simulators.md lists what is not modelled.
 
     Args:
         settings: The true rover and its ground.
@@ -44,30 +44,30 @@ class RobotinoPlant:
 
     def __init__(self, settings: RobotinoPlantSettings, rng: np.random.Generator, start_ns: int) -> None:
         self._settings = settings
-        self._ground = lay_out(settings.site, settings.wheel_radius_m, rng)
+        self._ground = rasterise(settings.site, settings.wheel_radius_m, rng)
         loop = settings.speed_loop
         rate_hz = loop.rate_hz * (1.0 + loop.rate_error * rng.standard_normal())
         self._step_ns = nanoseconds(1.0 / rate_hz / loop.steps_per_period)
         self._grid_ns = start_ns - round(rng.random() * loop.steps_per_period * self._step_ns)
         self._t_ns = start_ns
         self._rover = make_rover(settings, seconds(self._step_ns))
-        self._state = _at_rest(settings)
-        # As plain numbers: `truth` is asked several times in each control cycle.
+        self._state = _initial_state(settings)
+        # Plain numbers for speed: `truth` is called several times in each control cycle.
         self._radius_m = float(self._rover.radius_m)
         self._directions: list[list[float]] = self._rover.direction.tolist()
-        self._zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
-        self._state.angle_rad[:] = self._zeros
+        self._encoder_zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
+        self._state.angle_rad[:] = self._encoder_zeros
         self._ticks_per_rad_s = 1.0 / (self._rover.tick_rad * loop.rate_hz)
         self._commands: deque[_Command] = deque()
         self._truth: Truth | None = None
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Give the inner speed loops new set-points, one per wheel (60, 180, 300 degrees)."""
+        """Set the set-points of the inner speed loops, one per wheel (60, 180, 300 degrees)."""
         delay_ns = nanoseconds(self._settings.speed_loop.set_point_delay_s)
         self._commands.append(_Command(self._t_ns + delay_ns, tuple(speed_rad_s)))
 
     def advance(self, t_ns: int) -> None:
-        """Go on to `t_ns`; does nothing for a time already reached. `truth` integrates when it is asked."""
+        """Set the present time; does nothing for a time already reached. `truth` integrates on demand."""
         if t_ns > self._t_ns:
             self._t_ns = t_ns
             self._truth = None
@@ -99,7 +99,7 @@ class RobotinoPlant:
         x_m, y_m, yaw = state.pose.tolist()
         velocity_x, velocity_y, yaw_rate = state.twist.tolist()
         speeds = state.speed_rad_s.tolist()
-        angles = zip(state.angle_rad.tolist(), self._zeros, speeds, strict=True)
+        angles = zip(state.angle_rad.tolist(), self._encoder_zeros, speeds, strict=True)
         cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
         x_m += since_s * (cos_yaw * velocity_x - sin_yaw * velocity_y)
         return Truth(
@@ -127,7 +127,7 @@ class RobotinoPlant:
 def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
     """Return 1 - v / (r omega) of a driving wheel, between 0 and 1; negative to -1 of a braking one.
 
-    The faster of the two speeds divides; where both are below `SLIP_FLOOR_M_S`, that does.
+    The divisor is the faster of the two speeds, at least `SLIP_FLOOR_M_S`.
     """
     faster = max(abs(rim_m_s), abs(ground_m_s))
     forward = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
@@ -176,7 +176,7 @@ def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:
     )
 
 
-def _at_rest(settings: RobotinoPlantSettings) -> State:
+def _initial_state(settings: RobotinoPlantSettings) -> State:
     idle_v = settings.battery_v - settings.battery_resistance_ohm * settings.idle_current_a
     return State(
         pose=np.array([settings.start_x_m, settings.start_y_m, math.radians(settings.start_yaw_deg)]),

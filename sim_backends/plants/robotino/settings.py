@@ -1,4 +1,4 @@
-"""What the configuration says about the dynamic Robotino."""
+"""Settings of the dynamic Robotino."""
 
 from typing import Annotated, Literal
 
@@ -16,10 +16,15 @@ class MotorSettings(Settings):
     168 rad/s). Gear efficiency and breakaway are assumed.
 
     Attributes:
-        inertia_kg_m2: Of rotor, gear and wheel, at the motor.
-        friction_nm: Coulomb friction at the motor while it turns.
-        breakaway: Friction at rest over friction while turning.
+        resistance_ohm: Resistance of the winding.
+        inductance_h: Inductance of the winding.
+        torque_constant_nm_per_a: Torque per current at the motor.
+        speed_constant_v_s_per_rad: Induced voltage per motor speed.
+        inertia_kg_m2: Inertia of rotor, gear and wheel, at the motor.
+        friction_nm: Coulomb friction at the turning motor.
+        breakaway: Friction at rest divided by friction while turning.
         viscous_nm_s: Friction per motor speed.
+        gear_ratio: Turns of the motor per turn of the wheel.
         gear_efficiency: Share of the torque that passes the gear, in either direction of power.
     """
 
@@ -42,13 +47,14 @@ class SpeedLoopSettings(Settings):
     clock runs beside the host's: the phase and a small error of the rate are drawn at random.
 
     Attributes:
-        rate_hz: Of the controller.
+        rate_hz: Rate of the controller.
         rate_error: Standard deviation of the rate, as a share of it.
         steps_per_period: Integration steps in a period of the controller.
-        gain: Counts of the bridge per tick of speed error; fitted to the droop of 2.5 ticks per ampere in
-            288 runs (BrOleg5/research-wheel-slippage).
-        set_point_delay_s: From the host's command to the controller; with the wheel's own few milliseconds
-            this is the 0.1 s identified there.
+        gain: Counts of the bridge per tick of speed error; fitted to the droop of 2.5 ticks per ampere in 288
+            runs (BrOleg5/research-wheel-slippage).
+        ticks_per_turn: Encoder counts per turn of the motor.
+        set_point_delay_s: Delay from the host's command to the controller; with the wheel's own few
+            milliseconds this is the 0.1 s identified there.
     """
 
     rate_hz: Annotated[float, Field(ge=500, le=5000)] = 900.0
@@ -68,12 +74,22 @@ class RobotinoPlantSettings(Settings):
 
     Attributes:
         site: The ground: name of a shipped site, path of a TOML map, or the map itself.
+        start_x_m: Position at the start.
+        start_y_m: Position at the start.
+        start_yaw_deg: Heading at the start, counter-clockwise from x.
+        motor: Motors and gears.
+        speed_loop: The board's speed controllers.
+        wheel_radius_m: Radius of the wheels.
         wheel_offset_m: Distance of each wheel's contact point from the rover's centre.
-        centre_of_mass_x_m: Ahead of the rover's centre; sets the wheel loads. Fitted: behind it.
-        yaw_inertia_kg_m2: About the centre of mass; a disc of 12.6 kg and 0.185 m.
-        battery_v: Without load.
-        idle_current_a: What the electronics draw from the battery.
-        bumper_x_m: Centre of the rover where it touches a wall, which presses the bumper; None: no wall.
+        mass_kg: Mass of the rover.
+        centre_of_mass_x_m: Distance of the centre of mass ahead of the rover's centre; it sets the wheel
+            loads. The fitted value is behind the centre.
+        yaw_inertia_kg_m2: Inertia about the centre of mass; the default is a disc of 12.6 kg and 0.185 m.
+        battery_v: Voltage of the battery without load.
+        battery_resistance_ohm: Internal resistance of the battery.
+        idle_current_a: Current of the electronics.
+        bumper_x_m: Position of the rover at which it touches a wall, which presses the bumper; without it
+            there is no wall.
     """
 
     type: Literal["robotino"] = "robotino"

@@ -1,4 +1,4 @@
-"""The test site: patches of covering, each on firm or soft ground, from a TOML map or drawn at random."""
+"""The test site: patches of covering on firm or soft ground, from a TOML map or random."""
 
 import math
 import tomllib
@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 from drivers.errors import ConfigError
 from drivers.settings import Settings
 from sim_backends.arrays import Array
-from sim_backends.plants.robotino.surfaces import Inner, Surface, shipped_surfaces
+from sim_backends.plants.robotino.surfaces import InnerLayer, Surface, shipped_surfaces
 
 Mask = NDArray[np.bool_]
 
@@ -21,7 +21,7 @@ TILE_M = 0.3
 TILE_JITTER_M = 0.08
 SURFACE_SHARES = {"table": 0.2, "brown": 0.4, "gray": 0.3, "green": 0.06, "blue": 0.04}
 SOFT_SHARE = {"table": 0.4, "brown": 0.4}
-"""Only below coverings that roll easily: with the others soft the rover is stuck on one site of five."""
+"""Only below coverings with little resistance: otherwise the rover gets stuck on one site of five."""
 SOFTEST_M = 0.002
 
 
@@ -30,12 +30,12 @@ class Patch(Settings):
 
     Attributes:
         surface: Name of its covering, the outer layer.
-        inner: The layer below, firm or soft.
-        sinkage_m: How deep a wheel sinks where the inner layer is soft, at the rover's mean wheel load.
+        inner: Layer below the covering, firm or soft.
+        sinkage_m: Sinkage of a wheel on a soft inner layer, at the rover's mean wheel load.
     """
 
     surface: str
-    inner: Inner = "firm"
+    inner: InnerLayer = "firm"
     sinkage_m: Annotated[float, Field(gt=0, le=0.02)] = 0.001
 
 
@@ -49,14 +49,14 @@ class RectanglePatch(Patch):
     y_max_m: float
 
     @model_validator(mode="after")
-    def _has_an_area(self) -> Self:
+    def _check_area(self) -> Self:
         if self.x_max_m <= self.x_min_m or self.y_max_m <= self.y_min_m:
             msg = "the rectangle covers nothing: x_max_m and y_max_m must be greater than x_min_m and y_min_m"
             raise ValueError(msg)
         return self
 
     def covers(self, x_m: Array, y_m: Array) -> Mask:
-        """Tell for each point whether it lies on the patch."""
+        """Return for each point whether it lies on the patch."""
         inside: Mask = (self.x_min_m <= x_m) & (x_m <= self.x_max_m)
         return inside & (self.y_min_m <= y_m) & (y_m <= self.y_max_m)
 
@@ -70,7 +70,7 @@ class CirclePatch(Patch):
     radius_m: Annotated[float, Field(gt=0)]
 
     def covers(self, x_m: Array, y_m: Array) -> Mask:
-        """Tell for each point whether it lies on the patch."""
+        """Return for each point whether it lies on the patch."""
         inside: Mask = np.hypot(x_m - self.x_m, y_m - self.y_m) <= self.radius_m
         return inside
 
@@ -86,7 +86,7 @@ class PolygonPatch(Patch):
     corners_m: Annotated[tuple[tuple[float, float], ...], Field(min_length=3)]
 
     def covers(self, x_m: Array, y_m: Array) -> Mask:
-        """Tell for each point whether it lies on the patch: a ray from it crosses an odd number of sides."""
+        """Return for each point whether it is inside: a ray from it crosses an odd number of sides."""
         inside: Mask = np.zeros(np.broadcast(x_m, y_m).shape, dtype=np.bool_)
         for (ax, ay), (bx, by) in zip(self.corners_m, (*self.corners_m[1:], self.corners_m[0]), strict=True):
             if ay != by:
@@ -102,12 +102,12 @@ class Site(Settings):
     """A test site.
 
     Attributes:
-        name: For reports.
+        name: Name in reports.
         floor: Surface outside every patch, firm.
-        patches: Where they overlap, the last one counts.
+        patches: Where they overlap, the last one applies.
         surfaces: The coverings by name; by default the shipped, fitted ones.
         roughness: Standard deviation of the resistance from place to place, as a share of it.
-        roughness_length_m: Over which distance the resistance changes.
+        roughness_length_m: Correlation length of the resistance.
         cell_m: Width of the cells in which the ground is stored.
     """
 
@@ -120,7 +120,7 @@ class Site(Settings):
     cell_m: Annotated[float, Field(ge=0.001, le=0.1)] = 0.005
 
     @model_validator(mode="after")
-    def _knows_its_surfaces(self) -> Self:
+    def _check_surfaces(self) -> Self:
         for name in (self.floor, *(patch.surface for patch in self.patches)):
             if name not in self.surfaces:
                 msg = f"no surface '{name}': name one of {', '.join(self.surfaces)}"
@@ -134,7 +134,7 @@ def load_site(name_or_path: str) -> Site:
     `floor_NAME` is the surface of that name everywhere, e.g. `floor_gray`.
 
     Raises:
-        ConfigError: No such file, no TOML, an unknown key or surface, a value out of range.
+        ConfigError: The file is missing or not TOML, a key or surface is unknown, or a value is out of range.
     """
     shipped = resources.files("sim_backends.plants.robotino") / "sites" / f"{name_or_path}.toml"
     if name_or_path.startswith("floor_"):
@@ -164,7 +164,7 @@ def random_site(rng: np.random.Generator) -> Site:
     """Return a patchwork of coverings about the rectangle from (0, 0) to (0.9, 0.4) m.
 
     Four-cornered patches about 0.3 m wide with shifted corners, from 0.5 m outside the rectangle; each
-    draws its covering, and, below those that roll easily, whether it is soft.
+    draws its covering and, below those with little resistance, whether it is soft.
 
     Args:
         rng: Source of all randomness.

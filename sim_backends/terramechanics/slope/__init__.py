@@ -1,1 +1,1 @@
-"""A rover on a slope of soil: loads of its wheels, steady states, drives along a path."""
+"""A rover on a slope of soil: wheel loads and steady states."""

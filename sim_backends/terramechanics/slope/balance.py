@@ -1,9 +1,9 @@
-"""How far a rover is from balance at a given slip, slip angle and sinkages: what the searches bring to zero.
+"""Residual of a rover's force balance at given slip, slip angle and sinkages; the searches bring it to zero.
 
-The shear stress turns about the point where slip and sideways speed over the soil are both zero; there
-forces grow like the square root of the distance. With s + i (1 - s) tan(beta) = (a + i b)^2 they are smooth
-in a and b, so that is what the search varies. Where the soil itself moves, its speed is added to the sideways
-speed.
+The direction of the shear stress is singular where slip and sideways speed over the soil are both zero; near
+that point forces grow like the square root of the distance. With s + i (1 - s) tan(beta) = (a + i b)^2 they
+are smooth in a and b, so the search varies a and b. Where the soil itself moves, its speed is added to the
+sideways speed.
 """
 
 from dataclasses import dataclass
@@ -26,17 +26,17 @@ NO_SIDE = 1e-12
 
 @dataclass(frozen=True)
 class Balance:
-    """A rover on a soil whose forces are to be balanced.
+    """A rover on a soil and its force balance.
 
-    Wheels that bear the same load are computed once: `share` tells how many there are of each kind. A point
+    Wheels that bear the same load are computed once; `share` is the number of wheels of each kind. A point
     is an array of a, b and the sinkage of each kind at its middle plane.
 
     Attributes:
         contact: Wheel and soil.
-        kernel: What computes.
-        conditions: Where the rover stands.
-        effects: What acts beyond the model.
-        demand: What the soil must do.
+        kernel: Computes the forces.
+        conditions: Slope, roll and heading of the rover.
+        effects: Effects beyond the model.
+        demand: Forces that the soil must supply.
         load_n: F_z of each kind of wheel, (K,).
         share: Number of wheels of each kind, (K,).
     """
@@ -51,7 +51,7 @@ class Balance:
 
     @cached_property
     def straight(self) -> bool:
-        """True when nothing pushes to the side, so that the slip angle is 0 whatever the slip."""
+        """True when there is no side force, so that the slip angle is 0 for every slip."""
         return self.effects.soil_flow is None and abs(self.demand.left_n) < NO_SIDE * self.demand.weight_n
 
     @cached_property
@@ -61,7 +61,7 @@ class Balance:
 
     @cached_property
     def side_origin(self) -> float:
-        """Side speed with which the wheels, at slip 0 and a middling sinkage, go along with the soil."""
+        """Side speed at which the wheels, at slip 0 and an average sinkage, move with the soil."""
         if self.effects.soil_flow is None:
             return 0.0
         middling = np.full(self.load_n.size, 0.2 * self.contact.radius_m)
@@ -71,7 +71,7 @@ class Balance:
         """Return slip ratio and side speed v_y / (r_s omega), (M,) each.
 
         Args:
-            points: (M, 2 + K); negative a stand for skid straight ahead.
+            points: (M, 2 + K); negative a represents skid straight ahead.
         """
         a, b = points[:, 0], points[:, 1]
         slip = np.minimum(np.maximum(a * np.abs(a) - b * b, LEAST_SLIP), MOST_SLIP)
@@ -98,11 +98,11 @@ class Balance:
     def _flow(self, flow: SoilFlow, slip: Array, sinkage_m: Array) -> tuple[Array, Array]:
         kinds = sinkage_m.shape[1]
         flows = [flow(self.conditions, float(s), depth) for s, depth in zip(slip, sinkage_m, strict=True)]
-        along = np.concatenate([np.broadcast_to(one[0], kinds) for one in flows])
-        return along, np.concatenate([np.broadcast_to(one[1], kinds) for one in flows])
+        along = np.concatenate([np.broadcast_to(speeds[0], kinds) for speeds in flows])
+        return along, np.concatenate([np.broadcast_to(speeds[1], kinds) for speeds in flows])
 
     def residual(self, forces: Array) -> Array:
-        """Return what is missing, in parts of the weight and of the loads: (M, 2 + K).
+        """Return the residuals relative to the weight and to the loads: (M, 2 + K).
 
         Args:
             forces: From `forces`.
@@ -115,7 +115,7 @@ class Balance:
         return missing
 
     def missing(self, rule: Rule, point: Array) -> Array:
-        """Return what is missing at one point: (2 + K,).
+        """Return the residuals at one point: (2 + K,).
 
         Args:
             rule: Nodes.
@@ -123,7 +123,7 @@ class Balance:
         """
         if self.effects.soil_flow is not None:
             return np.asarray(self.residual(self.forces(rule, point[np.newaxis]))[0])
-        # One point is what a search asks for most of the time; numbers are faster here than arrays.
+        # Most calls of a search are for one point; plain numbers are faster here than arrays.
         a, b = float(point[0]), float(point[1])
         slip = min(max(a * abs(a) - b * b, LEAST_SLIP), MOST_SLIP)
         kinds = self.load_n.size

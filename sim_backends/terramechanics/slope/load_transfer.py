@@ -1,4 +1,4 @@
-"""Loads of the wheels of a rover on a slope, and the forces that its weight asks of them."""
+"""Loads of the wheels of a rover on a slope, and the forces required by its weight."""
 
 import math
 from functools import lru_cache
@@ -13,7 +13,7 @@ BALANCE_M = 1e-9
 
 
 class Demand(NamedTuple):
-    """What the soil must do to hold a rover, in the wheels' frame (x forward, y left, z along the wheels), N.
+    """Forces that hold a rover, in the wheels' frame (x forward, y left, z along the wheels), N.
 
     Attributes:
         weight_n: W.
@@ -31,15 +31,15 @@ class Demand(NamedTuple):
 
 
 def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
-    """Return what the soil must do to hold the rover.
+    """Return the forces that the soil must supply to hold the rover.
 
-    The loads are those of a rigid rover on equal springs: of all that balance weight and moments the ones
-    with the least squares. For four wheels in a traverse they are eqs 3 and 4 of paper 001; F_z follows eq 7,
-    the sums eq 8, for any heading.
+    The loads are those of a rigid rover on equal springs: the least-squares solution of all loads that
+    balance weight and moments. For four wheels in a traverse they are eqs 3 and 4 of paper 001; F_z follows
+    eq 7, the sums eq 8, for any heading.
 
     Args:
         rover: Rover.
-        conditions: Where it stands.
+        conditions: Slope, roll and heading of the rover.
     """
     weight = rover.mass_kg * conditions.gravity_m_s2
     steep, flat = math.sin(conditions.slope_rad), math.cos(conditions.slope_rad)
@@ -48,7 +48,7 @@ def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
     levers, inverse = _levers(rover.wheel_positions_m, rover.cog_forward_m, rover.cog_lateral_m)
     moments = np.array([flat, -rover.cog_height_m * along, -rover.cog_height_m * across])
     share = inverse @ moments
-    # W_i of the paper is the load over cos(alpha); what a wheel bears along its plane is W_i times this.
+    # W_i of the paper is the load over cos(alpha); the load along the wheel's plane is W_i times this.
     plane = across * leaning + flat * upright
     return Demand(
         weight_n=weight,

@@ -1,4 +1,4 @@
-"""A rover on a slope: its build, where it stands, and what may act on it beyond the paper's model."""
+"""A rover on a slope: its geometry, its conditions, and effects beyond the paper's model."""
 
 import math
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ class SlopeRover(Settings):
     """A rover with rigid wheels of one kind, all driven at one speed and parallel.
 
     Attributes:
-        mass_kg: Of the whole rover.
+        mass_kg: Mass of the whole rover.
         wheel: Wheel.
         wheel_positions_m: (x, y) of each contact in the surface, x forward, y left (uphill in a traverse);
             paper 001, Table I: wheel base 0.6 m, L_u = L_d = 0.275 m.
         cog_height_m: L_h, of the centre of gravity over the surface.
-        cog_lateral_m: Place of the centre of gravity to the left of the origin of the positions.
-        cog_forward_m: Place of the centre of gravity ahead of that origin.
+        cog_lateral_m: Position of the centre of gravity to the left of the origin of the positions.
+        cog_forward_m: Position of the centre of gravity ahead of that origin.
     """
 
     mass_kg: Annotated[float, quantity("kg", 0.01, 1e6)]
@@ -45,7 +45,7 @@ def paper_rover(mass_kg: float = 23.8) -> SlopeRover:
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """Where a rover stands.
+    """Slope, roll and heading of a rover.
 
     Attributes:
         slope_rad: alpha, steepness of the surface, 0 to 45 deg.
@@ -77,13 +77,13 @@ class Conditions:
 
 
 class SoilFlow(Protocol):
-    """Soil that moves under the wheels, as when a slope fails."""
+    """Soil that moves under the wheels, e.g. when a slope fails."""
 
     def __call__(self, conditions: Conditions, slip: float, sinkage_m: Array) -> tuple[Array, Array]:
         """Return the soil's velocity forward and to the left, over the rim speed r_s omega; one per wheel.
 
         Args:
-            conditions: Where the rover stands.
+            conditions: Slope, roll and heading of the rover.
             slip: Slip ratio of the rover.
             sinkage_m: Of the wheels' middle planes, (N,).
         """
@@ -92,12 +92,12 @@ class SoilFlow(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effects:
-    """What acts beyond the paper's model; the default adds nothing.
+    """Effects beyond the paper's model; none by default.
 
     Attributes:
         soil_flow: Motion of the soil under the wheels.
         slip_sinkage_m: Sinkage per slip ratio that carries no load, 0 to 0.2.
-        sidewall: False leaves out the forces on the side walls.
+        sidewall: False omits the forces on the side walls.
     """
 
     soil_flow: SoilFlow | None = None

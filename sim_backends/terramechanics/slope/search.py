@@ -10,28 +10,28 @@ from sim_backends.arrays import Array
 from sim_backends.terramechanics.slope.balance import Balance
 from sim_backends.terramechanics.soil.quadrature import Rule, rule_for
 from sim_backends.terramechanics.soil.wheel_set import (
-    BOLDEST,
-    LEAST_SIZE,
-    NEAR,
-    TIGHT,
-    TILT,
+    CONVERGED_RESIDUAL,
+    DIFFERENCE_STEP,
+    FINE_NODES_RESIDUAL,
+    LARGEST_STEP,
+    SMALLEST_SIZE,
     BalancingKernel,
     Wheels,
 )
 
 COARSE = 1e-3
-ENOUGH = 1e-9
+ACCEPTED_RESIDUAL = 1e-9
 STEPS = 60
-SLOW = 0.5
+SLOWEST_DECREASE = 0.5
 
 
 class Mode(NamedTuple):
-    """What a search varies and brings to zero.
+    """Variables and residuals of a search.
 
     Attributes:
         varied: Of a, b and the sinkages, those that are free; the residuals of F_x, F_y and F_z at the same
             positions are brought to zero.
-        edge: The slip ratio is kept at 0, so that a follows b; F_x is what it is.
+        edge: The slip ratio is kept at 0, so that a follows b; F_x is not balanced.
     """
 
     varied: NDArray[np.int64]
@@ -39,12 +39,12 @@ class Mode(NamedTuple):
 
 
 class State(NamedTuple):
-    """Where a search ended.
+    """Result of a search.
 
     Attributes:
         point: a, b and the sinkage of each kind of wheel; see `balance`.
         missing: Residual there, (2 + K,).
-        found: True when what was to be balanced is.
+        found: True when all chosen residuals are zero.
         stable: True when more slip gives more thrust.
     """
 
@@ -55,10 +55,10 @@ class State(NamedTuple):
 
 
 def mode_of(balance: Balance, *, edge: bool) -> Mode:
-    """Return what to vary: without any force to the side the slip angle is 0 and stays out of the search.
+    """Return the variables of a search; without side force the slip angle is 0 and is not one of them.
 
     Args:
-        balance: What is to be balanced.
+        balance: The force balance.
         edge: Keep the slip ratio at 0.
     """
     every = np.arange(2 + balance.load_n.size)
@@ -72,7 +72,7 @@ def first_guess(balance: Balance) -> Array:
     """Return a point from which the search usually succeeds.
 
     Args:
-        balance: What is to be balanced.
+        balance: The force balance.
     """
     vertical = float(balance.share @ balance.load_n)
     forward, left = balance.demand.forward_n / vertical, balance.demand.left_n / vertical
@@ -83,7 +83,7 @@ def first_guess(balance: Balance) -> Array:
     root = complex(slip, side) ** 0.5
     point[0], point[1] = (root.real, root.imag) if side else (math.copysign(abs(slip) ** 0.5, slip), 0.0)
     least, most = balance.depth_range
-    # Forces at one depth tell the others': F_z grows with about this power of the depth of the deeper edge.
+    # Extrapolate from one depth: F_z grows with about this power of the depth of the deeper edge.
     depth = 0.2 * balance.contact.radius_m + balance.contact.slip_sinkage_m * abs(slip)
     point[2:] = least + depth
     bears = balance.forces(rule_for(COARSE), point[np.newaxis])[0, :, 2]
@@ -94,76 +94,78 @@ def first_guess(balance: Balance) -> Array:
 
 
 def search(balance: Balance, rule: Rule, point: Array, *, edge: bool = False) -> State:
-    """Return the balanced state near a point, or the best state when the search gave up.
+    """Return the balanced state near a point, or the best state found when the search fails.
 
-    Broyden's method: slopes are computed once and then learned from the steps, and computed again where the
+    Broyden's method: the Jacobian is computed once, updated from the steps, and computed again where the
     residual does not halve.
 
     Args:
-        balance: What is to be balanced.
-        rule: Nodes of the result; most of the way is done with coarser ones.
-        point: Where to begin.
-        edge: Keep the slip ratio at 0 and let F_x be what it is.
+        balance: The force balance.
+        rule: Nodes of the result; most steps use coarser ones.
+        point: Start of the search.
+        edge: Keep the slip ratio at 0 and do not balance F_x.
     """
     mode = mode_of(balance, edge=edge)
     nodes = rule_for(COARSE)
-    point = _placed(balance, point, mode)
+    point = _constrained(balance, point, mode)
     if isinstance(balance.kernel, BalancingKernel) and balance.effects.soil_flow is None:
-        quick = _quick(balance, balance.kernel, rule, point, mode)
-        if quick.found:
-            return quick
+        state = _search_in_kernel(balance, balance.kernel, rule, point, mode)
+        if state.found:
+            return state
     missing, inverse = _linearise(balance, nodes, point, mode)
     size = _size(missing, mode)
     fresh = True
     for _ in range(STEPS):
-        if nodes is not rule and size < NEAR:
+        if nodes is not rule and size < FINE_NODES_RESIDUAL:
             nodes = rule
             missing = balance.missing(nodes, point)
             size = _size(missing, mode)
-        if size < TIGHT or inverse is None:
+        if size < CONVERGED_RESIDUAL or inverse is None:
             break
-        moved = _moved(balance, point, -(inverse @ missing[mode.varied]), mode)
+        moved = _limited_step(balance, point, -(inverse @ missing[mode.varied]), mode)
         after = balance.missing(nodes, moved)
         size_after = _size(after, mode)
-        if size_after < SLOW * size:
-            _learn(inverse, (moved - point)[mode.varied], (after - missing)[mode.varied])
+        if size_after < SLOWEST_DECREASE * size:
+            _update_inverse(inverse, (moved - point)[mode.varied], (after - missing)[mode.varied])
             fresh = False
-        elif fresh and size < ENOUGH:
+        elif fresh and size < ACCEPTED_RESIDUAL:
             break
         elif not fresh and size_after >= size:
-            # Learned slopes led astray: look again from here.
+            # The updated Jacobian is too inaccurate: compute it again here.
             missing, inverse = _linearise(balance, nodes, point, mode)
             fresh = True
             continue
         else:
             if fresh:
-                moved = _shortened(balance, nodes, point, moved, size, mode)
+                moved = _backtracked(balance, nodes, point, moved, size, mode)
             after, inverse = _linearise(balance, nodes, moved, mode)
             fresh, size_after = True, _size(after, mode)
         point, missing, size = moved, after, size_after
-    found = bool(size < ENOUGH) and nodes is rule
+    found = bool(size < ACCEPTED_RESIDUAL) and nodes is rule
     return State(point, missing, found, found and _stable(balance, inverse, mode))
 
 
-def _quick(balance: Balance, kernel: BalancingKernel, rule: Rule, point: Array, mode: Mode) -> State:
-    """Return the state that the kernel finds by itself."""
-    asked = balance.demand
+def _search_in_kernel(
+    balance: Balance, kernel: BalancingKernel, rule: Rule, point: Array, mode: Mode
+) -> State:
+    """Return the result of the kernel's own search."""
+    demand = balance.demand
     wheels = Wheels(
         balance.load_n,
         balance.share,
         mode.varied,
         mode.edge,
-        asked.weight_n,
-        asked.forward_n,
-        asked.left_n,
+        demand.weight_n,
+        demand.forward_n,
+        demand.left_n,
         *balance.depth_range,
     )
     moved, missing, stable = kernel.balance_quickly(balance.contact, rule_for(COARSE), rule, wheels, point)
-    return State(moved, missing, _size(missing, mode) < ENOUGH, stable)
+    return State(moved, missing, _size(missing, mode) < ACCEPTED_RESIDUAL, stable)
 
 
-def _placed(balance: Balance, point: Array, mode: Mode) -> Array:
-    """Return the point moved onto what the mode keeps: slip ratio 0 with the same side speed, or straight."""
+def _constrained(balance: Balance, point: Array, mode: Mode) -> Array:
+    """Return the point moved onto the mode's constraint: slip ratio 0 at the same side speed, or straight."""
     moved = point.copy()
     if balance.straight:
         moved[1] = 0.0
@@ -174,14 +176,14 @@ def _placed(balance: Balance, point: Array, mode: Mode) -> Array:
     return moved
 
 
-def _moved(balance: Balance, point: Array, step: Array, mode: Mode) -> Array:
-    """Return the point after a step that is kept within what the slopes can be trusted for."""
+def _limited_step(balance: Balance, point: Array, step: Array, mode: Mode) -> Array:
+    """Return the point after a step, limited to the range in which the linearisation is valid."""
     full = np.zeros(point.size)
     full[mode.varied] = step
     length = math.hypot(full[0], full[1])
-    bold = BOLDEST * max(math.hypot(point[0], point[1]), 0.1)
-    if length > bold:
-        full *= bold / length
+    largest = LARGEST_STEP * max(math.hypot(point[0], point[1]), 0.1)
+    if length > largest:
+        full *= largest / length
     moved = point + full
     least, most = balance.depth_range
     for kind in range(2, point.size):
@@ -192,13 +194,13 @@ def _moved(balance: Balance, point: Array, step: Array, mode: Mode) -> Array:
     return moved
 
 
-def _shortened(balance: Balance, nodes: Rule, point: Array, moved: Array, size: float, mode: Mode) -> Array:
-    """Return a point on the way to `moved` where the residual is less than `size`, or one close by."""
+def _backtracked(balance: Balance, nodes: Rule, point: Array, moved: Array, size: float, mode: Mode) -> Array:
+    """Return a point towards `moved` with a residual less than `size`, or one close to `point`."""
     trial = moved
     for _ in range(3):
         if _size(balance.missing(nodes, trial), mode) < size:
             break
-        trial = _placed(balance, point + 0.3 * (trial - point), mode)
+        trial = _constrained(balance, point + 0.3 * (trial - point), mode)
     return trial
 
 
@@ -207,8 +209,8 @@ def _size(missing: Array, mode: Mode) -> float:
     return size if math.isfinite(size) else math.inf
 
 
-def _learn(inverse: Array, step: Array, change: Array) -> None:
-    """Mend the inverse slopes in place, so that they explain the last step (Sherman and Morrison)."""
+def _update_inverse(inverse: Array, step: Array, change: Array) -> None:
+    """Update the inverse Jacobian in place with the last step (Sherman and Morrison)."""
     explained = inverse @ change
     along = step @ inverse
     scale = float(along @ change)
@@ -217,7 +219,7 @@ def _learn(inverse: Array, step: Array, change: Array) -> None:
 
 
 def _linearise(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Array, Array | None]:
-    """Return the residual, and the inverse of its slopes (None where there is none)."""
+    """Return the residual and the inverse of its Jacobian, None where that is singular."""
     missing, slopes = _slopes(balance, rule, point, mode)
     chosen = slopes[np.ix_(mode.varied, mode.varied)]
     try:
@@ -228,21 +230,21 @@ def _linearise(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[
 
 
 def _slopes(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Array, Array]:
-    """Return residual and its slopes by a, b and sinkages; at the edge a follows b."""
+    """Return residual and its Jacobian by a, b and sinkages; at the edge a follows b."""
     least, _ = balance.depth_range
-    tilt = TILT * max(math.hypot(point[0], point[1]), LEAST_SIZE)
-    deeper = TILT * (point[2:] - least)
+    step = DIFFERENCE_STEP * max(math.hypot(point[0], point[1]), SMALLEST_SIZE)
+    deeper = DIFFERENCE_STEP * (point[2:] - least)
     points = np.array([point, point, point, point])
-    points[1, 0] += tilt
-    points[2, 1] += tilt
+    points[1, 0] += step
+    points[2, 1] += step
     if mode.edge:
         points[2, 0] = abs(points[2, 1])
     points[3, 2:] += deeper
     forces = balance.forces(rule, points)
     missing = balance.residual(forces)
     slopes = np.zeros((point.size, point.size))
-    slopes[:, 0] = (missing[1] - missing[0]) / tilt
-    slopes[:, 1] = (missing[2] - missing[0]) / tilt
+    slopes[:, 0] = (missing[1] - missing[0]) / step
+    slopes[:, 1] = (missing[2] - missing[0]) / step
     more = (forces[3] - forces[0]) / deeper[:, np.newaxis]
     slopes[:2, 2:] = (more[:, :2] * (balance.share / balance.demand.weight_n)[:, np.newaxis]).T
     for kind in range(deeper.size):
@@ -251,9 +253,9 @@ def _slopes(balance: Balance, rule: Rule, point: Array, mode: Mode) -> tuple[Arr
 
 
 def _stable(balance: Balance, inverse: Array | None, mode: Mode) -> bool:
-    """Tell whether thrust grows with slip while side and vertical forces stay balanced.
+    """Return whether thrust grows with slip while side and vertical forces stay balanced.
 
-    The upper left block of the inverse is that of the slopes of F_x and F_y with F_z kept in balance.
+    The upper left block of the inverse is the inverse Jacobian of F_x and F_y with F_z kept in balance.
     """
     if inverse is None:
         return False

@@ -11,7 +11,7 @@ from sim_backends.terramechanics.slope.balance import Balance, kinds_of_wheels
 from sim_backends.terramechanics.slope.load_transfer import Demand, demand
 from sim_backends.terramechanics.slope.profile import scan
 from sim_backends.terramechanics.slope.rover import Conditions, Effects, SlopeRover
-from sim_backends.terramechanics.slope.search import ENOUGH, State, first_guess, search
+from sim_backends.terramechanics.slope.search import ACCEPTED_RESIDUAL, State, first_guess, search
 from sim_backends.terramechanics.soil.library import SoilSettings
 from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.quadrature import rule_for
@@ -26,17 +26,17 @@ AT_EDGE = "slip = 0"
 
 @dataclass(frozen=True, slots=True)
 class SteadyState:
-    """How a rover travels; arrays have one number per wheel, in the order of the rover's wheels.
+    """Steady motion of a rover; arrays have one number per wheel, in the order of the rover's wheels.
 
     Attributes:
         equilibrium: False where no steady state exists; then all numbers are NaN.
-        reason: Why not; empty where one exists.
-        boundary: "slip = 0" where the model has thrust to spare even without slip, so that the state is the
+        reason: Reason why no steady state exists; else empty.
+        boundary: "slip = 0" where the model has excess thrust even without slip, so that the state is on the
             edge of its domain and not a root; else empty.
         slip: Slip ratio at the shearing radius; negative in skid.
         slip_angle_rad: beta, positive to the left (uphill in a traverse).
         sinkage_m: h'_c of each wheel at its middle plane; slip sinkage included.
-        forces: On each wheel.
+        forces: Forces on each wheel.
         sinkage_uphill_m: Mean over the wheels to the left of the centre of gravity; NaN where there is none.
         sinkage_downhill_m: Mean over those to the right of it.
     """
@@ -66,26 +66,26 @@ def solve_steady_state(
 
     The wheels share slip ratio and slip angle; each sinks until it bears its load; the sums of F_x and F_y
     hold the rover's weight (paper 001, eq 8). Of several such states it is the one with the least slip. The
-    paper's model knows slip only: a rover that would run ahead of its wheels is returned at the model's edge,
-    slip 0, flagged; with `skid` it is followed beyond.
+    paper's model covers slip only: a rover that would run ahead of its wheels is returned at the model's
+    edge, slip 0, and flagged; with `skid` the search continues into skid.
 
     Args:
         rover: Rover.
         soil: Soil.
-        conditions: Where the rover stands.
-        effects: What acts beyond the paper's model.
-        skid: Allow negative slip ratios, as a descent needs.
-        bound: On the error of the forces, in parts of F_z: 1e-5 or 1e-8.
-        kernel: What computes the forces.
+        conditions: Slope, roll and heading of the rover.
+        effects: Effects beyond the paper's model.
+        skid: Allow negative slip ratios, as a descent requires.
+        bound: Bound on the error of the forces relative to F_z: 1e-5 or 1e-8.
+        kernel: Computes the forces.
 
     Raises:
         ModelError: A number is outside the model's domain; names parameter, value, unit and range.
     """
-    asked = demand(rover, conditions)
-    reason = _hopeless(asked, soil, conditions)
+    needed = demand(rover, conditions)
+    reason = _find_obstacle(needed, soil, conditions)
     if reason:
-        return _none(reason, len(rover.wheel_positions_m))
-    load_n, share, kind = kinds_of_wheels(asked.vertical_n)
+        return _no_state(reason, len(rover.wheel_positions_m))
+    load_n, share, kind = kinds_of_wheels(needed.vertical_n)
     contact = wheel_contact(
         rover.wheel,
         soil,
@@ -95,22 +95,22 @@ def solve_steady_state(
         sidewall=effects.sidewall,
         slip_sinkage_m=effects.slip_sinkage_m,
     )
-    balance = Balance(contact, kernel, conditions, effects, asked, load_n, share)
-    state, reason = _balanced(balance, bound, skid=skid)
+    balance = Balance(contact, kernel, conditions, effects, needed, load_n, share)
+    state, reason = _find_state(balance, bound, skid=skid)
     if state is None:
-        return _none(reason, kind.size)
+        return _no_state(reason, kind.size)
     return _result(rover, balance, state, kind, bound)
 
 
-def _hopeless(asked: Demand, soil: SoilSettings, conditions: Conditions) -> str:
+def _find_obstacle(needed: Demand, soil: SoilSettings, conditions: Conditions) -> str:
     if conditions.slope_rad >= soil.friction_angle_rad:
         return "the slope is steeper than the soil's angle of friction"
-    if not asked.balanced or asked.vertical_n.min() <= 0.0:
+    if not needed.balanced or needed.vertical_n.min() <= 0.0:
         return "the rover tips over: a wheel bears no load"
     return ""
 
 
-def _balanced(balance: Balance, bound: float, *, skid: bool) -> tuple[State | None, str]:
+def _find_state(balance: Balance, bound: float, *, skid: bool) -> tuple[State | None, str]:
     """Return the state with the least slip, or None and the reason why there is none."""
     rule = rule_for(bound)
     point = first_guess(balance)
@@ -144,7 +144,7 @@ def _result(
     return SteadyState(
         equilibrium=True,
         reason="",
-        boundary=AT_EDGE if abs(state.missing[0]) > ENOUGH else "",
+        boundary=AT_EDGE if abs(state.missing[0]) > ACCEPTED_RESIDUAL else "",
         slip=slip,
         slip_angle_rad=math.atan2(float(sides[0]), float(speed_ratio(slip))),
         sinkage_m=sinkage,
@@ -158,7 +158,7 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if values.size else math.nan
 
 
-def _none(reason: str, wheels: int) -> SteadyState:
+def _no_state(reason: str, wheels: int) -> SteadyState:
     unknown = np.full(wheels, np.nan)
     forces = WheelForces(unknown, unknown, unknown, unknown)
     return SteadyState(False, reason, "", math.nan, math.nan, unknown, forces, math.nan, math.nan)

@@ -1,13 +1,13 @@
-"""Forces on a wheel at any slip angle, from rolling over skidding to sliding sideways: an own extension.
+"""Forces on a wheel at any slip angle, from rolling to sliding sideways: an extension of paper 001.
 
 Paper 001's integrals (its eqs 6 to 25) hold for a rolling wheel. Here the wheel may also be locked, spin in
-place or slide sideways (slip angle 90 degrees), so everything is written in speeds instead of slip ratios.
-The pressure on each piece of the rim is a mean of two laws, weighted by how much the rim presses the soil
-down:
+place or slide sideways (slip angle 90 degrees), so the equations use speeds instead of slip ratios. The
+pressure on each element of the rim is a weighted mean of two laws; the weight depends on how much the rim
+presses the soil down:
 
 - pressed: k z^n of a plate, greatest at a_0 theta_f and shrinking behind it as in paper 001's eq 17;
-- pushed or slid over: rho g z times a number that is small where soil slides by, large where the rim pushes
-  the soil ahead, and falls to zero where the rim moves away from it.
+- pushed or slid over: rho g z times a number that is small where soil slides past, large where the rim
+  pushes the soil ahead, and decreases to zero where the rim moves away from the soil.
 
 The weight is (downward speed of the rim's surface over its speed)^q times (share of forward travel)^(2 b):
 soil that is dragged along or sheared sideways carries less than under a plate. One mechanism thus gives
@@ -16,8 +16,8 @@ displacement (eqs 19 to 24), points against the slip velocity, and fades where t
 soil. The leading side wall meets passive pressure in proportion to depth, and friction against its motion in
 its own plane. Lugs shear at r + lambda_s h (paper 002, eq 8), with the soil's own friction.
 
-Left out: soil piled up ahead, the trench's shape, soil thrown by lugs, hub and fork where the axle digs in,
-and asymmetry of a test rig.
+Not modelled: soil piled up ahead, the trench's shape, soil thrown by lugs, contact of hub and fork at great
+sinkage, and asymmetry of a test rig.
 """
 
 import itertools
@@ -35,7 +35,7 @@ from sim_backends.terramechanics.soil.library import WheelSettings, parse_settin
 from sim_backends.terramechanics.soil.quantity import check_range, quantity
 
 DEEPEST = 1.85
-"""Greatest sinkage that is considered, in radii."""
+"""Greatest sinkage considered, in radii."""
 BISECTIONS = 30
 RIM_NODES, RIM_WEIGHTS = np.polynomial.legendre.leggauss(10)
 DEPTH_NODES, DEPTH_WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -43,25 +43,25 @@ TINY = 1e-9
 
 
 class AnyAngleSoil(Settings):
-    """Numbers of a soil, and of a wheel surface on it, for wheels at any slip angle.
+    """Parameters of a soil, and of a wheel surface on it, for wheels at any slip angle.
 
     Attributes:
-        source: Where the numbers come from.
+        source: Origin of the numbers.
         plate_modulus_pa: k of a plate's pressure k z^n, Pa / m^n.
         plate_exponent: n.
         density_kg_m3: In bulk.
-        friction_angle_deg: Of the soil itself: what lugs shear, where it exceeds `rim_friction_deg`.
-        rim_friction_deg: Between soil and smooth rim.
+        friction_angle_deg: Friction within the soil; applies to lugs where it exceeds `rim_friction_deg`.
+        rim_friction_deg: Friction between soil and smooth rim.
         shear_modulus_m: Displacement over which shear stress builds up (paper 001, eq 19).
         greatest_stress: a_0, angle of greatest stress over entry angle (eq 18).
         exit_share: lambda, height behind the wheel at which it leaves the soil, over the sinkage (eq 16).
         slide_number: Pressure over rho g z where soil slides past the rim.
-        push_number: More of it where the rim pushes straight ahead.
-        wake_rate: How fast it falls where the rim moves away from the soil.
-        press_exponent: q of the weight of the pressed law.
-        sideways_exponent: b of it.
+        push_number: Added to it where the rim pushes straight ahead.
+        wake_rate: Rate of its decrease where the rim moves away from the soil.
+        press_exponent: q, exponent of the weight of the pressed law.
+        sideways_exponent: b, its other exponent.
         wall_number: Pressure over rho g z on the leading side wall.
-        wall_exponent: Power of (sideways speed over speed) that scales it.
+        wall_exponent: Power of (sideways speed over speed) by which it is scaled.
         wall_friction: Friction over pressure on the side wall.
         wall_drag: Force backward over the force on the side wall. A wheel that slides straight sideways
             without turning should have none, by symmetry; the CMU test bed measured 0.13.
@@ -91,7 +91,7 @@ def load_any_angle_soil(name: str | Path) -> AnyAngleSoil:
     """Return a soil of the library by name (`cmu_sand`, `cmu_sand_blind`), or of a TOML file by path.
 
     Raises:
-        ConfigError: No such soil, not TOML, or a number outside its range.
+        ConfigError: The soil is unknown, the file is not TOML, or a number is outside its range.
     """
     path = Path(name)
     if path.suffix != ".toml":
@@ -105,7 +105,7 @@ def load_any_angle_soil(name: str | Path) -> AnyAngleSoil:
 
 
 class Motion(NamedTuple):
-    """How the wheel moves; arrays of one length. Only ratios of the speeds matter.
+    """Motion of the wheel; arrays of one length. Only ratios of the speeds matter.
 
     Attributes:
         rim_speed_m_s: Wheel speed times the radius of the rim without lugs; at least 0.
@@ -119,13 +119,13 @@ class Motion(NamedTuple):
 
 
 class AnyAngleForces(NamedTuple):
-    """What the soil does to the wheel; arrays of one length.
+    """Forces of the soil on the wheel; arrays of one length.
 
     Attributes:
         drawbar_n: Force forward.
         side_n: Force to the left.
         vertical_n: Force upward.
-        torque_nm: Torque that the drive must give.
+        torque_nm: Torque required from the drive.
     """
 
     drawbar_n: Array
@@ -140,7 +140,7 @@ def shearing_radius_m(wheel: WheelSettings) -> float:
 
 
 def deepest_sinkage_m(wheel: WheelSettings) -> float:
-    """Return the greatest sinkage that the law considers."""
+    """Return the greatest sinkage considered by the law."""
     return DEEPEST * shearing_radius_m(wheel)
 
 
@@ -151,7 +151,7 @@ def any_angle_forces(
 
     Args:
         wheel: With or without lugs.
-        soil: Its numbers.
+        soil: Parameters of the soil.
         motion: Speeds; not all of them 0.
         sinkage_m: Below the undisturbed surface; above 0, up to 1.85 radii.
 
@@ -171,7 +171,7 @@ def any_angle_at_load(
 
     Args:
         wheel: With or without lugs.
-        soil: Its numbers.
+        soil: Parameters of the soil.
         motion: Speeds; not all of them 0.
         load_n: Vertical load, above 0.
 
@@ -185,12 +185,12 @@ def any_angle_at_load(
     low, high = np.full(load.shape, TINY), np.full(load.shape, deepest)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        light = _forces(wheel, soil, motion, middle).vertical_n < load
-        low, high = np.where(light, middle, low), np.where(light, high, middle)
-    carried = high < deepest
-    sinkage = np.where(carried, 0.5 * (low + high), np.nan)
-    forces = _forces(wheel, soil, motion, np.where(carried, sinkage, deepest))
-    return sinkage, AnyAngleForces(*(np.where(carried, values, np.nan) for values in forces))
+        is_too_light = _forces(wheel, soil, motion, middle).vertical_n < load
+        low, high = np.where(is_too_light, middle, low), np.where(is_too_light, high, middle)
+    is_carried = high < deepest
+    sinkage = np.where(is_carried, 0.5 * (low + high), np.nan)
+    forces = _forces(wheel, soil, motion, np.where(is_carried, sinkage, deepest))
+    return sinkage, AnyAngleForces(*(np.where(is_carried, values, np.nan) for values in forces))
 
 
 def _checked(motion: Motion) -> Motion:
@@ -242,7 +242,7 @@ class _Rim:
         return np.maximum(np.sqrt(square), TINY)
 
     def pressed_share(self, angle: Array) -> Array:
-        """Return the weight of the plate's law, 0 to 1."""
+        """Return the weight of the plate's pressure law, 0 to 1."""
         down = np.clip(self.turning * np.sin(angle) / self.speed(angle), 0.0, 1.0)
         weight: Array = down**self.soil.press_exponent * self.forward_share
         return weight
@@ -256,17 +256,17 @@ class _Rim:
     def pressure(self, angle: Array) -> Array:
         """Return the normal stress, Pa."""
         soil = self.soil
-        like = self.mirrored(angle)
-        pressed = np.where(angle >= self.leaving, self.pressed_share(like), 0.0)
+        equivalent = self.mirrored(angle)
+        pressed = np.where(angle >= self.leaving, self.pressed_share(equivalent), 0.0)
         push = self.forward * np.sin(angle) / self.speed(angle)
         number = soil.slide_number * np.clip(1 + soil.wake_rate * push, 0.0, 1.0)
         number = number + soil.push_number * np.maximum(push, 0.0)
         slid = soil.density_kg_m3 * STANDARD_GRAVITY_M_S2 * self.depth(angle) * number
-        plate = soil.plate_modulus_pa * self.depth(like) ** soil.plate_exponent
+        plate = soil.plate_modulus_pa * self.depth(equivalent) ** soil.plate_exponent
         return pressed * plate + (1 - pressed) * slid
 
     def mobilised(self, angle: Array) -> Array:
-        """Return the share of the shear strength that the shear displacement has called up (eqs 19 to 21)."""
+        """Return the share of the shear strength mobilised by the shear displacement (eqs 19 to 21)."""
         swept = self.entry - angle
         turning = np.maximum(self.turning, TINY)
         along = self.radius * (swept - self.forward / turning * (np.sin(self.entry) - np.sin(angle)))
@@ -298,13 +298,13 @@ def _rim_forces(
 
 
 def _friction_deg(wheel: WheelSettings, soil: AnyAngleSoil) -> float:
-    # Lugs shear soil on soil, which is no weaker than soil on the rim.
+    # Lugs shear soil on soil, which is at least as strong as soil on the rim.
     lugs = wheel.lug_height_m > 0
     return max(soil.friction_angle_deg, soil.rim_friction_deg) if lugs else soil.rim_friction_deg
 
 
 def _wall_forces(soil: AnyAngleSoil, motion: Motion, sinkage: Array, radius: float) -> AnyAngleForces:
-    """Return the forces on the side wall that leads; the other one meets no soil."""
+    """Return the forces on the leading side wall; the other has no soil contact."""
     turning, forward, sideways = (values[:, None, None] for values in motion)
     entry = np.arccos(1 - sinkage / radius)
     angle = (entry[:, None] * RIM_NODES)[:, :, None]

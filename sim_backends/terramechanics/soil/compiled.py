@@ -1,6 +1,6 @@
-"""The compiled kernel: the same numbers as `numpy_kernel`, several times as fast.
+"""The compiled kernel: same results as `numpy_kernel`, several times as fast.
 
-Importing this brings numba; import it only where compiled code is wanted.
+Importing this module loads numba; import it only where compiled code is required.
 """
 
 from collections.abc import Callable
@@ -24,12 +24,12 @@ def load_compiled(announce: Callable[[str], None]) -> Kernel:
     """Return the compiled kernel.
 
     Args:
-        announce: Called with one line when the first use will have to compile, as nothing is in the cache.
+        announce: Called with one line when the first use must compile because the cache is empty.
     """
     source = Path(compiled_functions.__file__)
     stamp = sha256(source.read_bytes()).digest()
     for entrance in ("wheel_rows", "balance_quickly"):
-        # An index of the cache holds the digest of the source that it was made from.
+        # An index of the cache contains the digest of its source.
         indexes = cache_folder().glob(f"{source.stem}.{entrance}-*.nbi")
         if not any(stamp in index.read_bytes() for index in indexes):
             announce(COMPILING)
@@ -38,7 +38,7 @@ def load_compiled(announce: Callable[[str], None]) -> Kernel:
 
 
 def cache_folder() -> Path:
-    """Return where numba keeps the compiled code."""
+    """Return the folder of numba's compiled code."""
     dispatcher = cast("numba.core.dispatcher.Dispatcher", compiled_functions.wheel_rows)
     return Path(str(dispatcher.stats.cache_path))
 

@@ -1,8 +1,7 @@
-"""Everything that is compiled: forces on wheels, and the search for the balance of a rover.
+"""Compiled functions: forces on wheels, and the search for the balance of a rover.
 
-All compiled functions stand in this one file: numba's cache does not notice changes in another. `compiled` is
-the way in. The equations are explained where they stand in plain numpy, in `numpy_kernel`, the search in
-`sim_backends.terramechanics.slope.search`.
+All compiled functions are in this file: numba's cache does not detect changes in another. `compiled` is the
+interface. `numpy_kernel` explains the equations, `sim_backends.terramechanics.slope.search` the search.
 """
 
 import math
@@ -23,13 +22,13 @@ from sim_backends.terramechanics.soil.numpy_kernel import (
 from sim_backends.terramechanics.soil.quadrature import Rule
 from sim_backends.terramechanics.soil.wheel_contact import WheelContact
 from sim_backends.terramechanics.soil.wheel_set import (
-    BOLDEST,
-    LEAST_SIZE,
+    CONVERGED_RESIDUAL,
+    DIFFERENCE_STEP,
+    FINE_NODES_RESIDUAL,
+    LARGEST_STEP,
     LEAST_SLIP,
     MOST_SLIP,
-    NEAR,
-    TIGHT,
-    TILT,
+    SMALLEST_SIZE,
     Wheels,
 )
 
@@ -47,7 +46,7 @@ Place = tuple[float, float, float]
 """theta, sin(theta / 2), normal stress there."""
 Sums = tuple[float, float, float, float]
 QUICK_STEPS = 15
-SLOW = 0.5
+SLOWEST_DECREASE = 0.5
 SINE = tuple((-1.0) ** power / math.factorial(2 * power + 1) for power in range(8, -1, -1))
 
 # Sums may be reordered, which saves a third of the time; NaN and infinity keep their meaning.
@@ -160,13 +159,13 @@ def _strip(soil: Soil, rule: Rule, motion: Motion, depth: float, width: float, f
 
 
 @_compiled
-def _sum(one: Sums, other: Sums) -> Sums:
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2], one[3] + other[3]
+def _sum(first: Sums, second: Sums) -> Sums:
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2], first[3] + second[3]
 
 
 @_compiled
 def _plain(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Array) -> Sums:
-    """Return both sides of theta_m, without another cut: equal nodes have equal normal stress."""
+    """Return the sums on both sides of theta_m as two segments: equal nodes have equal normal stress."""
     entry, cos_entry, _, exit_angle, greatest = angles
     sums = (0.0, 0.0, 0.0, 0.0)
     for index in range(node.size):
@@ -183,7 +182,7 @@ def _plain(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Arra
 
 @_compiled
 def _segment(soil: Soil, motion: Motion, angles: Angles, span: Span, node: Array, weight: Array) -> Sums:
-    """Return a part of the contact, with nodes spaced about its anchor."""
+    """Return the sums over a part of the contact, with nodes spaced about its anchor."""
     anchor, end, turn = span
     entry, cos_entry, _, exit_angle, greatest = angles
     sums = (0.0, 0.0, 0.0, 0.0)
@@ -207,7 +206,7 @@ def _segment(soil: Soil, motion: Motion, angles: Angles, span: Span, node: Array
 
 @_compiled
 def _half_sine(angle: float) -> float:
-    """Return sin(angle / 2) within +-pi/2, to rounding: the library spends its time on greater angles."""
+    """Return sin(angle / 2) within +-pi/2, exact to rounding; faster than the library's for all angles."""
     angle *= 0.5
     square = angle * angle
     series = SINE[0]
@@ -224,7 +223,7 @@ def _normal(soil: Soil, motion: Motion, share: float) -> float:
 
 @_compiled
 def _add(soil: Soil, motion: Motion, angles: Angles, place: Place, step: float, sums: Sums) -> Sums:
-    """Return the sums with one node more (eqs 10 to 12, 19 to 24)."""
+    """Return the sums with one more node (eqs 10 to 12, 19 to 24)."""
     theta, half_sine, normal = place
     excess, speed, side_speed = motion[0], motion[1], motion[2]
     drop = 2.0 * half_sine * half_sine
@@ -250,7 +249,7 @@ def _add(soil: Soil, motion: Motion, angles: Angles, place: Place, step: float, 
 
 @_compiled
 def _skid(soil: Soil, motion: Motion, angles: Angles, node: Array, weight: Array) -> Sums:
-    """Return a skidding slice, cut also where the shear stress changes sign, and where j touches 0."""
+    """Return the sums over a skidding slice, divided also where shear changes sign and where j is 0."""
     entry, _, sin_entry, exit_angle, greatest = angles
     speed, side = motion[1], abs(motion[2])
     still = math.acos(1.0 / speed)
@@ -323,7 +322,7 @@ def _wall(contact: WheelContact, row: int, sinkage_m: float) -> float:
 
 @_compiled
 def _missing(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array, columns: Array) -> Array:
-    """Return what is missing for balance, and the forces of each kind of wheel in `columns`."""
+    """Return the residuals of the balance, and write the forces of each kind of wheel into `columns`."""
     slip = min(max(point[0] * abs(point[0]) - point[1] * point[1], LEAST_SLIP), MOST_SLIP)
     missing = np.zeros(point.size)
     columns[:] = 0.0
@@ -338,20 +337,20 @@ def _missing(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array, co
 
 @_compiled
 def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array) -> Array:
-    """Return the slopes of what is missing by a, b and sinkages; with the slip kept at 0, a follows b."""
+    """Return the Jacobian of the residuals by a, b and sinkages; with the slip kept at 0, a follows b."""
     kinds = wheels.load_n.size
     before, after = np.zeros((kinds, 4)), np.zeros((kinds, 4))
     missing = _missing(contact, rule, wheels, point, before)
     slopes = np.zeros((point.size, point.size))
-    tilt = TILT * max(math.hypot(point[0], point[1]), LEAST_SIZE)
+    step_size = DIFFERENCE_STEP * max(math.hypot(point[0], point[1]), SMALLEST_SIZE)
     for index in range(2):
         moved = point.copy()
-        moved[index] += tilt
+        moved[index] += step_size
         if wheels.edge and index == 1:
             moved[0] = abs(moved[1])
-        slopes[:, index] = (_missing(contact, rule, wheels, moved, after) - missing) / tilt
+        slopes[:, index] = (_missing(contact, rule, wheels, moved, after) - missing) / step_size
     moved = point.copy()
-    moved[2:] += TILT * (point[2:] - wheels.least_m)
+    moved[2:] += DIFFERENCE_STEP * (point[2:] - wheels.least_m)
     _missing(contact, rule, wheels, moved, after)
     for kind in range(kinds):
         more = (after[kind] - before[kind]) / (moved[2 + kind] - point[2 + kind])
@@ -362,23 +361,23 @@ def _slopes(contact: WheelContact, rule: Rule, wheels: Wheels, point: Array) -> 
 
 @_compiled
 def balance_quickly(contact: WheelContact, coarse: Rule, rule: Rule, wheels: Wheels, point: Array) -> Array:
-    """Move `point` to where the wheels are in balance, by Broyden's method without any care.
+    """Move `point` to where the wheels are in balance, by Broyden's method without safeguards.
 
     Returns:
-        What is missing there; then a number that is negative where more slip gives more thrust.
+        The residuals there; then a number that is negative where more slip gives more thrust.
     """
     varied, nodes, fine, columns = wheels.varied, coarse, False, np.zeros((wheels.load_n.size, 4))
     missing = _missing(contact, nodes, wheels, point, columns)
     inverse, last = np.zeros((varied.size, varied.size)), 0.0
     for _ in range(QUICK_STEPS):
         size = np.abs(missing[varied]).max()
-        if not fine and size < NEAR:
+        if not fine and size < FINE_NODES_RESIDUAL:
             nodes, fine = rule, True
             missing = _missing(contact, nodes, wheels, point, columns)
             size = np.abs(missing[varied]).max()
-        if not TIGHT <= size < 10.0:
+        if not CONVERGED_RESIDUAL <= size < 10.0:
             break
-        if size > SLOW * last:
+        if size > SLOWEST_DECREASE * last:
             slopes = np.ascontiguousarray(_slopes(contact, coarse, wheels, point)[varied][:, varied])
             if not abs(np.linalg.det(slopes)) > 0.0:
                 break
@@ -386,9 +385,9 @@ def balance_quickly(contact: WheelContact, coarse: Rule, rule: Rule, wheels: Whe
         last = size
         moved = point.copy()
         moved[varied] -= inverse @ missing[varied]
-        bold = BOLDEST * max(math.hypot(point[0], point[1]), 0.1)
-        bold /= max(math.hypot(moved[0] - point[0], moved[1] - point[1]), bold)
-        moved[:2] = point[:2] + bold * (moved[:2] - point[:2])
+        largest = LARGEST_STEP * max(math.hypot(point[0], point[1]), 0.1)
+        largest /= max(math.hypot(moved[0] - point[0], moved[1] - point[1]), largest)
+        moved[:2] = point[:2] + largest * (moved[:2] - point[:2])
         if wheels.edge:
             moved[0] = abs(moved[1])
         for kind in range(2, point.size):

@@ -1,4 +1,4 @@
-"""Where a wheel touches the soil: angles of entry, exit and greatest stress; size of the contact.
+"""Contact of a wheel with the soil: angles of entry, exit and greatest stress; size of the contact.
 
 Angles are measured at the axle from the wheel's downward direction, positive forward. Arguments are numbers
 or arrays that broadcast.
@@ -9,7 +9,7 @@ import numpy as np
 from sim_backends.arrays import Array
 
 FLAT = 1e-9
-"""Tangent of a camber below which a wheel counts as upright."""
+"""Tangent of the camber below which a wheel is treated as upright."""
 
 
 def entry_angle(sinkage_m: Array, radius_m: float) -> Array:
@@ -36,7 +36,7 @@ def exit_share(slip: Array, polynomial: tuple[float, float, float]) -> Array:
 
 
 def exit_angle(sinkage_m: Array, share: Array, radius_m: float) -> Array:
-    """Return theta_r = -acos(1 - lambda h'/r), rad (paper 001, eq 16, with the sign that is missing there).
+    """Return theta_r = -acos(1 - lambda h'/r), rad (paper 001, eq 16, with the sign missing in the paper).
 
     Args:
         sinkage_m: h', 0 to `radius_m`.

@@ -1,4 +1,4 @@
-"""Wheels and soils as data files: what they hold, and how they are read."""
+"""Wheels and soils: their parameters and their data files."""
 
 import math
 import tomllib
@@ -20,12 +20,12 @@ class WheelSettings(Settings):
     """A rigid wheel.
 
     Attributes:
-        source: Where the numbers come from.
-        radius_m: Of the rim, without lugs.
-        width_m: Of the rim.
-        lug_height_m: Of lugs or grousers; 0 for a smooth wheel.
-        shearing_share: Share of the lugs' height that counts for the radius at which soil is sheared
-            (lambda_s of paper 002, eq 8).
+        source: Origin of the numbers.
+        radius_m: Radius of the rim, without lugs.
+        width_m: Width of the rim.
+        lug_height_m: Height of lugs or grousers; 0 for a smooth wheel.
+        shearing_share: Share of the lugs' height in the radius at which soil is sheared (lambda_s of paper
+            002, eq 8).
     """
 
     source: str
@@ -66,13 +66,13 @@ class BekkerLaw(Settings):
 
 
 class SoilSettings(Settings):
-    """A soil, with the numbers that belong to soil and wheel together.
+    """A soil, with the parameters that depend on soil and wheel.
 
     Attributes:
-        source: Where the numbers come from.
+        source: Origin of the numbers.
         cohesion_pa: c.
-        friction_angle_deg: phi, of internal friction.
-        density_kg_m3: rho, in bulk.
+        friction_angle_deg: phi, angle of internal friction.
+        density_kg_m3: rho, bulk density.
         pressure: Pressure over sinkage of a plate.
         shear_modulus_m: k, displacement over which the shear stress builds up (eq 19).
         greatest_stress: a_0 and a_1: angle of greatest stress over entry angle is a_0 + a_1 s (eq 18).
@@ -109,7 +109,7 @@ def load_wheel(name: str | Path) -> WheelSettings:
     """Return a wheel of the library by name, or of a file by path (ending in .toml).
 
     Raises:
-        ConfigError: No such wheel, not TOML, or a number outside its range; names file, key, unit and range.
+        ConfigError: Unknown wheel, not TOML, or a number outside its range; names file, key, unit and range.
     """
     return _load(name, "wheels", WheelSettings)
 
@@ -118,13 +118,13 @@ def load_soil(name: str | Path) -> SoilSettings:
     """Return a soil of the library by name, or of a file by path (ending in .toml).
 
     Raises:
-        ConfigError: No such soil, not TOML, or a number outside its range; names file, key, unit and range.
+        ConfigError: Unknown soil, not TOML, or a number outside its range; names file, key, unit and range.
     """
     return _load(name, "soils", SoilSettings)
 
 
 def library_names(kind: Literal["wheels", "soils"]) -> list[str]:
-    """Return the names of what the library holds."""
+    """Return the names in the library."""
     folder = resources.files("sim_backends.terramechanics.soil") / "library" / kind
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name[0] != "_")
 
@@ -140,25 +140,25 @@ def _load(name: str | Path, kind: Literal["wheels", "soils"], form: type[Setting
         text = (library / kind / f"{name}.toml").read_text("utf-8")
     else:
         known = ", ".join(library_names(kind))
-        raise ConfigError(f"{kind} hold no '{name}'; give one of {known}, or the path of a .toml file.")
+        raise ConfigError(f"{kind}: no '{name}'; use one of {known}, or the path of a .toml file.")
     return parse_settings(text, str(name), form)
 
 
 def parse_settings(text: str, origin: str, form: type[SettingsT]) -> SettingsT:
-    """Return the settings that a TOML text holds.
+    """Return the settings in a TOML text.
 
     Args:
         text: TOML.
         origin: File or name, for messages.
-        form: What the text shall hold.
+        form: Class of the settings.
 
     Raises:
-        ConfigError: Not TOML, or not such settings; names the first wrong key, its value, unit and range.
+        ConfigError: Not TOML or not such settings; names the first wrong key, its value, unit and range.
     """
     try:
         return form.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{origin}: is not TOML ({error}); mend the file.") from None
+        raise ConfigError(f"{origin}: is not TOML ({error}); correct the file.") from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])

@@ -13,7 +13,7 @@ def modulus_terms(soil: SoilSettings, gravity_m_s2: float) -> ModulusTerms:
     """Return K_1, e_1, K_2, e_2 of a soil whose pressure at depth z is (K_1 l^e_1 + K_2 l^e_2) z^n.
 
     Args:
-        soil: Of either law.
+        soil: Soil with either pressure law.
         gravity_m_s2: Acceleration of gravity, more than 0.
     """
     law = soil.pressure

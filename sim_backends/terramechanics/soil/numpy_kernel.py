@@ -20,7 +20,7 @@ from sim_backends.terramechanics.soil.shear_stress import displacement, shear_st
 from sim_backends.terramechanics.soil.wheel_contact import WheelContact
 
 STRIPS_AT_ONCE = 512
-"""So many strips of a wheel are computed together: their numbers fit into the processor's cache."""
+"""Number of strips computed together: their arrays fit into the processor's cache."""
 NARROWEST = 1e-9
 WIDEST = 10.0
 BISECTIONS = 40
@@ -36,7 +36,7 @@ class Strips(NamedTuple):
         modulus: K, Pa / m^n.
         excess: 1 - v_x / (r_s omega).
         speed, side_speed: v_x and v_y over r_s omega.
-        lost: Depth that carries no load, m.
+        lost: Depth that bears no load, m.
     """
 
     entry: Array
@@ -77,8 +77,8 @@ def numpy_kernel(
 def _slices(contact: WheelContact, rule: Rule, sinkage_m: Array) -> tuple[Array, Array]:
     """Return sinkage and width of the slices across each wheel (eqs 13, 14).
 
-    Nodes are even in the square root of the sinkage, in which the forces are smooth even where an edge leaves
-    the soil.
+    Nodes are even in the square root of the sinkage, in which the forces are smooth also where an edge
+    leaves the soil.
     """
     touching = contact_width(sinkage_m, contact.width_m, contact.camber_tan)
     deepest = deepest_sinkage(sinkage_m, contact.width_m, contact.camber_tan)
@@ -109,7 +109,7 @@ def _modulus(contact: WheelContact, sinkage_m: Array, slip: Array) -> Array:
 def _strips(
     contact: WheelContact, depth: Array, modulus: Array, slip: Array, side_speed: Array
 ) -> tuple[Strips, Array]:
-    """Return the slices, and the width over which the shear stress turns over the entry angle."""
+    """Return the slices, and the ratio of the width of the shear stress's turn to the entry angle."""
     entry = entry_angle(depth, contact.radius_m)
     positive = np.maximum(slip, 0.0)
     speed = (1.0 - positive) / (1.0 + np.minimum(slip, 0.0))
@@ -128,7 +128,7 @@ def _strips(
 
 
 def _turn(strips: Strips) -> Array:
-    """Return the angle over which the shear stress turns around: sqrt(2 |s + i tan beta|) about theta = 0."""
+    """Return the angle over which the shear stress turns: sqrt(2 |s + i tan beta|) about theta = 0."""
     size = np.sqrt(strips.excess**2 + strips.side_speed**2)
     return np.clip(np.sqrt(2.0 * size / np.maximum(strips.speed, 1e-9)), NARROWEST, WIDEST)
 
@@ -141,7 +141,7 @@ def _integrate(contact: WheelContact, rule: Rule, tier: int, strips: Strips) -> 
         rear, front = strips.exit - strips.greatest, strips.entry - strips.greatest
         theta = strips.greatest + np.concatenate([front * node, rear * node], axis=1)
         step = np.concatenate([front * weight, -rear * weight], axis=1)
-        # Nodes at the same share of the way from theta_m to either end have the same stress (eq 17).
+        # Nodes at the same relative distance from theta_m to either end have the same stress (eq 17).
         normal = np.tile(_normal(contact, strips, theta[:, :count]), 2)
     else:
         anchor, end, turn = _skid_segments(strips) if tier < 0 else _slip_segments(strips)
@@ -168,7 +168,7 @@ def _slip_segments(strips: Strips) -> tuple[Array, Array, Array]:
 
 
 def _skid_segments(strips: Strips) -> tuple[Array, Array, Array]:
-    """Return the segments of a skidding wheel: cut also where shear changes sign, and where j touches 0."""
+    """Return the segments of a skidding wheel, also divided where shear changes sign and where j is 0."""
     still = np.arccos(1.0 / strips.speed)
     side = np.abs(strips.side_speed)
     turn = side / np.sqrt((strips.speed * np.sin(still)) ** 2 + strips.speed * side + NARROWEST**2)
@@ -190,7 +190,7 @@ def _skid_segments(strips: Strips) -> tuple[Array, Array, Array]:
 
 
 def _returning_angle(strips: Strips, still: Array) -> Array:
-    """Return the angle at which soil sheared forward is back where it was: j_t = 0, between -+`still`."""
+    """Return the angle at which soil sheared forward has returned: j_t = 0, between -+`still`."""
     low = np.maximum(-still, strips.exit)
     high = np.minimum(still, strips.entry)
     for _ in range(BISECTIONS):

@@ -37,9 +37,9 @@ class PlateTest(NamedTuple):
     """One plate pressed into level soil.
 
     Attributes:
-        name: Of the test.
-        diameter_m: Of the round plate.
-        sinkage_m: Below the surface, one value per sample; above 0.
+        name: Name of the test.
+        diameter_m: Diameter of the round plate.
+        sinkage_m: Sinkage below the surface, one value per sample; above 0.
         pressure_pa: Force over area of the plate; above 0.
     """
 
@@ -64,9 +64,9 @@ class PlateFit(NamedTuple):
         modulus_pa: k, Pa / m^n; the geometric mean of the tests.
         exponent: n.
         size_exponent: Power of the plate's diameter with which the pressure at one sinkage grows; None where
-            all plates are of one size. Bekker's and Reece's laws cannot follow a value above 0 with moduli
-            that are positive.
-        covariance: Of the estimates of ln k and n, 2 x 2.
+            all plates have one size. Bekker's and Reece's laws with positive moduli cannot reproduce a value
+            above 0.
+        covariance: Covariance of the estimates of ln k and n, 2 x 2.
         moduli_pa: k of each test.
         exponents: n of each test.
     """
@@ -82,11 +82,11 @@ class PlateFit(NamedTuple):
 def fit_plates(tests: Sequence[PlateTest]) -> PlateFit:
     """Return the power law k z^n with 95 % confidence intervals.
 
-    Each test is fitted by least squares in pressure. Samples of one test are no independent evidence, so the
+    Each test is fitted by least squares in pressure. Samples of one test are not independent, so the
     intervals come from the scatter between tests (Student's t).
 
     Args:
-        tests: At least 3.
+        tests: At least 3 tests.
 
     Raises:
         ModelError: Too few tests or points, or a number is out of range.
@@ -127,7 +127,7 @@ def _fit_one(test: PlateTest) -> tuple[float, float]:
 
 
 def _size_exponent(tests: Sequence[PlateTest], single: Array) -> Interval | None:
-    """Return how the pressure at the tests' common sinkage grows with the plate's diameter."""
+    """Return the power of the plate's diameter in the pressure at the tests' common sinkage."""
     sizes = np.log([test.diameter_m for test in tests])
     if np.ptp(sizes) < 1e-6:
         return None

@@ -1,8 +1,8 @@
-"""Nodes for the integrals under a wheel, chosen by a bound on the error.
+"""Quadrature nodes for the integrals under a wheel, chosen by a bound on the error.
 
-Each integral is cut where the integrand has a corner or a near-singularity: at theta_m, and at theta = 0,
-where the direction of the shear stress turns within a width of sqrt(2 |s + i tan beta|). Close to that point
-nodes are spaced by a sinh map; towards entry and exit, where the stress is a broken power, by a square.
+Each integral is divided where the integrand has a corner or a near-singularity: at theta_m, and at theta = 0,
+where the direction of the shear stress changes within a width of sqrt(2 |s + i tan beta|). Near that point
+nodes are spaced by a sinh map; towards entry and exit, where the stress is a fractional power, by a square.
 """
 
 from functools import cache
@@ -19,12 +19,12 @@ class Rule(NamedTuple):
     """Nodes and weights in 0 .. 1.
 
     Attributes:
-        slice_node, slice_weight: Across a cambered wheel.
-        plain: So many tiers, the first ones, cut at theta_m only; the others at theta = 0 as well.
-        reach: Least width of the turn, over the entry angle, for which each of the tiers is good enough;
-            falling, the last is 0.
+        slice_node, slice_weight: Nodes across a cambered wheel.
+        plain: Number of leading tiers divided at theta_m only; the others are divided at theta = 0 as well.
+        reach: Least width of the turn, over the entry angle, for which each tier is accurate enough;
+            descending, the last is 0.
         nodes: Number of nodes per segment of each tier.
-        node, weight: Of each tier, as rows filled up with zeros.
+        node, weight: Nodes and weights of each tier, rows padded with zeros.
     """
 
     slice_node: Array
@@ -37,16 +37,16 @@ class Rule(NamedTuple):
 
 
 WALL_NODES = 6
-"""For the smooth integral over a side wall."""
+"""Number of nodes for the smooth integral over a side wall."""
 
 
 class Tiers(NamedTuple):
     """Numbers of nodes.
 
     Attributes:
-        slices: Across a cambered wheel.
-        plain: (reach, nodes) of tiers that cut at theta_m only.
-        cut: (reach, nodes) of tiers that cut at theta = 0 as well.
+        slices: Number across a cambered wheel.
+        plain: (reach, nodes) of tiers divided at theta_m only.
+        cut: (reach, nodes) of tiers divided at theta = 0 as well.
     """
 
     slices: int
@@ -59,18 +59,18 @@ TIERS = {
     1e-5: Tiers(6, ((1.2, 8), (0.8, 9)), ((0.3, 10), (0.1, 14), (0.0, 16))),
     1e-8: Tiers(10, ((0.8, 16),), ((0.5, 16), (0.3, 20), (0.1, 24), (0.0, 32))),
 }
-"""By the bound on the error, in parts of the vertical force."""
+"""Tiers by the bound on the error relative to the vertical force."""
 
 
 def rule_for(bound: float) -> Rule:
     """Return the cheapest nodes that keep every force within `bound` times the vertical force.
 
     Args:
-        bound: 1e-8 or more. It holds for slip ratios from 0 to 0.9, slip angles to 45 deg, cambers to 30 deg,
+        bound: 1e-8 or more. Valid for slip ratios from 0 to 0.9, slip angles to 45 deg, cambers to 30 deg,
             exponents from 0.7 to 2 and shear moduli from a tenth of the radius; in skid 1e-5 is the best.
 
     Raises:
-        ModelError: No rule is as exact as that.
+        ModelError: No rule is that accurate.
     """
     for known in sorted(TIERS, reverse=True):
         if known <= bound:

@@ -1,4 +1,4 @@
-"""Ranges of physical quantities, and the errors that name parameter, value, unit and range."""
+"""Range checks of physical quantities; errors name parameter, value, unit and range."""
 
 import math
 
@@ -13,7 +13,7 @@ def quantity(unit: str, lower: float, upper: float) -> AfterValidator:
     """Return a check for a field of settings: the value must lie in `lower` to `upper`, both included.
 
     Args:
-        unit: Shown in the message; "1" for a pure number.
+        unit: Unit in the message; "1" for a pure number.
         lower: Least value.
         upper: Greatest value.
     """
@@ -30,9 +30,9 @@ def check_range(name: str, values: ArrayLike, unit: str, lower: float, upper: fl
     """Check that a number or every number of an array is finite and within `lower` to `upper`.
 
     Args:
-        name: Of the parameter.
+        name: Name of the parameter.
         values: Number or array.
-        unit: Shown in the message; "1" for a pure number.
+        unit: Unit in the message; "1" for a pure number.
         lower: Least value.
         upper: Greatest value.
 

@@ -27,7 +27,7 @@ def displacement(
 
 
 def slip_velocity(drop: Array, excess: Array, speed: Array, side_speed: Array) -> tuple[Array, Array]:
-    """Return the directions (forward, left) of the stress on the wheel: the slip velocity's (eqs 22 to 24).
+    """Return the direction (forward, left) of the stress on the wheel: that of slip (eqs 22 to 24).
 
     Args:
         drop: 1 - cos(theta), without loss of digits near theta = 0.

@@ -1,6 +1,6 @@
 """Soil against the side walls of a wheel: Reece's plane wedge, passive and active (paper 001, eqs 25 to 28).
 
-Of a wall: `lean` is the angle gamma' by which its top leans away from the soil, `slope` the angle by which
+Of a wall, `lean` is the angle gamma' by which its top leans away from the soil, `slope` the angle by which
 the surface rises away from it. For a wheel at camber gamma (towards +y) on a slope alpha (rising to +y) the
 wall at -y has gamma' = gamma - alpha and slope -alpha, the wall at +y both with the other sign; the paper
 prints one sign for both. N_c and N_ca follow from the balance of the wedge; the printed ones do not.
@@ -18,6 +18,7 @@ from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.library import SoilSettings
 
 NO_WALLS = np.zeros((4, 2))
+NO_WALLS.flags.writeable = False  # like `wall_polynomials`: for another type of array numba compiles anew
 DEGREE = 16
 INSIDE = 1e-6
 Law = Callable[[float, "Wall", SoilSettings, float], float]
@@ -55,7 +56,7 @@ def passive_factors(surface_rad: float, wall: Wall, *, heap: bool = True) -> Fac
     Args:
         surface_rad: mu_p, angle of the slip surface: `wall.slope` < mu_p < 90 deg + gamma' - delta - phi.
         wall: Wall.
-        heap: The soil pushed up rests before the wall at its angle of friction, as in the paper.
+        heap: The displaced soil rests in front of the wall at its angle of friction, as in the paper.
     """
     lean, slope, phi, delta = wall
     cot = 1.0 / math.tan(surface_rad + phi)
@@ -91,12 +92,12 @@ def passive_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_
     """Return P_p, N/m: the least over all slip surfaces (eq 26).
 
     Args:
-        height_m: h, of the wall in the soil, more than 0.
+        height_m: h, height of the wall in the soil, more than 0.
         wall: Wall.
         soil: Gives density, cohesion and adhesion.
         gravity_m_s2: g.
     """
-    return height_m * _least(
+    return height_m * _minimum(
         lambda mu: _pressure(height_m, passive_factors(mu, wall), soil, gravity_m_s2),
         wall.slope,
         0.5 * math.pi + wall.lean - wall.wall_friction - wall.soil_friction,
@@ -104,15 +105,15 @@ def passive_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_
 
 
 def active_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_m_s2: float) -> float:
-    """Return P_a, N/m: the greatest over all slip surfaces, and 0 where the soil stands by itself (eq 28).
+    """Return P_a, N/m: the greatest over all slip surfaces, and 0 where the soil stands unsupported (eq 28).
 
     Args:
-        height_m: h, of the wall in the soil, more than 0.
+        height_m: h, height of the wall in the soil, more than 0.
         wall: Wall.
         soil: Gives density, cohesion and adhesion.
         gravity_m_s2: g.
     """
-    least = _least(
+    least = _minimum(
         lambda mu: -_pressure(height_m, active_factors(mu, wall), soil, gravity_m_s2),
         wall.soil_friction,
         0.5 * math.pi + wall.lean,
@@ -138,18 +139,18 @@ def wall_polynomials(
         greatest force.
 
     Raises:
-        ModelError: The walls lean too far, or the slope is steeper than the soil can lie.
+        ModelError: The walls lean too far, or the slope exceeds the soil's friction angle.
     """
     phi = soil.friction_angle_rad
     if abs(cross_slope_rad) >= phi:
         raise ModelError(
             f"cross_slope_rad is {cross_slope_rad:g} rad, outside +-{phi:.4g} rad, the soil's friction angle."
         )
-    room = 0.5 * math.pi - phi - soil.wall_friction_rad
-    if abs(camber_rad - cross_slope_rad) >= room:
+    limit_rad = 0.5 * math.pi - phi - soil.wall_friction_rad
+    if abs(camber_rad - cross_slope_rad) >= limit_rad:
         raise ModelError(
-            f"camber_rad - cross_slope_rad is {camber_rad - cross_slope_rad:g} rad, outside +-{room:.4g} "
-            "rad, 90 deg less the angles of friction of soil and wall."
+            f"camber_rad - cross_slope_rad is {camber_rad - cross_slope_rad:g} rad, outside "
+            f"+-{limit_rad:.4g} rad, 90 deg less the angles of friction of soil and wall."
         )
     return _polynomials(soil, camber_rad, cross_slope_rad, gravity_m_s2, radius_m)
 
@@ -185,7 +186,7 @@ def _fit(pressure: Callable[[float], float], start: float, *, linear: bool) -> l
     if start >= 1.0:
         return [1.0] + [0.0] * (DEGREE + 1)
     x = start + (1.0 - start) * (0.5 * np.polynomial.chebyshev.chebpts1(2 * DEGREE) + 0.5)
-    values = [pressure(float(one)) for one in x]
+    values = [pressure(float(share)) for share in x]
     series = np.polynomial.Chebyshev.fit(x, values, DEGREE, domain=[start, 1.0])
     return [start, *series.convert(kind=np.polynomial.Polynomial).coef.tolist()]
 
@@ -204,7 +205,7 @@ def _standing_height(wall: Wall, soil: SoilSettings, gravity_m_s2: float) -> flo
         holding = soil.cohesion_pa * factors.cohesion + soil.wall_adhesion_pa * factors.adhesion
         return -holding / (soil.density_kg_m3 * gravity_m_s2 * factors.weight)
 
-    return _least(height, wall.soil_friction, 0.5 * math.pi + wall.lean)
+    return _minimum(height, wall.soil_friction, 0.5 * math.pi + wall.lean)
 
 
 def _pressure(height_m: float, factors: Factors, soil: SoilSettings, gravity_m_s2: float) -> float:
@@ -216,10 +217,10 @@ def _pressure(height_m: float, factors: Factors, soil: SoilSettings, gravity_m_s
     )
 
 
-def _least(values: Callable[[float], float], lower: float, upper: float) -> float:
+def _minimum(values: Callable[[float], float], lower: float, upper: float) -> float:
     """Return the least value of a function with one minimum inside `lower` .. `upper`.
 
-    Golden sections, then the vertex of a parabola: near its minimum the value needs no exact place.
+    Golden sections, then the vertex of a parabola: near its minimum the value depends weakly on the position.
     """
     edge = INSIDE * (upper - lower)
     start, end = lower + edge, upper - edge

@@ -1,6 +1,6 @@
 """Torque and drawbar pull of a skidding wheel from its measurements in slip (paper 002, eqs 26-29).
 
-Good for wheels with lugs, poor for the smooth one. Against the paper's own skid lines at 85 N over slip
+Good for wheels with lugs, poor for the smooth one. Compared with the paper's own skid lines at 85 N over slip
 ratios from -1 to 0 the rms difference is 0.83, 0.33 and 1.44 N m in torque and 3.1, 2.3 and 9.1 N in drawbar
 pull for Wh31 (15 mm lugs), Wh32 (10 mm) and Wh34 (smooth).
 """

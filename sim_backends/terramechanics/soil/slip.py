@@ -1,12 +1,10 @@
-"""Slip and skid ratio, shearing radius."""
+"""Speed of a wheel from its slip or skid ratio; shearing radius."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sim_backends.arrays import Array
 from sim_backends.terramechanics.soil.quantity import check_range
-
-LARGEST = 1e6
 
 
 def shearing_radius(radius_m: float, lug_height_m: float, shearing_share: float) -> float:
@@ -28,31 +26,8 @@ def shearing_radius(radius_m: float, lug_height_m: float, shearing_share: float)
     return radius_m + shearing_share * lug_height_m
 
 
-def slip_ratio(speed_m_s: ArrayLike, rim_speed_m_s: ArrayLike) -> Array:
-    """Return the slip ratio: 1 - v / (r omega) in slip, r omega / v - 1 (negative) in skid.
-
-    Paper 001, eq 1; paper 002, eqs 5 to 7, with the rim speed at the shearing radius.
-
-    Args:
-        speed_m_s: v, along the wheel's plane, at least 0; any shape.
-        rim_speed_m_s: r_s omega, at least 0, not 0 where v is; broadcast with it.
-
-    Returns:
-        -1 (locked) to 1 (spinning on the spot); 0 where both are equal.
-
-    Raises:
-        ModelError: A speed is negative or not a number, or both are 0.
-    """
-    check_range("speed_m_s", speed_m_s, "m/s", 0.0, LARGEST)
-    check_range("rim_speed_m_s", rim_speed_m_s, "m/s", 0.0, LARGEST)
-    speed, rim = np.broadcast_arrays(np.asarray(speed_m_s, float), np.asarray(rim_speed_m_s, float))
-    faster = np.maximum(speed, rim)
-    check_range("the greater of speed_m_s and rim_speed_m_s", faster, "m/s", np.finfo(float).tiny, LARGEST)
-    return np.asarray((rim - speed) / faster)
-
-
 def speed_ratio(slip: ArrayLike) -> Array:
-    """Return v / (r_s omega) of a slip ratio: 1 - s in slip, 1 / (1 + s) in skid.
+    """Return v / (r_s omega) of a slip ratio s: 1 - s in slip, 1 / (1 + s) in skid (paper 001, eq 1).
 
     Args:
         slip: More than -1, at most 1; any shape.

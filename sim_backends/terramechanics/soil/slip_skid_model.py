@@ -1,6 +1,6 @@
-"""Sinkage, torque and drawbar pull of a wheel as three lines over the slip ratio (paper 002, eqs 7-23).
+"""Sinkage, torque and drawbar pull of a wheel, piecewise linear in the slip ratio (paper 002, eqs 7-23).
 
-The lines are fits to a wheel on one soil at one load: they hold for that wheel, that soil and a similar load.
+The lines are fits to one wheel on one soil at one load; they hold for that wheel and soil and a similar load.
 Paper 002 measured slip ratios from -1 to 0.6; beyond 0.6 the last line is extrapolated to 1.
 """
 
@@ -38,9 +38,9 @@ class ThreeLines(Settings):
     """A quantity over the slip ratio: one line in skid, one around zero, one in slip (eqs 17, 20, 21).
 
     Attributes:
-        skid: Holds from -1 to `skid_transition`.
-        middle: Holds between the transitions.
-        slip: Holds from `slip_transition` to 1.
+        skid: Valid from -1 to `skid_transition`.
+        middle: Valid between the transitions.
+        slip: Valid from `slip_transition` to 1.
     """
 
     skid: Line
@@ -72,7 +72,7 @@ class ResistanceLines(Settings):
     """Resistance coefficient lambda_RC over slip and skid (eq 16).
 
     Attributes:
-        intercept: At slip ratio 0.
+        intercept: Value at slip ratio 0.
         slip_slope: Per slip ratio.
         skid_slope: Per skid ratio.
     """
@@ -96,10 +96,10 @@ class SlipSkidWheel(Settings):
     """A wheel with its fitted lines on one soil.
 
     Attributes:
-        radius_m: Without lugs.
-        width_m: Of the rim.
+        radius_m: Radius without lugs.
+        width_m: Width of the rim.
         lug_height_m: 0 for a smooth wheel.
-        shearing_fraction: lambda_s, the share of the lug height that counts for the shearing radius (eq 8).
+        shearing_fraction: lambda_s, the share of the lug height in the shearing radius (eq 8).
         resistance: lambda_RC (eq 16).
         sinkage_mm: Sinkage in mm (eq 17); None where it was not fitted.
         moment: M_DR / (F_N r_s) (eq 20), the tractive coefficient lambda_TC.
@@ -142,12 +142,12 @@ def sinkage_m(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> Array:
 def resistance_moment_nm(
     wheel: SlipSkidWheel, slip_ratio: ArrayLike, normal_force_n: float = TESTED_LOAD_N
 ) -> Array:
-    """Return the moment M_DR in N m that the drive must give, shaped as the slip ratio (eq 20).
+    """Return the required drive moment M_DR in N m, shaped as the slip ratio (eq 20).
 
     Args:
-        wheel: With its lines.
+        wheel: Wheel with its lines.
         slip_ratio: From -1 to 1.
-        normal_force_n: Above 0; the lines were fitted near 85 N.
+        normal_force_n: Normal force above 0; the lines were fitted near 85 N.
 
     Raises:
         ModelError: A slip ratio or the normal force is out of range.
@@ -161,9 +161,9 @@ def drawbar_pull_n(
     """Return the drawbar pull F_DP in N, shaped as the slip ratio; negative in skid (eq 21).
 
     Args:
-        wheel: With its lines.
+        wheel: Wheel with its lines.
         slip_ratio: From -1 to 1.
-        normal_force_n: Above 0; the lines were fitted near 85 N.
+        normal_force_n: Normal force above 0; the lines were fitted near 85 N.
 
     Raises:
         ModelError: A slip ratio or the normal force is out of range.
@@ -172,7 +172,7 @@ def drawbar_pull_n(
 
 
 def slope_rad(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> Array:
-    """Return the slope in rad that the wheel climbs (+) or goes down (-) steadily at a slip ratio (eq 15).
+    """Return the slope in rad that the wheel climbs (+) or descends (-) steadily at a slip ratio (eq 15).
 
     Raises:
         ModelError: A slip ratio is outside [-1, 1].
@@ -181,10 +181,10 @@ def slope_rad(wheel: SlipSkidWheel, slip_ratio: ArrayLike) -> Array:
 
 
 def slip_ratio_on_slope(wheel: SlipSkidWheel, slope_angle_rad: float) -> float | None:
-    """Return the least slip or skid with which the wheel climbs (+) or goes down (-) a slope (eqs 14, 21).
+    """Return the least slip or skid with which the wheel climbs (+) or descends (-) a slope (eqs 14, 21).
 
     Args:
-        wheel: With its lines.
+        wheel: Wheel with its lines.
         slope_angle_rad: From -pi/2 to pi/2.
 
     Returns:
@@ -195,12 +195,12 @@ def slip_ratio_on_slope(wheel: SlipSkidWheel, slope_angle_rad: float) -> float |
     """
     if not abs(slope_angle_rad) < np.pi / 2:
         raise ModelError(f"slope_angle_rad = {slope_angle_rad} must lie between -pi/2 and pi/2 rad")
-    wanted = float(np.tan(slope_angle_rad))
+    required = float(np.tan(slope_angle_rad))
     lines = wheel.drawbar_pull
     corners = np.array([-1.0, lines.skid_transition, 0.0, lines.slip_transition, 1.0])
     pulls = lines.at(corners)
-    side = slice(2, None) if wanted >= 0 else slice(2, None, -1)
-    return _first_crossing(corners[side], pulls[side], wanted)
+    branch = slice(2, None) if required >= 0 else slice(2, None, -1)
+    return _first_crossing(corners[branch], pulls[branch], required)
 
 
 def checked_slip_ratio(slip_ratio: ArrayLike) -> Array:
@@ -210,9 +210,11 @@ def checked_slip_ratio(slip_ratio: ArrayLike) -> Array:
         ModelError: One is outside [-1, 1] or not a number.
     """
     slip = np.asarray(slip_ratio, dtype=np.float64)
-    bad = ~(np.abs(slip) <= 1)
-    if np.any(bad):
-        raise ModelError(f"slip_ratio = {slip[bad].flat[0]} must lie between -1 (locked) and 1 (spinning)")
+    is_outside = ~(np.abs(slip) <= 1)
+    if np.any(is_outside):
+        raise ModelError(
+            f"slip_ratio = {slip[is_outside].flat[0]} must lie between -1 (locked) and 1 (spinning)"
+        )
     return slip
 
 
@@ -227,9 +229,9 @@ def checked_load(normal_force_n: float) -> float:
     return normal_force_n
 
 
-def _first_crossing(slips: Array, pulls: Array, wanted: float) -> float | None:
-    """Return where a chain of straight pieces that starts at 0 first reaches the wanted value."""
+def _first_crossing(slips: Array, pulls: Array, required: float) -> float | None:
+    """Return where a piecewise linear function first reaches the required value."""
     for at, pull, next_at, next_pull in zip(slips, pulls, slips[1:], pulls[1:], strict=False):
-        if abs(next_pull) >= abs(wanted) and next_pull != pull:
-            return float(at + (wanted - pull) / (next_pull - pull) * (next_at - at))
+        if abs(next_pull) >= abs(required) and next_pull != pull:
+            return float(at + (required - pull) / (next_pull - pull) * (next_at - at))
     return None

@@ -1,4 +1,4 @@
-"""What does not change with the motion of a wheel on a soil, as plain numbers for the kernels."""
+"""Constants of a wheel on a soil, independent of its motion, as plain numbers for the kernels."""
 
 import math
 from typing import NamedTuple, Protocol
@@ -25,8 +25,8 @@ class WheelContact(NamedTuple):
         friction: tan phi.
         greatest_stress: a_0, a_1.
         exit_polynomial: lambda over the slip ratio.
-        slip_sinkage_m: Sinkage per slip ratio that carries no load; 0 in the papers.
-        wall_cosine, wall_sine: Of delta.
+        slip_sinkage_m: Sinkage per slip ratio that bears no load; 0 in the papers.
+        wall_cosine, wall_sine: Cosine and sine of delta.
         walls: P / h of the side walls as polynomials of h / r, Pa, lowest power first; rows: wall at -y
             passive, active, wall at +y passive, active.
     """
@@ -59,7 +59,7 @@ class Kernel(Protocol):
         Args:
             contact: Wheel and soil.
             rule: Nodes.
-            sinkage_m: At the wheel's middle plane, (N,); the deeper edge at most as deep as the axle.
+            sinkage_m: Sinkage of the wheel's middle plane, (N,); the deeper edge at most as deep as the axle.
             slip: Slip ratio, negative in skid, (N,).
             side_speed: Sideways speed of the wheel over the soil, over the rim speed r_s omega; positive to
                 +y; (1 - s) tan(beta) in slip, (N,).
@@ -77,7 +77,7 @@ def wheel_contact(
     sidewall: bool = True,
     slip_sinkage_m: float = 0.0,
 ) -> WheelContact:
-    """Return the numbers that the kernels need.
+    """Return the constants for the kernels.
 
     Args:
         wheel: Wheel.
@@ -85,11 +85,11 @@ def wheel_contact(
         camber_rad: gamma, from the surface's normal to the wheel's plane, towards +y; within 45 deg.
         cross_slope_rad: Slope of the surface across the wheel, rising to +y; within 45 deg.
         gravity_m_s2: 0.1 to 100.
-        sidewall: False leaves out the forces on the side walls.
-        slip_sinkage_m: Sinkage per slip ratio that carries no load, 0 to 0.2.
+        sidewall: False omits the forces on the side walls.
+        slip_sinkage_m: Sinkage per slip ratio that bears no load, 0 to 0.2.
 
     Raises:
-        ModelError: A number is outside its range, or the soil cannot lie at that slope.
+        ModelError: A number is outside its range, or the slope exceeds the soil's friction angle.
     """
     check_range("camber_rad", camber_rad, "rad", -STEEPEST_RAD, STEEPEST_RAD)
     check_range("cross_slope_rad", cross_slope_rad, "rad", -STEEPEST_RAD, STEEPEST_RAD)

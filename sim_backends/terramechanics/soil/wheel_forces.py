@@ -1,4 +1,4 @@
-"""Forces on a wheel at given sinkage, or at given load."""
+"""Sinkage of wheels at given loads, and the forces on them (paper 001, eqs 9 to 32)."""
 
 from typing import NamedTuple
 
@@ -29,53 +29,13 @@ class WheelForces(NamedTuple):
         drawbar_n: F_x, forward.
         side_n: F_y, to the left.
         vertical_n: F_z, up along the wheel's plane.
-        torque_nm: T, that drives the wheel.
+        torque_nm: T, driving torque.
     """
 
     drawbar_n: Array
     side_n: Array
     vertical_n: Array
     torque_nm: Array
-
-
-def wheel_forces(
-    wheel: WheelSettings,
-    soil: SoilSettings,
-    *,
-    sinkage_m: ArrayLike,
-    slip: ArrayLike,
-    slip_angle_rad: ArrayLike = 0.0,
-    camber_rad: float = 0.0,
-    cross_slope_rad: float = 0.0,
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
-    bound: float = 1e-8,
-    kernel: Kernel = numpy_kernel,
-) -> WheelForces:
-    """Return the forces on wheels at given sinkages (paper 001, eqs 9 to 32).
-
-    Args:
-        wheel: Wheel.
-        soil: Soil.
-        sinkage_m: h'_c at the wheel's middle plane; the deeper edge at most as deep as the axle; any shape.
-        slip: Slip ratio at the shearing radius, -0.99 (skid) to 1; broadcast with it.
-        slip_angle_rad: beta, within 1.55 rad, positive to the left; broadcast with it.
-        camber_rad: From the surface's normal to the wheel's plane, positive to the left; within 45 deg.
-        cross_slope_rad: Of the surface across the wheel, rising to the left; within 45 deg.
-        gravity_m_s2: 0.1 to 100.
-        bound: On the error, in parts of F_z: 1e-5 or 1e-8.
-        kernel: What computes.
-
-    Raises:
-        ModelError: A number is outside its range; names parameter, value, unit and range.
-    """
-    contact = wheel_contact(
-        wheel, soil, camber_rad=camber_rad, cross_slope_rad=cross_slope_rad, gravity_m_s2=gravity_m_s2
-    )
-    ratio, side_speed = _motion(slip, slip_angle_rad)
-    depth, ratio, side_speed = np.broadcast_arrays(np.asarray(sinkage_m, float), ratio, side_speed)
-    check_range("sinkage_m", depth, "m", -wheel.radius_m, deepest_allowed(contact))
-    columns = kernel(contact, rule_for(bound), *(np.array(one).ravel() for one in (depth, ratio, side_speed)))
-    return _shaped(columns, depth.shape)
 
 
 def wheel_at_load(
@@ -100,12 +60,12 @@ def wheel_at_load(
         load_n: F_z, more than 0 to 1e6; any shape.
         slip: Slip ratio at the shearing radius, -0.99 (skid) to 1; broadcast with it.
         slip_angle_rad: beta, within 1.55 rad, positive to the left; broadcast with it.
-        camber_rad: As for `wheel_forces`.
-        cross_slope_rad: As for `wheel_forces`.
+        camber_rad: From the surface's normal to the wheel's plane, positive to the left; within 45 deg.
+        cross_slope_rad: Slope of the surface across the wheel, rising to the left; within 45 deg.
         gravity_m_s2: 0.1 to 100.
-        slip_sinkage_m: Sinkage per slip ratio that carries no load; 0 in the paper.
-        bound: On the error, in parts of F_z: 1e-5 or 1e-8.
-        kernel: What computes.
+        slip_sinkage_m: Sinkage per slip ratio that bears no load; 0 in the paper.
+        bound: Bound on the error relative to F_z: 1e-5 or 1e-8.
+        kernel: Computes the forces.
 
     Returns:
         h'_c, m, and the forces; NaN where the soil does not bear the load before the axle touches it.
@@ -124,7 +84,7 @@ def wheel_at_load(
     ratio, side_speed = _motion(slip, slip_angle_rad)
     check_range("load_n", load_n, "N", np.finfo(float).tiny, HEAVIEST_N)
     load, ratio, side_speed = np.broadcast_arrays(np.asarray(load_n, float), ratio, side_speed)
-    flat = (np.array(one).ravel() for one in (load, ratio, side_speed))
+    flat = (np.array(values).ravel() for values in (load, ratio, side_speed))
     sinkage, columns = sink(contact, rule_for(bound), kernel, *flat)
     return sinkage.reshape(load.shape), _shaped(columns, load.shape)
 
@@ -139,7 +99,7 @@ def sink(
     Args:
         contact: Wheel and soil.
         rule: Nodes.
-        kernel: What computes.
+        kernel: Computes the forces.
         load_n: F_z, more than 0.
         slip: Slip ratio.
         side_speed: As for `Kernel`.
@@ -147,7 +107,7 @@ def sink(
     low = np.full(load_n.shape, least_allowed(contact))
     high = np.full(load_n.shape, deepest_allowed(contact))
     columns = kernel(contact, rule, high, slip, side_speed)
-    bears = columns[:, VERTICAL] >= load_n
+    is_borne = columns[:, VERTICAL] >= load_n
     low_gap, high_gap = -np.ones(load_n.shape), _gap(columns, load_n)
     depth = high.copy()
     for _ in range(ITERATIONS):
@@ -155,13 +115,13 @@ def sink(
         columns = kernel(contact, rule, depth, slip, side_speed)
         gap = _gap(columns, load_n)
         below = gap < 0.0
-        # Illinois: halve the value of the end that stays, so that both ends move.
+        # Illinois: halve the value of the end that is kept, so that both ends move.
         high_gap = np.where(below, 0.5 * high_gap, gap)
         low_gap = np.where(below, gap, 0.5 * low_gap)
         low, high = np.where(below, depth, low), np.where(below, high, depth)
-        if np.all((np.abs(gap) < 1e-13) | (high - low < 1e-15) | ~bears):
+        if np.all((np.abs(gap) < 1e-13) | (high - low < 1e-15) | ~is_borne):
             break
-    return np.where(bears, depth, np.nan), np.where(bears[:, np.newaxis], columns, np.nan)
+    return np.where(is_borne, depth, np.nan), np.where(is_borne[:, np.newaxis], columns, np.nan)
 
 
 def least_allowed(contact: WheelContact) -> float:

@@ -1,10 +1,13 @@
 """The estimators on rendered drives with exact truth. How good they are in general is measured in
 `benchmarks/ftrace.py`; here is tested that each rule works at all."""
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 import pytest
 
-from controllers.ftrace.estimator import Method, TraceEstimator
+from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
 from drivers.errors import ModelError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rms
@@ -12,6 +15,8 @@ from tests.rear_scene.sequence import FrameSequence
 from tests.rear_scene.sets import make_sequence
 
 Drive = tuple[FrameSequence, list[Image]]
+AnglesOf = Callable[[Method], list[TraceAngle]]
+"""Follows a drive by a method, once for all tests."""
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +33,22 @@ def right() -> Drive:
     return sequence, grey_frames(sequence)
 
 
+@pytest.fixture(scope="module")
+def left_angles(left: Drive) -> AnglesOf:
+    return cache(lambda method: follow(*left, method))
+
+
+@pytest.fixture(scope="module")
+def right_angles(right: Drive) -> AnglesOf:
+    return cache(lambda method: follow(*right, method))
+
+
 @pytest.mark.parametrize("method", ["hough", "fused"])
-def test_the_angle_has_the_sign_and_size_of_the_truth(left: Drive, right: Drive, method: Method) -> None:
-    for sequence, images in (left, right):
-        angles = follow(sequence, images, method)
+def test_the_angle_has_the_sign_and_size_of_the_truth(
+    left: Drive, right: Drive, left_angles: AnglesOf, right_angles: AnglesOf, method: Method
+) -> None:
+    for (sequence, _), angles_of in ((left, left_angles), (right, right_angles)):
+        angles = angles_of(method)
 
         assert len(errors_deg(sequence, angles)) > 30
         assert rms(errors_deg(sequence, angles)) < {"hough": 6.0, "fused": 1.2}[method]
@@ -40,17 +57,19 @@ def test_the_angle_has_the_sign_and_size_of_the_truth(left: Drive, right: Drive,
         assert angles[-1].distance_m == pytest.approx(truth.d_t_m, abs=0.03 if method == "fused" else 0.08)
 
 
-def test_a_curved_trace_gives_the_current_direction_not_the_chord(right: Drive) -> None:
-    sequence, images = right
-    angles = follow(sequence, images, "fused")
+def test_a_curved_trace_gives_the_current_direction_not_the_chord(
+    right: Drive, right_angles: AnglesOf
+) -> None:
+    sequence, _ = right
+    angles = right_angles("fused")
 
     current, chord = errors_deg(sequence, angles), errors_deg(sequence, angles, "chord_deg")
     assert rms(current) < 0.6 * rms(chord)
 
 
-def test_the_paper_s_straight_line_gives_the_chord(right: Drive) -> None:
-    sequence, images = right
-    angles = follow(sequence, images, "hough")
+def test_the_paper_s_straight_line_gives_the_chord(right: Drive, right_angles: AnglesOf) -> None:
+    sequence, _ = right
+    angles = right_angles("hough")
 
     assert rms(errors_deg(sequence, angles, "chord_deg")) < rms(errors_deg(sequence, angles))
 
@@ -92,9 +111,9 @@ def test_found_again_after_it_was_lost(left: Drive) -> None:
     assert angles[-1].theta_deg == pytest.approx(sequence.truth[-1].theta_t_deg, abs=2.0)
 
 
-def test_nothing_is_found_before_the_wheel_left_a_trace(left: Drive) -> None:
-    sequence, images = left
-    angles = follow(sequence, images, "fused")
+def test_nothing_is_found_before_the_wheel_left_a_trace(left: Drive, left_angles: AnglesOf) -> None:
+    sequence, _ = left
+    angles = left_angles("fused")
 
     early = [angle for angle, truth in zip(angles, sequence.truth, strict=True) if truth.visible_m < 0.15]
     assert len(early) > 10
@@ -129,10 +148,8 @@ def test_a_camera_upside_down_finds_nothing(left: Drive) -> None:
     assert not any(angle.detected for angle in angles)
 
 
-def test_the_same_frames_give_the_same_angles(left: Drive) -> None:
-    sequence, images = left
-
-    first, second = (follow(sequence, images, "fused") for _ in range(2))
+def test_the_same_frames_give_the_same_angles(left: Drive, left_angles: AnglesOf) -> None:
+    first, second = left_angles("fused"), follow(*left, "fused")
 
     assert [angle.theta_rad for angle in first] == [angle.theta_rad for angle in second]
 

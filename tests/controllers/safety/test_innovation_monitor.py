@@ -37,6 +37,26 @@ def test_rejections_stop_after_two_seconds_and_three_of_them(period_s: float, st
     assert reason == StopReason("compass", "compass: contradicts the estimate, rejected for 2 s")
 
 
+def test_the_time_is_kept_to_the_nanosecond() -> None:
+    monitor = InnovationMonitor(InnovationSettings(contradiction_s=2.0))
+    for now_ns in (1_000_000_000, 2_000_000_000, 2_999_999_999):
+        (reason,) = monitor.check(Cycle(now_ns=now_ns, innovations=(REJECTED,)))
+        assert reason.severity is Severity.SIGN
+    (reason,) = monitor.check(Cycle(now_ns=3_000_000_000, innovations=(REJECTED,)))
+    assert reason.severity is Severity.STOP
+
+
+@pytest.mark.parametrize("contradiction_s", [0.1, 1.999999999, 60.0])
+def test_the_third_of_sparse_rejections_stops(contradiction_s: float) -> None:
+    monitor = InnovationMonitor(InnovationSettings(contradiction_s=contradiction_s))
+    severities = [
+        reason.severity
+        for t_s in (100.0, 200.0, 300.0)
+        for reason in monitor.check(Cycle(now_ns=nanoseconds(t_s), innovations=(REJECTED,)))
+    ]
+    assert severities == [Severity.SIGN, Severity.SIGN, Severity.STOP]
+
+
 def test_one_acceptance_ends_a_contradiction() -> None:
     rejections = Rejections()
     for index in range(4):

@@ -1,11 +1,13 @@
 """The supervisor: when it stops, why, and when it lets go again."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controllers.estimation.guarded_filter import Innovation
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
@@ -77,7 +79,14 @@ class Watch:
         self.supervisor = SafetySupervisor(settings, ROLES, wheel_count=2)
         self.now_ns = 0
 
-    def cycle(self, *samples: Sample, finite: bool = True, motion_ns: int | None = None) -> Mode:
+    def cycle(
+        self,
+        *samples: Sample,
+        finite: bool = True,
+        motion_ns: int | None = -1,
+        distance_m: float = 0.0,
+        innovations: tuple[Innovation, ...] = (),
+    ) -> Mode:
         self.now_ns += 10 * MS
         for sample in samples:
             self.supervisor.observe(sample, sample.t_ns)
@@ -85,7 +94,9 @@ class Watch:
             Cycle(
                 now_ns=self.now_ns,
                 estimate_is_finite=finite,
-                motion_ns=self.now_ns if motion_ns is None else motion_ns,
+                motion_ns=self.now_ns if motion_ns == -1 else motion_ns,
+                distance_m=distance_m,
+                innovations=innovations,
             )
         )
         return self.supervisor.mode
@@ -306,6 +317,115 @@ def test_a_finished_mission_stays_finished() -> None:
     watch.supervisor.observe(LinkSample(device="imu", t_ns=0, up=True, reason="reopened"), 0)
     for _ in range(100):
         assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.FINISHED
+
+
+def not_finite(watch: Watch) -> Mode:
+    return watch.cycle(*everything(watch.now_ns + 10 * MS), finite=False)
+
+
+def drive(watch: Watch, distance_m: float, innovations: tuple[Innovation, ...] = ()) -> None:
+    now_ns = watch.now_ns + 10 * MS
+    mode = watch.cycle(*everything(now_ns), distance_m=distance_m, innovations=innovations)
+    assert mode is Mode.RUNNING
+
+
+NOT_FINITE = "pose filter: the estimate is not finite"
+
+
+def test_the_third_identical_stop_is_final() -> None:
+    watch = running()
+    for _ in range(2):
+        assert not_finite(watch) is Mode.SAFE_STOP
+        assert watch.supervisor.reason == NOT_FINITE
+        watch.healthy_until_running()
+        drive(watch, 0.4)
+    assert not_finite(watch) is Mode.EMERGENCY_STOP
+    final = f"{NOT_FINITE}; stopped 3 times for this, stays stopped until restart"
+    assert watch.supervisor.reason == final
+    watch.cycle()
+    for _ in range(60):
+        assert watch.cycle(*everything(watch.now_ns + 10 * MS)) is Mode.EMERGENCY_STOP
+    assert watch.supervisor.reason == final
+
+
+def test_the_first_stop_is_final_where_one_is_allowed() -> None:
+    watch = Watch(SafetySettings(identical_stops=1))
+    watch.healthy_until_running()
+    assert not_finite(watch) is Mode.EMERGENCY_STOP
+
+
+def test_stops_for_different_causes_are_counted_apart() -> None:
+    watch = running()
+    for device in ("imu", "wheels"):
+        for _ in range(2):
+            watch.cycle(LinkSample(device=device, t_ns=0, up=False, reason="unplugged"))
+            watch.supervisor.observe(LinkSample(device=device, t_ns=0, up=True, reason="reopened"), 0)
+            watch.healthy_until_running()
+    watch.cycle(LinkSample(device="imu", t_ns=0, up=False, reason="another one"))
+    assert watch.supervisor.mode is Mode.EMERGENCY_STOP
+
+
+def test_a_cause_that_comes_and_goes_at_rest_is_one_stop() -> None:
+    watch = running()
+    for _ in range(10):
+        assert not_finite(watch) is Mode.SAFE_STOP
+        watch.cycle(*everything(watch.now_ns + 10 * MS))
+    assert watch.healthy_until_running() == 400
+
+
+@pytest.mark.parametrize(("driven_m", "then"), [(0.75, Mode.EMERGENCY_STOP), (1.0, Mode.SAFE_STOP)])
+def test_stops_are_forgotten_after_a_metre(driven_m: float, then: Mode) -> None:
+    watch = running()
+    for _ in range(2):
+        not_finite(watch)
+        watch.healthy_until_running()
+    for _ in range(4):
+        drive(watch, driven_m / 4)
+    assert not_finite(watch) is then
+
+
+def test_distance_before_the_newest_stop_does_not_count() -> None:
+    watch = running()
+    for _ in range(2):
+        not_finite(watch)
+        watch.healthy_until_running()
+        drive(watch, 0.75)
+    drive(watch, 0.2)
+    assert not_finite(watch) is Mode.EMERGENCY_STOP
+
+
+def test_distance_with_a_sign_of_the_cause_does_not_count() -> None:
+    rejected = Innovation(name="compass", residual=1.0, variance=1.0, nis=20.0, accepted=False)
+    accepted = replace(rejected, accepted=True)
+    watch = running()
+    for attempt in range(3):
+        drive(watch, 0.75, (rejected,))
+        drive(watch, 0.75)
+        while watch.cycle(*everything(watch.now_ns + 10 * MS), innovations=(rejected,)) is Mode.RUNNING:
+            pass
+        assert watch.supervisor.mode is (Mode.SAFE_STOP if attempt < 2 else Mode.EMERGENCY_STOP)
+        watch.cycle(*everything(watch.now_ns + 10 * MS), innovations=(accepted,))
+        if attempt < 2:
+            watch.healthy_until_running()
+
+
+def test_a_bumper_keeps_its_reason_where_the_first_stop_is_final() -> None:
+    watch = Watch(SafetySettings(identical_stops=1))
+    watch.healthy_until_running()
+    watch.cycle(BumperSample(device="bumper", t_ns=0, pressed=True), *everything(watch.now_ns + 10 * MS))
+    assert watch.supervisor.reason == "bumper: bumper pressed"
+
+
+def test_wheels_without_a_known_motion_stop() -> None:
+    watch = running()
+    moved_ns = watch.now_ns
+    while watch.cycle(*everything(watch.now_ns + 10 * MS), motion_ns=moved_ns) is Mode.RUNNING:
+        pass
+    assert watch.now_ns - moved_ns == 210 * MS
+    assert watch.supervisor.reason == "wheels: no wheel motion measured for 0.2 s"
+    watch = Watch()
+    watch.cycle(*everything(10 * MS), motion_ns=None)
+    assert watch.supervisor.reason == "wheels: no wheel motion measured for 0.2 s"
 
 
 @given(heard=st.lists(st.lists(st.booleans(), min_size=6, max_size=6), min_size=1, max_size=150))

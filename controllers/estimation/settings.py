@@ -1,0 +1,40 @@
+"""Noise of the pose filter, the section [filter]."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.settings import Settings
+
+
+class FilterSettings(Settings):
+    """Noise of the pose filter. Variances grow with distance, angle and time, never per cycle.
+
+    Attributes:
+        position_noise_m_sqrt_m: Standard deviation of the position after one metre, from wheel slip.
+        unsure_position_noise_m_sqrt_m: The same where the compensated slip is flagged as not valid.
+        wheel_yaw_noise_rad_sqrt_rad: Standard deviation of the wheels' yaw after turning by one radian.
+        wheel_yaw_noise_rad_sqrt_m: Standard deviation of the wheels' yaw after driving one metre.
+        gyro_noise_rad_sqrt_s: Standard deviation of the integrated gyro after one second (angle random walk).
+        gyro_rate_noise_rad_s: Standard deviation of one gyro reading.
+        gyro_bias_rad_s: Standard deviation of the gyro's bias at the start.
+        gyro_bias_walk_rad_s_sqrt_s: Standard deviation of the bias' change within one second.
+        heading_noise_rad: Standard deviation of one heading reading; larger where successive errors are
+            correlated.
+        heading_lag_s: Delay of the heading device behind the rover.
+        standstill_s: Wheels that have not moved for this long mean that the rover is at rest.
+        gate_probability: Share of consistent innovations that pass the gate.
+    """
+
+    position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
+    unsure_position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.2
+    wheel_yaw_noise_rad_sqrt_rad: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.1
+    wheel_yaw_noise_rad_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
+    gyro_noise_rad_sqrt_s: Annotated[float, Field(ge=1e-6, le=0.1)] = 0.002
+    gyro_rate_noise_rad_s: Annotated[float, Field(ge=1e-5, le=0.5)] = 0.01
+    gyro_bias_rad_s: Annotated[float, Field(ge=1e-6, le=0.5)] = 0.02
+    gyro_bias_walk_rad_s_sqrt_s: Annotated[float, Field(ge=1e-7, le=0.01)] = 1e-4
+    heading_noise_rad: Annotated[float, Field(ge=1e-3, le=0.8)] = 0.05
+    heading_lag_s: Annotated[float, Field(ge=0, le=2.0)] = 0.0
+    standstill_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.3
+    gate_probability: Annotated[float, Field(ge=0.5, lt=1.0)] = 0.9995

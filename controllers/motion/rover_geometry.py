@@ -1,0 +1,58 @@
+"""Geometry of a rover's wheels, the section [rover]."""
+
+import math
+from itertools import combinations
+from typing import Annotated, Literal, Self, TypeAlias
+
+from pydantic import Field, model_validator
+
+from drivers.settings import Settings
+
+WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
+
+
+CLOSEST_WHEELS_DEG = 15.0
+
+
+class OmniRoverSettings(Settings):
+    """Three omnidirectional wheels on a circle around the origin of the body frame.
+
+    Attributes:
+        wheel_radius_m: Radius of the wheels.
+        base_radius_m: Distance of each wheel from the origin.
+        wheel_angles_deg: Where each wheel sits, counter-clockwise from x; it drives counter-clockwise.
+    """
+
+    kinematics: Literal["omni3"]
+    wheel_radius_m: WheelRadius
+    base_radius_m: Annotated[float, Field(ge=0.02, le=2.0)]
+    wheel_angles_deg: tuple[float, float, float] = (60.0, 180.0, 300.0)
+
+    @model_validator(mode="after")
+    def _check_angles(self) -> Self:
+        for first, second in combinations(self.wheel_angles_deg, 2):
+            if abs(math.remainder(first - second, 360.0)) < CLOSEST_WHEELS_DEG:
+                raise ValueError(
+                    f"wheel_angles_deg: wheels at {first:g} and {second:g} deg are closer than "
+                    f"{CLOSEST_WHEELS_DEG:g} deg; give the three angles in degrees"
+                )
+        return self
+
+
+class SkidSteerRoverSettings(Settings):
+    """Four wheels that do not steer, in the order front left, front right, rear left, rear right.
+
+    Attributes:
+        wheel_radius_m: Radius of the wheels.
+        track_m: Distance between the contact patches of the left and the right wheels. Skidding makes the
+            effective track wider than the drawing shows: identify it by turning on the spot.
+    """
+
+    kinematics: Literal["skid_steer_4"]
+    wheel_radius_m: WheelRadius
+    track_m: Annotated[float, Field(ge=0.05, le=5.0)]
+
+
+RoverSettings: TypeAlias = Annotated[
+    OmniRoverSettings | SkidSteerRoverSettings, Field(discriminator="kinematics")
+]

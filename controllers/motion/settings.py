@@ -1,0 +1,88 @@
+"""Missions and limits, the sections [mission] and [limits]."""
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from drivers.settings import Settings
+
+PathLength = Annotated[float, Field(ge=0.05, le=100.0)]
+
+
+Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
+
+
+class PathSettings(Settings):
+    """How a path is driven; the base of every mission.
+
+    Attributes:
+        speed_m_s: Speed along the path away from corners.
+        heading: `hold` keeps the heading at the start, `along_path` points along the path. A skid-steer rover
+            can only do the latter.
+        position_tolerance_m: A corner or the end counts as reached within this distance before it, along the
+            path.
+        lookahead_m: The rover steers to the point of the path at this distance ahead.
+        approach_gain_per_s: Speed per metre of distance to the next corner.
+        heading_gain_per_s: Yaw rate per radian of heading error.
+        yaw_rate_limit_rad_s: Greatest commanded yaw rate.
+    """
+
+    speed_m_s: Annotated[float, Field(ge=0.005, le=3.0)] = 0.1
+    heading: Literal["hold", "along_path"] = "hold"
+    position_tolerance_m: Annotated[float, Field(ge=0.001, le=0.5)] = 0.01
+    lookahead_m: Annotated[float, Field(ge=0.02, le=5.0)] = 0.2
+    approach_gain_per_s: Annotated[float, Field(ge=0.05, le=10.0)] = 1.5
+    heading_gain_per_s: Annotated[float, Field(ge=0.05, le=10.0)] = 2.0
+    yaw_rate_limit_rad_s: Annotated[float, Field(ge=0.01, le=5.0)] = 0.5
+
+
+class RectangleMission(PathSettings):
+    """A rectangle once around, counter-clockwise, the first side along x: back to the start.
+
+    Attributes:
+        length_m: Side along x.
+        width_m: Side along y.
+    """
+
+    type: Literal["rectangle"]
+    length_m: PathLength
+    width_m: PathLength
+
+
+class LineMission(PathSettings):
+    """A straight line along x.
+
+    Attributes:
+        length_m: Length of the line.
+    """
+
+    type: Literal["line"]
+    length_m: PathLength
+
+
+class WaypointsMission(PathSettings):
+    """Straight lines from the start through waypoints in the local frame.
+
+    Attributes:
+        points: Corners of the path, x and y in m, without the start (0, 0).
+    """
+
+    type: Literal["waypoints"]
+    points: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=10_000)]
+
+
+MissionSettings: TypeAlias = Annotated[
+    RectangleMission | LineMission | WaypointsMission, Field(discriminator="type")
+]
+
+
+class LimitSettings(Settings):
+    """Limits of the wheel set-points.
+
+    Attributes:
+        wheel_speed_rad_s: Greatest set-point, in either direction.
+        wheel_acceleration_rad_s2: Greatest change of a set-point per second.
+    """
+
+    wheel_speed_rad_s: Annotated[float, Field(ge=0.1, le=200.0)]
+    wheel_acceleration_rad_s2: Annotated[float, Field(ge=0.1, le=2000.0)]

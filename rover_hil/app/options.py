@@ -1,0 +1,63 @@
+"""What the commands share: groups, options, and ranges of numbers."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from drivers.errors import ConfigError, LogError
+from rover_hil.app.exit_codes import exit_interrupted
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
+LONGEST_S = 1e6
+
+
+class Group(TyperGroup):
+    """A group of commands: prints its help when called without one, and ends on ctrl-C with one sentence."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Return the arguments that are left, those of `--help` for none."""
+        return super().parse_args(ctx, args or ["--help"])
+
+    def invoke(self, ctx: Any) -> object:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            exit_interrupted()
+
+
+def check_inputs(*paths: Path) -> None:
+    """Check that files or folders to be read exist.
+
+    Raises:
+        LogError: One does not.
+    """
+    for path in paths:
+        if not path.exists():
+            raise LogError(f"no file or folder {path}: correct the path; it starts at the current folder")
+
+
+def out_option(words: str) -> Any:
+    """Return the option that names where results go."""
+    return typer.Option("--out", "-o", help=words)
+
+
+def number_option(words: str, unit: str, lower: float, upper: float) -> Any:
+    """Return an option for a finite number within `lower` to `upper`, both included."""
+    return typer.Option(help=words, callback=_within(unit, lower, upper))
+
+
+def _within(
+    unit: str, lower: float, upper: float
+) -> Callable[[typer.CallbackParam, float | None], float | None]:
+    def check(parameter: typer.CallbackParam, value: float | None) -> float | None:
+        if value is not None and not lower <= value <= upper:
+            shown = f"{lower:g} .. {upper:g} {unit}"
+            raise ConfigError(f"{parameter.opts[0]} is {value:g} {unit}, outside {shown}: correct it")
+        return value
+
+    return check

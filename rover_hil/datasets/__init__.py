@@ -1,0 +1,1 @@
+"""Measured data, each format read once: logs of this software, Robotino data sets, CSV tables."""

@@ -1,0 +1,189 @@
+"""Read a CSV table, plain or packed: names and perhaps units in its header, numbers below."""
+
+import csv
+import gzip
+import math
+import re
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drivers.errors import LogError, RoverHilError
+from rover_hil.datasets.arrays import Array
+
+WORDS = {"": math.nan, "true": 1.0, "false": 0.0}
+DELIMITERS = "\t;,"
+MOST_HEADER_LINES = 3
+NAME_AND_UNIT = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?$")
+"""`current [A]` or `current (A)`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CsvTable:
+    """The cells of a table; columns become numbers when they are asked for.
+
+    Attributes:
+        names: Of the columns, in order.
+        units: By name, where the header states one.
+        header_line: Line of the names, from 1.
+        lines: The line of each row in the file, n of them.
+        rows: Cells of each row, without the spaces around them, n of them.
+        error: Raised when something is wrong with the table.
+    """
+
+    path: Path
+    names: Sequence[str]
+    units: Mapping[str, str]
+    header_line: int
+    lines: Sequence[int]
+    rows: Sequence[Sequence[str]]
+    error: type[RoverHilError]
+
+    def where(self, row: int) -> str:
+        """Return the place of a row, for messages."""
+        return f"{self.path} line {self.lines[row]}"
+
+    def require(self, names: Iterable[str], why: str) -> None:
+        """Check that there are columns of these names, and rows.
+
+        Raises:
+            RoverHilError: A column is missing, or there are no rows.
+        """
+        for name in names:
+            if name not in self.names:
+                raise self.error(f"{self.path} line {self.header_line} names no column '{name}': {why}")
+        if not self.rows:
+            raise self.error(f"{self.path} holds no lines below its header: {why}")
+
+    def check_shape(self, fix: str) -> None:
+        """Check that names are unique and all rows are as long as the header.
+
+        Raises:
+            RoverHilError: They are not.
+        """
+        for name in self.names:
+            if name and list(self.names).count(name) > 1:
+                raise self.error(f"{self.path} has the column '{name}' twice: leave one out")
+        width = len(self.names)
+        for row, cells in enumerate(self.rows):
+            if len(cells) != width:
+                raise self.error(f"{self.where(row)} has {len(cells)} cells, its header {width}: {fix}")
+
+    def text(self, name: str) -> list[str]:
+        """Return the cells of a column; empty where a row is too short."""
+        place = list(self.names).index(name)
+        return [cells[place] if place < len(cells) else "" for cells in self.rows]
+
+    def numbers(self, name: str, *, fix: str = "", is_needed: bool = False) -> Array:
+        """Return a column as numbers; NaN where a cell is empty or not finite, 1 and 0 for true and false.
+
+        Args:
+            name: Of the column.
+            fix: What to do about a wrong cell, for the message.
+            is_needed: Every cell must hold a finite number.
+
+        Raises:
+            RoverHilError: A cell holds no number.
+        """
+        numbers = np.full(len(self.rows), np.nan)
+        for row, text in enumerate(self.text(name)):
+            try:
+                number = float(WORDS.get(text.lower(), text))
+            except ValueError:
+                number = math.inf
+                is_number = False
+            else:
+                is_number = not is_needed or math.isfinite(number)
+            if not is_number:
+                advice = f": {fix}" if fix else ""
+                raise self.error(f"{self.where(row)}, column '{name}': '{text}' is not a number{advice}")
+            if math.isfinite(number):
+                numbers[row] = number
+        return numbers
+
+
+def read_csv(
+    path: Path,
+    error: type[RoverHilError] = LogError,
+    *,
+    delimiter: str | None = ",",
+    header_lines: int | None = 1,
+) -> CsvTable:
+    """Return the table in a `.csv` or `.csv.gz` file; blank lines are left out.
+
+    Args:
+        path: The file.
+        error: What to raise, here and from the table.
+        delimiter: Between cells, None for the first of tab, semicolon and comma in the file's first line; one
+            at the end of every line is left out.
+        header_lines: 1, with units in brackets behind the names; 3: long names, units, names; None: all above
+            the first number, the last holds the names.
+
+    Raises:
+        RoverHilError: The file cannot be read, or is shorter than its header.
+    """
+    lines = _read_text(path, error).splitlines()
+    if delimiter is None:
+        delimiter = next((one for one in DELIMITERS if lines and one in lines[0]), ",")
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+    try:
+        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
+    except csv.Error as problem:
+        raise error(f"cannot read {path} as a table: {problem}") from problem
+    if lines and lines[0].rstrip().endswith(delimiter):
+        rows = [(line, cells[:-1] if cells[-1:] == [""] else cells) for line, cells in rows]
+    count = _header_lines([cells for _, cells in rows]) if header_lines is None else header_lines
+    if len(rows) < count > 1:
+        raise error(f"{path} has {len(rows)} lines, no header of {count}: is it such a file?")
+    header, body = [cells for _, cells in rows[:count]] or [[]], rows[count:]
+    named = [_name_and_unit(cell) for cell in header[-1]]
+    units = {name: unit for name, unit in named if unit is not None}
+    if count > 1:
+        units |= dict(zip((name for name, _ in named), header[-2], strict=False))
+    return CsvTable(
+        path=path,
+        names=[name for name, _ in named],
+        units=units,
+        header_line=rows[count - 1][0] if count and rows else 1,
+        lines=[line for line, _ in body],
+        rows=[cells for _, cells in body],
+        error=error,
+    )
+
+
+def _header_lines(rows: Sequence[Sequence[str]]) -> int:
+    """Return how many rows stand above the first number."""
+    for count, cells in enumerate(rows[: MOST_HEADER_LINES + 1]):
+        if any(_is_number(cell) for cell in cells):
+            return count
+    return len(rows)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def first_line(path: Path) -> str:
+    """Return the first line of a plain CSV file, empty where there is none."""
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        return stream.readline()
+
+
+def _name_and_unit(cell: str) -> tuple[str, str | None]:
+    match = NAME_AND_UNIT.match(cell)
+    return (cell, None) if match is None else (match["name"], match["unit"])
+
+
+def _read_text(path: Path, error: type[RoverHilError]) -> str:
+    try:
+        raw = path.read_bytes()
+        return (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode("utf-8-sig")
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as problem:
+        raise error(f"cannot read {path}: {problem}: give a .csv or .csv.gz file") from problem

@@ -1,0 +1,1 @@
+"""Identify the motors behind the wheels."""

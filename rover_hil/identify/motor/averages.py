@@ -1,0 +1,129 @@
+"""What averages over half a second of driving tell about a motor: gain and droop of its speed loop.
+
+In steady travel speed = gain * set-point - droop * current, whatever the load. Nothing else is determined:
+the averages hold neither voltages nor a motion that changes, and what of the current is friction of the motor
+and what is the ground's resistance cannot be told.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import t as student
+
+from controllers.slip.effort.motor_model import MotorSettings
+from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS, read_averages
+from rover_hil.identify.motor.record import cut_set_point
+from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate
+from rover_hil.identify.motor.table import SCALE
+from rover_hil.identify.slip.run_data import to_wheels
+
+WHY = "averages of drives on the ground tell neither voltages, nor changes, nor friction without the ground's"
+LEAST_STEPS = 3
+"""A set-point of fewer speed steps is left out: most of it is the step."""
+LEAST_DRIVES = 10
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotorDrives:
+    """Steady drives of one motor, n of them; everything at the motor and positive.
+
+    Attributes:
+        log: Name of the file.
+        motor: Its number, from 1.
+        set_point: As the board obeys it, rad/s, (n,).
+        speed: rad/s, (n,).
+        current: A, (n,).
+    """
+
+    log: str
+    motor: int
+    set_point: Array
+    speed: Array
+    current: Array
+
+
+def read_drives(path: Path) -> list[MotorDrives]:
+    """Return what a file of averages tells about its three motors; the first row of a drive is left out.
+
+    Raises:
+        LogError: A column is missing or a cell is no number.
+    """
+    columns = read_averages(path, (*COMMANDS, *SPEEDS, *CURRENTS))
+    gear_ratio, full_scale_a = MotorSettings().gear_ratio, MotorSettings().current_full_scale_a
+    commands = np.column_stack([columns[name] for name in COMMANDS])
+    body = commands * (1e-3, 1e-3, math.pi / 180.0)
+    told = cut_set_point(body @ to_wheels(ROBOTINO).T * gear_ratio, SCALE.speed_rad_s)
+    groups = [list(rows)[1:] for _, rows in groupby(range(len(told)), key=lambda row: tuple(commands[row]))]
+    drives: list[MotorDrives] = []
+    for motor, (speed_name, current_name) in enumerate(zip(SPEEDS, CURRENTS, strict=True), start=1):
+        speed, current = columns[speed_name] * math.tau / 60.0, columns[current_name]
+        rows: list[tuple[float, float, float]] = []
+        for group in groups:
+            set_point = float(told[group[0], motor - 1]) if group else 0.0
+            is_told = abs(set_point) >= (LEAST_STEPS - 0.5) * SCALE.speed_rad_s
+            if is_told and current[group].max() < full_scale_a:
+                forward = math.copysign(1.0, set_point)
+                rows.append((abs(set_point), forward * speed[group].mean(), current[group].mean()))
+        table = np.array(rows).reshape(-1, 3)
+        drives.append(
+            MotorDrives(
+                log=path.name, motor=motor, set_point=table[:, 0], speed=table[:, 1], current=table[:, 2]
+            )
+        )
+    return drives
+
+
+def report_drives(parts: Sequence[MotorDrives]) -> MotorReport:
+    """Identify one motor from all its drives.
+
+    Raises:
+        LogError: There are too few.
+    """
+    told = np.concatenate([part.set_point for part in parts])
+    speed = np.concatenate([part.speed for part in parts])
+    current = np.concatenate([part.current for part in parts])
+    if len(told) < LEAST_DRIVES:
+        msg = (
+            f"{parts[0].log}: motor {parts[0].motor} has {len(told)} steady drives with currents below the "
+            f"sensor's end, fewer than {LEAST_DRIVES}: give more"
+        )
+        raise LogError(msg)
+    value, half, rms_rad_s = _fit(told, speed, current)
+    return MotorReport(
+        motor=parts[0].motor,
+        estimates=tuple(_estimates(value, half)),
+        fitted=None,
+        data_sheet=None,
+        undetermined=("everything but gain and droop of the speed loop",),
+        notes=(f"{len(told)} steady drives, their mean speed told within {rms_rad_s:.2f} rad/s rms",),
+        speed_range_rad_s=(float(speed.min()), float(speed.max())),
+        current_range_a=(float(current.min()), float(current.max())),
+    )
+
+
+def _fit(told: Array, speed: Array, current: Array) -> tuple[dict[str, float], dict[str, float], float]:
+    """Return values and half widths of their intervals, and what the fit leaves of the speed."""
+    matrix = np.column_stack((told, -current))
+    found, *_ = np.linalg.lstsq(matrix, speed, rcond=None)
+    left, freedom = speed - matrix @ found, len(told) - matrix.shape[1]
+    covariance = np.linalg.pinv(matrix.T @ matrix) * float(left @ left) / freedom
+    half = student.ppf(0.5 + CONFIDENCE / 2, freedom) * np.sqrt(np.diag(covariance))
+    names = ("gain", "droop_rad_s_per_a")
+    values = dict(zip(names, found.tolist(), strict=True))
+    return values, dict(zip(names, half.tolist(), strict=True)), float(np.sqrt(np.mean(left**2)))
+
+
+def _estimates(value: dict[str, float], half: dict[str, float]) -> list[Estimate]:
+    return [
+        estimate(
+            name, value.get(name), half.get(name, math.inf), "its interval is wide" if name in value else WHY
+        )
+        for name in UNITS
+    ]

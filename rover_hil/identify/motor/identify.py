@@ -1,0 +1,63 @@
+"""Identify the motors of all given logs."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from drivers.errors import LogError
+from rover_hil.datasets.robotino_csv import is_averages
+from rover_hil.identify.motor.averages import MotorDrives, read_drives, report_drives
+from rover_hil.identify.motor.log import read_log
+from rover_hil.identify.motor.record import MotorRecord
+from rover_hil.identify.motor.report import MotorReport, report_motor
+from rover_hil.identify.motor.table import read_table
+
+SUFFIXES = (".csv", ".csv.gz", ".mcap")
+
+Record = MotorRecord | MotorDrives
+"""What a log tells about one motor: reading by reading, or as averages."""
+
+
+def find_logs(paths: Sequence[Path]) -> list[Path]:
+    """Return the log files among `paths` and in the folders among them, sorted.
+
+    Raises:
+        LogError: A path does not exist, or there is no log in it.
+    """
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.rglob("*")) if path.is_dir() else [path]
+        logs = [file for file in inside if file.is_file() and file.name.endswith(SUFFIXES)]
+        if not logs:
+            msg = f"{path} is no log and holds none: give .mcap, .csv or .csv.gz files or their folder"
+            raise LogError(msg)
+        found += [log for log in logs if log not in found]
+    return found
+
+
+def read_records(path: Path) -> list[Record]:
+    """Return what one log, or file of averages, tells about its motors.
+
+    Raises:
+        LogError: The log cannot be read or holds something wrong.
+    """
+    if path.suffix == ".mcap":
+        return [*read_log(path)]
+    return [*read_drives(path)] if is_averages(path) else [*read_table(path)]
+
+
+def identify(records: Sequence[Record], advance: Callable[[], None] = lambda: None) -> list[MotorReport]:
+    """Return a report on every motor; `advance` is called after each.
+
+    Raises:
+        LogError: The logs of a motor come from different devices, or tell too little.
+    """
+    reports: list[MotorReport] = []
+    for motor in sorted({record.motor for record in records}):
+        whole = [item for item in records if isinstance(item, MotorRecord) and item.motor == motor]
+        averaged = [item for item in records if isinstance(item, MotorDrives) and item.motor == motor]
+        if whole and averaged:
+            msg = f"{averaged[0].log} holds averages and {whole[0].log} does not: identify them one by one"
+            raise LogError(msg)
+        reports.append(report_motor(whole) if whole else report_drives(averaged))
+        advance()
+    return reports

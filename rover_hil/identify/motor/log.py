@@ -1,0 +1,79 @@
+"""Read the motors behind the wheels of a drive from a log of this software."""
+
+from itertools import count, takewhile
+from pathlib import Path
+
+import numpy as np
+
+from drivers.errors import LogError
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from rover_hil.datasets.log import RecordedDrive, read_drive
+from rover_hil.identify.motor.record import MotorRecord, Scale, Series, check_times, cut_set_point
+
+LEAST_READINGS = 3
+FIELDS = ("enc{}_rad", "speed{}_rad_s", "current{}_a", "voltage{}_v")
+
+
+def read_log(path: Path) -> list[MotorRecord]:
+    """Return the motors in a log, one record for each wheel.
+
+    Raises:
+        LogError: The log cannot be read, or lacks wheels, currents or set-points.
+    """
+    drive = read_drive(path)
+    rows = drive.rows
+    driven = list(takewhile(lambda motor: f"set{motor}_rad_s" in rows, count(1)))
+    measured = [motor for motor in driven if any(field.format(motor) in rows for field in FIELDS)]
+    if not measured or len(rows["set1_rad_s"]) < LEAST_READINGS:
+        msg = f"{path} holds no wheel samples or no set-points: give the log of a drive"
+        raise LogError(msg)
+    check_times(drive.seconds(rows["set1_rad_s"].t_ns), f"{path}, set-points")
+    missing = sorted(set(driven) - set(measured))
+    if missing:
+        msg = f"{path} has set-points but no samples of motor {missing[0]}: check its encoder"
+        raise LogError(msg)
+    return [_record(path, drive, motor) for motor in driven]
+
+
+def _record(path: Path, drive: RecordedDrive, motor: int) -> MotorRecord:
+    device = drive.config.devices[drive.config.roles.wheels]
+    where = f"{path} motor {motor}"
+    gear, scale = 1.0, Scale()
+    if isinstance(device, RobotinoBoardSettings):
+        gear, scale = device.gear_ratio, Scale.of_board(device)
+    position = _series(drive, f"enc{motor}_rad", where, gear)
+    speed = _series(drive, f"speed{motor}_rad_s", where, gear)
+    current = _series(drive, f"current{motor}_a", where)
+    if current is None:
+        msg = f"{where}: no motor currents in the log: use a drive that reports them"
+        raise LogError(msg)
+    if position is None and speed is None:
+        msg = f"{where}: neither positions nor speeds in the log: use a drive that reports them"
+        raise LogError(msg)
+    sent = drive.rows[f"set{motor}_rad_s"]
+    set_point = sent.value * gear
+    if scale.speed_rad_s:
+        set_point = cut_set_point(set_point, scale.speed_rad_s)
+    return MotorRecord(
+        log=path.name,
+        motor=motor,
+        is_robotino=isinstance(device, RobotinoBoardSettings),
+        set_point=Series(drive.seconds(sent.t_ns), set_point),
+        position=position,
+        speed=speed,
+        current=current,
+        current_is_signed=motor not in drive.rows.unsigned_wheels,
+        voltage=_series(drive, f"voltage{motor}_v", where),
+        scale=scale,
+    )
+
+
+def _series(drive: RecordedDrive, name: str, where: str, factor: float = 1.0) -> Series | None:
+    """Return finite readings over time; None when there are too few."""
+    readings = drive.rows[name]
+    use = np.isfinite(readings.value)
+    if np.count_nonzero(use) < LEAST_READINGS:
+        return None
+    t_s = drive.seconds(readings.t_ns[use])
+    check_times(t_s, f"{where}, {name}")
+    return Series(t_s, readings.value[use] * factor)

@@ -1,0 +1,133 @@
+"""What one log tells about one motor: set-points, positions, speeds, currents, voltages over time."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import LogError
+from drivers.robotino_board.scales import scales
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from rover_hil.datasets.arrays import Array
+
+HOLD_S = 0.3
+"""A set-point that changes after a rest of this length begins a new move."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """Values and the times at which they were taken, times rising."""
+
+    t_s: Array
+    value: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """How a device counts, in SI units at the motor; 0 where it has no steps.
+
+    Attributes:
+        position_rad: One encoder tick.
+        speed_rad_s: One step of the speed field.
+        current_a: One step of the current.
+        current_is_cut: The steps are cut off towards zero, not rounded.
+        current_limit_a: The largest current the device can report; infinity where unknown.
+    """
+
+    position_rad: float = 0.0
+    speed_rad_s: float = 0.0
+    current_a: float = 0.0
+    current_is_cut: bool = False
+    current_limit_a: float = np.inf
+
+    @classmethod
+    def of_board(cls, board: RobotinoBoardSettings) -> Self:
+        """Return how a Robotino board counts."""
+        one = scales(board)
+        return cls(
+            position_rad=one.position_rad * board.gear_ratio,
+            speed_rad_s=one.speed_rad_s * board.gear_ratio,
+            current_a=one.current_step_a,
+            current_is_cut=board.board == "EA05",
+            current_limit_a=one.current_limit_a,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotorRecord:
+    """One motor in one log; angles and speeds at the motor where the gear is known, else at the wheel.
+
+    Attributes:
+        log: Name of the log.
+        motor: Its number, from 1.
+        is_robotino: The data-sheet values of the Robotino's motor apply.
+        set_point: Speed set-points as the drive obeys them, rad/s, each held until the next.
+        position: Angle turned, rad.
+        speed: Speed as the device reports it, rad/s.
+        current: Motor current, A.
+        current_is_signed: False for magnitudes.
+        voltage: Voltage at the terminals, V.
+        scale: How the device counts.
+    """
+
+    log: str
+    motor: int
+    is_robotino: bool
+    set_point: Series
+    position: Series | None
+    speed: Series | None
+    current: Series
+    current_is_signed: bool
+    voltage: Series | None
+    scale: Scale
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moves:
+    """The changes of a set-point and the moves they belong to.
+
+    Attributes:
+        t_s: Time of each change; the first is the beginning of the log.
+        value: Set-point from then on.
+        move: Index of the move that each change belongs to.
+        start_s: When each move begins.
+    """
+
+    t_s: Array
+    value: Array
+    move: NDArray[np.intp]
+    start_s: Array
+
+
+def find_moves(set_point: Series) -> Moves:
+    """Reduce a set-point to its changes.
+
+    Changes closer than `HOLD_S` belong to one move. A set-point that mostly changes faster, as a controller's
+    does, is one move: ramps tell too little to give each a delay of its own.
+    """
+    changes = np.r_[0, np.flatnonzero(np.diff(set_point.value)) + 1]
+    t_s = set_point.t_s[changes]
+    gaps_s = np.diff(t_s)
+    is_staircase = gaps_s.size == 0 or np.median(gaps_s) > HOLD_S
+    begins = np.r_[True, (gaps_s > HOLD_S) & is_staircase]
+    return Moves(t_s, set_point.value[changes], np.cumsum(begins) - 1, t_s[begins])
+
+
+def cut_set_point(speed_rad_s: Array, step_rad_s: float) -> Array:
+    """Return set-points as a board obeys them: whole steps, towards zero."""
+    return np.asarray(np.trunc(speed_rad_s / step_rad_s + np.sign(speed_rad_s) * 1e-6) * step_rad_s)
+
+
+def check_times(t_s: Array, where: str) -> None:
+    """Refuse times that run backwards or stand still.
+
+    Raises:
+        LogError: They do.
+    """
+    wrong = np.flatnonzero(np.diff(t_s) <= 0)
+    if wrong.size:
+        msg = (
+            f"{where}: the clock goes backwards or stands still after {t_s[wrong[0]]:.3f} s: record it again"
+        )
+        raise LogError(msg)

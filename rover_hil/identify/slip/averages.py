@@ -1,0 +1,61 @@
+"""Averaged measurements of the paper's Robotino as runs in windows."""
+
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings, paper_torque, wheel_torque
+from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.datasets.robotino_csv import (
+    AVERAGE_S,
+    COMMANDS,
+    CURRENTS,
+    ROBOTINO,
+    SPEEDS,
+    STEPS,
+    read_averages,
+)
+from rover_hil.identify.slip.run_data import WHEELS, RunWindows, to_wheels
+
+
+def read_average_runs(path: Path, surface: str, motor: MotorSettings) -> Iterator[RunWindows]:
+    """Yield the rows of each straight drive as a run; drives that only turn are left out.
+
+    Raises:
+        LogError: A column is missing or a cell holds no number.
+    """
+    columns = read_averages(path, (*COMMANDS, *SPEEDS, *CURRENTS, *STEPS))
+    commands = np.column_stack([columns[name] for name in COMMANDS])
+    for command, group in groupby(range(len(commands)), key=lambda row: tuple(commands[row])):
+        rows = list(group)
+        if command[2] == 0.0:
+            yield _drive(path, surface, {name: columns[name][rows] for name in columns}, motor)
+
+
+def _drive(path: Path, surface: str, columns: dict[str, Array], motor: MotorSettings) -> RunWindows:
+    rpm_to_wheel = 2.0 * np.pi / 60.0 / motor.gear_ratio
+    speeds = np.column_stack([columns[name] for name in SPEEDS]) * rpm_to_wheel
+    magnitudes_a = np.column_stack([columns[name] for name in CURRENTS])
+    steps = np.column_stack([columns[name] for name in STEPS])
+    current_a = np.sign(speeds) * magnitudes_a
+    pairs = list(zip(current_a.ravel().tolist(), speeds.ravel().tolist(), strict=True))
+    paper_nm = [paper_torque(motor, amps, speed, float(np.sign(speed))) for amps, speed in pairs]
+    wheel_nm = [wheel_torque(motor, amps, speed) for amps, speed in pairs]
+    is_known: Flags = magnitudes_a < motor.current_full_scale_a
+    return RunWindows(
+        path=path,
+        surface=surface,
+        elapsed_s=np.full(len(speeds), AVERAGE_S),
+        start_s=AVERAGE_S * np.arange(len(speeds), dtype=np.float64),
+        wheel_speed_rad_s=speeds,
+        current_a=current_a,
+        paper_torque_nm=np.array(paper_nm).reshape(-1, WHEELS),
+        wheel_torque_nm=np.array(wheel_nm).reshape(-1, WHEELS),
+        usable=(np.abs(speeds) >= SLOWEST_RAD_S) & is_known,
+        work_known=np.logical_and.reduce(is_known, axis=1),
+        encoder_velocity=speeds @ np.linalg.inv(to_wheels(ROBOTINO)).T,
+        camera_velocity=steps * np.array([1e-3, 1e-3, np.pi / 180.0]) / AVERAGE_S,
+        camera_in_pixels=False,
+    )

@@ -1,0 +1,128 @@
+"""From measured runs to slip maps: what is trained on, how it is cross-validated and tested."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from controllers.slip.effort.motor_model import MotorSettings
+from drivers.errors import LogError
+from rover_hil.identify.slip.camera_scale import CameraScale, find_scale
+from rover_hil.identify.slip.run_data import RunWindows
+from rover_hil.identify.slip.runs import read_windows, surface_parts
+from rover_hil.identify.slip.scores import FittedMaps, RunError, score_runs
+from rover_hil.identify.slip.surface_fit import LEAST_RUNS, fit_surface_map, travel_direction_rad
+from rover_hil.identify.slip.wheel_fit import collect_samples, fit_wheel_maps
+
+FOLDS = 5
+
+Advance = Callable[[], None]
+"""Called after each piece of work, for a progress bar."""
+
+Errors = dict[str, list[RunError]]
+"""Errors of runs, by map."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlipIdentification:
+    """Fitted maps and what was found on the way.
+
+    Attributes:
+        scale: The camera's.
+        maps: Fitted to all of `trained_on`.
+        trained_on: Runs on one surface each.
+        left_out: Runs on several surfaces: nothing tells which window is on which.
+        cross_validation: Errors on runs that the fit had not seen, within `trained_on`.
+        not_validated: How many of `trained_on` are missing there, as too little remains without them.
+    """
+
+    scale: CameraScale
+    maps: FittedMaps
+    trained_on: Sequence[RunWindows]
+    left_out: Sequence[RunWindows]
+    cross_validation: Errors
+    not_validated: int
+
+
+def read_all(files: Sequence[Path], motor: MotorSettings, advance: Advance) -> list[RunWindows]:
+    """Return the runs in all files.
+
+    Raises:
+        LogError: A file cannot be used.
+    """
+    runs: list[RunWindows] = []
+    for path in files:
+        runs += read_windows(path, motor)
+        advance()
+    return runs
+
+
+def identify_slip_maps(runs: Sequence[RunWindows], advance: Advance) -> SlipIdentification:
+    """Fit all maps and cross-validate them; `advance` is called `FOLDS` + 1 times.
+
+    Raises:
+        ConfigError: scikit-learn is not installed.
+        LogError: There is too little to fit.
+    """
+    names = sorted({run.surface for run in runs})
+    several = {name for name in names if len(surface_parts(name, _single(names))) > 1}
+    trained_on = [run for run in runs if run.surface not in several]
+    scale = find_scale(trained_on)
+    maps = fit_maps(trained_on, scale.m_per_px, scale.drift_rad or 0.0)
+    advance()
+    errors, not_validated = _cross_validate(trained_on, scale, advance)
+    return SlipIdentification(
+        scale=scale,
+        maps=maps,
+        trained_on=trained_on,
+        left_out=[run for run in runs if run.surface in several],
+        cross_validation=errors,
+        not_validated=not_validated,
+    )
+
+
+def fit_maps(
+    runs: Sequence[RunWindows],
+    m_per_px: float,
+    camera_drift_rad: float = 0.0,
+    *,
+    least_runs: int = LEAST_RUNS,
+) -> FittedMaps:
+    """Return all maps fitted to `runs`; scale and drift are those of the camera, for runs in pixels.
+
+    Each surface must have `least_runs` of them.
+
+    Raises:
+        ConfigError: scikit-learn is not installed.
+        LogError: There is too little to fit.
+    """
+    samples = collect_samples(runs, m_per_px)
+    surfaces = fit_surface_map(runs, m_per_px, camera_drift_rad, least_runs=least_runs)
+    return FittedMaps(fit_wheel_maps(samples), float(samples.slip.mean()), surfaces)
+
+
+def _single(names: Sequence[str]) -> list[str]:
+    """Return the names that tell one surface: `green_surface`, but not `green_table` beside it."""
+    return [name for name in names if len(surface_parts(name, [n for n in names if n != name])) == 1]
+
+
+def _cross_validate(runs: Sequence[RunWindows], scale: CameraScale, advance: Advance) -> tuple[Errors, int]:
+    """Leave out a fifth of the runs five times; every surface and all directions are in every fold.
+
+    A surface of `LEAST_RUNS` runs has one less here. Returns the errors, and how many runs have none as the
+    others are too few to fit.
+    """
+    ordered = sorted(runs, key=lambda run: (run.surface, travel_direction_rad(run), str(run.path)))
+    errors: Errors = {}
+    not_validated = 0
+    for fold in range(FOLDS):
+        kept = [run for index, run in enumerate(ordered) if index % FOLDS != fold]
+        left_out = ordered[fold::FOLDS]
+        try:
+            maps = fit_maps(kept, scale.m_per_px, scale.drift_rad or 0.0, least_runs=LEAST_RUNS - 1)
+        except LogError:
+            not_validated += len(left_out)
+        else:
+            for name, found in score_runs(maps, left_out, scale.m_per_px).items():
+                errors.setdefault(name, []).extend(found)
+        advance()
+    return errors, not_validated

@@ -1,0 +1,108 @@
+"""Read our own logs for identification of slip: wheel positions, currents and the true pose."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from controllers.settings import OmniRoverSettings
+from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.datasets.log import LogRows, read_drive
+from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun
+
+LONGEST_GAP_S = 0.15
+"""Nothing is interpolated further away than this from a reading of a wheel."""
+
+
+def read_log_run(path: Path, surface: str) -> MeasuredRun:
+    """Return the run in the log `path`.
+
+    Raises:
+        LogError: The log is damaged, is of another kind of rover, or lacks wheels, currents or the true pose.
+    """
+    drive = read_drive(path)
+    rover, rows = drive.config.rover, drive.rows
+    if not isinstance(rover, OmniRoverSettings):
+        msg = f"{path} is of a {rover.kinematics} rover: slip maps need three omnidirectional wheels"
+        raise LogError(msg)
+    for wheel in range(WHEELS):
+        for name, word in ((f"enc{wheel + 1}_rad", "positions"), (f"current{wheel + 1}_a", "currents")):
+            if name not in rows:
+                msg = f"log {path} holds no {word} of wheel {wheel}: slip cannot be measured with it"
+                raise LogError(msg)
+    true = drive.true_poses()
+    position = [_series(rows, f"enc{wheel}_rad") for wheel in range(1, WHEELS + 1)]
+    current = [_series(rows, f"current{wheel}_a") for wheel in range(1, WHEELS + 1)]
+    gyro = _series(rows, "gyro_z_rad_s")
+    truth = np.column_stack((true.t_ns / 1e9, true.x_m, true.y_m, true.yaw_rad))
+    _check_numbers(path, (*position, *current, truth, gyro))
+    _check_clock(path, (*position, *current, truth))
+    t_s = position[0][:, 0]
+    _check_positions(path, position, t_s)
+    origin_s = float(t_s[0])
+    sd_m = np.hypot(true.position_sd_m, rover.base_radius_m * true.yaw_sd_rad)
+    return MeasuredRun(
+        path=path,
+        surface=surface,
+        t_s=t_s - origin_s,
+        position_rad=np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in position]),
+        current_a=np.column_stack(
+            [np.where(_is_near(table, t_s), np.interp(t_s, *table.T), np.nan) for table in current]
+        ),
+        current_is_signed=1 not in rows.unsigned_wheels,
+        set_speed_rad_s=np.column_stack([_held(_series(rows, f"set{n}_rad_s"), t_s) for n in (1, 2, 3)]),
+        camera_t_s=truth[:, 0] - origin_s,
+        camera=truth[:, 1:],
+        camera_in_pixels=False,
+        rover=rover,
+        gyro=gyro - (origin_s, 0.0),
+        truth=true.source,
+        fix_sd_m=None if true.is_exact else sd_m,
+    )
+
+
+def _series(rows: LogRows, name: str) -> Array:
+    """Return rows of time in s and value."""
+    readings = rows[name]
+    return np.column_stack((readings.t_ns / 1e9, readings.value))
+
+
+def _check_numbers(path: Path, tables: Sequence[Array]) -> None:
+    if not all(np.isfinite(table).all() for table in tables):
+        msg = f"log {path} holds samples or true poses that are no numbers: it is damaged, record it again"
+        raise LogError(msg)
+
+
+def _check_clock(path: Path, tables: Sequence[Array]) -> None:
+    if any((np.diff(table[:, 0]) <= 0.0).any() for table in tables):
+        msg = f"log {path}: its clock goes backwards or stands: the run cannot be used"
+        raise LogError(msg)
+
+
+def _check_positions(path: Path, tables: Sequence[Array], t_s: Array) -> None:
+    for wheel, table in enumerate(tables):
+        silent = ~_is_near(table, t_s)
+        if silent.any():
+            begins_s = float(t_s[np.argmax(silent)] - t_s[0])
+            msg = (
+                f"log {path}: wheel {wheel} gives no position {begins_s:.2f} s after wheel 0's first, while "
+                "others do: check its encoder, the run cannot be used"
+            )
+            raise LogError(msg)
+
+
+def _is_near(table: Array, t_s: Array) -> Flags:
+    """Return which times have a reading of `table` within `LONGEST_GAP_S`."""
+    after = np.searchsorted(table[:, 0], t_s).clip(0, len(table) - 1)
+    before = (after - 1).clip(0)
+    away_s = np.minimum(np.abs(table[after, 0] - t_s), np.abs(table[before, 0] - t_s))
+    near: Flags = away_s <= LONGEST_GAP_S
+    return near
+
+
+def _held(set_points: Array, t_s: Array) -> Array:
+    """Return the newest set-point at each time; NaN before the first."""
+    table = np.concatenate(([(0.0, np.nan)], set_points))
+    held: Array = table[np.searchsorted(table[:, 0], t_s, side="right") - 1, 1]
+    return held

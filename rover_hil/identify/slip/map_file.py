@@ -1,0 +1,111 @@
+"""Slip maps as data files: TOML with source, date and licence."""
+
+from collections.abc import Mapping, Sequence
+from datetime import date
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from controllers.slip.effort.motor_model import MotorSettings
+from controllers.slip.effort.slip_map import MapScore, SlipMapFile, WheelMap
+from drivers.clock import wall_time_text
+from drivers.errors import ConfigError
+from rover_hil.config import describe_validation_error, load_slip_map
+from rover_hil.identify.slip.identification import SlipIdentification
+from rover_hil.identify.slip.scores import Score
+from rover_hil.identify.slip.wheel_fit import collect_samples, fit_monotone
+from rover_hil.pages.atomic_write import write_file
+
+DIGITS = 6
+"""Significant digits kept: a slip is not known to more than three."""
+
+LICENCE_LEVELS = 3
+
+
+def slip_map_file(found: SlipIdentification, motor: MotorSettings, sources: Sequence[Path]) -> SlipMapFile:
+    """Return the fitted maps as what a data file holds."""
+    day = wall_time_text()
+    scores = {name: Score.of(errors) for name, errors in found.cross_validation.items()}
+    return SlipMapFile(
+        source=", ".join(path.resolve().name for path in sources),
+        fitted_on=date(int(day[:4]), int(day[4:6]), int(day[6:8])),
+        licence=_licence(sources[0]),
+        scale_mm_per_px=found.scale.mm_per_px,
+        motor=motor,
+        wheel_maps=dict(found.maps.wheel_maps),
+        surface_wheel_maps=_surface_wheel_maps(found),
+        surfaces=found.maps.surfaces,
+        cross_validation={
+            name: MapScore(rms=score.rms, bias=score.bias, n=score.n)
+            for name, score in scores.items()
+            if score.n
+        },
+    )
+
+
+def write_slip_map(content: SlipMapFile, path: Path) -> None:
+    """Write a data file.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
+    write_file(path, _to_toml(content.model_dump(by_alias=True, exclude_none=True)))
+
+
+def read_slip_map(name_or_path: str) -> SlipMapFile:
+    """Return the maps of a shipped data file, by its name, or of one by its path.
+
+    Raises:
+        ConfigError: It cannot be read, or holds something wrong; the message names the key.
+    """
+    try:
+        return SlipMapFile.model_validate(load_slip_map(name_or_path))
+    except ValidationError as error:
+        raise ConfigError(describe_validation_error(name_or_path, error, {})) from error
+
+
+def _surface_wheel_maps(found: SlipIdentification) -> dict[str, WheelMap]:
+    maps: dict[str, WheelMap] = {}
+    for surface in found.maps.surfaces.surfaces:
+        runs = [run for run in found.trained_on if run.surface == surface.name]
+        maps[surface.name] = fit_monotone(collect_samples(runs, found.scale.m_per_px), "wheel_torque_nm")
+    return maps
+
+
+def _licence(source: Path) -> str:
+    """Return the first line of the licence beside the data, or above it."""
+    folder = source.resolve() if source.is_dir() else source.resolve().parent
+    for place in (folder, *folder.parents[: LICENCE_LEVELS - 1]):
+        for path in sorted(place.glob("LICENSE*")):
+            lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+            return next((line for line in lines if line), "not stated")
+    return "not stated"
+
+
+def _to_toml(table: Mapping[str, object], prefix: str = "") -> str:
+    """Return TOML; plain values first, as TOML wants them before a table's own tables."""
+    lines: list[str] = []
+    tables: list[str] = []
+    for key, value in table.items():
+        place = f"{prefix}{key}"
+        if isinstance(value, Mapping):
+            tables.append(f"\n[{place}]\n{_to_toml(value, f'{place}.')}")
+        elif isinstance(value, (tuple, list)) and value and isinstance(value[0], Mapping):
+            tables += [f"\n[[{place}]]\n{_to_toml(item, f'{place}.')}" for item in value]
+        else:
+            lines.append(f"{key} = {_value(value)}\n")
+    return "".join(lines + tables)
+
+
+def _value(value: object) -> str:
+    match value:
+        case str():
+            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        case float():
+            return repr(float(f"{value:.{DIGITS}g}"))
+        case tuple() | list():
+            return "[" + ", ".join(_value(item) for item in value) + "]"
+        case date():
+            return value.isoformat()
+        case _:
+            return str(value)

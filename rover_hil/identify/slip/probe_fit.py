@@ -1,0 +1,128 @@
+"""Fit slip over the transmission loss of the yaw excitation, to drives with known truth."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from controllers.slip.effort.yaw_excitation import (
+    LEAST_DISTANCE_M,
+    WINDOW_S,
+    YawExcitation,
+    YawExcitationMap,
+    slip_of,
+)
+from drivers.errors import LogError
+from rover_hil.datasets.arrays import Array
+from rover_hil.identify.slip.run_data import MeasuredRun, to_wheels
+from rover_hil.identify.slip.wheel_fit import fit_rising_table
+from rover_hil.identify.slip.windows import LONGEST_WINDOW_S, TOO_NOISY, slip_problem
+
+LEAST_WINDOWS = 100
+SECTORS = 12
+SECTOR_RAD = math.tau / SECTORS
+FIX_REACH_S = 0.3
+"""Between pose fixes the motion is taken as steady; not further than this from the ends of a window."""
+NO_FIX_NEAR = f"no pose fix within {FIX_REACH_S:g} s of the ends of a window"
+CURABLE = (TOO_NOISY, NO_FIX_NEAR)
+"""Problems that a longer window may solve."""
+LEAST_SHARE = 0.03
+"""Share of the windows that makes a sector a trained direction: at corners every direction occurs."""
+
+
+def probe_windows(run: MeasuredRun, probe: YawExcitationMap) -> tuple[Array, Counter[str]]:
+    """Return windows as rows: transmission loss, true slip, distance of the wheels in m forward and left, s.
+
+    Slip is the part of the wheels' distance that is missing along its direction. A window is half a second;
+    with noisy pose fixes it is as many half seconds as make the slip known well enough. The second result
+    counts the windows that were rejected, by reason. The runs must give poses in metres.
+
+    Raises:
+        LogError: The run has no gyro.
+    """
+    if len(run.gyro) < 2:
+        msg = f"log {run.path} holds no yaw rates of its gyro: the transmission loss cannot be measured"
+        raise LogError(msg)
+    to_body = np.linalg.inv(to_wheels(run.rover))
+    moved = np.diff(run.position_rad, axis=0) @ to_body.T
+    elapsed_s = np.diff(run.t_s)
+    gyro_rad_s = np.interp(run.t_s[1:], run.gyro[:, 0], run.gyro[:, 1])
+    truth = np.array([np.interp(run.t_s, run.camera_t_s, column) for column in run.camera.T])
+    middle_rad = 0.5 * (truth[2, 1:] + truth[2, :-1])
+    true_m = np.diff(truth[0] + 1j * truth[1]) * np.exp(-1j * middle_rad)
+    encoder_m = moved[:, 0] + 1j * moved[:, 1]
+    excitation = YawExcitation(probe)
+    rows: list[tuple[float, ...]] = []
+    rejected: Counter[str] = Counter()
+    losses: list[float] = []
+    first = 0
+    for index, step_s in enumerate(elapsed_s.tolist()):
+        response = excitation.step(step_s, moved[index, 2] / step_s, float(gyro_rad_s[index]))
+        if response is None:
+            continue
+        if not response.reason:
+            losses.append(response.transmission_loss)
+            problem = _slip_problem(run, first, index + 1)
+            if problem in CURABLE and run.t_s[index + 1] - run.t_s[first] < LONGEST_WINDOW_S:
+                continue
+            wheels_m, body_m = encoder_m[first : index + 1].sum(), true_m[first : index + 1].sum()
+            if problem:
+                rejected[problem] += 1
+            elif abs(wheels_m) >= LEAST_DISTANCE_M:
+                slip = 1.0 - float((body_m / wheels_m).real)
+                duration_s = len(losses) * WINDOW_S
+                loss = sum(losses) / len(losses)
+                rows.append((loss, slip, float(wheels_m.real), float(wheels_m.imag), duration_s))
+        losses, first = [], index + 1
+    return np.array(rows).reshape(-1, 5), rejected
+
+
+def _slip_problem(run: MeasuredRun, start: int, end: int) -> str:
+    """Return why the slip between two readings of the wheels is not known well enough; empty where it is."""
+    if run.fix_sd_m is None:
+        return ""
+    times_s = run.t_s[[start, end]]
+    first, last = (int(np.argmin(np.abs(run.camera_t_s - time_s))) for time_s in times_s)
+    if np.abs(run.camera_t_s[[first, last]] - times_s).max() > FIX_REACH_S:
+        return NO_FIX_NEAR
+    moved_m = run.rover.wheel_radius_m * float(np.abs(run.position_rad[end] - run.position_rad[start]).max())
+    return slip_problem(run, first, last, moved_m)
+
+
+def fit_probe(runs: Sequence[MeasuredRun], probe: YawExcitationMap) -> tuple[YawExcitationMap, Counter[str]]:
+    """Return `probe` with the table fitted to `runs`, and how many windows were rejected, by reason.
+
+    Raises:
+        LogError: There is too little yaw excitation in them, or one has no gyro.
+    """
+    windows = [probe_windows(run, probe) for run in runs]
+    rows = np.concatenate([found for found, _ in windows])
+    rejected = sum((counts for _, counts in windows), Counter[str]())
+    if len(rows) < LEAST_WINDOWS:
+        reasons = "".join(f"; {count} rejected: {reason}" for reason, count in rejected.items())
+        msg = (
+            f"{len(runs)} runs give {len(rows)} windows with excitation, fewer than {LEAST_WINDOWS}: drive "
+            f"more{reasons}"
+        )
+        raise LogError(msg)
+    losses, slips = fit_rising_table(rows[:, 0], rows[:, 1])
+    if len(losses) < 2:
+        msg = f"all {len(runs)} runs lose {losses[0]:.2f} of the excitation: drive on firm and on soft ground"
+        raise LogError(msg)
+    fitted = probe.model_copy(update={"transmission_losses": losses, "slips": slips})
+    residual = rows[:, 1] - [slip_of(fitted, value) for value in rows[:, 0].tolist()]
+    distance_m = np.hypot(rows[:, 2], rows[:, 3])
+    fast = distance_m > np.median(distance_m) / 2.0
+    directions_rad = np.arctan2(rows[fast, 3], rows[fast, 2])
+    sectors, counts = np.unique(np.round(directions_rad / SECTOR_RAD) % SECTORS, return_counts=True)
+    driven = sectors[counts >= LEAST_SHARE * counts.sum()] * SECTOR_RAD
+    low, high = np.quantile(distance_m[fast] / rows[fast, 4], (0.05, 0.95)).tolist()
+    fitted = fitted.model_copy(
+        update={
+            "slip_sd": float(residual.std()),
+            "directions_rad": tuple(driven.round(4).tolist()),
+            "speed_range_m_s": (low, high),
+        }
+    )
+    return fitted, rejected

@@ -1,0 +1,111 @@
+"""The result of a slip identification, for people and for scripts."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rich.console import Console
+from rich.table import Column, Table
+
+from rover_hil.identify.slip.identification import Errors, SlipIdentification
+from rover_hil.identify.slip.scores import RunError, Score
+
+SECTOR_DEG = 60
+DIGITS = 4
+
+Record = dict[str, object]
+
+
+def result_record(found: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]) -> Record:
+    """Return what `--json` prints."""
+    counts: dict[str, int] = {}
+    for run in found.trained_on:
+        counts[run.surface] = counts.get(run.surface, 0) + 1
+    return {
+        "scale_mm_per_px": found.scale.mm_per_px,
+        "scale_error": found.scale.is_scale_error,
+        "scale_verdict": found.scale.verdict,
+        "camera_yaw_deg": None if found.scale.drift_rad is None else _degrees(found.scale.drift_rad),
+        "trained_on": counts,
+        "notes": list(notes),
+        "cross_validation": errors_record(found.cross_validation),
+        "tests": {name: errors_record(errors) for name, errors in tests.items()},
+    }
+
+
+def errors_record(errors: Errors) -> Record:
+    """Return rms, bias, n and invalid share of each map, over all runs and per surface."""
+    return {
+        name: {
+            **_score_record(Score.of(found)),
+            "per_surface": {
+                surface: _score_record(Score.of(part)) for surface, part in _by_surface(found).items()
+            },
+        }
+        for name, found in errors.items()
+    }
+
+
+def print_result(
+    console: Console, found: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]
+) -> None:
+    """Print the result for people."""
+    console.print(found.scale.verdict)
+    for note in notes:
+        console.print(f"Note: {note}")
+    console.print(
+        "\nDistance error as a fraction of encoder distance, per run: rms (bias). "
+        "'not valid' is the share of the way for which the map flags its own slip."
+    )
+    console.print(_surface_table("Cross-validation within the training runs", found.cross_validation))
+    console.print(_direction_table(found.cross_validation))
+    for name, errors in tests.items():
+        console.print(_surface_table(f"Test: {name}", errors))
+
+
+def _surface_table(title: str, errors: Errors) -> Table:
+    surfaces = sorted({item.surface for found in errors.values() for item in found})
+    heads = ("runs", "all", *surfaces, "not valid")
+    table = Table(Column("map", no_wrap=True), *heads, title=title, title_justify="left")
+    for name, found in errors.items():
+        parts = _by_surface(found)
+        score = Score.of(found)
+        cells = [_cell(Score.of(parts.get(surface, []))) for surface in surfaces]
+        invalid = "-" if math.isnan(score.invalid) else f"{score.invalid:.0%}"
+        table.add_row(name, str(score.n), _cell(score), *cells, invalid)
+    return table
+
+
+def _direction_table(errors: Errors) -> Table:
+    sectors = range(-180, 180, SECTOR_DEG)
+    title = "Cross-validation per direction of travel, degrees: rms"
+    heads = [f"{sector}..{sector + SECTOR_DEG}" for sector in sectors]
+    table = Table(Column("map", no_wrap=True), *heads, title=title, title_justify="left")
+    for name, found in errors.items():
+        parts: dict[int, list[RunError]] = {}
+        for item in found:
+            sector = math.floor(math.degrees(item.direction_rad) / SECTOR_DEG) * SECTOR_DEG
+            parts.setdefault(min(sector, sectors[-1]), []).append(item)
+        scores = [Score.of(parts.get(sector, [])) for sector in sectors]
+        table.add_row(name, *(f"{score.rms:.3f}" if score.n else "-" for score in scores))
+    return table
+
+
+def _by_surface(found: Sequence[RunError]) -> dict[str, list[RunError]]:
+    names = sorted({item.surface for item in found})
+    return {name: [item for item in found if item.surface == name] for name in names}
+
+
+def _cell(score: Score) -> str:
+    return f"{score.rms:.3f} ({score.bias:+.3f})" if score.n else "-"
+
+
+def _degrees(angle_rad: float) -> float:
+    return round(math.degrees(angle_rad), DIGITS)
+
+
+def _score_record(score: Score) -> Record:
+    numbers = {"rms": score.rms, "bias": score.bias, "invalid": score.invalid}
+    record: Record = {
+        key: None if math.isnan(value) else round(value, DIGITS) for key, value in numbers.items()
+    }
+    return {**record, "n": score.n}

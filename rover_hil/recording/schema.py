@@ -1,0 +1,325 @@
+"""What a log holds: its topics and the shape of the record on each, version `rover-hil-log/1`.
+
+The writer and every reader take topics and shapes from here, so that a name in a controller may change and
+old logs stay readable. `docs/log_format.md` describes the same for people. Every time is in ns of one
+monotonic clock.
+"""
+
+from collections.abc import Callable, Sequence
+from operator import attrgetter
+from typing import NotRequired, TypeVar, cast
+
+from pydantic import BaseModel, Field, TypeAdapter
+from typing_extensions import TypedDict
+
+from controllers.control_loop import StepOutput
+from controllers.estimation.pose_filter import PoseEstimate
+from controllers.slip.effort.compensator import SlipReport
+from controllers.slip.scomp.compensator import ScompReport
+from drivers.driver import Health
+from drivers.link import LinkChange
+from drivers.samples import (
+    AttitudeSample,
+    FrameSample,
+    HeadingSample,
+    PoseFixSample,
+    RateSample,
+    Sample,
+    WheelSample,
+)
+
+LOG_SCHEMA = "rover-hil-log/1"
+CONFIG_ATTACHMENT = "config.json"
+
+RAW, SENT, UNSENT, LINK = "/raw/", "/sent/", "/unsent/", "/link/"
+"""Followed by the name of a device."""
+SAMPLES = "/samples"
+ESTIMATE = "/estimate"
+COMMAND = "/command"
+SET_POINT = "/set_point"
+TRUTH = "/truth"
+HEALTH = "/health"
+WATCHDOG = "/watchdog"
+CYCLE = "/cycle"
+END = "/end"
+
+
+class PoseRecord(TypedDict):
+    """A pose in the local frame."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class PoseEstimateRecord(TypedDict):
+    """The filter's pose, body velocity and covariance (xx, xy, x yaw, yy, y yaw, yaw yaw)."""
+
+    t_ns: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    velocity_x_m_s: float
+    velocity_y_m_s: float
+    yaw_rate_rad_s: float
+    gyro_bias_rad_s: float
+    covariance: tuple[float, ...]
+    yaw_source: str
+
+
+class InnovationRecord(TypedDict):
+    """A measurement against the estimate."""
+
+    name: str
+    residual: float | None
+    variance: float | None
+    nis: float | None
+    accepted: bool
+
+
+class WheelCommandRecord(TypedDict):
+    """Set-points of a cycle and until when they hold."""
+
+    t_ns: int
+    expires_ns: int
+    speed_rad_s: tuple[float, ...]
+
+
+class WheelSlipRecord(TypedDict):
+    """Effort and slip of one wheel."""
+
+    current_a: float
+    paper_torque_nm: float
+    wheel_torque_nm: float
+    slip: float
+    valid: bool
+    reason: str
+
+
+class SlipRecord(TypedDict):
+    """Slip of all wheels by their effort."""
+
+    map: str
+    surface: str | None
+    drift_rad: float
+    wheels: tuple[WheelSlipRecord, ...]
+
+
+class TraceRecord(TypedDict):
+    """The trace angle in one frame."""
+
+    t_ns: int
+    detected: bool
+    theta_rad: float | None
+    confidence: float
+
+
+class DriftRecord(TypedDict):
+    """Slip and slip angle of the rover by trace and tilt."""
+
+    slip: float
+    slip_angle_rad: float
+    trace: TraceRecord | None
+    reason: str
+
+
+class EstimateRecord(TypedDict):
+    """All that a cycle computed, on `ESTIMATE`."""
+
+    t_ns: int
+    mode: str
+    reason: str
+    estimate: PoseEstimateRecord
+    odometry: PoseRecord
+    odometry_rebases: int
+    innovations: tuple[InnovationRecord, ...]
+    command: WheelCommandRecord
+    limit: str
+    cross_track_m: float | None
+    slip: NotRequired[SlipRecord | None]
+    drift: NotRequired[DriftRecord | None]
+
+
+class TracesRecord(TypedDict):
+    """What `ESTIMATE` holds of the trace; the rest of the record may be that of another version."""
+
+    drift: NotRequired[DriftRecord | None]
+
+
+class SetPointRecord(TypedDict):
+    """Wheel set-points: sent ones on `COMMAND`, those of an imported run on `SET_POINT`."""
+
+    t_ns: NotRequired[int]
+    speed_rad_s: tuple[float, ...]
+    delivered: NotRequired[bool]
+
+
+class TruthRecord(TypedDict):
+    """The true pose on `TRUTH`; `is_new` is false where an overhead camera repeats itself."""
+
+    t_ns: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    is_new: NotRequired[bool]
+    roll_rad: NotRequired[float]
+    pitch_rad: NotRequired[float]
+    velocity_x_m_s: NotRequired[float]
+    velocity_y_m_s: NotRequired[float]
+    yaw_rate_rad_s: NotRequired[float]
+    wheel_position_rad: NotRequired[tuple[float, ...]]
+    wheel_speed_rad_s: NotRequired[tuple[float, ...]]
+    motor_current_a: NotRequired[tuple[float, ...]]
+    slip: NotRequired[tuple[float, ...]]
+    battery_v: NotRequired[float]
+    bumper_pressed: NotRequired[bool]
+
+
+class CycleRecord(TypedDict):
+    """How late a cycle began and how long it took, on `CYCLE`."""
+
+    late_ns: int
+    work_ns: int
+
+
+class EndRecord(TypedDict):
+    """How a run ended, on `END`."""
+
+    end: str | None
+    reason: str
+    mode: str | None
+    cycles: int
+    skipped: int
+    duration_s: float
+    watchdog_interventions: int
+
+
+class SamplesRecord(BaseModel):
+    """The samples of a cycle that readers use, by kind, on `SAMPLES`."""
+
+    wheels: list[WheelSample] = Field(default=[], alias="WheelSample")
+    headings: list[HeadingSample] = Field(default=[], alias="HeadingSample")
+    rates: list[RateSample] = Field(default=[], alias="RateSample")
+    attitudes: list[AttitudeSample] = Field(default=[], alias="AttitudeSample")
+    fixes: list[PoseFixSample] = Field(default=[], alias="PoseFixSample")
+
+
+SAMPLES_SHAPE = TypeAdapter(SamplesRecord)
+ESTIMATE_SHAPE = TypeAdapter(EstimateRecord)
+TRACES_SHAPE = TypeAdapter(TracesRecord)
+SET_POINT_SHAPE = TypeAdapter(SetPointRecord)
+TRUTH_SHAPE = TypeAdapter(TruthRecord)
+CYCLE_SHAPE = TypeAdapter(CycleRecord)
+HEALTH_SHAPE = TypeAdapter(list[Health])
+LINK_SHAPE = TypeAdapter(LinkChange)
+END_SHAPE = TypeAdapter(EndRecord)
+
+
+RecordT = TypeVar("RecordT")
+
+
+def _copy(shape: type[RecordT], *, without: str = "") -> Callable[[object], RecordT]:
+    """Return a function that makes a record from the attributes of an object named as its keys.
+
+    Where an attribute is renamed, an explicit mapping takes the place of the copy: the key stays.
+    """
+    names = tuple(name for name in shape.__annotations__ if name != without)
+    values = attrgetter(*names)
+    return lambda source: cast("RecordT", dict(zip(names, values(source), strict=True)))
+
+
+_pose = _copy(PoseRecord)
+_innovation = _copy(InnovationRecord)
+_wheel_command = _copy(WheelCommandRecord)
+_wheel_slip = _copy(WheelSlipRecord)
+_trace = _copy(TraceRecord)
+set_point_record = _copy(SetPointRecord)
+"""From a `SentCommand`."""
+truth_record = _copy(TruthRecord, without="is_new")
+"""From the `Truth` of a simulated rover."""
+end_record = _copy(EndRecord)
+"""From a `RunResult`."""
+
+
+def estimate_record(output: StepOutput) -> EstimateRecord:
+    """Return the record of a cycle. Mappings of plain values are written faster than dataclasses."""
+    return {
+        "t_ns": output.t_ns,
+        "mode": output.mode.value,
+        "reason": output.reason,
+        "estimate": _pose_estimate(output.estimate),
+        "odometry": _pose(output.odometry),
+        "odometry_rebases": output.odometry_rebases,
+        "innovations": tuple(map(_innovation, output.innovations)),
+        "command": _wheel_command(output.command),
+        "limit": output.limit.value,
+        "cross_track_m": output.cross_track_m,
+        "slip": None if output.slip is None else _slip(output.slip),
+        "drift": None if output.drift is None else _drift(output.drift),
+    }
+
+
+def _pose_estimate(estimate: PoseEstimate) -> PoseEstimateRecord:
+    return {
+        "t_ns": estimate.t_ns,
+        "x_m": estimate.x_m,
+        "y_m": estimate.y_m,
+        "yaw_rad": estimate.yaw_rad,
+        "velocity_x_m_s": estimate.velocity_x_m_s,
+        "velocity_y_m_s": estimate.velocity_y_m_s,
+        "yaw_rate_rad_s": estimate.yaw_rate_rad_s,
+        "gyro_bias_rad_s": estimate.gyro_bias_rad_s,
+        "covariance": estimate.covariance,
+        "yaw_source": estimate.yaw_source.value,
+    }
+
+
+def _slip(report: SlipReport) -> SlipRecord:
+    return {
+        "map": report.map,
+        "surface": report.surface,
+        "drift_rad": report.drift_rad,
+        "wheels": tuple(map(_wheel_slip, report.wheels)),
+    }
+
+
+def _drift(report: ScompReport) -> DriftRecord:
+    return {
+        "slip": report.slip,
+        "slip_angle_rad": report.slip_angle_rad,
+        "trace": None if report.trace is None else _trace(report.trace),
+        "reason": report.reason,
+    }
+
+
+def samples_record(samples: Sequence[Sample]) -> dict[str, list[object]]:
+    """Return samples grouped by kind; of a camera frame only what surrounds the pixels."""
+    grouped: dict[str, list[object]] = {}
+    for sample in samples:
+        record: object = sample
+        if isinstance(sample, FrameSample):
+            record = {
+                "device": sample.device,
+                "t_ns": sample.t_ns,
+                "t_capture_ns": sample.t_capture_ns,
+                "index": sample.index,
+                "shape": sample.image.shape,
+            }
+        grouped.setdefault(type(sample).__name__, []).append(record)
+    return grouped
+
+
+def health_record(health: Health) -> dict[str, object]:
+    """Return the record of a device's health, one of the list on `HEALTH`."""
+    return {
+        "device": health.device,
+        "state": health.state,
+        "rate_hz": health.rate_hz,
+        "age_s": health.age_s,
+        "accepted": health.accepted,
+        "rejected": dict(health.rejected),
+        "breaks": health.breaks,
+        "sent": health.sent,
+        "send_failures": health.send_failures,
+        "last_link_reason": health.last_link_reason,
+    }

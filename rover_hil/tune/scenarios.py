@@ -1,0 +1,67 @@
+"""Random test scenarios: ground and noise are drawn from a seed."""
+
+import zlib
+
+import numpy as np
+
+from drivers.device_settings import FrameDeviceSettings
+from drivers.errors import ConfigError
+from rover_hil.config import Config
+from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
+from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.site import random_site
+from sim_backends.settings import PlantSettings, SimulationSettings
+
+FIRST_TRAIN_SEED = 1
+FIRST_HELD_OUT_SEED = FIRST_TRAIN_SEED + MOST_CASES
+
+INCLINATION_FACTOR = (0.5, 1.5)
+STEEPEST_DEG = 40.0
+
+
+def train_seeds(cases: CaseSettings) -> range:
+    """Return the seeds of the search."""
+    return range(FIRST_TRAIN_SEED, FIRST_TRAIN_SEED + cases.train)
+
+
+def held_out_seeds(cases: CaseSettings) -> range:
+    """Return the seeds of the comparison; none of them is a training seed."""
+    return range(FIRST_HELD_OUT_SEED, FIRST_HELD_OUT_SEED + cases.held_out)
+
+
+def with_scenario(config: Config, seed: int) -> Config:
+    """Return the configuration with the ground and all noise of `seed`.
+
+    Cameras without a role are left out: nothing depends on them, and they take most of the time.
+
+    Raises:
+        ConfigError: The configuration has no mission or no simulation.
+    """
+    simulation = config.simulation
+    if simulation is None or config.mission is None:
+        raise ConfigError("a test scenario needs [mission] and [simulation]: add them")
+    kept = {
+        name: device
+        for name, device in config.devices.items()
+        if name in (*config.roles.names(), config.roles.camera) or not isinstance(device, FrameDeviceSettings)
+    }
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(b"site"),)))
+    scenario = SimulationSettings(
+        seed=seed,
+        plant=_random_ground(simulation.plant, rng),
+        devices={name: errors for name, errors in simulation.devices.items() if name in kept},
+        faults=tuple(fault for fault in simulation.faults if fault.device in kept),
+    )
+    return config.model_copy(update={"devices": kept, "simulation": scenario})
+
+
+def _random_ground(plant: PlantSettings, rng: np.random.Generator) -> PlantSettings:
+    """Return the plant on random ground."""
+    match plant:
+        case RobotinoPlantSettings():
+            return plant.model_copy(update={"site": random_site(rng)})
+        case ElDoradoPlantSettings(ground=ground):
+            inclination_deg = min(STEEPEST_DEG, ground.inclination_deg * rng.uniform(*INCLINATION_FACTOR))
+            slope = {"inclination_deg": inclination_deg, "uphill_deg": rng.uniform(-180.0, 180.0)}
+            return plant.model_copy(update={"ground": ground.model_copy(update=slope)})

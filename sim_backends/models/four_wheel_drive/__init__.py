@@ -1,0 +1,1 @@
+"""The odometry of a four-wheel rover with gyro and compass."""

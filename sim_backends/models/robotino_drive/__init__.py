@@ -1,0 +1,1 @@
+"""The odometry of a Robotino below an overhead camera."""

@@ -1,0 +1,1 @@
+"""A gear motor behind the speed loop of its board."""

@@ -1,0 +1,1 @@
+"""A four-wheel rover that traverses a slope of sand."""

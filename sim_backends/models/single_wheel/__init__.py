@@ -1,0 +1,1 @@
+"""A single wheel in a test bed."""

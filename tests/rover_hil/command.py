@@ -1,0 +1,32 @@
+"""The command line, run in this process."""
+
+import sys
+
+import pytest
+
+from rover_hil.app.app import main
+
+
+class Command:
+    """Runs commands and keeps what they print."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._monkeypatch = monkeypatch
+        self._capsys = capsys
+        self.out = ""
+        self.error = ""
+
+    def __call__(self, *arguments: str) -> int:
+        self._monkeypatch.setattr(sys, "argv", ["rover-hil", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            main()
+        self.out, self.error = self._capsys.readouterr()
+        return caught.value.code if isinstance(caught.value.code, int) else 0
+
+
+def assert_one_sentence(error: str, *words: str) -> None:
+    assert error.startswith("rover-hil: ")
+    assert error.count("\n") == 1
+    assert "Traceback" not in error
+    for word in words:
+        assert word in error

@@ -1,0 +1,99 @@
+"""The examples of README, docs and every `--help` parse, the quick ones run, and name their data."""
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.core import TyperGroup
+from typer.main import get_command
+
+from rover_hil.app.app import _spread, app
+from tests.rover_hil.command import Command, assert_one_sentence
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+NEEDS_NOTHING = {
+    *("run", "simulate", "doctor", "terrain wheel", "terrain traverse", "terrain climb", "terrain papers")
+}
+QUICK = {"doctor", "terrain wheel", "terrain traverse", "terrain climb"}
+
+
+def helps(group: TyperGroup, before: str = "") -> Iterator[tuple[str, str]]:
+    for name, item in group.commands.items():
+        if isinstance(item, TyperGroup):
+            yield from helps(item, f"{before}{name} ")
+        else:
+            yield f"{before}{name}", item.help or ""
+
+
+ROOT_GROUP = get_command(app)
+assert isinstance(ROOT_GROUP, TyperGroup)
+HELPS = dict(helps(ROOT_GROUP))
+
+
+def examples_of(text: str) -> list[str]:
+    """Return the command lines in blocks and between back-ticks, without those that stand for a form."""
+    text = text.replace("\\\n", " ")
+    blocks = re.findall(r"^```\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines() if line.startswith("rover-hil ")]
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    lines += [" ".join(line.split()) for line in re.findall(r"`(rover-hil [^`]*)`", prose)]
+    return [line for line in lines if "..." not in line and not re.search(r"\b[A-Z]{3,}\b", line)]
+
+
+TEXTS = [*HELPS.values(), *(page.read_text("utf-8") for page in PAGES)]
+EXAMPLES = sorted({line for text in TEXTS for line in examples_of(text)})
+
+
+@pytest.mark.parametrize("line", EXAMPLES)
+def test_every_example_parses(line: str) -> None:
+    arguments = _spread(shlex.split(line, comments=True)[1:], "--test")
+    item: Any = get_command(app)
+    while isinstance(item, TyperGroup) and arguments:
+        item = item.commands[arguments.pop(0)]
+    if arguments:  # a bare name of a command is no call
+        item.make_context("rover-hil", arguments)
+
+
+def test_there_are_examples() -> None:
+    assert len(EXAMPLES) > 40
+
+
+@pytest.mark.parametrize("name", HELPS)
+def test_every_help_has_an_example_and_names_its_data(name: str) -> None:
+    text = " ".join(HELPS[name].split())
+    (example,) = re.findall(r"Example: `(rover-hil [^`]*)`", text)
+    assert example.startswith(f"rover-hil {name} ")
+    assert ("Data: " in text) is (name not in NEEDS_NOTHING)
+    for page in re.findall(r"docs/\w+\.md", text):
+        assert (ROOT / page).is_file()
+
+
+@pytest.mark.parametrize("name", sorted(QUICK))
+def test_quick_examples_run(command: Command, name: str) -> None:
+    (example,) = re.findall(r"Example: `(rover-hil [^`]*)`", " ".join(HELPS[name].split()))
+    # The doctor of a computer without a rover finds something to fix.
+    assert command(*shlex.split(example)[1:]) == (1 if name == "doctor" else 0)
+    assert command.out
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "gap side-slope nowhere --out a",
+        "ftrace nowhere --rig rig.json --out a.csv",
+        "identify slip nowhere",
+        "identify probe nowhere --out a.toml",
+        "identify motor nowhere",
+        "terrain fit nowhere",
+        "calibrate camera nowhere --ground g.png --rover r.json --out a.json --columns 8 --rows 6 "
+        "--square 0.04 --ground-x 0 --ground-y 0",
+    ],
+)
+def test_a_missing_folder_is_reported_as_such(command: Command, line: str) -> None:
+    assert command(*line.split()) == 2
+    assert re.match("rover-hil: no (file or )?folder nowhere: ", command.error)
+    assert_one_sentence(command.error)

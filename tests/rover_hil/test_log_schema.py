@@ -1,0 +1,135 @@
+"""The records of a log: their names stay when the controllers rename things, and old logs stay readable."""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+
+from pydantic_core import to_json
+
+from controllers.control_loop import StepOutput
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.pose_filter import PoseEstimate, YawSource
+from controllers.motion.limits import Limit
+from controllers.motion.planar import Pose
+from controllers.safety import Mode
+from controllers.slip.effort.compensator import SlipReport, WheelSlip
+from controllers.slip.scomp.compensator import DriftReport, TraceReading
+from drivers.samples import PoseFixSample, Sample, SentCommand, WheelCommand, WheelSample
+from rover_hil.config import load_config
+from rover_hil.datasets.log import read_drive
+from rover_hil.recording.schema import (
+    ESTIMATE_SHAPE,
+    EstimateRecord,
+    SamplesRecord,
+    estimate_record,
+    samples_record,
+    set_point_record,
+)
+from rover_hil.recording.writer import LogWriter
+
+OUTPUT = StepOutput(
+    t_ns=7,
+    mode=Mode.RUNNING,
+    reason="",
+    estimate=PoseEstimate(
+        t_ns=6,
+        x_m=1.0,
+        y_m=2.0,
+        yaw_rad=0.1 + 0.2,
+        velocity_x_m_s=0.4,
+        velocity_y_m_s=-0.0,
+        yaw_rate_rad_s=0.6,
+        gyro_bias_rad_s=0.7,
+        covariance=(1.0, 0.0, 0.0, 1.0, 0.0, 1e-300),
+        yaw_source=YawSource.GYRO,
+    ),
+    odometry=Pose(x_m=1.1, y_m=2.2, yaw_rad=0.3),
+    odometry_rebases=1,
+    innovations=(
+        Innovation(name="compass", residual=0.1, variance=0.2, nis=0.05, accepted=True),
+        Innovation(name="late", residual=None, variance=None, nis=None, accepted=False),
+    ),
+    command=WheelCommand(t_ns=7, expires_ns=9, speed_rad_s=(1.0, 2.0)),
+    limit=Limit.ACCELERATION,
+    cross_track_m=None,
+    slip=SlipReport(
+        map="linear_m",
+        surface=None,
+        drift_rad=0.01,
+        wheels=(
+            WheelSlip(
+                current_a=0.5,
+                paper_torque_nm=0.1,
+                wheel_torque_nm=0.2,
+                slip=0.3,
+                valid=False,
+                reason="too slow",
+            ),
+        ),
+    ),
+    drift=DriftReport(
+        slip=0.1,
+        slip_angle_rad=0.2,
+        trace=TraceReading(t_ns=5, detected=True, theta_rad=0.15, confidence=0.9),
+        reason="",
+    ),
+)
+RECORD = (
+    b'{"t_ns":7,"mode":"running","reason":"","estimate":{"t_ns":6,"x_m":1.0,"y_m":2.0,'
+    b'"yaw_rad":0.30000000000000004,"velocity_x_m_s":0.4,"velocity_y_m_s":-0.0,"yaw_rate_rad_s":0.6,'
+    b'"gyro_bias_rad_s":0.7,"covariance":[1.0,0.0,0.0,1.0,0.0,1e-300],"yaw_source":"gyro"},'
+    b'"odometry":{"x_m":1.1,"y_m":2.2,"yaw_rad":0.3},"odometry_rebases":1,"innovations":['
+    b'{"name":"compass","residual":0.1,"variance":0.2,"nis":0.05,"accepted":true},'
+    b'{"name":"late","residual":null,"variance":null,"nis":null,"accepted":false}],'
+    b'"command":{"t_ns":7,"expires_ns":9,"speed_rad_s":[1.0,2.0]},"limit":"acceleration",'
+    b'"cross_track_m":null,"slip":{"map":"linear_m","surface":null,"drift_rad":0.01,"wheels":['
+    b'{"current_a":0.5,"paper_torque_nm":0.1,"wheel_torque_nm":0.2,"slip":0.3,"valid":false,'
+    b'"reason":"too slow"}]},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
+    b'"theta_rad":0.15,"confidence":0.9},"reason":""}}'
+)
+
+
+def test_a_cycle_is_written_under_the_names_of_version_1() -> None:
+    assert to_json(estimate_record(OUTPUT)) == RECORD
+    assert to_json(ESTIMATE_SHAPE.validate_json(RECORD)) == RECORD
+
+
+def test_nothing_that_a_cycle_computes_is_left_out() -> None:
+    assert {field.name for field in fields(StepOutput)} == set(EstimateRecord.__annotations__)
+
+
+def test_a_cycle_of_an_older_log_is_read() -> None:
+    older = json.loads(RECORD)
+    del older["slip"], older["drift"]
+    record = ESTIMATE_SHAPE.validate_python(older)
+    assert "slip" not in record
+    assert record["estimate"]["x_m"] == 1.0
+
+
+def test_the_readers_find_the_kinds_of_samples_that_are_written() -> None:
+    wheel = WheelSample(device="board", t_ns=1, wheel=0, position_rad=0.5)
+    fix = PoseFixSample(
+        device="overhead",
+        t_ns=9,
+        x_m=1.0,
+        y_m=2.0,
+        yaw_rad=3.0,
+        position_std_m=0.01,
+        yaw_std_rad=0.02,
+        t_capture_ns=5,
+    )
+    samples: list[Sample] = [wheel, fix]
+    record = SamplesRecord.model_validate_json(to_json(samples_record(samples)))
+    assert (record.wheels, record.fixes, record.rates) == ([wheel], [fix], [])
+
+
+def test_set_points_that_were_not_delivered_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    config_json = load_config("robotino").model_dump_json(by_alias=True).encode()
+    with LogWriter(path, 1, config_json, {}, "virtual") as log:
+        for t_ns, delivered in ((10, True), (20, False)):
+            sent = SentCommand(t_ns=t_ns, speed_rad_s=(1.0, 2.0, 3.0), delivered=delivered)
+            log.write_json("/command", t_ns, set_point_record(sent))
+    rows = read_drive(path).rows
+    assert rows["set2_rad_s"].t_ns.tolist() == [10]
+    assert rows["set2_rad_s"].value.tolist() == [2.0]

@@ -1,0 +1,57 @@
+"""The committed reference pages are those that the program generates, and no key is without a meaning."""
+
+from pathlib import Path
+
+import pytest
+
+from rover_hil.reference.__main__ import PAGES, write_pages
+
+REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_committed_page_is_up_to_date(tmp_path: Path, name: str) -> None:
+    write_pages(tmp_path)
+    assert (REFERENCE / name).read_text("utf-8") == (tmp_path / name).read_text("utf-8"), (
+        "run `make reference`"
+    )
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_key_and_option_has_a_type_and_a_meaning(name: str) -> None:
+    rows = [
+        [cell.strip() for cell in line.replace("\\|", "/").strip("| ").split("|")]
+        for line in (REFERENCE / name).read_text("utf-8").splitlines()
+        if line.startswith("| `")
+    ]
+    assert len(rows) > 80
+    assert [row for row in rows if not row[1] or not row[-1]] == []
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "| `wheel_radius_m` | number | m | 0.005 to 1 | required | Radius of the wheels. |",
+        "| `rate_hz` | number | Hz | 1 to 1000 | required | Cycles per second. |",
+        "| `baud_rate` | integer | bit/s | 300 to 4000000 | 115200 | Line speed; the device leaves",
+        "| `require_fixes` | true or false |  |  | false | The rover also stops when one of them",
+        '| `scale` | "linear", "log" |  |  | "linear" | `log` where a factor matters rather',
+        "## [devices.NAME] with type = \"witmotion\"",
+        "## [[simulation.faults]] with type = \"drop\", \"duplicate\", \"reorder\", \"corrupt\"",
+        "## [tune.parameters.NAME]",
+    ],
+)  # fmt: skip
+def test_rows_of_the_configuration(row: str) -> None:
+    assert f"\n{row}" in (REFERENCE / "configuration.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "## rover-hil identify scomp",
+        "| `--model` | path |  |  | The model.toml of an earlier analysis. |",
+        "| `--trials` | integer | >= 1 | 60 | ",
+    ],
+)
+def test_rows_of_the_commands(row: str) -> None:
+    assert f"\n{row}" in (REFERENCE / "commands.md").read_text("utf-8")
