@@ -6,7 +6,8 @@ import numpy as np
 
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Array, Drive, Track
+from rover_hil.datasets.arrays import Array
+from rover_hil.scomp.drive import Drive, Track
 from rover_hil.scomp.odometry import with_compass_sign
 
 

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS

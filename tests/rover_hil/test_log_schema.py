@@ -13,7 +13,7 @@ from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
 from controllers.safety import Mode
 from controllers.slip.effort.compensator import SlipReport, WheelSlip
-from controllers.slip.scomp.compensator import DriftReport, TraceReading
+from controllers.slip.scomp.compensator import ScompReport, TraceReading
 from drivers.samples import PoseFixSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.datasets.log import read_drive
@@ -67,7 +67,7 @@ OUTPUT = StepOutput(
             ),
         ),
     ),
-    drift=DriftReport(
+    scomp=ScompReport(
         slip=0.1,
         slip_angle_rad=0.2,
         trace=TraceReading(t_ns=5, detected=True, theta_rad=0.15, confidence=0.9),

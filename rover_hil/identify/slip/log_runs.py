@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.settings import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags
 from rover_hil.datasets.log import LogRows, read_drive
