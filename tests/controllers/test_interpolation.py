@@ -43,7 +43,7 @@ def test_points_and_ends() -> None:
 @pytest.mark.parametrize(
     ("points", "values", "message"),
     [
-        ((0.0, 1.0), (0.0,), "x and y must be equally many"),
+        ((0.0, 1.0), (0.0,), "x and y must have the same length"),
         ((0.0, 0.0), (0.0, 1.0), "x must increase"),
         ((0.0, 1.0), (1.0, 0.0), "y must not decrease"),
     ],
