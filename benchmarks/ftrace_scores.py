@@ -1,4 +1,4 @@
-"""How right a trace finder is, by the definitions of docs/ftrace.md."""
+"""Scores of a trace finder, by the definitions of docs/results/ftrace.md."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

@@ -74,7 +74,7 @@ def step_times_us(path: Path) -> dict[str, list[float]]:
     def step(loop: ControlLoop, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
         start_ns = stopwatch_ns()
         output = plain_step(loop, now_ns, samples)
-        has_frame = output.drift is not None and output.drift.trace is not None
+        has_frame = output.scomp is not None and output.scomp.trace is not None
         times["with_frame" if has_frame else "without"].append((stopwatch_ns() - start_ns) / 1e3)
         return output
 

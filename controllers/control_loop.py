@@ -40,7 +40,7 @@ class StepOutput:
         limit: Limit that the set-points reached.
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
         slip: Slip of the wheels by effort; None without this compensation, or without fresh motion.
-        drift: Slip of the rover by sComp; None without it, or without fresh motion.
+        scomp: Slip of the rover by sComp; None without it, or without fresh motion.
     """
 
     t_ns: int
@@ -54,7 +54,7 @@ class StepOutput:
     limit: Limit
     cross_track_m: float | None
     slip: SlipReport | None = None
-    drift: ScompReport | None = None
+    scomp: ScompReport | None = None
 
 
 class ControlLoop:
@@ -126,7 +126,7 @@ class ControlLoop:
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
             slip=self._effort.report() if self._effort is not None and is_fresh else None,
-            drift=self._scomp.report() if self._scomp is not None and is_fresh else None,
+            scomp=self._scomp.report() if self._scomp is not None and is_fresh else None,
         )
 
     def _is_motion_fresh(self, now_ns: int) -> bool:

@@ -1,1 +1,1 @@
-"""Slip angle from the trace that a rear wheel leaves, seen by a rearward camera (paper 000, section 2)."""
+"""Slip angle from the trace of a rear wheel in the frames of a rearward camera (paper 000, section 2)."""

@@ -73,7 +73,7 @@ class ShadingParameters:
     """Shadows of the rover, which do not move in the image."""
 
     gain: float = 0.3  # of one frame
-    leak: float = 0.998  # kept from frame to frame
+    leak: float = 0.002  # lost per frame
     baselines_m: tuple[float, float] = (0.04, 0.09)  # in turn: for sharp edges, for wide shadows
     past_frames: int = 12  # to compare with
     most_difference: float = 0.6  # of log grey; greater ones are mismatched edges
@@ -137,7 +137,7 @@ class SearchParameters:
     both_penalty: float = 3.0  # two overlapping traces must score better than one by this
     temper: float = 16.0  # answers of neighbouring curves and blocks are correlated: this many count as one
     touching_widths: float = 1.1  # traces further apart do not touch; in widths of the wheel
-    surround_m: tuple[float, float] = (0.28, 0.016)  # reach and step of the curves beside the trace
+    surround_m: tuple[float, float] = (0.28, 0.016)  # reach and step of the neighbouring curves
     surround_widths: float = 1.0  # curves this near to the front wheel's trace are left out
     most_beside: float = 0.5  # a trace further from the path is not the wheel's own; in widths of the wheel
 
@@ -163,7 +163,7 @@ class PresenceParameters:
     full_share: float = 0.5  # answer of the farthest third of the view, over the rest, where a trace fills it
     background_share: float = 0.5  # of the clearness before, subtracted from what looks alike
     # Accepted later.
-    lock_margin: float = 14.0  # of the strength over that of curves beside, in all of the last frames
+    lock_margin: float = 14.0  # of the strength over that of the neighbours, in all of the last frames
     lock_frames: int = 5
     lock_far_frames: int = 2  # where frames are further apart than `memory_m`
     lasting_strength: float = 46.0  # mean strength that needs no margin, as among shadows
@@ -174,14 +174,14 @@ class PresenceParameters:
     # Kept, and found again.
     mean_keep_floor: float = 0.5
     keep_agreement: float = 3.7  # with the signature, in standard deviations
-    bare_agreement: float = 5.5  # keeps a trace whatever lies beside it
+    bare_agreement: float = 5.5  # keeps a trace for any strength of the neighbours
     sure_agreement: float = 6.5
     again_agreement: float = 5.0  # with `again_floor`: a lost trace is found again
     again_floor: float = 1.8
     range_blocks: int = 5  # least length of the stretch that agrees
     # Clearness, about a logarithm of odds per metre.
     surround: float = 5.0  # usual strength of ground without a trace
-    clear_ratio: float = 1.3  # of the strength over that of curves beside
+    clear_ratio: float = 1.3  # of the strength over that of the neighbours
     most_log_ratio: float = 1.0  # edges of shadows are strong: floor or tone must show as well
     floor_share: float = 0.3
     usual_floor: float = 1.0

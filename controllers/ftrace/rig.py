@@ -98,7 +98,7 @@ class Distortion(Settings):
 
 
 class Wheel(Settings):
-    """The wheel whose trace is seen.
+    """The observed wheel.
 
     Attributes:
         name: Name of the wheel; for information.
@@ -151,7 +151,7 @@ class RigFile(Settings):
         R_vehicle_camera: Turns camera coordinates (x right, y down, z ahead) into vehicle coordinates.
         t_vehicle_camera: Camera in the vehicle frame: origin at the projection of the centre of mass on the
             wheel-contact plane, x forward, y left, z up.
-        wheel: The wheel whose trace is seen.
+        wheel: The observed wheel.
         other_wheels: The other wheels. Those with a `contact_point` may leave traces next to the wheel's
             own; all other keys are for information.
         b_m: Distance between the rear axle and the centre of mass.

@@ -1,4 +1,4 @@
-"""Where the camera looks: rig calibration, and the ground seen from straight above.
+"""Rig calibration, and the rectified ground: a view from straight above.
 
 Ground coordinates here are the vehicle frame of the rig: origin at the projection of the centre of mass on
 the wheel-contact plane, x forward, y left, z up, metres. The ground is taken as the plane z = 0.

@@ -23,7 +23,7 @@ class OverlayWriter:
 
     Args:
         path: Video file or folder to make; must not exist.
-        rig: Where the camera looks.
+        rig: Calibration of the camera.
         frame_rate_hz: Of the video.
 
     Raises:

@@ -255,7 +255,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "limit": output.limit.value,
         "cross_track_m": output.cross_track_m,
         "slip": None if output.slip is None else _slip(output.slip),
-        "drift": None if output.drift is None else _drift(output.drift),
+        "drift": None if output.scomp is None else _drift(output.scomp),
     }
 
 

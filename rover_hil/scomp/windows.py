@@ -24,10 +24,10 @@ class Windows:
 
     Attributes:
         t_s: Middle of each, shape (k,) as everything else.
-        slip: Eq 3, from the true way along the body over the wheels'.
-        slip_angle_rad: Eq 4, from the true way.
-        pitch_rad: Mean, as the log counts it; None without pitch. Likewise roll_rad.
-        without_truth: How many more windows there are that begin or end within a gap of the truth.
+        slip: Eq 3, from the true distance along the body over that of the wheels.
+        slip_angle_rad: Eq 4, from the true motion.
+        pitch_rad: Mean, with the sign of the log; None without pitch. Likewise roll_rad.
+        without_truth: Number of windows not used because they begin or end within a gap of the truth.
     """
 
     t_s: Array
@@ -58,10 +58,10 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
     start = max(float(drive.t_s[0]), float(truth.t_s[0]))
     end = min(float(drive.t_s[-1]), float(truth.t_s[-1]))
     edges = np.arange(start, end, WINDOW_S)
-    way_m = (
+    distance_m = (
         wheel_radius_m * np.diff(np.interp(edges, drive.t_s, drive.wheel_rad)) if len(edges) > 1 else edges
     )
-    turns = way_m > SLOWEST_RIM_M_S * WINDOW_S
+    turns = distance_m > SLOWEST_RIM_M_S * WINDOW_S
     after = np.searchsorted(truth.t_s, edges).clip(1)
     is_known = np.diff(truth.t_s)[after - 1] <= LONGEST_TRUTH_GAP_S
     use = turns & is_known[1:] & is_known[:-1]
@@ -74,7 +74,7 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
     ahead_m, aside_m = _body_travel(truth, edges)
     return Windows(
         t_s=0.5 * (edges[1:] + edges[:-1])[use],
-        slip=(1.0 - ahead_m[use] / way_m[use]),
+        slip=(1.0 - ahead_m[use] / distance_m[use]),
         slip_angle_rad=np.arctan2(aside_m, ahead_m)[use],
         pitch_rad=_means(drive.t_s, drive.pitch_rad, edges, use),
         roll_rad=_means(drive.t_s, drive.roll_rad, edges, use),
@@ -111,7 +111,7 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
 
 def _body_travel(truth: TruePath, edges: Array) -> tuple[Array, Array]:
     """Return the travel ahead and to the left in each window, by the heading in its middle."""
-    dx, dy = (np.diff(np.interp(edges, truth.t_s, way)) for way in (truth.x_m, truth.y_m))
+    dx, dy = (np.diff(np.interp(edges, truth.t_s, place)) for place in (truth.x_m, truth.y_m))
     psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.psi_rad)
     return in_body_frame(dx, dy, psi)
 

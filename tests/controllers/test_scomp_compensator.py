@@ -213,7 +213,7 @@ def test_the_loop_tells_slip_and_slip_angle_and_steers_or_not() -> None:
     mission = LineMission(type="line", length_m=3.0, speed_m_s=0.1, heading="along_path")
     control = ControlSettings(rover=SKID, limits=LIMITS, mission=mission, scomp=ScompSettings())
     output = ControlLoop(control, ROLES).step(1, [])
-    assert output.drift is None  # nothing has moved yet
+    assert output.scomp is None  # nothing has moved yet
     assert output.slip is None
 
 

@@ -86,7 +86,7 @@ class StaticShading:
         error = np.clip(error, -most, most) * both
         back = cv2.warpAffine(error, pose, size, flags=cv2.INTER_LINEAR)
         step = self._parameters.gain * (error - back)
-        field = np.asarray(self._parameters.leak * self._coarse_field + step, np.float32)
+        field = np.asarray((1 - self._parameters.leak) * self._coarse_field + step, np.float32)
         self._coarse_field = (field - self._level(field, pose)) * self._visible
         rows, columns = self._coarse_field.shape
         smooth = cv2.GaussianBlur(self._coarse_field, (0, 0), 1.0)

@@ -17,7 +17,7 @@ class Evidence:
     Attributes:
         sums: Sums of the answers, one for each kernel, of variance about 1 where there is no rut.
         strength: Squared length of `sums`; about the number of kernels, 10, where there is no rut.
-        neighbours: Strength of the curves beside it.
+        neighbours: Strength of the neighbouring curves.
         floor: Difference of the ground from its surroundings like that of a rut's floor, on the weaker side.
             Without a rut below 4, except by chance, on old traces, and in shadows not estimated yet.
         answers: Answers block by block: kernel, block, the nearest first.

@@ -22,23 +22,20 @@ SIGN_SETTLE_S = 0.1
 
 
 class MotorSettings(Settings):
-    """One of three gear motors, Dunkermotoren GR 42x25, 24 V, with planetary gear, wheel and rollers.
-
-    Source: BrOleg5/Slippage-compensation and research-wheel-slippage: R, Ke, Kt, L and inertia (with gear
-    and wheel) as identified there; friction from the no-load record (0.165 A at 20 rad/s, 0.22 A at
-    168 rad/s). Gear efficiency and breakaway are assumed.
+    """A permanent-magnet gear motor. The defaults are those of a Robotino 2.
 
     Attributes:
-        resistance_ohm: Resistance of the winding.
-        inductance_h: Inductance of the winding.
-        torque_constant_nm_per_a: Torque per current at the motor.
-        speed_constant_v_s_per_rad: Induced voltage per motor speed.
-        inertia_kg_m2: Inertia of rotor, gear and wheel, at the motor.
-        friction_nm: Coulomb friction at the turning motor.
-        breakaway: Friction at rest divided by friction while turning.
-        viscous_nm_s: Friction per motor speed.
-        gear_ratio: Turns of the motor per turn of the wheel.
-        gear_efficiency: Share of the torque that passes the gear, in either direction of power.
+        resistance_ohm: Of the windings; 5.34 identified by the paper's authors, 5.95 by the data sheet.
+        back_emf_v_s_rad: Voltage per motor speed.
+        torque_constant_nm_a: Torque per current at the motor's shaft.
+        gear_ratio: Motor turns per wheel turn.
+        gear_efficiency: Share of the power that passes the gear, in both directions.
+        coulomb_torque_nm: Dry friction at the motor's shaft, from a no-load current of 0.2 A.
+        viscous_torque_nm_s_rad: Friction per motor speed.
+        inertia_kg_m2: Of the rotor.
+        current_full_scale_a: Greatest current that the sensor can measure; 6.5 A on an EA05 board.
+
+    Source: BrOleg5/Slippage-compensation `scripts/model_parameters.m`; data sheet Dunkermotoren GR 42x25.
     """
 
     resistance_ohm: Annotated[float, Field(ge=0.01, le=1000.0)] = 5.34
@@ -56,7 +53,7 @@ def paper_torque(motor: MotorSettings, current_a: float, wheel_speed_rad_s: floa
     """Return the paper's torque-like quantity M in N m at the motor, bounded at every speed.
 
     Paper 003, M = U I / w with U = R I + C_e w, that is M = C_e I + R I^2 / w. The pole at rest is removed:
-    |w| / (w^2 + w_eps^2) stands for 1 / w, with w_eps = `SLOWEST_RAD_S`. C_e is written k_t: the two are one
+    |w| / (w^2 + w_eps^2) replaces 1 / w, with w_eps = `SLOWEST_RAD_S`. C_e is written k_t: the two are one
     constant in SI. Most of M at low speed is copper loss, not torque.
 
     Args:
@@ -91,7 +88,7 @@ def wheel_torque(
     """
     speed = wheel_speed_rad_s * motor.gear_ratio
     electric_nm = motor.torque_constant_nm_a * current_a
-    # Losses in the gear lower the torque while the motor drives the wheel, and raise it the other way round.
+    # Losses in the gear lower the torque while the motor drives the wheel, and raise it in the opposite case.
     electric_nm *= motor.gear_efficiency if electric_nm * speed >= 0.0 else 1.0 / motor.gear_efficiency
     fade = max(-1.0, min(1.0, wheel_speed_rad_s / SLOWEST_RAD_S))
     inertia_nm = motor.inertia_kg_m2 * motor.gear_ratio * wheel_acceleration_rad_s2

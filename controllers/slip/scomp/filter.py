@@ -130,7 +130,7 @@ class ScompFilter:
         self._transition, self._predicted = prediction.transition, self._snapshot()
 
     def correct_standstill(self) -> Innovation | None:
-        """Correct the gyro's bias by its reading while the wheels stand; None while they turn."""
+        """Correct the gyro's bias by its reading while the wheels are at rest; None while they turn."""
         motion = self.motion
         if not motion.is_gyro or abs(motion.wheel_rad) > STANDSTILL_RAD_S * motion.duration_s:
             return None
