@@ -102,8 +102,8 @@ def fit_probe(runs: Sequence[MeasuredRun], probe: YawExcitationMap) -> tuple[Yaw
     if len(rows) < LEAST_WINDOWS:
         reasons = "".join(f"; {count} rejected: {reason}" for reason, count in rejected.items())
         msg = (
-            f"{len(runs)} runs give {len(rows)} windows with excitation, fewer than {LEAST_WINDOWS}: drive "
-            f"more{reasons}"
+            f"{len(runs)} runs give {len(rows)} windows with excitation, {LEAST_WINDOWS} needed: "
+            f"drive more{reasons}"
         )
         raise LogError(msg)
     losses, slips = fit_rising_table(rows[:, 0], rows[:, 1])
