@@ -152,8 +152,8 @@ def test_a_log_without_a_gyro_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("drive", "message"),
     [
-        ({"amplitude_rad_s": 0.0}, "1 runs give 0 windows with excitation, fewer than 100: drive more"),
-        ({"stretch_s": 2.0}, "windows with excitation, fewer than 100: drive more"),
+        ({"amplitude_rad_s": 0.0}, "1 runs give 0 windows with excitation, 100 needed: drive more"),
+        ({"stretch_s": 2.0}, "windows with excitation, 100 needed: drive more"),
     ],
 )
 def test_too_little_shaking_is_refused(tmp_path: Path, drive: dict[str, float], message: str) -> None:
