@@ -63,6 +63,9 @@ COMMANDS = {
 LIVE = {"live_robotino": "robotino", "live_el_dorado": "el-dorado"}
 LIVE_DURATION_S = 12
 EVERY_RUN_DIFFERS = (
+    (re.compile(rb'"\d{8}-\d{6}"'), b"DATE"),
+    (re.compile(rb'"seconds": ?[\d.]+'), b"TIME"),
+    (re.compile(rb"compiling [^\n]*\n"), b""),
     (re.compile(rb"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d)?(\.\d+)?( ?UTC|Z|\+00:00)?"), b"DATE"),
     (re.compile(rb"\b\d+(\.\d+)? ?(s|ms|min) of (processor|wall)"), b"TIME"),
     (re.compile(rb'"(work|late|cycle|wall|duration_wall|elapsed)[a-z_]*": ?[-\d.e+]+'), b"TIME"),
