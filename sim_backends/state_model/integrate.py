@@ -134,18 +134,30 @@ class Simulation:
         return series
 
     def _force_series(self) -> dict[str, Array]:
-        """Return, by port, forces over each integration step: points x 1 x steps."""
-        substeps = self._model.substeps
-        steps = (self._samples - 1) * substeps
+        """Return, by port, forces over each integration step: points x runs x steps, or one for all."""
         found: dict[str, Array] = {}
+        known = self._model.known_forces
+        for port in self._model.ports:
+            rows = [known.get(run.name, {}).get(port.name, np.zeros(1)) for run in self._runs]
+            if any(np.any(row) for row in rows):
+                found[port.name] = np.stack([self._over_steps(row) for row in rows])[None]
         for index, point in enumerate(self._points):
-            if point.force is None:
-                continue
-            name, values = point.force
-            series = found.setdefault(name, np.zeros((len(self._points), 1, steps)))
-            place = (np.arange(steps) + 0.5) / substeps
-            series[index, 0] = np.interp(place, np.arange(values.size), values)
+            if point.force is not None:
+                name, values = point.force
+                series = found.get(name, np.zeros((1, 1, 1)))
+                if series.shape[0] == 1:
+                    series = np.repeat(series, len(self._points), axis=0)
+                if series.shape[2] == 1:
+                    series = np.repeat(series, self._over_steps(values).size, axis=2)
+                series[index] += self._over_steps(values)
+                found[name] = series
         return found
+
+    def _over_steps(self, samples: Array) -> Array:
+        """Return a force in the middle of each integration step."""
+        substeps = self._model.substeps
+        middle = (np.arange((self._samples - 1) * substeps) + 0.5) / substeps
+        return np.interp(middle, np.arange(samples.size), samples)
 
     def _integrate(self) -> Array:
         """Return the states, states x points x runs x samples; memories of effects come last."""

@@ -71,6 +71,14 @@ class StateModel(Equations):
             for tables in moved
         ]
 
+    def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "StateModel":
+        """Return the same model with forces that act besides its equations.
+
+        Args:
+            forces: Run, then port, to values at the samples.
+        """
+        return replace(self, known_forces=forces)
+
     def refined(self, runs: Sequence[Run]) -> "StateModel":
         """Return the same model with enough integration steps for `runs`.
 

@@ -22,7 +22,9 @@ BEGINNING = 0.25
 """Share of a run that its unknowns are started from."""
 START_SHARES = (0.3,)
 """Strengths to start from besides none, in natural sizes."""
-MOST_FITS = 6
+FINE_STEP = 0.1
+"""Step of derivatives by effects, as a share of the usual one: an integration is exact to many digits."""
+MOST_FITS = 4
 CONVERGED = 0.2
 """Gain of minus two log-likelihood below which a fit is not repeated."""
 RESCALED = 1.15
@@ -119,7 +121,9 @@ class MachineFits:
         released = [card.releases for card in cards if card.releases is not None]
         found = self.problem.base_free(leave_out=released)
         for card in cards:
-            found += effect_free(card, shapes.get(card.name))
+            found += [
+                replace(item, step=FINE_STEP * item.step) for item in effect_free(card, shapes.get(card.name))
+            ]
         return found
 
     def fixed(self, names: Names) -> dict[Key, float]:

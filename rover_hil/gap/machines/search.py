@@ -279,7 +279,7 @@ def is_equal(one: MachineFit, other: MachineFit) -> bool:
 
 
 def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
-    """Return the share of the excess error that further effects explain on left-out runs, and of runs improved.
+    """Return the share of the excess error that effects explain on left-out runs, and that of better runs.
 
     Each run has the weight of its excess error, at most that of its samples, so that a run that lies far
     outside the others cannot decide alone.
