@@ -71,6 +71,17 @@ class Simulation:
             for point in range(len(self._points))
         ]
 
+    def trajectories(self) -> list[dict[str, Array]]:
+        """Return states and inputs of each run over its samples, at the first point."""
+        with np.errstate(all="ignore"):
+            states = self._integrate()
+        series = {name: self._at_samples(values)[0] for name, values in self._inputs.items()}
+        series |= {name: values[0] for name, values in zip(self._model.states, states, strict=False)}
+        return [
+            {name: values[run, : self._sizes[run]] for name, values in series.items()}
+            for run in range(len(self._runs))
+        ]
+
     def _active_effects(self) -> dict[str, list[Active]]:
         """Return, by port, the effects that are not at their null at every point, and their parameters."""
         found: dict[str, list[Active]] = {}

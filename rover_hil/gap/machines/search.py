@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.data.problem import Key
+from rover_hil.gap.data.problem import Key, Point
 from rover_hil.gap.explain.candidates import card_changes
 from rover_hil.gap.explain.search import linear_gain
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, Names, Shapes, jackknife_error
@@ -25,10 +25,8 @@ AGREEING_SHARE = 0.7
 """Least share of the runs that an effect must improve."""
 LEAST_Z = 2.5
 """Least distance of a strength from its null over the scatter of runs, as a standard normal."""
-SINGLES, PAIRS = 4, 4
+SINGLES, PAIRS = 10, 30
 """Effects and pairs to fit in one step, the best to first order."""
-WORTH = 1.2
-"""Least ratio of the gain of a pair to that of the best effect alone."""
 MOST_EFFECTS = 6
 MOST_ROUNDS = 10
 TWINS = 0.9
@@ -128,10 +126,9 @@ class MachineSearch:
 
     def _better(self, best: MachineFit) -> MachineFit | None:
         options = [*self._extended(best), *self._swapped(best)]
-        fitted = []
-        for number, (names, shapes, begin) in enumerate(options):
-            self._advance(f"fitting {' and '.join(names)}, {number + 1} of {len(options)}")
-            fitted.append(self._fits.best(names, shapes, begin.fit.point))
+        self._advance(f"fitting {len(options)} explanations")
+        fitted = self._fits.fit_all([(names, shapes, begin.fit.point) for names, shapes, begin in options])
+        self._fits.fit_all([self._without(one, name) for one in fitted for name in one.names])
         fitted = [one for one in fitted if one.error < best.error and self._is_accepted(one)]
         larger = [one for one in fitted if len(one.names) > len(best.names)]
         same = [
@@ -146,10 +143,9 @@ class MachineSearch:
         scores = self.scores(best)
         singles = _best_shapes(scores)
         ranked = sorted(singles, key=lambda score: -one_sided_z(score))
-        chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES] if one_sided_z(score) > 0.0]
-        top = one_sided_z(ranked[0]) ** 2 if ranked else 0.0
+        chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES]]
         if len(best.names) + 2 <= MOST_EFFECTS:
-            chosen += self._pairs(ranked, top)
+            chosen += self._pairs(ranked)
         return [
             (
                 (*best.names, *(score.direction.name for score in scores_of)),
@@ -159,14 +155,14 @@ class MachineSearch:
             for scores_of in chosen
         ]
 
-    def _pairs(self, ranked: Sequence[Score], top: float) -> list[tuple[Score, ...]]:
+    def _pairs(self, ranked: Sequence[Score]) -> list[tuple[Score, ...]]:
         pairs = [
             pair
             for pair in itertools.combinations(ranked[:PAIR_TOP], 2)
             if abs(cosine(pair[0], pair[1])) < 0.98
         ]
         by_gain = sorted(((linear_gain(pair), index) for index, pair in enumerate(pairs)), reverse=True)
-        return [pairs[index] for gain, index in by_gain[:PAIRS] if gain > WORTH * top]
+        return [pairs[index] for _, index in by_gain[:PAIRS]]
 
     def _swapped(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with one effect replaced."""
@@ -183,9 +179,11 @@ class MachineSearch:
         return options
 
     def _part(self, found: MachineFit, name: str) -> MachineFit:
-        names = tuple(one for one in found.names if one != name)
+        return self._fits.fit_all([self._without(found, name)])[0]
+
+    def _without(self, found: MachineFit, name: str) -> tuple[Names, Shapes, Point]:
         begin = {key: value for key, value in found.fit.point.items() if key[0] != name}
-        return self._fits.best(names, {}, begin)
+        return tuple(one for one in found.names if one != name), {}, begin
 
     def _is_accepted(self, found: MachineFit) -> bool:
         evidence = self.evidence(found)
