@@ -94,7 +94,7 @@ class Term:
         equation: State whose equation gets the term; the equation is written as in the base law.
         variables: What the term depends on: states and inputs by name.
         shape: One of `square`, `signed_square`, `cube`, `fourth_power`, `square_root`, `sine`, `product`,
-            `threshold`, `linear`; `product` may carry powers, which `formula` gives.
+            `threshold`; `product` may carry powers, which `formula` gives.
         sign: Of the term for positive variables, +1 or -1.
         formula: The term as it is added to the right-hand side.
         coefficient: Name of its coefficient.
@@ -152,6 +152,7 @@ class Case:
         snr_each: The ratio of each effect alone.
         snr_after_refit: The ratio of what is left of the change once the base law's parameters and starts
             have been fitted to it within their spread, to first order.
+        snr_after_refit_each: The same for each effect alone.
         extra_scatter: Whether the parameters scatter from run to run several times as much as documented.
         parameters: True parameters of the base law, before the scatter.
         disturbance_rms: Of a broad case, in the unit of the base law's equation; 0 otherwise.
@@ -170,6 +171,7 @@ class Case:
     snr: float
     snr_each: Mapping[str, float]
     snr_after_refit: float
+    snr_after_refit_each: Mapping[str, float]
     extra_scatter: bool
     parameters: Mapping[str, float]
     disturbance_rms: float

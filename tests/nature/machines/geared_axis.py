@@ -51,7 +51,7 @@ def _push(state: Array, held: Array, force: float, constants: Array) -> float:
     push -= constants[FAN] * math.copysign(over, speed)
     if constants[BRISTLE] > 0.0:
         push -= constants[BRISTLE] * state[4]
-    return push
+    return float(push)
 
 
 @njit("float64(float64[::1], float64[::1], float64, float64[::1], int64)", cache=True)
@@ -67,7 +67,7 @@ def _acceleration(state: Array, held: Array, force: float, constants: Array, mod
     inertia = constants[INERTIA]
     if contact == APART:
         inertia *= 1.0 - constants[LOAD_SHARE]
-    return torque / inertia
+    return float(torque / inertia)
 
 
 @njit(SLOPE, cache=True)

@@ -190,3 +190,15 @@ def simulate(
             )  # fmt: skip
             now = until
     return seen
+
+
+@njit(GUARD, cache=True)
+def one_mode_guard(state: Array, held: Array, force: float, constants: Array, mode: int) -> float:
+    """Return 1: a machine without modes never leaves its only one."""
+    return 1.0
+
+
+@njit(SWITCH, cache=True)
+def one_mode_switch(state: Array, held: Array, force: float, constants: Array, mode: int) -> int:
+    """Return 0, the only mode."""
+    return 0

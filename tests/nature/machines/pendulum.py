@@ -35,7 +35,8 @@ def _push(state: Array, held: Array, force: float, constants: Array) -> float:
     push -= constants[DRAG] * rate * abs(rate) + constants[STIFFNESS] * angle**3
     push -= constants[CUBIC] * rate**3 + constants[HARMONIC] * math.sin(2.0 * angle)
     push -= constants[ANGLE_DAMPING] * angle**2 * rate
-    return push - constants[BUMPER] * math.copysign(max(abs(angle) - constants[BUMPER_ANGLE], 0.0), angle)
+    over = math.copysign(max(abs(angle) - constants[BUMPER_ANGLE], 0.0), angle)
+    return float(push - constants[BUMPER] * over)
 
 
 @njit(SLOPE, cache=True)
@@ -62,7 +63,7 @@ def _guard(state: Array, held: Array, force: float, constants: Array, mode: int)
 
 @njit(SWITCH, cache=True)
 def _switch(state: Array, held: Array, force: float, constants: Array, mode: int) -> int:
-    if mode != START and mode != STUCK:
+    if mode not in (START, STUCK):
         state[1] = 0.0
     hold = constants[COULOMB] * (1.0 + constants[STICTION])
     return contact_mode(state[1], _push(state, held, force, constants), hold, hold)
