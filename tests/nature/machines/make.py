@@ -206,7 +206,7 @@ def find_size(ratio: Callable[[float], float], level: float) -> float:
     for _ in range(BISECTIONS):
         # Most effects grow with a power of their size; where that fails, the middle is tried.
         way = 0.5 if below <= 0.0 else math.log(level / below) / math.log(above / below)
-        middle = low * (high / low) ** min(max(way, 0.1), 0.9)
+        middle = low * math.exp(math.log(high / low) * min(max(way, 0.1), 0.9))
         reached = ratio(middle)
         if abs(reached - level) < SNR_PRECISION * level:
             return middle
