@@ -133,6 +133,7 @@ def test_an_effect_of_size_zero_changes_nothing(family: Family, effect: Effect |
     machine = _machine(family)
     hidden = draw_effect(effect, np.random.default_rng(2))
     plain = machine.record({})
+    assert np.isfinite(machine.snr(plain, machine.record(hidden.constants(1.0))))
     assert machine.snr(plain, machine.record(hidden.constants(0.0))) < 1e-6
     ratio = effect_ratio(machine, plain, hidden)
     assert ratio(1e-4) < 0.05 * ratio(1.0)

@@ -158,7 +158,7 @@ FAMILY = Family(
             name="cubic_stiffness",
             group="stiffness",
             formula="J d2a/dt2 gets -stiffness_nm_rad3 a^3",
-            size={"stiffness_nm_rad3": (0.0, 0.2)},
+            size={"stiffness_nm_rad3": (0.0, 0.1)},
             drawn={},
             signed=True,
         ),

@@ -139,7 +139,7 @@ FAMILY = Family(
     extra_states=(),
     channels=(
         Channel(name="measured_speed_m_s", sigma=0.05, quantum=0.01),
-        Channel(name="measured_yaw_rate_rad_s", sigma=0.005, quantum=0.002),
+        Channel(name="measured_yaw_rate_rad_s", sigma=0.003, quantum=0.001),
     ),
     inputs=(
         InputSignal(name="force_n", low=-3000.0, high=3000.0),
@@ -254,7 +254,7 @@ FAMILY = Family(
             formula="m dv/dt gets -brake_n_s_m max(v - brake_start_m_s, 0)",
             coefficient="brake_n_s_m",
             largest=2000.0,
-            drawn={"brake_start_m_s": (7.0, 12.0)},
+            drawn={"brake_start_m_s": (3.0, 7.0)},
         ),
     ),
     disturbance=Disturbance(equation="speed_m_s", unit="N", largest_rms=3000.0, correlation_s=1.0),
