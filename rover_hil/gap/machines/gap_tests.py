@@ -1,4 +1,4 @@
-"""Is there a gap? Tests of a machine without random force: the sensors' noise alone must explain the misfit."""
+"""Is there a gap? Without random force, the noise of the sensors alone must explain the misfit."""
 
 import math
 from collections.abc import Sequence
@@ -34,16 +34,13 @@ def gap_p(found: MachineFit, problem: Problem, scores: Sequence[Score], rng: np.
         scores: Of the effects at this fit; none where it contains effects.
         rng: For the calibration of the scores.
     """
-    scale = (found.noise.channel_sd / declared_noise(problem.observations).channel_sd)[found.noise.channel]
-    residual = found.fit.residual * scale
-    count, fitted = residual.size, len(found.fit.free)
-    parts = [_size_p(residual, fitted)]
+    residual = found.errors
+    parts = [_size_p(residual, len(found.fit.free))]
     parts += [_structure_p(problem, found, residual, knots) for knots in KNOT_COUNTS]
     if scores:
         draws = family_draws(scores, math.inf, rng)
-        white = float(np.mean(scale))
-        greatest = max(one_sided_z(one) for one in scores) * white / max(white, 1.0)
-        parts.append(family_p(scores, greatest, draws, math.inf) if count else 1.0)
+        greatest = max(one_sided_z(one) for one in scores)
+        parts.append(family_p(scores, greatest, draws, math.inf))
     return min(1.0, len(parts) * min(parts))
 
 

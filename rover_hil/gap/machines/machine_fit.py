@@ -57,12 +57,14 @@ class MachineFit:
         names: The effects, sorted.
         fit: Parameters, residual and derivatives.
         noise: Size of the errors that the fit assumed.
+        errors: Measured minus simulated, in units of the declared noise.
         left_out: Leave-one-run-out results.
     """
 
     names: Names
     fit: Fit
     noise: SensorNoise
+    errors: Array
     left_out: LeftOut
 
     @property
@@ -132,7 +134,7 @@ class MachineFits:
         descents, owners = [], []
         for names, (shapes, begin) in new.items():
             free, fixed = self.free(names, shapes), self.fixed(names)
-            starts = [{item.key: begin.get(item.key, item.start) for item in free}]
+            starts: list[Point] = [{item.key: begin.get(item.key, item.start) for item in free}]
             starts += [_stronger(free, begin, share) for share in START_SHARES if names]
             for start in starts:
                 descents.append(descend(self.problem, free, start, fixed))
@@ -145,7 +147,11 @@ class MachineFits:
         declared = declared_noise(self.problem.observations).channel_sd
         for names, (_, found, noise) in best.items():
             self._known[names] = MachineFit(
-                names=names, fit=found, noise=noise, left_out=leave_one_run_out(found, noise, declared)
+                names=names,
+                fit=found,
+                noise=noise,
+                errors=found.residual * (noise.channel_sd / declared)[noise.channel],
+                left_out=leave_one_run_out(found, noise, declared),
             )
         return [self._known[tuple(sorted(names))] for names, *_ in options]
 
@@ -164,10 +170,14 @@ def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
     return start
 
 
-def start_of_runs(problem: Problem) -> Point:
+def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     """Return starting values of the unknowns of each run: of many draws those that fit its beginning best.
 
     A fit from a wrong initial state may end in another period of an oscillation.
+
+    Args:
+        problem: Model and observations.
+        shared: Parameters of all runs; nominal where left out.
     """
     free = problem.run_free()
     if not free:
@@ -176,19 +186,7 @@ def start_of_runs(problem: Problem) -> Point:
     draws = stats.qmc.Sobol(len(names), seed=0).random(START_DRAWS)
     pulls = stats.norm.ppf(0.01 + 0.98 * draws)
     pulls[0] = 0.0
-    points = [
-        {
-            item.key: float(
-                np.clip(
-                    item.mean + pull[names.index(item.key[1].partition(RUN_SEPARATOR)[0])] * item.sd,
-                    item.lower,
-                    item.upper,
-                )
-            )
-            for item in free
-        }
-        for pull in pulls
-    ]
+    points = [{**(shared or {}), **_drawn(free, dict(zip(names, pull, strict=True)))} for pull in pulls]
     problem.prepare_points(points)
     declared = declared_noise(problem.observations).channel_sd[problem.observations.channel]
     weight = _beginning(problem) / declared**2
@@ -199,6 +197,14 @@ def start_of_runs(problem: Problem) -> Point:
         chosen = points[int(np.argmin(costs))]
         best.update({key: value for key, value in chosen.items() if run_of(key) == site.name})
     return best
+
+
+def _drawn(free: Sequence[Free], pulls: Mapping[str, float]) -> Point:
+    """Return the same draw of the unknowns, by name in prior deviations, in every run."""
+    by_item = [(item, pulls[item.key[1].partition(RUN_SEPARATOR)[0]]) for item in free]
+    return {
+        item.key: float(np.clip(item.mean + pull * item.sd, item.lower, item.upper)) for item, pull in by_item
+    }
 
 
 def _cost(problem: Problem, point: Point, weight: Array) -> float:

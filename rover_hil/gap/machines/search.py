@@ -141,7 +141,7 @@ class MachineSearch:
         if len(best.names) >= MOST_EFFECTS:
             return []
         scores = self.scores(best)
-        singles = _best_shapes(scores)
+        singles = best_shapes(scores)
         ranked = sorted(singles, key=lambda score: -one_sided_z(score))
         chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES]]
         if len(best.names) + 2 <= MOST_EFFECTS:
@@ -169,7 +169,7 @@ class MachineSearch:
         options: list[tuple[Names, Shapes, MachineFit]] = []
         for name in best.names:
             part = self._part(best, name)
-            scores = [one for one in _best_shapes(self.scores(part)) if one.direction.name != name]
+            scores = [one for one in best_shapes(self.scores(part)) if one.direction.name != name]
             ranked = sorted(scores, key=lambda score: -one_sided_z(score))
             options += [
                 ((*part.names, one.direction.name), {one.direction.name: one.direction.shapes}, part)
@@ -233,8 +233,10 @@ class MachineSearch:
                 for names, one in self._fits.tried.items()
                 if len(names) == len(best.names)
                 and names != best.names
-                and base.error - one.error >= SET_SHARE * gain
-                and is_equal(one, best)
+                and (
+                    is_within_noise(one)
+                    or (base.error - one.error >= SET_SHARE * gain and is_equal(one, best))
+                )
                 and all(not item.objection for item in self.evidence(one))
             ),
             key=lambda one: one.error,
@@ -249,7 +251,7 @@ class MachineSearch:
         target = max(own, key=one_sided_z)
         others = [
             one
-            for one in _best_shapes(scores)
+            for one in best_shapes(scores)
             if one.direction.name not in best.names and abs(cosine(one, target)) > TWINS
         ]
         return sorted(others, key=lambda one: -abs(cosine(one, target)))[:3]
@@ -276,6 +278,12 @@ def is_equal(one: MachineFit, other: MachineFit) -> bool:
     return t < float(stats.t.ppf(0.5 + 0.5 * SET_LEVEL, differences.size - 1))
 
 
+def is_within_noise(found: MachineFit) -> bool:
+    """Return True where the declared noise of the sensors explains what a fit leaves of left-out runs."""
+    count = float(found.left_out.counts.sum())
+    return found.error <= count * (1.0 + 3.0 * math.sqrt(2.0 / count))
+
+
 def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
     """Return the share of the excess error that effects explain on left-out runs, and that of better runs.
 
@@ -290,7 +298,7 @@ def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
     return float((weight * shares).sum() / total), float(weight[after < before].sum() / total)
 
 
-def _best_shapes(scores: Sequence[Score]) -> list[Score]:
+def best_shapes(scores: Sequence[Score]) -> list[Score]:
     """Return each effect at its best shape."""
     best: dict[str, Score] = {}
     for score in scores:
