@@ -12,7 +12,7 @@ from sim_backends.state_model.integrate import Point, Simulation
 from sim_backends.state_model.port_effect import PortEffect
 
 MOST_SUBSTEPS = 32
-SOLVED_SHARE = 0.05
+SOLVED_SHARE = 0.1
 """Greatest error of the integration, as a share of the sensor noise."""
 
 
@@ -99,7 +99,7 @@ class StateModel(Equations):
     def refined(self, runs: Sequence[Run]) -> "StateModel":
         """Return the same model with enough integration steps for `runs`.
 
-        The steps are halved until the prediction moves by less than 5 % of the sensor noise, at the nominal
+        The steps are halved until the prediction moves by less than 10 % of the sensor noise, at the nominal
         parameters and with each effect at its natural size.
 
         Raises:

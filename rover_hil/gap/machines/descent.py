@@ -21,10 +21,11 @@ Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, Sens
 DAMPINGS = (0.0, 0.01, 0.1, 1.0, 10.0)
 SMALL_DAMPINGS = (30.0, 300.0, 3000.0, 1e-3, 0.03)
 """Tried where none of the others is better."""
-MOST_ROUNDS = 25
-CONVERGED = 0.02
+MOST_ROUNDS = 15
+CONVERGED = 0.1
 """Gain of minus two log-likelihood below which a fit ends."""
 POINTS_AT_ONCE = 256
+RIDGE = 1e-12
 FAR = 1e6
 """Residual, in declared deviations, where a model has no solution."""
 
@@ -141,7 +142,9 @@ class _Descent:
     def _step(self, pull: Array, normal: Array, slope: Array, damping: float) -> Array:
         if not pull.size:
             return pull
-        root = np.linalg.cholesky(normal + damping * np.diag(np.diag(normal))).T
+        # Derivatives of very different size leave rounding errors in the normal matrix.
+        largest = RIDGE * float(np.diag(normal).max())
+        root = np.linalg.cholesky(normal + np.diag(damping * np.diag(normal) + largest)).T
         target = np.linalg.solve(root.T, slope)
         step = np.linalg.solve(root, target)
         low, high = self._lower - pull, self._upper - pull

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Problem
+from rover_hil.gap.data.problem import Point, Problem
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
 from rover_hil.gap.machines.search import MachineSearch, best_shapes
 from rover_hil.gap.statistics.score import Score, one_sided_z
@@ -15,7 +15,7 @@ from sim_backends.state_model.effects.terms import FORMS, product, term, thresho
 from sim_backends.state_model.model import StateModel
 from sim_backends.state_model.port_effect import PortEffect
 
-MOST_FITTED = 8
+MOST_FITTED = 5
 """Terms that are fitted, the best to first order."""
 THRESHOLD = 0.6
 """Place of a threshold, as a share of the range of its source."""
@@ -130,7 +130,11 @@ def search_terms(
     search = MachineSearch(fits, lambda _: None)
     ranked = sorted(best_shapes(search.scores(at)), key=one_sided_z, reverse=True)[:MOST_FITTED]
     chosen: list[Score] = [score for score in ranked if score.direction.name in names]
-    fitted = fits.fit_all([((*at.names, one.direction.name), {}, at.fit.point) for one in chosen])
+    starts = [_with_strength(at.fit.point, wider, one) for one in chosen]
+    fitted = fits.fit_all(
+        [((*at.names, one.direction.name), {}, start) for one, start in zip(chosen, starts, strict=True)],
+        is_near=True,
+    )
     fits.fit_all([(at.names, {}, at.fit.point)])
     by_name = dict(zip(names, terms, strict=True))
     found = []
@@ -138,6 +142,12 @@ def search_terms(
         evidence = next(item for item in search.evidence(one) if item.name == score.direction.name)
         found.append((by_name[score.direction.name], one, evidence.objection))
     return sorted(found, key=lambda item: item[1].error)
+
+
+def _with_strength(point: Point, machine: StateModel, score: Score) -> Point:
+    """Return a point with the strength that a term has to first order."""
+    card = next(one for one in machine.effects if one.name == score.direction.name)
+    return {**point, (card.name, card.parameters[0].name): score.strength}
 
 
 def strength_of(machine: StateModel, candidate: FreeTerm) -> tuple[str, Parameter]:

@@ -127,15 +127,22 @@ class MachineFits:
         released = [self.cards[name].releases for name in names]
         return {("", one): nominal[one] for one in released if one is not None}
 
-    def fit_all(self, options: Sequence[tuple[Names, Shapes, Point]]) -> list[MachineFit]:
-        """Return the fits of several sets of effects, made together; see `best`."""
+    def fit_all(
+        self, options: Sequence[tuple[Names, Shapes, Point]], *, is_near: bool = False
+    ) -> list[MachineFit]:
+        """Return the fits of several sets of effects, made together; see `best`.
+
+        Args:
+            options: Effects, shapes and parameters to start from.
+            is_near: The start is near the result; otherwise stronger effects are tried too.
+        """
         new = {tuple(sorted(names)): (shapes, begin) for names, shapes, begin in options}
         new = {names: one for names, one in new.items() if names not in self._known}
         descents, owners = [], []
         for names, (shapes, begin) in new.items():
             free, fixed = self.free(names, shapes), self.fixed(names)
             starts: list[Point] = [{item.key: begin.get(item.key, item.start) for item in free}]
-            starts += [_stronger(free, begin, share) for share in START_SHARES if names]
+            starts += [_stronger(free, begin, share) for share in START_SHARES if names and not is_near]
             for start in starts:
                 descents.append(descend(self.problem, free, start, fixed))
                 owners.append(names)

@@ -25,13 +25,15 @@ AGREEING_SHARE = 0.7
 """Least share of the runs that an effect must improve."""
 LEAST_Z = 2.5
 """Least distance of a strength from its null over the scatter of runs, as a standard normal."""
-SINGLES, PAIRS = 10, 30
+SINGLES, PAIRS = 10, 15
 """Effects and pairs to fit in one step, the best to first order."""
 MOST_EFFECTS = 6
 MOST_ROUNDS = 10
 TWINS = 0.9
 """Cosine from which two effects are each other's alternative."""
 PAIR_TOP = 16
+SAME = 0.98
+"""Cosine from which two effects are not fitted together."""
 SET_SHARE = 0.9
 """Least share of the gain of the best explanation for an alternative."""
 SET_LEVEL = 0.95
@@ -97,6 +99,8 @@ class MachineSearch:
         base = self._fits.base()
         best = base
         for _ in range(MOST_ROUNDS):
+            if best.names and is_within_noise(best):
+                break
             better = self._better(best)
             if better is None:
                 break
@@ -125,44 +129,47 @@ class MachineSearch:
         return [self._evidence(found, name) for name in found.names]
 
     def _better(self, best: MachineFit) -> MachineFit | None:
-        options = [*self._extended(best), *self._swapped(best)]
+        """Return an accepted explanation that is better; pairs only where no single effect explains the rest."""
+        singles = self._fitted([*self._singles(best), *self._swapped(best)])
+        better = self._best_of(singles, best)
+        if better is not None and is_within_noise(better):
+            return better
+        pairs = self._fitted(self._pairs(best))
+        return self._best_of([*singles, *pairs], best)
+
+    def _fitted(self, options: Sequence[tuple[Names, Shapes, MachineFit]]) -> list[MachineFit]:
         self._advance(f"fitting {len(options)} explanations")
         fitted = self._fits.fit_all([(names, shapes, begin.fit.point) for names, shapes, begin in options])
-        self._fits.fit_all([self._without(one, name) for one in fitted for name in one.names])
-        fitted = [one for one in fitted if one.error < best.error and self._is_accepted(one)]
-        larger = [one for one in fitted if len(one.names) > len(best.names)]
-        same = [
-            one for one in fitted if len(one.names) == len(best.names) and self._is_clearly_better(one, best)
-        ]
-        return min([*larger, *same], key=lambda one: one.error, default=None)
+        self._fits.fit_all(
+            [self._without(one, name) for one in fitted for name in one.names if len(one.names) > 1],
+            is_near=True,
+        )
+        return fitted
 
-    def _extended(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
-        """Return the explanations with one or two effects more that gain most, to first order."""
+    def _best_of(self, fitted: Sequence[MachineFit], best: MachineFit) -> MachineFit | None:
+        better = [one for one in fitted if one.error < best.error]
+        accepted = [
+            one
+            for one in sorted(better, key=lambda one: one.error)
+            if len(one.names) > len(best.names) or self._is_clearly_better(one, best)
+        ]
+        return next((one for one in accepted if self._is_accepted(one)), None)
+
+    def _singles(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
+        """Return the explanations with one effect more."""
         if len(best.names) >= MOST_EFFECTS:
             return []
-        scores = self.scores(best)
-        singles = best_shapes(scores)
-        ranked = sorted(singles, key=lambda score: -one_sided_z(score))
-        chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES]]
-        if len(best.names) + 2 <= MOST_EFFECTS:
-            chosen += self._pairs(ranked)
-        return [
-            (
-                (*best.names, *(score.direction.name for score in scores_of)),
-                {score.direction.name: score.direction.shapes for score in scores_of},
-                best,
-            )
-            for scores_of in chosen
-        ]
+        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)
+        return [_extended(best, (one,)) for one in ranked[:SINGLES]]
 
-    def _pairs(self, ranked: Sequence[Score]) -> list[tuple[Score, ...]]:
-        pairs = [
-            pair
-            for pair in itertools.combinations(ranked[:PAIR_TOP], 2)
-            if abs(cosine(pair[0], pair[1])) < 0.98
-        ]
-        by_gain = sorted(((linear_gain(pair), index) for index, pair in enumerate(pairs)), reverse=True)
-        return [pairs[index] for _, index in by_gain[:PAIRS]]
+    def _pairs(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
+        """Return the explanations with two effects more that gain most, to first order."""
+        if len(best.names) + 2 > MOST_EFFECTS:
+            return []
+        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)[:PAIR_TOP]
+        pairs = [pair for pair in itertools.combinations(ranked, 2) if abs(cosine(*pair)) < SAME]
+        pairs.sort(key=linear_gain, reverse=True)
+        return [_extended(best, pair) for pair in pairs[:PAIRS]]
 
     def _swapped(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with one effect replaced."""
@@ -255,6 +262,11 @@ class MachineSearch:
             if one.direction.name not in best.names and abs(cosine(one, target)) > TWINS
         ]
         return sorted(others, key=lambda one: -abs(cosine(one, target)))[:3]
+
+
+def _extended(best: MachineFit, scores: Sequence[Score]) -> tuple[Names, Shapes, MachineFit]:
+    names = (*best.names, *(score.direction.name for score in scores))
+    return names, {score.direction.name: score.direction.shapes for score in scores}, best
 
 
 def strength_z(found: MachineFit, key: Key) -> float:
