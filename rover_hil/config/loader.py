@@ -44,8 +44,7 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
     try:
         table = tomllib.loads(read_config_text(name_or_path))
     except tomllib.TOMLDecodeError as error:
-        msg = f"{name_or_path} is not valid TOML: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"{name_or_path} is not valid TOML: {error}") from error
     _rename_old_sections(table)
     unreadable = _inline_files(table)
     try:
@@ -96,16 +95,15 @@ def read_config_text(name_or_path: str) -> str:
         return (SHIPPED / "configs" / f"{name_or_path}.toml").read_text("utf-8")
     path = Path(name_or_path)
     if path.is_dir():
-        msg = f"{path} is a folder; give the TOML file in it"
-        raise ConfigError(msg)
+        raise ConfigError(f"{path} is a folder; give the TOML file in it")
     try:
         return path.read_text("utf-8")
     except FileNotFoundError:
-        msg = f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
-        raise ConfigError(msg) from None
+        raise ConfigError(
+            f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
-        msg = f"cannot read configuration {path}: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"cannot read configuration {path}: {error}") from error
 
 
 def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
@@ -116,14 +114,15 @@ def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
         text = path.read_text("utf-8")
         table = json.loads(text[:LARGEST_RIG_BYTES]) if is_json else tomllib.loads(text)
     except OSError as error:
-        msg = f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a file"
-        raise ConfigError(msg) from error
+        raise ConfigError(
+            f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a file"
+        ) from error
     except ValueError as error:
-        msg = f"{what} {name_or_path} is not valid {'JSON' if is_json else 'TOML'}: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(
+            f"{what} {name_or_path} is not valid {'JSON' if is_json else 'TOML'}: {error}"
+        ) from error
     if not isinstance(table, dict):
-        msg = f"{what} {name_or_path} must hold an object with keys"
-        raise ConfigError(msg)
+        raise ConfigError(f"{what} {name_or_path} must hold an object with keys")
     return table
 
 

@@ -114,8 +114,7 @@ class _Collector:
         estimates = finite_rows(self._rows["estimate", ""], 10)
         odometry = finite_rows(self._rows["odometry", ""], 4)
         if not (self._rows["cycle", ""] and len(estimates) and len(odometry)):
-            msg = f"log {log.path} holds no complete cycle: there is nothing to report"
-            raise LogError(msg)
+            raise LogError(f"log {log.path} holds no complete cycle: there is nothing to report")
         encoders = Track.of(odometry)
         truth = self._true_poses()
         first_motion_s = encoders.first_motion_s()

@@ -60,13 +60,15 @@ def read_parameters(path: Path) -> ScompParameters:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         return ScompParameters.model_validate(table)
     except OSError as error:
-        msg = f"cannot read parameters {path}: {error.strerror}; correct the path or leave --params out"
-        raise ConfigError(msg) from error
+        raise ConfigError(
+            f"cannot read parameters {path}: {error.strerror}; correct the path or leave --params out"
+        ) from error
     except ValidationError as error:
         raise ConfigError(describe_validation_error(str(path), error, table)) from error
     except ValueError as error:
-        msg = f"parameters {path} are not valid TOML: {error}; make them with `rover-hil identify scomp`"
-        raise ConfigError(msg) from error
+        raise ConfigError(
+            f"parameters {path} are not valid TOML: {error}; make them with `rover-hil identify scomp`"
+        ) from error
 
 
 def parameters_text(parameters: ScompParameters) -> str:

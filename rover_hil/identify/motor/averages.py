@@ -92,11 +92,10 @@ def report_drives(parts: Sequence[MotorDrives]) -> MotorReport:
     speed = np.concatenate([part.speed for part in parts])
     current = np.concatenate([part.current for part in parts])
     if len(set_points) < LEAST_DRIVES:
-        msg = (
+        raise LogError(
             f"{parts[0].log}: motor {parts[0].motor} has {len(set_points)} steady drives with currents below "
             f"the sensor's end, fewer than {LEAST_DRIVES}: give more"
         )
-        raise LogError(msg)
     value, half, rms_rad_s = _fit(set_points, speed, current)
     return MotorReport(
         motor=parts[0].motor,

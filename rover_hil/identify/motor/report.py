@@ -107,8 +107,9 @@ def report_motor(records: Sequence[MotorRecord]) -> MotorReport:
         LogError: The logs come from different devices.
     """
     if len({(record.is_robotino, record.scale) for record in records}) > 1:
-        msg = f"motor {records[0].motor}: the logs come from different drives: identify them one by one"
-        raise LogError(msg)
+        raise LogError(
+            f"motor {records[0].motor}: the logs come from different drives: identify them one by one"
+        )
     problem = MotorProblem(records)
     nothing = _nothing_to_learn(problem)
     if nothing:

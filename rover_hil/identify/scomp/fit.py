@@ -101,14 +101,14 @@ def _check_windows(windows: Windows) -> None:
     count = len(windows.t_s)
     astray = np.count_nonzero(np.abs(windows.slip_angle_rad) > LARGEST_SLIP_ANGLE_RAD)
     if astray > 0.5 * count:
-        msg = (
+        raise ModelError(
             f"in the truth the rover moves backwards or sideways in {astray} of {count} windows although its "
             f"wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
         )
-        raise ModelError(msg)
     if float(np.median(windows.slip)) > STUCK_SLIP:
-        msg = "the rover does not move in the truth although its wheels turn: use a drive in which it moves"
-        raise ModelError(msg)
+        raise ModelError(
+            "the rover does not move in the truth although its wheels turn: use a drive in which it moves"
+        )
 
 
 def _checked(parameters: ScompParameters) -> ScompParameters:
@@ -118,8 +118,9 @@ def _checked(parameters: ScompParameters) -> ScompParameters:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        msg = f"the fit gives {place} = {first['input']}, out of range: are log and truth of one drive?"
-        raise ModelError(msg) from error
+        raise ModelError(
+            f"the fit gives {place} = {first['input']}, out of range: are log and truth of one drive?"
+        ) from error
 
 
 def fit_pitch(windows: Windows, notes: list[str]) -> tuple[SlipFromPitch, float | None]:

@@ -64,11 +64,10 @@ def fit_single_wheel_data(data: SingleWheelData) -> SingleWheelFit:
     low, high = data.slip <= LOW_SLIP, data.slip >= HIGH_SLIP
     angles = np.unique(data.slip_angle_rad[high])
     if len(data.slip) < 8 or not (low.any() and high.any()):
-        msg = (
+        raise ModelError(
             f"the fit needs eight trials with slips up to {LOW_SLIP:g} and from {HIGH_SLIP:g} on, got "
             f"{len(data.slip)}, {np.count_nonzero(low)} and {np.count_nonzero(high)}: measure more slips"
         )
-        raise ModelError(msg)
     small = high & (data.slip_angle_rad <= angles[min(SMALL_ANGLES, len(angles)) - 1])
     model = CombinedSlip(load_n=data.load_n)
     for _ in range(SWEEPS):
