@@ -4,7 +4,6 @@ Both are TOML data files with their source and date.
 """
 
 import datetime as dt
-import tomllib
 from bisect import bisect_right
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from drivers.errors import ConfigError, ModelError
-from drivers.settings import Settings, direct_mistakes
+from drivers.settings import Settings, direct_mistakes, read_toml
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -112,14 +111,7 @@ def load_calibration(path: Path, kind: type[CalibrationT]) -> CalibrationT:
     Raises:
         ConfigError: The file is missing, is not TOML, or holds a wrong, unknown or missing key.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read calibration file {path}: {error.strerror}; correct the path or leave it out"
-        ) from error
-    except ValueError as error:
-        raise ConfigError(f"calibration file {path} is not valid TOML: {error}") from error
+    data = read_toml(path, f"calibration file {path}", "correct the path or leave it out")
     try:
         return kind.model_validate(data)
     except ValidationError as error:

@@ -1,6 +1,5 @@
 """Reads a mapping and its DBC file, and checks that they fit each other."""
 
-import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -22,7 +21,7 @@ from drivers.can_wheels.mapping import (
 )
 from drivers.can_wheels.signals import Scale, make_scale, raw_limits, raw_value
 from drivers.errors import ConfigError
-from drivers.settings import Settings, direct_mistakes
+from drivers.settings import Settings, direct_mistakes, read_toml
 
 SHIPPED_FOLDER = Path(__file__).parent
 
@@ -93,10 +92,7 @@ def load_mapping(name_or_path: str) -> BusDescription:
         ConfigError: A file is missing or wrong; the message names file, key and fix, a line per mistake.
     """
     path = _mapping_path(name_or_path)
-    try:
-        table = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read mapping {path}: {error}") from error
+    table = read_toml(path, f"mapping {path}", "make it readable")
     try:
         mapping = CanWheelsMapping.model_validate(_fill_in(path, table))
     except ValidationError as error:

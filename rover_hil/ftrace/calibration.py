@@ -8,13 +8,12 @@ from typing import Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from controllers.ftrace.rig import SCHEMA, RigFile
 from drivers.camera.images import read_image
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from rover_hil.config import describe_validation_error
+from rover_hil.config import validated
 from rover_hil.ftrace.frames import FrameSource
 
 Floats = NDArray[np.float64]
@@ -203,8 +202,5 @@ def rig_text(rover: Path, calibration: Calibration, fps: float) -> str:
         "R_vehicle_camera": calibration.rotation.tolist(),
         "t_vehicle_camera": calibration.position_m.tolist(),
     }
-    try:
-        RigFile.model_validate(table)
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(str(rover), error, table)) from error
+    validated(RigFile, table, str(rover))
     return json.dumps(table, indent=2) + "\n"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_hil.datasets.arrays import rms
 from rover_hil.report.run_data import DriftData
 from rover_hil.report.tracks import Series
 
@@ -56,4 +57,4 @@ def _error_rms(told: Series, true: Series | None) -> float | None:
         return None
     error = told.value - np.interp(told.t_s, true.t_s, true.value)
     known = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else None
+    return rms(known) if len(known) else None

@@ -11,7 +11,7 @@ from controllers.motion.limits import Limit
 from controllers.motion.planar import wrap_angle
 from controllers.safety import Mode
 from drivers.driver import Health
-from rover_hil.datasets.arrays import Array, wrap_angles
+from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.report.drift_summary import DriftSummary, summarise_drift
 from rover_hil.report.run_data import RunData, WheelData
 from rover_hil.report.tracks import Series, Track, running_mean, spans
@@ -189,7 +189,7 @@ def summarise(run: RunData) -> Summary:
         wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
         slip=_slip_summary(run),
         drift=summarise_drift(run.drift),
-        cross_track_rms_m=None if cross_m is None else _rms(cross_m),
+        cross_track_rms_m=None if cross_m is None else rms(cross_m),
         cross_track_max_m=None if cross_m is None else float(cross_m.max()),
         lateness=_spread(cycles.late_us) if is_timed else None,
         work=_spread(cycles.work_us) if is_timed else None,
@@ -224,11 +224,11 @@ def _track_error(track: Track, truth: Track | None, distance_m: float | None) ->
     final_m = float(position_m[-1])
     return TrackError(
         position_final_m=final_m,
-        position_rms_m=_rms(position_m),
+        position_rms_m=rms(position_m),
         position_max_m=float(position_m.max()),
         position_final_share=None if distance_m < LEAST_DISTANCE_M else final_m / distance_m,
         yaw_final_rad=float(yaw_rad[-1]),
-        yaw_rms_rad=_rms(yaw_rad),
+        yaw_rms_rad=rms(yaw_rad),
     )
 
 
@@ -308,7 +308,3 @@ def _stops(run: RunData) -> tuple[Stop, ...]:
             reasons = tuple(dict.fromkeys(cycles.reason[first : max(after, first + 1)]))
             stops.append(Stop(start_s=start_s, end_s=end_s, mode=Mode(mode), reasons=reasons))
     return tuple(stops)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

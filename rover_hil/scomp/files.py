@@ -1,16 +1,13 @@
 """Reading of drives and parameters, writing of parameters and paths."""
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from controllers.slip.scomp.parameters import RoverGeometry, ScompParameters
-from drivers.errors import ConfigError
-from rover_hil.config import describe_validation_error
+from drivers.settings import read_toml
+from rover_hil.config import validated
 from rover_hil.datasets.log import RecordedDrive
 from rover_hil.datasets.log import read_drive as read_log
 from rover_hil.scomp.columns import KNOWN, drive_of
@@ -55,20 +52,8 @@ def read_parameters(path: Path) -> ScompParameters:
     Raises:
         ConfigError: It cannot be read or has an invalid value; the message names the key.
     """
-    table: dict[str, object] = {}
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-        return ScompParameters.model_validate(table)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read parameters {path}: {error.strerror}; correct the path or leave --params out"
-        ) from error
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(str(path), error, table)) from error
-    except ValueError as error:
-        raise ConfigError(
-            f"parameters {path} are not valid TOML: {error}; make them with `rover-hil identify scomp`"
-        ) from error
+    table = read_toml(path, f"parameter file {path}", "correct the path or leave --params out")
+    return validated(ScompParameters, table, str(path))
 
 
 def parameters_text(parameters: ScompParameters) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from drivers.errors import ModelError
-from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.arrays import Array, rms
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleSoil,
@@ -180,7 +180,7 @@ def _result(
         for name, middle, reach in zip(free, found.x, half, strict=True)
     }
     at_bound = tuple(name for name, active in zip(free, found.active_mask, strict=True) if active)
-    residual = float(np.sqrt(np.mean(found.fun**2)))
+    residual = rms(found.fun)
     return SoilFit(_soil(begin, free, found.x), intervals, at_bound, plates, cells, residual)
 
 

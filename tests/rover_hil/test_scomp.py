@@ -230,7 +230,7 @@ def test_missing_files(tmp_path: Path) -> None:
         read_drive(tmp_path / "none.csv")
     with pytest.raises(LogError, match="cannot read"):
         read_drive(tmp_path / "none.mcap")
-    with pytest.raises(ConfigError, match="cannot read parameters"):
+    with pytest.raises(ConfigError, match="cannot read parameter file"):
         read_parameters(tmp_path / "none.toml")
 
 

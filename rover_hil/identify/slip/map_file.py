@@ -4,13 +4,10 @@ from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.slip_map import MapScore, SlipMapFile, WheelMap
 from drivers.clock import wall_time_text
-from drivers.errors import ConfigError
-from rover_hil.config import describe_validation_error, load_slip_map
+from rover_hil.config import load_slip_map, validated
 from rover_hil.identify.slip.identification import SlipIdentification
 from rover_hil.identify.slip.scores import Score
 from rover_hil.identify.slip.wheel_fit import collect_samples, fit_monotone
@@ -58,10 +55,7 @@ def read_slip_map(name_or_path: str) -> SlipMapFile:
     Raises:
         ConfigError: It cannot be read, or holds something wrong; the message names the key.
     """
-    try:
-        return SlipMapFile.model_validate(load_slip_map(name_or_path))
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(name_or_path, error, {})) from error
+    return validated(SlipMapFile, load_slip_map(name_or_path), name_or_path)
 
 
 def _surface_wheel_maps(found: SlipIdentification) -> dict[str, WheelMap]:

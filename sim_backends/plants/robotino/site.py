@@ -1,7 +1,6 @@
 """The test site: patches of covering on firm or soft ground, from a TOML map or random."""
 
 import math
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
-from drivers.settings import Settings
+from drivers.settings import Settings, read_toml
 from sim_backends.arrays import Array
 from sim_backends.plants.robotino.surfaces import InnerLayer, Surface, shipped_surfaces
 
@@ -141,14 +140,7 @@ def load_site(name_or_path: str) -> Site:
         table: dict[str, object] = {"name": name_or_path, "floor": name_or_path.removeprefix("floor_")}
     else:
         path = shipped if shipped.is_file() else Path(name_or_path)
-        try:
-            table = tomllib.loads(path.read_text("utf-8"))
-        except OSError as error:
-            raise ConfigError(
-                f"site '{name_or_path}' cannot be read ({error.strerror}): name a shipped site or a TOML file"
-            ) from error
-        except ValueError as error:
-            raise ConfigError(f"site '{name_or_path}' is no valid TOML: {error}") from error
+        table = read_toml(path, f"site '{name_or_path}'", "name a shipped site or a TOML file")
     try:
         return Site.model_validate(table)
     except ValidationError as error:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
 from drivers.errors import ModelError
@@ -95,9 +96,6 @@ def _fit(
     across: bool,
 ) -> CombinedSlip:
     """Return the model with the named parameters fitted to the chosen forces of the chosen trials."""
-    # Imported here because scipy takes a second that `--help` must not cost.
-    from scipy.optimize import least_squares
-
     slip, angle = data.slip[use], data.slip_angle_rad[use]
 
     def misfit(values: Array) -> Array:
