@@ -1,7 +1,7 @@
 """Meaning of the signals on a CAN bus for the wheels: a TOML file and, in the same folder, a DBC file.
 
 The keys of [every_wheel] apply to each [[wheel]] that does not set them itself. In every text of them, and in
-the messages of [[start]], [[stop]] and [[protection]], "{node}" stands for the `node` of each wheel in turn.
+the messages of [[start]], [[stop]] and [[protection]], "{node}" is replaced by each wheel's `node`.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""`rover-hil replay`: run a log again and say what came out different."""
+"""`rover-hil replay`: run a log again and list the outputs that differ."""
 
 from pathlib import Path
 

@@ -98,8 +98,8 @@ def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) 
         raise ConfigError(f"{model}: --model is for the simulated rover: add --virtual")
     from rover_hil.app.extended_simulation import extend_simulation
 
-    simulation, told = extend_simulation(config, model)
-    for line in told:
+    simulation, changed_values = extend_simulation(config, model)
+    for line in changed_values:
         messages.print(line, highlight=False)
     return config.model_copy(update={"simulation": simulation})
 
@@ -145,7 +145,7 @@ def _run_real(
                 rig.connect(CONNECT_TIMEOUT_S)
             except NotConnectedError as error:
                 raise NotConnectedError(
-                    f"{error}; `rover-hil doctor` says more, `rover-hil simulate` serves a simulated rover"
+                    f"{error}; `rover-hil doctor` reports more, `rover-hil simulate` serves a simulated rover"
                 ) from error
             resources.enter_context(closing(rig))
             watchdog = Watchdog(

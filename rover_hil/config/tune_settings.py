@@ -71,7 +71,7 @@ class ObjectiveSettings(Settings):
 
 
 class StabilitySettings(Settings):
-    """Which gains are rejected as oscillating, whatever their cost; unfinished missions are always rejected.
+    """Which gains are rejected as oscillating, at any cost; unfinished missions are always rejected.
 
     Attributes:
         reversal_rad_s: A wheel set-point has reversed when it goes back by this much.

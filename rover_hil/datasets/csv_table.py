@@ -151,7 +151,7 @@ def read_csv(
 
 
 def _header_lines(rows: Sequence[Sequence[str]]) -> int:
-    """Return how many rows stand above the first number."""
+    """Return the number of rows above the first number."""
     for count, cells in enumerate(rows[: MOST_HEADER_LINES + 1]):
         if any(cell.lower() not in WORDS and _number(cell) is not None for cell in cells):
             return count
