@@ -1,6 +1,6 @@
 """The model-gap workflow: where model and measurement disagree, and which effect is missing.
 
-A model of your own imports what it needs from here; see docs/gap_tutorial.md.
+A model of your own imports what it needs from here; see docs/tutorials/gap_tutorial.md.
 """
 
 from sim_backends.models.interface import (
@@ -10,13 +10,17 @@ from sim_backends.models.interface import (
     EffectCard,
     Model,
     Parameter,
+    Port,
     Run,
+    RunParameter,
     RunReader,
     StretchReader,
     Values,
     parameter,
 )
 from sim_backends.models.nominal_values import NominalValues
+from sim_backends.state_model import effects
+from sim_backends.state_model.model import StateModel
 
 __all__ = [
     "Array",
@@ -26,9 +30,13 @@ __all__ = [
     "Model",
     "NominalValues",
     "Parameter",
+    "Port",
     "Run",
+    "RunParameter",
     "RunReader",
+    "StateModel",
     "StretchReader",
     "Values",
+    "effects",
     "parameter",
 ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.score import score_all
 from rover_hil.gap.verdict import Answer
-from sim_backends.models.interface import Model, Run
+from sim_backends.models.interface import MachineModel, Model, Run
 
 ALPHAS = {"gap": GAP_ALPHA, "first name": NAME_ALPHA, "further name": MORE_ALPHA}
 
@@ -53,7 +54,10 @@ def analyse(
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
-    model = ObservedModel(model, runs)
+    if isinstance(model, MachineModel):
+        model = cast("Model", model.refined(runs))
+    else:
+        model = ObservedModel(model, runs)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}

@@ -1,7 +1,8 @@
 """Write a run to one MCAP file that can be read even when the program was killed in the middle.
 
 Messages are not chunked: each goes to the file as it is, and the file is flushed ten times a second, so
-a killed run loses at most the last tenth of a second. The layout is described in `docs/log_format.md`.
+a killed run loses at most the last tenth of a second. The layout is described in
+`docs/reference/log_format.md`.
 """
 
 import threading

@@ -25,7 +25,7 @@ def check_parameters(config: Config) -> TuneSettings:
     """
     if config.tune is None:
         raise ConfigError(
-            "tune: the configuration marks nothing as tunable: add [tune], see docs/bench_tuning.md"
+            "tune: the configuration marks nothing as tunable: add [tune], see docs/how-to/bench_tuning.md"
         )
     if config.mission is None or config.simulation is None:
         raise ConfigError("tuning drives the mission on the simulated rover: add [mission] and [simulation]")

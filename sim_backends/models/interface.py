@@ -1,5 +1,6 @@
 """Interface of a model that is compared with measured runs; independent of rovers."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 Values: TypeAlias = Mapping[str, float]
 """Parameter name to value."""
+
+RUN_SEPARATOR = "@"
+"""Between the name of a parameter and that of its run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +70,57 @@ class Channel:
     quantum: float = 0.0
     tolerance: float = 0.0
     is_optional: bool = False
+
+    @property
+    def noise_sd(self) -> float:
+        """Standard deviation of one value by the sensor's declaration, with its steps; 0 where unknown."""
+        return math.hypot(self.sigma or 0.0, self.quantum / math.sqrt(12.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Port:
+    """A named signal in the equations of a machine, where effects and unknown forces may act.
+
+    Attributes:
+        name: Unique among the ports, inputs and channels of its model.
+        unit: Of the signal.
+        force_sd: Natural size of an unknown random force at this port.
+    """
+
+    name: str
+    unit: str
+    force_sd: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunParameter:
+    """An unknown number of each run: an initial state, a release time, an offset.
+
+    Attributes:
+        name: Unique within its model.
+        unit: SI unit or degree.
+        prior_sd: Standard deviation of the nominal value.
+        nominal: Value without other knowledge.
+        channel: Where given, the nominal value is the first measured value of this channel instead.
+        lower: Least possible value.
+        upper: Greatest possible value.
+    """
+
+    name: str
+    unit: str
+    prior_sd: float
+    nominal: float = 0.0
+    channel: str = ""
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def nominal_in(self, run: "Run") -> float:
+        """Return the nominal value in a run."""
+        if not self.channel or self.channel not in run.measured:
+            return self.nominal
+        values = run.measured[self.channel]
+        good = np.flatnonzero(np.isfinite(values))
+        return float(values[good[0]]) if good.size else self.nominal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,3 +251,41 @@ class EitherDriven(Protocol):
     @property
     def alternative_inputs(self) -> tuple[str, ...]:
         """Inputs of which a data set has one: the last that all of its runs have, else the first."""
+
+
+@runtime_checkable
+class MachineModel(Protocol):
+    """A model of a machine that moves, made of equations with named ports."""
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """Where effects and unknown forces may act."""
+
+    @property
+    def run_parameters(self) -> tuple[RunParameter, ...]:
+        """Unknowns of each run."""
+
+    def predict_points(
+        self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
+    ) -> list[list[dict[str, Array]]]:
+        """Predict at several points at once; base parameters `NAME@RUN` are those of one run."""
+        ...
+
+    def force_responses(
+        self,
+        runs: Sequence[Run],
+        parameters: Values,
+        effects: Mapping[str, Values],
+        port: Port,
+        shapes: Array,
+    ) -> list[list[dict[str, Array]]]:
+        """Return the change of every channel of every run per unit of a force at a port, for each shape."""
+        ...
+
+    def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "MachineModel":
+        """Return the same model with forces by run and port that act besides its equations."""
+        ...
+
+    def refined(self, runs: Sequence[Run]) -> "MachineModel":
+        """Return the same model with integration steps that are small enough for these runs."""
+        ...

@@ -7,7 +7,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backends.models.interface import Array, Channel, EffectCard, Model, Run
+from sim_backends.models.interface import (
+    RUN_SEPARATOR,
+    Array,
+    Channel,
+    EffectCard,
+    MachineModel,
+    Model,
+    Run,
+)
 
 Indices: TypeAlias = NDArray[np.intp]
 Key: TypeAlias = tuple[str, str]
@@ -144,63 +152,151 @@ class Problem:
         self.model = model
         self.observations = observations
         self.evaluations = 0
-        self._sites = [group.site for group in observations.groups]
+        self.sites = [group.site for group in observations.groups]
         self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
 
     def predict(self, point: Point) -> Array:
         """Return the prediction of every row; NaN where the model has no solution."""
         memory_key = tuple(sorted(point.items()))
         if memory_key not in self._memory:
-            self.evaluations += 1
-            self._memory[memory_key] = predict_rows(self.model, self._sites, point)
+            self.prepare_points([point])
         return self._memory[memory_key]
 
+    def prepare_points(self, points: Sequence[Point]) -> None:
+        """Predict at several points at once, for later use."""
+        new = {tuple(sorted(point.items())): point for point in points}
+        new = {key: point for key, point in new.items() if key not in self._memory}
+        self.evaluations += len(new)
+        rows = predict_points(self.model, self.sites, list(new.values()))
+        self._memory.update(zip(new, rows, strict=True))
+
+    def prepare_derivatives(self, pairs: Sequence[tuple[Point, Free]]) -> None:
+        """Predict what `derivative` needs at several points, all at once."""
+        self.prepare_points(
+            [{**point, item.key: value} for point, item in pairs for value in _sides(point, item)]
+        )
+
+    def derivatives(self, point: Point, free: Sequence[Free]) -> Array:
+        """Return the change of every row per unit of each parameter: rows x parameters.
+
+        It is a difference inside the bounds. A parameter of single runs is moved in all runs at once.
+        """
+        moves: dict[str, tuple[Point, Point, dict[Key, float]]] = {}
+        for item in free:
+            low, high = _sides(point, item)
+            name = _shared_name(item.key)
+            below, above, widths = moves.get(name, (point, point, {}))
+            moves[name] = (
+                {**below, item.key: low},
+                {**above, item.key: high},
+                {**widths, item.key: high - low},
+            )
+        self.prepare_points([one for below, above, _ in moves.values() for one in (below, above)])
+        columns = np.zeros((self.observations.values.size, len(free)))
+        for index, item in enumerate(free):
+            below, above, widths = moves[_shared_name(item.key)]
+            change = (self.predict(above) - self.predict(below)) / widths[item.key]
+            run = run_of(item.key)
+            here = np.isfinite(change)
+            if run:
+                here &= np.array([site.name == run for site in self.sites])[self.observations.site]
+            columns[here, index] = change[here]
+        return columns
+
     def derivative(self, point: Point, free: Free) -> Array:
-        """Return the change of every row per unit of one parameter, by a difference inside its bounds."""
-        here = point.get(free.key, free.start)
-        low, high = max(here - free.step, free.lower), min(here + free.step, free.upper)
-        if free.key[0] == "" or low == here or high == here:
-            # For a smooth parameter or one with a sign, one side is enough and costs half.
-            other = high if high > here else low
-            low, high = min(here, other), max(here, other)
-        above = self.predict({**point, free.key: high})
-        below = self.predict({**point, free.key: low})
-        change = (above - below) / (high - low)
-        return np.where(np.isfinite(change), change, 0.0)
+        """Return the change of every row per unit of one parameter."""
+        column: Array = self.derivatives(point, [free])[:, 0]
+        return column
+
+    def base_free(self, widening: float = 1.0, leave_out: Sequence[str] = ()) -> list[Free]:
+        """Return the uncertain base parameters and those of each run; priors of the former may be widened."""
+        found = [
+            Free(
+                key=("", item.name),
+                mean=item.nominal,
+                sd=widening * item.prior_sd,
+                lower=item.lower,
+                upper=item.upper,
+                start=item.nominal,
+                step=STEP_SHARE * item.prior_sd,
+            )
+            for item in self.model.parameters
+            if item.prior_sd > 0.0 and item.lower < item.upper and item.name not in leave_out
+        ]
+        return [*found, *self.run_free()]
+
+    def run_free(self) -> list[Free]:
+        """Return the unknowns of each run."""
+        if not isinstance(self.model, MachineModel):
+            return []
+        return [
+            Free(
+                key=("", f"{item.name}{RUN_SEPARATOR}{site.name}"),
+                mean=item.nominal_in(site),
+                sd=item.prior_sd,
+                lower=item.lower,
+                upper=item.upper,
+                start=item.nominal_in(site),
+                step=STEP_SHARE * item.prior_sd,
+            )
+            for item in self.model.run_parameters
+            for site in self.sites
+        ]
+
+
+def run_of(key: Key) -> str:
+    """Return the run that a parameter belongs to; empty for one of all runs."""
+    return key[1].partition(RUN_SEPARATOR)[2] if not key[0] else ""
+
+
+def _shared_name(key: Key) -> str:
+    """Return the same name for a parameter in every run."""
+    return f"{key[0]}{RUN_SEPARATOR}{key[1]}" if key[0] else key[1].partition(RUN_SEPARATOR)[0]
+
+
+def _sides(point: Point, free: Free) -> tuple[float, float]:
+    here = point.get(free.key, free.start)
+    low, high = max(here - free.step, free.lower), min(here + free.step, free.upper)
+    if free.key[0] == "" or low == here or high == here:
+        # For a smooth parameter or one with a sign, one side is enough and costs half.
+        other = high if high > here else low
+        low, high = min(here, other), max(here, other)
+    return low, high
 
 
 def predict_rows(model: Model, sites: Sequence[Run], point: Point) -> Array:
     """Return the predictions for `sites` in the order of `observe`."""
+    return predict_points(model, sites, [point])[0]
+
+
+def predict_points(model: Model, sites: Sequence[Run], points: Sequence[Point]) -> list[Array]:
+    """Return the predictions for `sites` at several points, each in the order of `observe`."""
+    values = [split_point(point) for point in points]
+    if isinstance(model, MachineModel):
+        found = model.predict_points(sites, values) if values else []
+    else:
+        found = [model.predict(sites, parameters, effects) for parameters, effects in values]
+    return [
+        np.concatenate(
+            [
+                np.asarray(table[channel.name], dtype=np.float64).reshape(-1)
+                for site, table in zip(sites, tables, strict=True)
+                for channel in model.channels
+                if channel.name in site.measured
+            ]
+        )
+        for tables in found
+    ]
+
+
+def split_point(point: Point) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Return the base parameters and the effects of a point."""
     parameters = {name: value for (effect, name), value in point.items() if not effect}
     effects: dict[str, dict[str, float]] = {}
     for (effect, name), value in point.items():
         if effect:
             effects.setdefault(effect, {})[name] = value
-    tables = model.predict(sites, parameters, effects)
-    rows = [
-        np.asarray(table[channel.name], dtype=np.float64).reshape(-1)
-        for site, table in zip(sites, tables, strict=True)
-        for channel in model.channels
-        if channel.name in site.measured
-    ]
-    return np.concatenate(rows)
-
-
-def base_free(model: Model, widening: float = 1.0, leave_out: Sequence[str] = ()) -> list[Free]:
-    """Return the uncertain base parameters; their priors may be widened."""
-    return [
-        Free(
-            key=("", item.name),
-            mean=item.nominal,
-            sd=widening * item.prior_sd,
-            lower=item.lower,
-            upper=item.upper,
-            start=item.nominal,
-            step=STEP_SHARE * item.prior_sd,
-        )
-        for item in model.parameters
-        if item.prior_sd > 0.0 and item.lower < item.upper and item.name not in leave_out
-    ]
+    return parameters, effects
 
 
 def effect_free(card: EffectCard, shapes: Mapping[str, float] | None = None) -> list[Free]:

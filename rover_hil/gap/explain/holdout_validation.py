@@ -9,7 +9,6 @@ import numpy as np
 from rover_hil.gap.data.problem import (
     Observations,
     Point,
-    base_free,
     observe,
     predict_rows,
 )
@@ -224,9 +223,7 @@ def _is_confirmed(prepared: Prepared, locked: LockedRuns, best: Explanation) -> 
 def retuned(prepared: Prepared) -> Point:
     """Return base parameters fitted with wide priors and no effect: compensation without a cause."""
     problem = prepared.problem
-    return fit(
-        problem, prepared.noise, base_free(problem.model, widening=WIDENING), prepared.start.point
-    ).point
+    return fit(problem, prepared.noise, problem.base_free(widening=WIDENING), prepared.start.point).point
 
 
 def _channel(

@@ -12,7 +12,6 @@ from rover_hil.gap.data.problem import (
     Observations,
     Point,
     Problem,
-    base_free,
     group_runs,
     is_steady,
     observe,
@@ -25,7 +24,8 @@ from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.noise import Noise, series_noise, steady_noise
 from rover_hil.gap.statistics.replicates import Scatter, estimate_scatter, winsorise
 from rover_hil.gap.statistics.score import Direction, one_sided_z, score_all
-from sim_backends.models.interface import Array, DrivenModel, Model, Run
+from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
+from sim_backends.models.interface import Array, DrivenModel, MachineModel, Model, Run
 
 CONDITION_STEP = 0.01
 UNSOLVED_SHARE = 0.2
@@ -61,7 +61,11 @@ def prepare(model: Model, runs: Sequence[Run]) -> Prepared:
         ModelError: The model has no solution for many of the runs.
     """
     solved, left_out = _solved(model, runs)
-    return _steady(model, solved, left_out) if is_steady(solved) else _series(model, solved, left_out)
+    if is_steady(solved):
+        return _steady(model, solved, left_out)
+    if isinstance(model, MachineModel) and all(one.noise_sd > 0.0 for one in model.channels):
+        return _machine(model, solved, left_out)
+    return _series(model, solved, left_out)
 
 
 def relearn_noise(prepared: Prepared, best: Fit) -> Prepared:
@@ -69,13 +73,18 @@ def relearn_noise(prepared: Prepared, best: Fit) -> Prepared:
     if prepared.scatter is not None:
         return prepared
     problem = prepared.problem
-    noise = series_noise(problem.observations, problem.observations.values - problem.predict(best.point))
+    residual = problem.observations.values - problem.predict(best.point)
+    noise: Noise
+    if isinstance(prepared.noise, SensorNoise):
+        noise = noise_of_residual(problem.observations, residual)
+    else:
+        noise = series_noise(problem.observations, residual)
     return replace(prepared, noise=noise, start=fit_base(problem, noise, prepared.start))
 
 
 def fit_base(problem: Problem, noise: Noise, begin: Fit | None = None) -> Fit:
     """Return the base model's fit, with derivatives at it."""
-    found = fit(problem, noise, base_free(problem.model), begin.point if begin is not None else {})
+    found = fit(problem, noise, problem.base_free(), begin.point if begin is not None else {})
     return replace(found, jacobian=whitened_jacobian(problem, noise, found.free, found.point))
 
 
@@ -141,6 +150,24 @@ def _steady(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Pre
     )
 
 
+def _machine(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Prepared:
+    """Return the base model's fit to the output error."""
+    observations = observe(model, runs)
+    problem = Problem(model, observations)
+    noise = declared_noise(observations)
+    start = fit_base(problem, noise)
+    noise = noise_of_residual(observations, _without_effects(problem, noise, start))
+    start = fit_base(problem, noise, start)
+    return Prepared(
+        problem=problem,
+        noise=noise,
+        scatter=None,
+        start=start,
+        terms=terms_of(model, observations, start.point),
+        left_out=left_out,
+    )
+
+
 def _series(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Prepared:
     observations = observe(model, runs)
     problem = Problem(model, observations)
@@ -166,7 +193,7 @@ def _overfitted(problem: Problem) -> Array:
     they only select what to remove before the final errors are estimated.
     """
     observations, point = problem.observations, dict[Key, float]()
-    columns = [problem.derivative(point, item) for item in base_free(problem.model)]
+    columns = list(problem.derivatives(point, problem.base_free()).T)
     columns += [one.change for one in _changes(problem, point)]
     residual = observations.values - problem.predict(point)
     here = np.isfinite(residual)
@@ -186,7 +213,8 @@ def _changes(problem: Problem, point: Point) -> list[Direction]:
 def _without_effects(problem: Problem, noise: Noise, start: Fit) -> Array:
     """Return measured minus predicted, without the significant effects and free-form terms."""
     observations = problem.observations
-    columns = [problem.derivative(start.point, item) * item.sd for item in start.free]
+    sizes = np.array([item.sd for item in start.free])
+    columns = list((problem.derivatives(start.point, start.free) * sizes).T)
     changes = _changes(problem, start.point)
     directions = [replace(one, change=noise.whiten(one.change)) for one in changes]
     raw = {id(one): change.change for one, change in zip(directions, changes, strict=True)}

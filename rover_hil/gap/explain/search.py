@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rover_hil.gap.data.problem import Free, Key, Point, Problem, base_free, effect_free
+from rover_hil.gap.data.problem import Free, Key, Point, Problem, effect_free, run_of
 from rover_hil.gap.explain.candidates import Candidate, imitating_parameter
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.jackknife import jackknife
@@ -132,7 +132,7 @@ class Search:
         """Return the parameters of a subset, without base parameters that its effects release."""
         cards = [self._by_name[name].card for name in names]
         released = [card.releases for card in cards if card.releases is not None]
-        free = base_free(self._problem.model, leave_out=released)
+        free = self._problem.base_free(leave_out=released)
         for card in cards:
             free += effect_free(card, shapes[card.name])
         return free
@@ -155,6 +155,7 @@ class Search:
         return starts
 
     def _cheapest(self, free: Sequence[Free], points: Sequence[Point], count: int) -> list[Point]:
+        self._problem.prepare_points([self._at(free, point) for point in points])
         return sorted(points, key=lambda point: self._cost(free, point))[:count]
 
     def _fit(self, names: tuple[str, ...], shapes: Shapes, begin: Point, hopeless: float) -> Fit:
@@ -235,22 +236,26 @@ class Search:
         sizes = [sign * share * strength.prior_sd for share in FAR for sign in (1.0, -1.0)]
         values = [strength.nominal + size for size in (*sizes, self._strength(name, shapes[name]))]
         imitator = ("", imitating_parameter(self._start, candidate.score))
+        of_runs = {key: value for key, value in self._start.point.items() if run_of(key)}
         straight = {key: value for key, value in self._start.point.items() if key != imitator}
         return [
             {**base, **shape, (name, strength.name): float(np.clip(value, strength.lower, strength.upper))}
-            for base in ({}, straight)
+            for base in (of_runs, straight)
             for value in values
         ]
 
     def _cost(self, free: Sequence[Free], point: Point) -> float:
-        values = {item.key: point.get(item.key, item.start) for item in free}
+        values = self._at(free, point)
         pull = np.array([(values[item.key] - item.mean) / item.sd for item in free])
         observations = self._problem.observations.values
-        fixed = self._fixed(sorted({item.key[0] for item in free if item.key[0]}))
-        error = observations - self._problem.predict({**fixed, **values})
+        error = observations - self._problem.predict(values)
         residual = self._noise.whiten(np.where(np.isnan(observations), 0.0, error))
         cost = float(residual @ residual + pull @ pull)
         return cost if math.isfinite(cost) else math.inf
+
+    def _at(self, free: Sequence[Free], point: Point) -> Point:
+        fixed = self._fixed(sorted({item.key[0] for item in free if item.key[0]}))
+        return {**fixed, **{item.key: point.get(item.key, item.start) for item in free}}
 
     def _strength(self, name: str, shapes: Mapping[str, float]) -> float:
         score = next(one for one in self._scores[name] if one.direction.shapes == shapes)

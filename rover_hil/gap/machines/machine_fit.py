@@ -1,0 +1,293 @@
+"""Fits of a machine with a set of effects, and how well each predicts runs that it was not fitted to."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from scipy import stats
+
+from rover_hil.gap.data.problem import WEAK, Free, Key, Point, Problem, cells, effect_free, run_of
+from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
+from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
+from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
+
+Names: TypeAlias = tuple[str, ...]
+Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
+"""Effect to the shapes that its fit starts from."""
+
+START_DRAWS = 64
+BEGINNING = 0.25
+"""Share of a run that its unknowns are started from."""
+START_SHARES = (0.3,)
+"""Strengths to start from besides none, in natural sizes."""
+FINE_STEP = 0.1
+"""Step of derivatives by effects, as a share of the usual one: an integration is exact to many digits."""
+MOST_FITS = 4
+CONVERGED = 0.2
+"""Gain of minus two log-likelihood below which a fit is not repeated."""
+RESCALED = 1.15
+"""Change of the size of the errors after which a fit is repeated with their new size."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOut:
+    """What each run says about a fit when it is left out, by linearisation.
+
+    Attributes:
+        squares: Squared error of each run predicted by the others, its own unknowns fitted, in units of the
+            declared noise.
+        counts: Values of each run.
+        moved: Change of each parameter of all runs when one is left out, in prior deviations.
+        by_samples: Standard error of each parameter from the samples, in prior deviations.
+        informed: Information of each run on each parameter.
+        keys: These parameters.
+    """
+
+    squares: Array
+    counts: Array
+    moved: Array
+    by_samples: Array
+    informed: Array
+    keys: tuple[Key, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineFit:
+    """A machine with some effects, fitted to the output error.
+
+    Attributes:
+        names: The effects, sorted.
+        fit: Parameters, residual and derivatives.
+        noise: Size of the errors that the fit assumed.
+        left_out: Leave-one-run-out results.
+    """
+
+    names: Names
+    fit: Fit
+    noise: SensorNoise
+    left_out: LeftOut
+
+    @property
+    def error(self) -> float:
+        """Sum of squared errors of runs predicted by the others, in units of the declared noise."""
+        return float(self.left_out.squares.sum())
+
+    @property
+    def excess(self) -> float:
+        """The part of it that the declared noise does not explain; positive."""
+        return max(self.error - float(self.left_out.counts.sum()), 1e-9)
+
+
+class MachineFits:
+    """Fits of sets of effects, cached.
+
+    Args:
+        problem: Model and observations.
+        cards: Effects to choose from.
+    """
+
+    def __init__(self, problem: Problem, cards: Sequence[EffectCard]) -> None:
+        self.problem = problem
+        self.cards = {card.name: card for card in cards}
+        self._known: dict[Names, MachineFit] = {}
+
+    @property
+    def tried(self) -> Mapping[Names, MachineFit]:
+        """All fits so far."""
+        return self._known
+
+    def base(self) -> MachineFit:
+        """Return the fit without effects."""
+        return self.best((), {}, start_of_runs(self.problem))
+
+    def best(self, names: Sequence[str], shapes: Shapes, begin: Point) -> MachineFit:
+        """Return the fit of a set of effects.
+
+        Args:
+            names: The effects.
+            shapes: Their shapes to start from; the nominal ones where left out.
+            begin: Parameters to start from.
+        """
+        key = tuple(sorted(names))
+        if key not in self._known:
+            self._known[key] = self._fit(key, shapes, begin)
+        return self._known[key]
+
+    def free(self, names: Names, shapes: Shapes) -> list[Free]:
+        """Return the parameters that are fitted with some effects."""
+        cards = [self.cards[name] for name in names]
+        released = [card.releases for card in cards if card.releases is not None]
+        found = self.problem.base_free(leave_out=released)
+        for card in cards:
+            found += [
+                replace(item, step=FINE_STEP * item.step) for item in effect_free(card, shapes.get(card.name))
+            ]
+        return found
+
+    def fixed(self, names: Names) -> dict[Key, float]:
+        """Return the base parameters that effects release, at their nominal values."""
+        nominal = {item.name: item.nominal for item in self.problem.model.parameters}
+        released = [self.cards[name].releases for name in names]
+        return {("", one): nominal[one] for one in released if one is not None}
+
+    def _fit(self, names: Names, shapes: Shapes, begin: Point) -> MachineFit:
+        free, fixed = self.free(names, shapes), self.fixed(names)
+        observations = self.problem.observations
+        found, noise = self._fit_from(
+            free, fixed, {item.key: begin.get(item.key, item.start) for item in free}
+        )
+        for share in START_SHARES if names else ():
+            other, other_noise = self._fit_from(free, fixed, _stronger(free, begin, share))
+            if self._square(other.point) < self._square(found.point):
+                found, noise = other, other_noise
+        found = replace(found, jacobian=whitened_jacobian(self.problem, noise, found.free, found.point))
+        declared = declared_noise(observations).channel_sd
+        return MachineFit(
+            names=names, fit=found, noise=noise, left_out=leave_one_run_out(found, noise, declared)
+        )
+
+    def _fit_from(self, free: Sequence[Free], fixed: Point, start: Point) -> tuple[Fit, SensorNoise]:
+        """Return a fit, and errors as large as its residual."""
+        observations = self.problem.observations
+        noise = noise_of_residual(observations, self._residual({**fixed, **start}))
+        found = self._converged(noise, free, start, fixed)
+        for _ in range(3):
+            after = noise_of_residual(observations, self._residual(found.point))
+            ratio = noise.channel_sd / after.channel_sd
+            if float(np.maximum(ratio, 1.0 / ratio).max()) < RESCALED:
+                break
+            noise = after
+            found = self._converged(noise, free, found.point, fixed)
+        return found, noise
+
+    def _square(self, point: Point) -> float:
+        declared = declared_noise(self.problem.observations).channel_sd[self.problem.observations.channel]
+        return float(np.nansum((self._residual(point) / declared) ** 2))
+
+    def _converged(self, noise: SensorNoise, free: Sequence[Free], start: Point, fixed: Point) -> Fit:
+        found = fit(self.problem, noise, free, start, fixed=fixed)
+        for _ in range(MOST_FITS):
+            again = fit(self.problem, noise, free, found.point, fixed=fixed)
+            gain, found = found.cost - again.cost, again
+            if gain < CONVERGED:
+                break
+        return found
+
+    def _residual(self, point: Point) -> Array:
+        predicted = self.problem.predict(point)
+        residual: Array = self.problem.observations.values - np.where(np.isfinite(predicted), predicted, 1e6)
+        return residual
+
+
+def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
+    """Return a start with effects of a share of their natural size."""
+    start = {item.key: begin.get(item.key, item.start) for item in free}
+    strengths = {item.key[0]: item for item in reversed(free) if item.key[0]}
+    for item in strengths.values():
+        start[item.key] = float(np.clip(item.mean + share * item.sd / WEAK, item.lower, item.upper))
+    return start
+
+
+def start_of_runs(problem: Problem) -> Point:
+    """Return starting values of the unknowns of each run: of many draws those that fit its beginning best.
+
+    A fit from a wrong initial state may end in another period of an oscillation.
+    """
+    free = problem.run_free()
+    if not free:
+        return {}
+    names = list(dict.fromkeys(item.key[1].partition(RUN_SEPARATOR)[0] for item in free))
+    draws = stats.qmc.Sobol(len(names), seed=0).random(START_DRAWS)
+    pulls = stats.norm.ppf(0.01 + 0.98 * draws)
+    pulls[0] = 0.0
+    points = [
+        {
+            item.key: float(
+                np.clip(
+                    item.mean + pull[names.index(item.key[1].partition(RUN_SEPARATOR)[0])] * item.sd,
+                    item.lower,
+                    item.upper,
+                )
+            )
+            for item in free
+        }
+        for pull in pulls
+    ]
+    problem.prepare_points(points)
+    declared = declared_noise(problem.observations).channel_sd[problem.observations.channel]
+    weight = _beginning(problem) / declared**2
+    best: dict[Key, float] = {}
+    for run, site in enumerate(problem.sites):
+        here = problem.observations.site == run
+        costs = [_cost(problem, point, weight * here) for point in points]
+        chosen = points[int(np.argmin(costs))]
+        best.update({key: value for key, value in chosen.items() if run_of(key) == site.name})
+    return best
+
+
+def _cost(problem: Problem, point: Point, weight: Array) -> float:
+    error = problem.observations.values - problem.predict(point)
+    return float(np.sum(weight * np.where(np.isfinite(error), error, 1e3) ** 2))
+
+
+def _beginning(problem: Problem) -> Array:
+    """Return 1 for rows in the first part of their series, else 0."""
+    mask = np.zeros(problem.observations.values.size)
+    for cell in cells(problem.observations):
+        mask[cell[: max(int(BEGINNING * cell.size), 10)]] = 1.0
+    return mask
+
+
+def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array) -> LeftOut:
+    """Return how the other runs predict each run, and how its absence moves the parameters.
+
+    Args:
+        found: With derivatives at the fitted point.
+        noise: The errors that it assumed.
+        declared_sd: Declared noise by channel.
+    """
+    shared = [index for index, item in enumerate(found.free) if not run_of(item.key)]
+    runs = np.unique(noise.site)
+    parts = [_without_own(found, noise.site == run, shared) for run in runs]
+    normal = np.eye(len(shared)) + sum(matrix.T @ matrix for _, matrix, _ in parts)
+    covariance = np.linalg.inv(normal)
+    scale = (noise.channel_sd / declared_sd)[noise.channel]
+    moved, squares, informed = [], [], []
+    for run, (error, matrix, rows) in zip(runs, parts, strict=True):
+        change = -np.linalg.solve(normal - matrix.T @ matrix, matrix.T @ error)
+        outside = (error - matrix @ change)[:rows] * scale[noise.site == run]
+        moved.append(change)
+        squares.append(float(outside @ outside))
+        informed.append(np.sum((matrix @ covariance) ** 2, axis=0))
+    return LeftOut(
+        squares=np.array(squares),
+        counts=np.array([float(rows) for *_, rows in parts]),
+        moved=np.array(moved),
+        by_samples=np.sqrt(np.diag(covariance)),
+        informed=np.array(informed),
+        keys=tuple(found.free[index].key for index in shared),
+    )
+
+
+def _without_own(
+    found: Fit, here: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]", shared: Sequence[int]
+) -> tuple[Array, Array, int]:
+    """Return error and derivatives of one run without what its own unknowns can absorb, and its rows."""
+    jacobian = found.jacobian[here]
+    own = [index for index in range(len(found.free)) if index not in shared and np.any(jacobian[:, index])]
+    error = np.concatenate((found.residual[here], -found.pull[own]))
+    matrix = np.vstack((jacobian[:, shared], np.zeros((len(own), len(shared)))))
+    if own:
+        basis = np.linalg.qr(np.vstack((jacobian[:, own], np.eye(len(own)))))[0]
+        error = error - basis @ (basis.T @ error)
+        matrix = matrix - basis @ (basis.T @ matrix)
+    return error, matrix, int(here.sum())
+
+
+def jackknife_error(left_out: LeftOut, index: int) -> float:
+    """Return the standard error of a parameter by leaving out runs, in prior deviations."""
+    moved = left_out.moved[:, index]
+    count = moved.size
+    return math.sqrt((count - 1) / count * float(np.sum((moved - moved.mean()) ** 2)))

@@ -1,0 +1,319 @@
+"""Search for the effects that explain a machine's runs: add, drop and swap.
+
+Each effect of an explanation must help to predict runs that it was not fitted to.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from rover_hil.gap.data.problem import Key
+from rover_hil.gap.explain.candidates import card_changes
+from rover_hil.gap.explain.search import linear_gain
+from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, Names, Shapes, jackknife_error
+from rover_hil.gap.statistics.jackknife import as_normal, scatter_of_runs
+from rover_hil.gap.statistics.score import Score, cosine, one_sided_z, score_all
+from sim_backends.models.interface import EffectCard, Parameter
+
+SHARE = 0.15
+"""Least share of the remaining excess error that an effect must explain on runs it was not fitted to."""
+AGREEING_SHARE = 0.7
+"""Least share of the runs that an effect must improve."""
+LEAST_Z = 2.5
+"""Least distance of a strength from its null over the scatter of runs, as a standard normal."""
+SINGLES, PAIRS = 4, 4
+"""Effects and pairs to fit in one step, the best to first order."""
+WORTH = 1.2
+"""Least ratio of the gain of a pair to that of the best effect alone."""
+MOST_EFFECTS = 6
+MOST_ROUNDS = 10
+TWINS = 0.9
+"""Cosine from which two effects are each other's alternative."""
+PAIR_TOP = 16
+SET_SHARE = 0.9
+"""Least share of the gain of the best explanation for an alternative."""
+SET_LEVEL = 0.95
+AT_LIMIT = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Why one effect belongs to an explanation.
+
+    Attributes:
+        name: The effect.
+        z: Its strength over the scatter of runs, as a standard normal.
+        share: Share of the excess error without it that it explains, on runs it was not fitted to.
+        agreeing: Share of the runs that it improves.
+        objection: Why it is not accepted; empty where it is.
+    """
+
+    name: str
+    z: float
+    share: float
+    agreeing: float
+    objection: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """Result of a search.
+
+    Attributes:
+        base: The fit without effects.
+        best: The chosen explanation; the base where there is none.
+        evidence: Of each effect of the best.
+        alternatives: Other explanations that the runs do not distinguish from it.
+        scores: First-order score of every effect at the base fit.
+        objections: Effects that were fitted and not accepted, and why.
+    """
+
+    base: MachineFit
+    best: MachineFit
+    evidence: tuple[Evidence, ...]
+    alternatives: tuple[MachineFit, ...]
+    scores: tuple[Score, ...]
+    objections: Mapping[str, str]
+
+
+class MachineSearch:
+    """Finds the effects that explain the runs.
+
+    Args:
+        fits: Fits of the machine.
+        advance: Called with the current step.
+    """
+
+    def __init__(self, fits: MachineFits, advance: Callable[[str], None]) -> None:
+        self._fits = fits
+        self._advance = advance
+        self._objections: dict[str, str] = {}
+        self._scores: dict[Names, list[Score]] = {}
+
+    def run(self) -> Found:
+        """Return the explanation that predicts left-out runs best."""
+        base = self._fits.base()
+        best = base
+        for _ in range(MOST_ROUNDS):
+            better = self._better(best)
+            if better is None:
+                break
+            best = better
+        return Found(
+            base=base,
+            best=best,
+            evidence=tuple(self.evidence(best)),
+            alternatives=tuple(self._alternatives(base, best)),
+            scores=tuple(self.scores(base)),
+            objections=self._objections,
+        )
+
+    def scores(self, at: MachineFit) -> list[Score]:
+        """Return the first-order score of every further effect, at each of its shapes."""
+        if at.names not in self._scores:
+            others = [card for name, card in self._fits.cards.items() if name not in at.names]
+            problem = self._fits.problem
+            changes = card_changes(problem, at.fit.point, others)
+            whitened = [replace(one, change=at.noise.whiten(one.change)) for one in changes]
+            self._scores[at.names] = score_all(at.fit, at.noise, whitened, is_steady=True)
+        return self._scores[at.names]
+
+    def evidence(self, found: MachineFit) -> list[Evidence]:
+        """Return the evidence for each effect of an explanation."""
+        return [self._evidence(found, name) for name in found.names]
+
+    def _better(self, best: MachineFit) -> MachineFit | None:
+        options = [*self._extended(best), *self._swapped(best)]
+        fitted = []
+        for number, (names, shapes, begin) in enumerate(options):
+            self._advance(f"fitting {' and '.join(names)}, {number + 1} of {len(options)}")
+            fitted.append(self._fits.best(names, shapes, begin.fit.point))
+        fitted = [one for one in fitted if one.error < best.error and self._is_accepted(one)]
+        larger = [one for one in fitted if len(one.names) > len(best.names)]
+        same = [
+            one for one in fitted if len(one.names) == len(best.names) and self._is_clearly_better(one, best)
+        ]
+        return min([*larger, *same], key=lambda one: one.error, default=None)
+
+    def _extended(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
+        """Return the explanations with one or two effects more that gain most, to first order."""
+        if len(best.names) >= MOST_EFFECTS:
+            return []
+        scores = self.scores(best)
+        singles = _best_shapes(scores)
+        ranked = sorted(singles, key=lambda score: -one_sided_z(score))
+        chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES] if one_sided_z(score) > 0.0]
+        top = one_sided_z(ranked[0]) ** 2 if ranked else 0.0
+        if len(best.names) + 2 <= MOST_EFFECTS:
+            chosen += self._pairs(ranked, top)
+        return [
+            (
+                (*best.names, *(score.direction.name for score in scores_of)),
+                {score.direction.name: score.direction.shapes for score in scores_of},
+                best,
+            )
+            for scores_of in chosen
+        ]
+
+    def _pairs(self, ranked: Sequence[Score], top: float) -> list[tuple[Score, ...]]:
+        pairs = [
+            pair
+            for pair in itertools.combinations(ranked[:PAIR_TOP], 2)
+            if abs(cosine(pair[0], pair[1])) < 0.98
+        ]
+        by_gain = sorted(((linear_gain(pair), index) for index, pair in enumerate(pairs)), reverse=True)
+        return [pairs[index] for gain, index in by_gain[:PAIRS] if gain > WORTH * top]
+
+    def _swapped(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
+        """Return the explanations with one effect replaced."""
+        options: list[tuple[Names, Shapes, MachineFit]] = []
+        for name in best.names:
+            part = self._part(best, name)
+            scores = [one for one in _best_shapes(self.scores(part)) if one.direction.name != name]
+            ranked = sorted(scores, key=lambda score: -one_sided_z(score))
+            options += [
+                ((*part.names, one.direction.name), {one.direction.name: one.direction.shapes}, part)
+                for one in ranked[:2]
+                if one_sided_z(one) > 0.0
+            ]
+        return options
+
+    def _part(self, found: MachineFit, name: str) -> MachineFit:
+        names = tuple(one for one in found.names if one != name)
+        begin = {key: value for key, value in found.fit.point.items() if key[0] != name}
+        return self._fits.best(names, {}, begin)
+
+    def _is_accepted(self, found: MachineFit) -> bool:
+        evidence = self.evidence(found)
+        for one in evidence:
+            if one.objection and len(found.names) == 1:
+                self._objections[one.name] = one.objection
+        return all(not one.objection for one in evidence)
+
+    def _evidence(self, found: MachineFit, name: str) -> Evidence:
+        card = self._fits.cards[name]
+        part = self._part(found, name)
+        share, agreeing = explained(part, found)
+        z = strength_z(found, (name, card.parameters[0].name))
+        objection = ""
+        if share < SHARE:
+            objection = (
+                f"explains {max(share, 0.0):.0%} of the remaining error on left-out runs, "
+                f"{SHARE:.0%} required"
+            )
+        elif agreeing < AGREEING_SHARE:
+            objection = f"improves {agreeing:.0%} of the runs only"
+        elif abs(z) < LEAST_Z:
+            objection = f"runs disagree on its size: {abs(z):.1f} standard deviations, {LEAST_Z:g} required"
+        else:
+            objection = _at_bound(found, card)
+        return Evidence(name=name, z=z, share=share, agreeing=agreeing, objection=objection)
+
+    def _is_clearly_better(self, one: MachineFit, other: MachineFit) -> bool:
+        return one.error < 0.98 * other.error and not is_equal(one, other)
+
+    def _alternatives(self, base: MachineFit, best: MachineFit) -> list[MachineFit]:
+        """Return the explanations of the same size that left-out runs do not find worse than the best."""
+        if not best.names:
+            return []
+        for name in best.names:
+            part = self._part(best, name)
+            for score in self._twins(part, best, name):
+                self._fits.best(
+                    (*part.names, score.direction.name),
+                    {score.direction.name: score.direction.shapes},
+                    part.fit.point,
+                )
+        gain = base.error - best.error
+        return sorted(
+            (
+                one
+                for names, one in self._fits.tried.items()
+                if len(names) == len(best.names)
+                and names != best.names
+                and base.error - one.error >= SET_SHARE * gain
+                and is_equal(one, best)
+                and all(not item.objection for item in self.evidence(one))
+            ),
+            key=lambda one: one.error,
+        )
+
+    def _twins(self, part: MachineFit, best: MachineFit, name: str) -> list[Score]:
+        """Return the effects most similar to one of the best explanation."""
+        scores = self.scores(part)
+        own = [one for one in scores if one.direction.name == name]
+        if not own:
+            return []
+        target = max(own, key=one_sided_z)
+        others = [
+            one
+            for one in _best_shapes(scores)
+            if one.direction.name not in best.names and abs(cosine(one, target)) > TWINS
+        ]
+        return sorted(others, key=lambda one: -abs(cosine(one, target)))[:3]
+
+
+def strength_z(found: MachineFit, key: Key) -> float:
+    """Return the distance of a strength from its null over the scatter of runs, as a standard normal."""
+    left_out = found.left_out
+    index = left_out.keys.index(key)
+    pull = float(found.fit.pull[[item.key for item in found.fit.free].index(key)])
+    by_samples = float(left_out.by_samples[index])
+    ratio = jackknife_error(left_out, index) / by_samples
+    spread, freedom = scatter_of_runs(ratio, left_out.informed[:, index])
+    return math.copysign(as_normal(pull / by_samples, spread, freedom), pull)
+
+
+def is_equal(one: MachineFit, other: MachineFit) -> bool:
+    """Return True where left-out runs do not find the first clearly worse than the second, nor better."""
+    differences = (one.left_out.squares - other.left_out.squares) / np.sqrt(other.left_out.squares)
+    if differences.size < 2:
+        return True
+    spread = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
+    t = abs(float(differences.mean())) / max(spread, 1e-12)
+    return t < float(stats.t.ppf(0.5 + 0.5 * SET_LEVEL, differences.size - 1))
+
+
+def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
+    """Return the share of the excess error that effects explain on left-out runs, and that of better runs.
+
+    Each run has the weight of its excess error, at most that of its samples, so that a run that lies far
+    outside the others cannot decide alone.
+    """
+    before, after = part.left_out.squares, found.left_out.squares
+    excess = np.maximum(before - part.left_out.counts, 1e-9)
+    weight = np.minimum(excess, part.left_out.counts)
+    shares = np.clip((before - after) / excess, -1.0, 1.0)
+    total = float(weight.sum())
+    return float((weight * shares).sum() / total), float(weight[after < before].sum() / total)
+
+
+def _best_shapes(scores: Sequence[Score]) -> list[Score]:
+    """Return each effect at its best shape."""
+    best: dict[str, Score] = {}
+    for score in scores:
+        name = score.direction.name
+        if name not in best or (one_sided_z(score), abs(score.z)) > (
+            one_sided_z(best[name]),
+            abs(best[name].z),
+        ):
+            best[name] = score
+    return list(best.values())
+
+
+def _at_bound(found: MachineFit, card: EffectCard) -> str:
+    """Return which parameter of an effect is at a bound that is not its null; empty for none."""
+    for item in card.parameters:
+        value = found.fit.point[card.name, item.name]
+        bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one != item.nominal]
+        if any(abs(value - one) <= AT_LIMIT * _range(item, one) for one in bounds):
+            return f"its {item.name} is at its limit of {value:.4g} {item.unit}"
+    return ""
+
+
+def _range(item: Parameter, bound: float) -> float:
+    return max(abs(bound - item.nominal), abs(bound), 1e-300)

@@ -1,0 +1,329 @@
+"""Errors of a machine: an unknown random force at each port, and the noise of its sensors.
+
+    dx = f(x, u, theta) dt + sum B_p w_p,   y = h(x) + e
+
+The force w_p is an Ornstein-Uhlenbeck process, linear between knots; e is white with the declared size.
+Linearised at a fitted point the channels respond to the knots by G, so that the errors of one run have the
+covariance D + G L G'. This is the grey-box form of Kristensen, Madsen and Jorgensen (Automatica 40, 2004):
+model error is where physics acts, and its effect on the channels follows from the equations.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_hil.gap.data.problem import Indices, Observations, Point, Problem, split_point
+from rover_hil.gap.statistics.sensor_noise import blocks
+from sim_backends.models.interface import Array, MachineModel, Run
+
+KNOTS = 40
+"""Knots of the force in the longest run."""
+SAMPLES_PER_KNOT = 4
+"""Fewest samples between knots."""
+LENGTHS = (1.0, 3.0, 10.0, 40.0)
+"""Correlation times to choose from, in distances of knots."""
+SIZES = tuple(float(one) for one in np.geomspace(1e-3, 1e2, 16))
+"""Sizes of the force to choose from, in units of the port's natural size."""
+EXCESS = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
+"""Factors on the declared noise of all sensors to choose from."""
+SWEEPS = 3
+FLAT = 1e-4
+"""Least relative size of a direction that the force reaches."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceSize:
+    """Random force at one port.
+
+    Attributes:
+        port: Its name.
+        sd: Standard deviation, in the unit of the port.
+        correlation_s: Correlation time.
+    """
+
+    port: str
+    sd: float
+    correlation_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceBasis:
+    """Responses of the channels to forces.
+
+    Attributes:
+        ports: Names of the ports.
+        scales: Natural size of the force at each.
+        spacing: Distance of knots in samples.
+        knots: Number of knots.
+        responses: By run: kept rows x (ports x knots), per natural size and standard deviation of the sensor.
+    """
+
+    ports: tuple[str, ...]
+    scales: tuple[float, ...]
+    spacing: float
+    knots: int
+    responses: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomForceNoise:
+    """Errors of a machine's runs; a `Noise`.
+
+    Attributes:
+        problem: Model and observations.
+        point: Where the responses were linearised.
+        basis: The responses.
+        sizes: Size of the force at each port, in natural sizes, and correlation in distances of knots.
+        excess: Factor on the declared noise of the sensors, at least 1.
+        gain: Reduction of minus two log-likelihood by the random force.
+        keep: Rows with a measured value.
+        scale: One over the deviation of the sensor, of each kept row.
+        directions: By run: orthonormal directions of the errors.
+        shrink: By run: share of each direction that whitening removes.
+    """
+
+    problem: Problem
+    point: Point
+    basis: ForceBasis
+    sizes: tuple[tuple[float, float], ...]
+    excess: float
+    gain: float
+    keep: Indices
+    scale: Array
+    directions: tuple[Array, ...]
+    shrink: tuple[Array, ...]
+    row_sd: Array
+    site: Indices
+    channel: Indices
+    block: Indices
+    freedom: float = math.inf
+
+    def whiten(self, rows: Array) -> Array:
+        """Return independent standard errors of the rows with a measured value."""
+        table = rows[self.keep].reshape(self.keep.size, -1) * self.scale[:, None]
+        whitened = np.empty_like(table)
+        for index, (directions, shrink) in enumerate(zip(self.directions, self.shrink, strict=True)):
+            here = self.site == index
+            part = table[here]
+            whitened[here] = part - directions @ (shrink[:, None] * (directions.T @ part))
+        found: Array = whitened.reshape((self.keep.size, *rows.shape[1:]))
+        return found
+
+    def smoothed_forces(self, residual: Array) -> list[tuple[Array, Array]]:
+        """Return the most probable force of each run and its covariance, in natural sizes.
+
+        Args:
+            residual: Measured minus predicted without force, one value per row.
+
+        Returns:
+            By run: ports x knots in one vector, and its covariance.
+        """
+        prior = prior_covariance(self.basis, self.sizes)
+        errors = residual[self.keep] * self.scale
+        found = []
+        for run, matrix in enumerate(self.basis.responses):
+            responses = matrix / self.excess
+            together = responses @ prior
+            gain = np.linalg.solve(np.eye(matrix.shape[0]) + together @ responses.T, together)
+            mean = gain.T @ errors[self.site == run]
+            found.append((mean, prior - gain.T @ together))
+        return found
+
+    def force_sizes(self, step_s: float) -> list[ForceSize]:
+        """Return the force at each port in its unit.
+
+        Args:
+            step_s: Time between samples.
+        """
+        return [
+            ForceSize(port=port, sd=size * scale, correlation_s=length * self.basis.spacing * step_s)
+            for port, scale, (size, length) in zip(
+                self.basis.ports, self.basis.scales, self.sizes, strict=True
+            )
+        ]
+
+
+def random_force_noise(
+    problem: Problem, machine: MachineModel, point: Point, residual: Array, basis: ForceBasis | None = None
+) -> RandomForceNoise:
+    """Estimate the errors of a machine's runs.
+
+    Args:
+        problem: Model and observations; every channel has a declared noise.
+        machine: The same model.
+        point: Where to linearise.
+        residual: Measured minus predicted; NaN where missing.
+        basis: Responses at this point, where they are known.
+    """
+    observations = problem.observations
+    keep = np.flatnonzero(np.isfinite(residual)).astype(np.intp)
+    scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
+    basis = basis or force_basis(problem, machine, point, keep, scale)
+    errors = [(residual[keep] * scale)[observations.site[keep] == run] for run in range(len(problem.sites))]
+    likelihood = _Likelihood(basis, errors)
+    sizes, excess, gain = likelihood.best()
+    return _noise(problem, point, basis, (sizes, excess, gain), keep, scale)
+
+
+def for_these_runs(noise: RandomForceNoise, observations: Observations) -> RandomForceNoise:
+    """Return the same errors for other runs."""
+    problem = Problem(noise.problem.model, observations)
+    if not isinstance(problem.model, MachineModel):
+        raise AssertionError("only machines have random forces")
+    keep = np.flatnonzero(np.isfinite(observations.values)).astype(np.intp)
+    scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
+    basis = force_basis(problem, problem.model, noise.point, keep, scale, spacing=noise.basis.spacing)
+    return _noise(problem, noise.point, basis, (noise.sizes, noise.excess, noise.gain), keep, scale)
+
+
+def force_basis(
+    problem: Problem,
+    machine: MachineModel,
+    point: Point,
+    keep: Indices,
+    scale: Array,
+    spacing: float | None = None,
+) -> ForceBasis:
+    """Return the responses of kept rows to forces that are linear between knots.
+
+    Args:
+        problem: Model and observations.
+        machine: The same model.
+        point: Where to linearise.
+        keep: Rows with a measured value.
+        scale: One over the deviation of the sensor, of each kept row.
+        spacing: Distance of knots in samples; by default by the longest run.
+    """
+    samples = max(_sample_count(site) for site in problem.sites)
+    if spacing is None:
+        spacing = max((samples - 1) / KNOTS, float(SAMPLES_PER_KNOT))
+    knots = math.ceil((samples - 1) / spacing) + 1
+    hats = np.maximum(1.0 - np.abs(np.arange(samples) / spacing - np.arange(knots)[:, None]), 0.0)
+    parameters, effects = split_point(point)
+    columns = []
+    for port in machine.ports:
+        responses = machine.force_responses(problem.sites, parameters, effects, port, hats)
+        columns += [_rows(problem, tables)[keep] * port.force_sd * scale for tables in responses]
+    matrix = np.nan_to_num(np.stack(columns, axis=1)) if columns else np.zeros((keep.size, 0))
+    site = problem.observations.site[keep]
+    return ForceBasis(
+        ports=tuple(port.name for port in machine.ports),
+        scales=tuple(port.force_sd for port in machine.ports),
+        spacing=spacing,
+        knots=knots,
+        responses=tuple(matrix[site == run] for run in range(len(problem.sites))),
+    )
+
+
+def prior_covariance(basis: ForceBasis, sizes: Sequence[tuple[float, float]]) -> Array:
+    """Return the covariance of the forces at all knots, in natural sizes."""
+    apart = np.abs(np.subtract.outer(np.arange(basis.knots), np.arange(basis.knots)))
+    total = np.zeros((basis.knots * len(basis.ports),) * 2)
+    for index, (size, length) in enumerate(sizes):
+        here = slice(index * basis.knots, (index + 1) * basis.knots)
+        total[here, here] = size**2 * np.exp(-apart / length)
+    return total
+
+
+class _Likelihood:
+    """Minus two log-likelihood of errors under sizes of the forces."""
+
+    def __init__(self, basis: ForceBasis, errors: Sequence[Array]) -> None:
+        self._basis = basis
+        self._count = sum(one.size for one in errors)
+        self._square = float(sum(one @ one for one in errors))
+        self._grams = [matrix.T @ matrix for matrix in basis.responses]
+        self._moments = [matrix.T @ one for matrix, one in zip(basis.responses, errors, strict=True)]
+
+    def best(self) -> tuple[tuple[tuple[float, float], ...], float, float]:
+        """Return the likeliest sizes, the excess noise, and the gain over noise alone."""
+        none = tuple((0.0, LENGTHS[0]) for _ in self._basis.ports)
+        alone = min(self.cost(none, excess) for excess in EXCESS)
+        sizes, excess = list(none), 1.0
+        for _ in range(SWEEPS):
+            before = (tuple(sizes), excess)
+            for index in range(len(sizes)):
+                sizes[index] = self._best_size(sizes, index, excess)
+            excess = min(EXCESS, key=lambda one: self.cost(sizes, one))
+            if before == (tuple(sizes), excess):
+                break
+        return tuple(sizes), excess, max(alone - self.cost(sizes, excess), 0.0)
+
+    def _best_size(
+        self, sizes: Sequence[tuple[float, float]], index: int, excess: float
+    ) -> tuple[float, float]:
+        options = [(0.0, LENGTHS[0]), *itertools.product(SIZES, LENGTHS)]
+        return min(options, key=lambda one: self.cost([*sizes[:index], one, *sizes[index + 1 :]], excess))
+
+    def cost(self, sizes: Sequence[tuple[float, float]], excess: float) -> float:
+        """Return minus two log-likelihood, but for a constant."""
+        total = self._square / excess**2 + 2.0 * self._count * math.log(excess)
+        if all(size == 0.0 for size, _ in sizes):
+            return total
+        root = np.linalg.cholesky(
+            prior_covariance(self._basis, sizes) + 1e-12 * np.eye(self._grams[0].shape[0])
+        )
+        for gram, moment in zip(self._grams, self._moments, strict=True):
+            inner = np.eye(root.shape[0]) + root.T @ (gram / excess**2) @ root
+            lower = np.linalg.cholesky(inner)
+            aim = np.linalg.solve(lower, root.T @ moment / excess**2)
+            total += 2.0 * float(np.log(np.diag(lower)).sum()) - float(aim @ aim)
+        return total
+
+
+def _noise(
+    problem: Problem,
+    point: Point,
+    basis: ForceBasis,
+    found: tuple[tuple[tuple[float, float], ...], float, float],
+    keep: Indices,
+    scale: Array,
+) -> RandomForceNoise:
+    sizes, excess, gain = found
+    observations = problem.observations
+    root = np.linalg.cholesky(prior_covariance(basis, sizes) + 1e-12 * np.eye(basis.knots * len(basis.ports)))
+    row_sd = np.array([one.noise_sd for one in observations.channels])[observations.channel] * excess
+    directions, shrink = [], []
+    for run, matrix in enumerate(basis.responses):
+        shaped = matrix @ root / excess
+        left, singular, _ = np.linalg.svd(shaped, full_matrices=False)
+        used = singular > FLAT
+        directions.append(left[:, used])
+        shrink.append(1.0 - 1.0 / np.sqrt(1.0 + singular[used] ** 2))
+        rows = keep[observations.site[keep] == run]
+        row_sd[rows] *= np.sqrt(1.0 + (shaped**2).sum(axis=1))
+    return RandomForceNoise(
+        problem=problem,
+        point=point,
+        basis=basis,
+        sizes=sizes,
+        excess=excess,
+        gain=gain,
+        keep=keep,
+        scale=scale / excess,
+        directions=tuple(directions),
+        shrink=tuple(shrink),
+        row_sd=row_sd,
+        site=observations.site[keep],
+        channel=observations.channel[keep],
+        block=blocks(observations, keep),
+    )
+
+
+def _rows(problem: Problem, tables: Sequence[dict[str, Array]]) -> Array:
+    return np.concatenate(
+        [
+            table[channel.name]
+            for site, table in zip(problem.sites, tables, strict=True)
+            for channel in problem.observations.channels
+            if channel.name in site.measured
+        ]
+    )
+
+
+def _sample_count(run: Run) -> int:
+    series = [*run.inputs.values(), *run.measured.values()]
+    return int(series[0].size)

@@ -1,0 +1,1 @@
+"""Machines described by a right-hand side with named ports: integration, sensitivities, standard effects."""

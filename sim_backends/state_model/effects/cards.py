@@ -1,0 +1,78 @@
+"""Parts that the cards of standard effects have in common."""
+
+import math
+from collections.abc import Mapping
+from types import SimpleNamespace
+
+import numpy as np
+
+from sim_backends.models.interface import Array, EffectCard, Parameter
+
+
+def strength(
+    name: str, unit: str, size: float, *, is_signed: bool = False, upper: float = math.inf, meaning: str = ""
+) -> Parameter:
+    """Return a strength that is 0 without effect; positive unless `is_signed`."""
+    return Parameter(
+        name=name,
+        unit=unit,
+        nominal=0.0,
+        prior_sd=size,
+        lower=-upper if is_signed else 0.0,
+        upper=upper,
+        meaning=meaning,
+    )
+
+
+def shape(name: str, unit: str, value: float, *, factor: float = 10.0) -> Parameter:
+    """Return a positive shape parameter, known to a factor."""
+    return Parameter(
+        name=name, unit=unit, nominal=value, prior_sd=value, lower=value / factor, upper=value * factor
+    )
+
+
+def bounded(name: str, unit: str, value: float, sd: float, lower: float, upper: float) -> Parameter:
+    """Return a shape parameter between bounds."""
+    return Parameter(name=name, unit=unit, nominal=value, prior_sd=sd, lower=lower, upper=upper)
+
+
+def card(
+    name: str,
+    sentence: str,
+    place: str,
+    parameters: tuple[Parameter, ...],
+    claims: tuple[str, ...],
+    experiment: str,
+    source: str,
+    grid: Mapping[str, tuple[float, ...]] | None = None,
+) -> EffectCard:
+    """Return a card given as a row of a table; see `EffectCard`."""
+    return EffectCard(
+        name=name,
+        sentence=sentence,
+        place=place,
+        parameters=parameters,
+        claims=claims,
+        experiment=experiment,
+        source=source,
+        shape_grid=grid or {},
+    )
+
+
+def per(unit: str, other: str) -> str:
+    """Return the unit of a quotient."""
+    if other == "1":
+        return unit
+    return f"{unit}/({other})" if "/" in other or " " in other else f"{unit}/{other}"
+
+
+def smooth_sign(value: Array, slow: float) -> Array:
+    """Return the sign, rounded off below `slow`."""
+    sign: Array = np.tanh(value / slow)
+    return sign
+
+
+def state(machine: SimpleNamespace, name: str) -> Array:
+    """Return a state of the machine."""
+    values: Array = getattr(machine, name)
+    return values

@@ -1,0 +1,294 @@
+"""Changes of a signal: of an input, a channel, or a port inside the equations."""
+
+import math
+from collections.abc import Mapping
+from types import SimpleNamespace
+
+import numpy as np
+
+from sim_backends.models.interface import Array, EffectCard, Parameter
+from sim_backends.state_model.effects.cards import card, state, strength
+from sim_backends.state_model.port_effect import Action, Change, PortEffect
+
+MOST_SHARE = 2.0
+"""Greatest share of an excess that a limit removes; 1 is a hard limit."""
+
+
+def _signal(
+    port: str,
+    name: str,
+    sentence: str,
+    strength_of: tuple[str, str, float, bool],
+    claims: tuple[str, ...],
+    experiment: str,
+    change: Change,
+) -> PortEffect:
+    """Return an effect with one strength: its name, unit with {unit} for that of the port, size, sign."""
+    label, unit, size, is_signed = strength_of
+
+    def build(units: Mapping[str, str]) -> EffectCard:
+        one = strength(label, unit.replace("{unit}", units[port]), size, is_signed=is_signed)
+        return card(name, sentence, port, (one,), claims, experiment, "engineering practice")
+
+    return PortEffect(port=port, build=build, change=change)
+
+
+def offset(port: str, *, size: float, name: str = "offset") -> PortEffect:
+    """Return a constant added to a signal; `size` in its unit."""
+
+    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
+        changed: Array = value + v.offset
+        return changed
+
+    return _signal(
+        port,
+        name,
+        "A constant is added to the signal.",
+        ("offset", "{unit}", size, True),
+        ("the same at all times",),
+        "log at rest",
+        change,
+    )
+
+
+def gain_error(port: str, *, size: float, name: str = "gain_error") -> PortEffect:
+    """Return a wrong scale of a signal; `size` is a share."""
+
+    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
+        changed: Array = value * (1.0 + v.share)
+        return changed
+
+    return _signal(
+        port,
+        name,
+        "The scale of the signal is wrong.",
+        ("share", "1", size, True),
+        ("in proportion to the signal",),
+        "a known value of the signal",
+        change,
+    )
+
+
+def supply_sag(port: str, *, size: float, name: str = "supply_sag") -> PortEffect:
+    """Return a supply that falls under load; `size` is the relative loss per unit of the signal."""
+
+    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
+        changed: Array = value * (1.0 - v.per_unit * np.abs(value))
+        return changed
+
+    return _signal(
+        port,
+        name,
+        "The supply falls under load, so that large signals lose more.",
+        ("per_unit", "1/({unit})", size, False),
+        ("grows with the square of the signal",),
+        "measure the supply under load",
+        change,
+    )
+
+
+def dead_zone(port: str, *, size: float, name: str = "dead_zone") -> PortEffect:
+    """Return a zone around zero where the signal has no effect; `size` is its half width."""
+
+    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
+        changed: Array = value - np.clip(value, -v.half_width, v.half_width)
+        return changed
+
+    return _signal(
+        port,
+        name,
+        "Small signals have no effect; larger ones are reduced by the half width of the zone.",
+        ("half_width", "{unit}", size, False),
+        ("a constant loss outside the zone", "changes its sign with the signal"),
+        "slow ramps through zero",
+        change,
+    )
+
+
+def backlash(port: str, *, size: float, name: str = "backlash") -> PortEffect:
+    """Return play in a coupling whose port is the twist between its sides; `size` is half of the play."""
+
+    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
+        changed: Array = value - np.clip(value, -v.half_play, v.half_play)
+        return changed
+
+    return _signal(
+        port,
+        name,
+        "A coupling transmits nothing while its teeth cross their play.",
+        ("half_play", "{unit}", size, False),
+        ("a jump of the twist at each reversal of the torque",),
+        "reverse the torque slowly, with a sensor on both sides",
+        change,
+    )
+
+
+def saturation(port: str, *, limits: tuple[float, ...], name: str = "saturation") -> PortEffect:
+    """Return a limit of a signal.
+
+    Args:
+        port: The signal.
+        limits: Where its size may be limited, inside the range that the runs use.
+        name: Of the card.
+    """
+
+    def build(units: Mapping[str, str]) -> EffectCard:
+        return _threshold_card(
+            name, "The signal cannot exceed a limit.", port, units[port], "limit", limits, "large signals"
+        )
+
+    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
+        changed: Array = value - v.share * (value - np.clip(value, -v.limit, v.limit))
+        return changed
+
+    return PortEffect(port=port, build=build, change=change)
+
+
+def overflow(port: str, *, level: str, limits: tuple[float, ...], name: str = "overflow") -> PortEffect:
+    """Return an overflow: above a level, what flows in runs off.
+
+    Args:
+        port: The net inflow.
+        level: State with the limit.
+        limits: Where the edge may be.
+        name: Of the card.
+    """
+
+    def build(units: Mapping[str, str]) -> EffectCard:
+        return _threshold_card(
+            name,
+            "Above an edge the inflow runs off.",
+            port,
+            units[level],
+            "limit",
+            limits,
+            "fill slowly to the edge",
+        )
+
+    def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
+        share = np.clip((state(x, level) - v.limit) / (0.01 * v.limit), 0.0, 1.0)
+        changed: Array = value - v.share * share * np.maximum(value, 0.0)
+        return changed
+
+    return PortEffect(port=port, build=build, change=change, states=(level,))
+
+
+def _threshold_card(
+    name: str,
+    sentence: str,
+    port: str,
+    unit: str,
+    label: str,
+    limits: tuple[float, ...],
+    experiment: str,
+) -> EffectCard:
+    middle = sorted(limits)[len(limits) // 2]
+    share = Parameter(
+        name="share",
+        unit="1",
+        nominal=0.0,
+        prior_sd=1.0,
+        lower=0.0,
+        upper=MOST_SHARE,
+        meaning="of the excess that is removed; 1 is a hard limit",
+    )
+    place = Parameter(
+        name=label,
+        unit=unit,
+        nominal=middle,
+        prior_sd=max(limits),
+        lower=0.5 * min(limits),
+        upper=2.0 * max(limits),
+    )
+    return card(
+        name,
+        sentence,
+        port,
+        (share, place),
+        ("acts only beyond the limit",),
+        experiment,
+        "engineering practice",
+        {label: limits},
+    )
+
+
+def quantisation(port: str, *, step: float, name: str = "quantisation") -> PortEffect:
+    """Return a signal rounded to steps; the strength is the share of the rounding, 1 for whole steps."""
+
+    def build(_: Mapping[str, str]) -> EffectCard:
+        one = strength("share", "1", 1.0, upper=MOST_SHARE)
+        return card(
+            name,
+            f"The signal is rounded to steps of {step:g}.",
+            port,
+            (one,),
+            ("jumps by a step",),
+            "slow ramps",
+            "converters",
+        )
+
+    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
+        changed: Array = value + v.share * (step * np.round(value / step) - value)
+        return changed
+
+    return PortEffect(port=port, build=build, change=change)
+
+
+def delay(port: str, *, size: float, longest: float, name: str = "delay") -> PortEffect:
+    """Return a delay of an input or a channel.
+
+    Args:
+        port: The input or channel.
+        size: Natural size, s.
+        longest: Greatest delay, s.
+        name: Of the card.
+    """
+    return _time(port, name, "The signal arrives later.", Action.DELAY, size, longest)
+
+
+def lag(port: str, *, size: float, longest: float, name: str = "lag") -> PortEffect:
+    """Return a first-order lag of an input or a channel; see `delay`."""
+    return _time(port, name, "The signal follows with a first-order lag.", Action.LAG, size, longest)
+
+
+def _time(port: str, name: str, sentence: str, action: Action, size: float, longest: float) -> PortEffect:
+    def build(_: Mapping[str, str]) -> EffectCard:
+        one = strength("time", "s", size, upper=longest)
+        return card(
+            name,
+            sentence,
+            port,
+            (one,),
+            ("shows only where the signal changes",),
+            "steps and fast signals",
+            "engineering practice",
+        )
+
+    return PortEffect(port=port, build=build, action=action)
+
+
+def wrong_parameter(parameter: str, *, size: float, name: str = "") -> PortEffect:
+    """Return an error of a base parameter beyond its prior.
+
+    Args:
+        parameter: The base parameter.
+        size: Natural size of the error, in its unit.
+        name: Of the card; by default `wrong_` and the parameter.
+    """
+
+    def build(units: Mapping[str, str]) -> EffectCard:
+        one = Parameter(
+            name="error", unit=units[parameter], nominal=0.0, prior_sd=size, lower=-math.inf, upper=math.inf
+        )
+        return EffectCard(
+            name=name or f"wrong_{parameter}",
+            sentence=f"{parameter} is not what it was taken for.",
+            place=parameter,
+            parameters=(one,),
+            claims=(f"what a change of {parameter} does",),
+            experiment=f"measure {parameter} by other means",
+            source="tolerance",
+            releases=parameter,
+        )
+
+    return PortEffect(port=parameter, build=build, action=Action.RELEASE)

@@ -1,0 +1,104 @@
+"""A machine as a right-hand side with named ports."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import TypeAlias
+
+from drivers.errors import ConfigError
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Port, RunParameter
+from sim_backends.state_model.port_effect import PortEffect
+
+Signal: TypeAlias = Callable[[str, Array], Array]
+"""Name of a port and its signal -> the signal with effects and forces."""
+Derivative: TypeAlias = Callable[
+    [SimpleNamespace, SimpleNamespace, SimpleNamespace, Signal], Mapping[str, Array]
+]
+"""States, inputs, parameters, ports -> rate of each state."""
+Output: TypeAlias = Callable[[SimpleNamespace, SimpleNamespace, SimpleNamespace, Signal], Mapping[str, Array]]
+"""States, inputs, parameters, ports -> each channel."""
+Start: TypeAlias = Callable[[SimpleNamespace, SimpleNamespace], Mapping[str, Array | float]]
+"""Parameters, first inputs -> each state at the first sample."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equations:
+    """Equations of a machine, and the effects that may be missing in them.
+
+    All arguments of the three functions are arrays of one number per run and trial of parameters: use numpy
+    functions and `np.where`, never `if` on a value.
+
+    Attributes:
+        name: Its identifier.
+        states: State to unit.
+        inputs: Input to unit.
+        channels: What is measured.
+        parameters: Base parameters.
+        derivative: `derivative(x, u, p, port)` returns the rate of each state. A signal that effects or a
+            random force may change is written `port("name", value)`.
+        start: `start(p, u)` returns the states at the first sample.
+        output: `output(x, u, p, port)` returns each channel.
+        step_s: Time between samples; None where the runs have an input `t_s`.
+        run_parameters: Unknowns of each run: initial states, release times, offsets.
+        ports: The named signals in `derivative`. Inputs and channels are ports without a declaration.
+        port_effects: Effects that may be missing.
+        condition_units: Conditions, as in `Model`; `p` holds them too.
+        is_held: Inputs hold their value until the next sample, as a digital output does; otherwise they are
+            interpolated, as a measured signal.
+        substeps: Integration steps per sample.
+        known_forces: Forces that act besides the equations: run, then port, to values at the samples.
+    """
+
+    name: str
+    states: Mapping[str, str]
+    inputs: Mapping[str, str]
+    channels: tuple[Channel, ...]
+    parameters: tuple[Parameter, ...]
+    derivative: Derivative
+    start: Start
+    output: Output
+    step_s: float | None = None
+    run_parameters: tuple[RunParameter, ...] = ()
+    ports: tuple[Port, ...] = ()
+    port_effects: tuple[PortEffect, ...] = ()
+    condition_units: Mapping[str, str] = field(default_factory=dict)
+    is_held: bool = True
+    substeps: int = 1
+    known_forces: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that every effect is attached to something that exists.
+
+        Raises:
+            ConfigError: A port, input, channel or state of an effect is unknown, or a name appears twice.
+        """
+        known = {**self.states, **self._signal_units, **{one.name: one.unit for one in self.parameters}}
+        for effect in self.port_effects:
+            for name in (effect.port, *effect.states):
+                if name not in known:
+                    raise ConfigError(
+                        f"model {self.name}: an effect refers to '{name}', which is no port, input, channel, "
+                        f"state or parameter; there are {', '.join(known)}"
+                    )
+        names = [card.name for card in self.effects]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ConfigError(
+                f"model {self.name}: two effects are called '{twice[0]}': give one another name"
+            )
+
+    @property
+    def _signal_units(self) -> dict[str, str]:
+        units = {**self.inputs, **{one.name: one.unit for one in self.channels}}
+        return {**units, **{one.name: one.unit for one in self.ports}}
+
+    @property
+    def input_units(self) -> Mapping[str, str]:
+        """The inputs it needs and their units."""
+        return self.inputs if self.step_s is not None else {"t_s": "s", **self.inputs}
+
+    @property
+    def effects(self) -> tuple[EffectCard, ...]:
+        """The cards of its effects."""
+        units = {**self.states, **{one.name: one.unit for one in self.parameters}, **self._signal_units}
+        return tuple(effect.build(units) for effect in self.port_effects)

@@ -1,0 +1,72 @@
+"""Inputs between samples: held or interpolated, delayed and smoothed."""
+
+import numpy as np
+
+from sim_backends.models.interface import Array
+
+
+def mean_over_steps(samples: Array, step_s: float, delay_s: Array, substeps: int, *, is_held: bool) -> Array:
+    """Return the mean of an input over each integration step.
+
+    A sampled input that is held changes in jumps. Its mean over a step depends smoothly on the delay, so
+    that the delay can be fitted.
+
+    Args:
+        samples: Values at the sample times: runs x samples.
+        step_s: Time between samples.
+        delay_s: One per point; 0 or more.
+        substeps: Integration steps per sample.
+        is_held: Held from each sample to the next; otherwise interpolated.
+
+    Returns:
+        points x runs x steps. Before the first sample the input had its first value.
+    """
+    count = (samples.shape[1] - 1) * substeps
+    width_s = step_s / substeps
+    begin = np.arange(count) * width_s - delay_s[:, None]
+    if not is_held:
+        return _interpolated(samples, (begin + 0.5 * width_s) / step_s)
+    integral = np.concatenate((np.zeros((samples.shape[0], 1)), np.cumsum(samples, axis=1)), axis=1) * step_s
+    before = samples[:, :1] * np.minimum(begin, 0.0)[:, None, :]
+    before_end = samples[:, :1] * np.minimum(begin + width_s, 0.0)[:, None, :]
+    first = _interpolated(integral, begin / step_s) + before
+    last = _interpolated(integral, (begin + width_s) / step_s) + before_end
+    mean: Array = (last - first) / width_s
+    return mean
+
+
+def _interpolated(samples: Array, place: Array) -> Array:
+    """Return values at fractional sample numbers, points x steps -> points x runs x steps."""
+    clipped = np.clip(place, 0.0, samples.shape[1] - 1.0)
+    index = np.minimum(clipped.astype(np.intp), samples.shape[1] - 2)
+    share = (clipped - index)[:, None, :]
+    low = np.moveaxis(samples[:, index], 1, 0)
+    high = np.moveaxis(samples[:, index + 1], 1, 0)
+    values: Array = low + share * (high - low)
+    return values
+
+
+def delayed(samples: Array, delay_steps: Array) -> Array:
+    """Return series, points x runs x samples, each point delayed by a number of samples >= 0."""
+    place = np.arange(samples.shape[2])[None, :] - delay_steps[:, None]
+    clipped = np.clip(place, 0.0, samples.shape[2] - 1.0)
+    index = np.minimum(clipped.astype(np.intp), samples.shape[2] - 2)
+    share = (clipped - index)[:, None, :]
+    index = np.broadcast_to(index[:, None, :], (index.shape[0], *samples.shape[1:]))
+    full = np.broadcast_to(samples, index.shape)
+    low = np.take_along_axis(full, index, axis=2)
+    high = np.take_along_axis(full, index + 1, axis=2)
+    values: Array = low + share * (high - low)
+    return values
+
+
+def lagged(series: Array, step_s: float, time_constant_s: Array) -> Array:
+    """Return series, points x runs x steps, smoothed by a first-order lag that starts settled."""
+    keep = np.exp(-step_s / np.maximum(time_constant_s, 1e-12))[:, None]
+    full = np.broadcast_to(series, (keep.shape[0], *series.shape[1:]))
+    smoothed = np.empty(full.shape)
+    value = full[..., 0].copy()
+    for step in range(full.shape[2]):
+        value = full[..., step] + keep * (value - full[..., step])
+        smoothed[..., step] = value
+    return smoothed

@@ -1,0 +1,274 @@
+"""Integration of a machine: all runs and all trials of parameters at once, by fourth-order Runge-Kutta."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
+from typing import TypeAlias
+
+import numpy as np
+
+from sim_backends.models.interface import RUN_SEPARATOR, Array, Parameter, Run, RunParameter, Values
+from sim_backends.state_model.equations import Equations
+from sim_backends.state_model.held_input import delayed, lagged, mean_over_steps
+from sim_backends.state_model.port_effect import Action, PortEffect
+
+Active: TypeAlias = tuple[PortEffect, SimpleNamespace]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Where to simulate: base parameters, effects, and a force at a port over time."""
+
+    parameters: Values
+    effects: Mapping[str, Values]
+    force: tuple[str, Array] | None = None
+
+
+class Simulation:
+    """One integration of points x runs.
+
+    Args:
+        model: The machine.
+        runs: All with one time step.
+        points: Parameters, effects and forces.
+        step_s: Time between samples.
+    """
+
+    def __init__(self, model: Equations, runs: Sequence[Run], points: Sequence[Point], step_s: float) -> None:
+        self._model = model
+        self._runs = runs
+        self._points = points
+        self._step_s = step_s
+        self._sizes = [_size(run) for run in runs]
+        self._samples = max(self._sizes)
+        self._shape = (len(points), len(runs))
+        self._active = self._active_effects()
+        self._parameters = self._parameter_values()
+        self._inputs = {name: self._input(name) for name in model.inputs}
+        remembering = [
+            effect
+            for active in self._active.values()
+            for effect, _ in active
+            if effect.memory_rate is not None
+        ]
+        self._memories = {effect.port: len(model.states) + index for index, effect in enumerate(remembering)}
+        self._forces = self._force_series()
+
+    def tables(self) -> list[list[dict[str, Array]]]:
+        """Return the channels of each run at each point."""
+        with np.errstate(all="ignore"):
+            states = self._integrate()
+            channels = self._outputs(states)
+        return [
+            [
+                {
+                    name: np.where(np.isfinite(row := values[point, run, : self._sizes[run]]), row, np.nan)
+                    for name, values in channels.items()
+                }
+                for run in range(len(self._runs))
+            ]
+            for point in range(len(self._points))
+        ]
+
+    def _active_effects(self) -> dict[str, list[Active]]:
+        """Return, by port, the effects that are not at their null at every point, and their parameters."""
+        found: dict[str, list[Active]] = {}
+        for effect, card in zip(self._model.port_effects, self._model.effects, strict=True):
+            if not any(card.name in point.effects for point in self._points):
+                continue
+            values = {
+                one.name: self._column([point.effects.get(card.name, {}) for point in self._points], one)
+                for one in card.parameters
+            }
+            strength = card.parameters[0]
+            if np.any(values[strength.name] != strength.nominal):
+                ordered = {f"v{index}": values[one.name] for index, one in enumerate(card.parameters)}
+                found.setdefault(effect.port, []).append((effect, SimpleNamespace(**values, **ordered)))
+        return found
+
+    def _column(self, tables: Sequence[Values], parameter: Parameter) -> Array:
+        """Return the value of a parameter at each point: points x 1."""
+        return np.array([[table.get(parameter.name, parameter.nominal)] for table in tables])
+
+    def _parameter_values(self) -> dict[str, Array]:
+        tables = [point.parameters for point in self._points]
+        values = {one.name: self._column(tables, one) for one in self._model.parameters}
+        for name, active in self._active.items():
+            for effect, numbers in active:
+                if effect.action is Action.RELEASE:
+                    values[name] = values[name] + numbers.v0
+        for one in self._model.run_parameters:
+            values[one.name] = self._run_parameter(one)
+        for name in self._model.condition_units:
+            values[name] = np.array([[run.conditions[name] for run in self._runs]])
+        return values
+
+    def _run_parameter(self, parameter: RunParameter) -> Array:
+        values = np.empty(self._shape)
+        for index, run in enumerate(self._runs):
+            nominal = parameter.nominal_in(run)
+            key = f"{parameter.name}{RUN_SEPARATOR}{run.name}"
+            values[:, index] = [point.parameters.get(key, nominal) for point in self._points]
+        return values
+
+    def _input(self, name: str) -> Array:
+        """Return an input with its effects over each integration step: points x runs x steps."""
+        samples = np.stack([_padded(run.inputs[name], self._samples) for run in self._runs])
+        active = self._active.get(name, [])
+        delay_s = np.zeros(1)
+        for effect, values in active:
+            if effect.action is Action.DELAY:
+                delay_s = delay_s + np.maximum(values.v0[:, 0], 0.0)
+        model = self._model
+        series = mean_over_steps(samples, self._step_s, delay_s, model.substeps, is_held=model.is_held)
+        return self._signal_effects(active, series, self._step_s / model.substeps)
+
+    def _signal_effects(self, active: Sequence[Active], series: Array, step_s: float) -> Array:
+        """Return a series, points x runs x steps, changed by effects other than delays."""
+        for effect, values in active:
+            if effect.action is Action.CHANGE and effect.change is not None:
+                series = effect.change(series, SimpleNamespace(), _with_time(values), None)
+            elif effect.action is Action.LAG:
+                series = lagged(series, step_s, values.v0[:, 0])
+        return series
+
+    def _force_series(self) -> dict[str, Array]:
+        """Return, by port, forces over each integration step: points x runs x steps, or one for all."""
+        found: dict[str, Array] = {}
+        known = self._model.known_forces
+        for port in self._model.ports:
+            rows = [known.get(run.name, {}).get(port.name, np.zeros(1)) for run in self._runs]
+            if any(np.any(row) for row in rows):
+                found[port.name] = np.stack([self._over_steps(row) for row in rows])[None]
+        for index, point in enumerate(self._points):
+            if point.force is not None:
+                name, values = point.force
+                series = found.get(name, np.zeros((1, 1, 1)))
+                if series.shape[0] == 1:
+                    series = np.repeat(series, len(self._points), axis=0)
+                if series.shape[2] == 1:
+                    series = np.repeat(series, self._over_steps(values).size, axis=2)
+                series[index] += self._over_steps(values)
+                found[name] = series
+        return found
+
+    def _over_steps(self, samples: Array) -> Array:
+        """Return a force in the middle of each integration step."""
+        substeps = self._model.substeps
+        middle = (np.arange((self._samples - 1) * substeps) + 0.5) / substeps
+        return np.interp(middle, np.arange(samples.size), samples)
+
+    def _integrate(self) -> Array:
+        """Return the states, states x points x runs x samples; memories of effects come last."""
+        parameters = SimpleNamespace(**self._parameters)
+        first = SimpleNamespace(**{name: series[..., 0] for name, series in self._inputs.items()})
+        start = self._model.start(parameters, first)
+        state = np.zeros((len(self._model.states) + len(self._memories), *self._shape))
+        for index, name in enumerate(self._model.states):
+            state[index] = start[name]
+        stored = np.empty((*state.shape, self._samples))
+        stored[..., 0] = state
+        substeps, width_s = self._model.substeps, self._step_s / self._model.substeps
+        for sample in range(1, self._samples):
+            for step in range((sample - 1) * substeps, sample * substeps):
+                state = self._step(state, step, width_s, parameters)
+            stored[..., sample] = state
+        return stored
+
+    def _step(self, state: Array, step: int, width_s: float, parameters: SimpleNamespace) -> Array:
+        inputs = SimpleNamespace(**{name: series[..., step] for name, series in self._inputs.items()})
+        forces = {name: series[..., step] for name, series in self._forces.items()}
+        rate = partial(self._rate, inputs=inputs, parameters=parameters, forces=forces)
+        first = rate(state)
+        second = rate(state + 0.5 * width_s * first)
+        third = rate(state + 0.5 * width_s * second)
+        fourth = rate(state + width_s * third)
+        after: Array = state + width_s / 6.0 * (first + 2.0 * (second + third) + fourth)
+        return after
+
+    def _rate(
+        self,
+        state: Array,
+        inputs: SimpleNamespace,
+        parameters: SimpleNamespace,
+        forces: Mapping[str, Array],
+    ) -> Array:
+        names = self._model.states
+        machine = SimpleNamespace(**vars(inputs), **dict(zip(names, state, strict=False)))
+        rates = np.empty(state.shape)
+
+        def port(name: str, value: Array) -> Array:
+            for effect, values in self._active.get(name, ()):
+                value = self._changed(effect, value, machine, values, state, rates)
+            return value + forces[name] if name in forces else value
+
+        found = self._model.derivative(machine, inputs, parameters, port)
+        for index, name in enumerate(names):
+            rates[index] = found[name]
+        return rates
+
+    def _changed(
+        self,
+        effect: PortEffect,
+        value: Array,
+        machine: SimpleNamespace,
+        values: SimpleNamespace,
+        state: Array,
+        rates: Array,
+    ) -> Array:
+        if effect.change is None:
+            return value
+        own = None
+        if effect.memory_rate is not None:
+            index = self._memories[effect.port]
+            own = state[index]
+            rates[index] = effect.memory_rate(value, machine, values, own)
+        return effect.change(value, machine, values, own)
+
+    def _outputs(self, states: Array) -> dict[str, Array]:
+        model = self._model
+        parameters = SimpleNamespace(**{name: values[..., None] for name, values in self._parameters.items()})
+        inputs = SimpleNamespace(**{name: self._at_samples(series) for name, series in self._inputs.items()})
+        machine = SimpleNamespace(**vars(inputs), **dict(zip(model.states, states, strict=False)))
+
+        def port(name: str, value: Array) -> Array:
+            for effect, values in self._active.get(name, ()):
+                if effect.change is not None and effect.memory_rate is None:
+                    value = effect.change(value, machine, _with_time(values), None)
+            return value
+
+        found = model.output(machine, inputs, parameters, port)
+        shape = (*self._shape, self._samples)
+        return {
+            channel.name: np.broadcast_to(self._read(channel.name, np.asarray(found[channel.name])), shape)
+            for channel in model.channels
+        }
+
+    def _at_samples(self, series: Array) -> Array:
+        every = series[..., :: self._model.substeps]
+        at: Array = np.concatenate((every, series[..., -1:]), axis=2)
+        return at
+
+    def _read(self, name: str, values: Array) -> Array:
+        """Return a channel as its sensor reports it."""
+        active = self._active.get(name, [])
+        values = np.broadcast_to(values, (*self._shape, self._samples))
+        for effect, numbers in active:
+            if effect.action is Action.DELAY:
+                values = delayed(values, np.maximum(numbers.v0[:, 0], 0.0) / self._step_s)
+        return self._signal_effects(active, values, self._step_s)
+
+
+def _with_time(values: SimpleNamespace) -> SimpleNamespace:
+    return SimpleNamespace(**{name: value[..., None] for name, value in vars(values).items()})
+
+
+def _size(run: Run) -> int:
+    series = [*run.inputs.values(), *run.measured.values()]
+    return int(series[0].size)
+
+
+def _padded(values: Array, size: int) -> Array:
+    series: Array = np.concatenate((values, np.full(size - values.size, values[-1])))
+    return series

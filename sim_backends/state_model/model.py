@@ -1,0 +1,161 @@
+"""A machine as a right-hand side with named ports, integrated for its user."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.errors import ConfigError
+from sim_backends.models.interface import Array, Parameter, Port, Run, Values
+from sim_backends.state_model.equations import Equations
+from sim_backends.state_model.integrate import Point, Simulation
+
+MOST_SUBSTEPS = 32
+SOLVED_SHARE = 0.05
+"""Greatest error of the integration, as a share of the sensor noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateModel(Equations):
+    """A `Model` made of equations; see `Equations` for its arguments."""
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict every channel of every run. See `Model.predict`."""
+        return self.predict_points(runs, [(parameters, effects)])[0]
+
+    def predict_points(
+        self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
+    ) -> list[list[dict[str, Array]]]:
+        """Predict at several points at once.
+
+        Args:
+            runs: Conditions, inputs and lengths.
+            points: Base parameters and effects of each; `NAME@RUN` is a run parameter of one run.
+
+        Returns:
+            Point, then run: channel to values; NaN where the integration has no solution.
+        """
+        return self.simulate_points(runs, [Point(values, effects) for values, effects in points])
+
+    def force_responses(
+        self,
+        runs: Sequence[Run],
+        parameters: Values,
+        effects: Mapping[str, Values],
+        port: Port,
+        shapes: Array,
+    ) -> list[list[dict[str, Array]]]:
+        """Return the change of every channel per unit of a force at a port.
+
+        Args:
+            runs: Conditions, inputs and lengths.
+            parameters: Where to linearise.
+            effects: The same.
+            port: Where the force acts.
+            shapes: Forces over time: shapes x samples of the longest run.
+
+        Returns:
+            Shape, then run: channel to values.
+        """
+        size = port.force_sd
+        points = [Point(parameters, effects)]
+        points += [Point(parameters, effects, (port.name, size * shape)) for shape in shapes]
+        base, *moved = self.simulate_points(runs, points)
+        return [
+            [
+                {name: (values[name] - before[name]) / size for name in before}
+                for values, before in zip(tables, base, strict=True)
+            ]
+            for tables in moved
+        ]
+
+    def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "StateModel":
+        """Return the same model with forces that act besides its equations.
+
+        Args:
+            forces: Run, then port, to values at the samples.
+        """
+        return replace(self, known_forces=forces)
+
+    def refined(self, runs: Sequence[Run]) -> "StateModel":
+        """Return the same model with enough integration steps for `runs`.
+
+        The steps are halved until the prediction moves by less than 5 % of the sensor noise, at the nominal
+        parameters and with each effect at its natural size.
+
+        Raises:
+            ConfigError: 32 steps per sample are not enough.
+        """
+        points = [Point({}, {})] + [
+            Point({}, {card.name: {one.name: _natural(one) for one in card.parameters}})
+            for card in self.effects
+        ]
+        model = replace(self, substeps=1)
+        coarse = model.simulate_points(runs, points)
+        while True:
+            finer = replace(model, substeps=2 * model.substeps)
+            fine = finer.simulate_points(runs, points)
+            if self._are_close(coarse, fine):
+                return model
+            if finer.substeps > MOST_SUBSTEPS:
+                raise ConfigError(
+                    f"model {self.name}: {MOST_SUBSTEPS} integration steps per sample are not enough: the "
+                    "equations are stiff; smooth its jumps or leave out its fastest part"
+                )
+            model, coarse = finer, fine
+
+    def _are_close(
+        self, coarse: Sequence[Sequence[Mapping[str, Array]]], fine: Sequence[Sequence[Mapping[str, Array]]]
+    ) -> bool:
+        for channel in self.channels:
+            before = np.concatenate([one[channel.name] for tables in coarse for one in tables])
+            after = np.concatenate([one[channel.name] for tables in fine for one in tables])
+            scale = channel.noise_sd or 0.02 * float(np.nanstd(after))
+            error = float(np.sqrt(np.nanmean((after - before) ** 2)))
+            if not np.isfinite(before).all() or not error <= SOLVED_SHARE * max(scale, 1e-300):
+                return False
+        return True
+
+    def simulate_points(self, runs: Sequence[Run], points: Sequence[Point]) -> list[list[dict[str, Array]]]:
+        """Return the channels of each run at each point, with the integration steps of this model."""
+        found: list[list[dict[str, Array]]] = [[{} for _ in runs] for _ in points]
+        for step_s, members in self._by_step(runs).items():
+            chosen = [runs[index] for index in members]
+            tables = Simulation(self, chosen, points, step_s).tables()
+            for point, rows in enumerate(tables):
+                for index, table in zip(members, rows, strict=True):
+                    found[point][index] = table
+        return found
+
+    def _by_step(self, runs: Sequence[Run]) -> dict[float, list[int]]:
+        groups: dict[float, list[int]] = {}
+        for index, run in enumerate(runs):
+            step_s = self.step_s if self.step_s is not None else uniform_step_s(run)
+            groups.setdefault(step_s, []).append(index)
+        return groups
+
+
+def uniform_step_s(run: Run) -> float:
+    """Return the time between samples of a run.
+
+    Raises:
+        ConfigError: The times in its input `t_s` are not evenly spaced.
+    """
+    steps = np.diff(run.inputs["t_s"])
+    step_s = float(np.median(steps))
+    if step_s <= 0.0 or float(np.abs(steps - step_s).max()) > 0.01 * step_s:
+        raise ConfigError(
+            f"run {run.name}: samples are {steps.min():.4g} to {steps.max():.4g} s apart: interpolate to "
+            "equal steps"
+        )
+    return float(np.round(step_s, 12))
+
+
+def _natural(parameter: Parameter) -> float:
+    """Return a parameter one natural size away from its null, to the side that its bounds allow."""
+    value = parameter.nominal + parameter.prior_sd
+    if value > parameter.upper:
+        value = parameter.nominal - parameter.prior_sd
+    return max(value, parameter.lower)
