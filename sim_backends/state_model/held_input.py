@@ -61,12 +61,43 @@ def delayed(samples: Array, delay_steps: Array) -> Array:
 
 
 def lagged(series: Array, step_s: float, time_constant_s: Array) -> Array:
-    """Return series, points x runs x steps, smoothed by a first-order lag that starts settled."""
-    keep = np.exp(-step_s / np.maximum(time_constant_s, 1e-12))[:, None]
+    """Return an input behind a first-order lag that starts settled, as its mean over each integration step.
+
+    Args:
+        series: Means over the steps: 1 or points x runs x steps. The input is constant during a step.
+        step_s: Duration of a step.
+        time_constant_s: One per point; 0 or more.
+    """
+    ratio = np.maximum(time_constant_s / step_s, 1e-12)[:, None]
+    keep = np.exp(-1.0 / ratio)
+    inside = ratio * (1.0 - keep)
     full = np.broadcast_to(series, (keep.shape[0], *series.shape[1:]))
-    smoothed = np.empty(full.shape)
+    mean = np.empty(full.shape)
     value = full[..., 0].copy()
     for step in range(full.shape[2]):
-        value = full[..., step] + keep * (value - full[..., step])
-        smoothed[..., step] = value
+        difference = value - full[..., step]
+        mean[..., step] = full[..., step] + inside * difference
+        value = full[..., step] + keep * difference
+    return mean
+
+
+def lagged_samples(samples: Array, step_s: float, time_constant_s: Array) -> Array:
+    """Return a measured series behind a first-order lag that starts settled.
+
+    Args:
+        samples: At the sample times: 1 or points x runs x samples; straight lines between.
+        step_s: Time between samples.
+        time_constant_s: One per point; 0 or more.
+    """
+    ratio = np.maximum(time_constant_s / step_s, 1e-12)[:, None]
+    keep = np.exp(-1.0 / ratio)
+    behind = ratio * (1.0 - keep)
+    full = np.broadcast_to(samples, (keep.shape[0], *samples.shape[1:]))
+    smoothed = np.empty(full.shape)
+    value = full[..., 0].copy()
+    smoothed[..., 0] = value
+    for sample in range(1, full.shape[2]):
+        before, now = full[..., sample - 1], full[..., sample]
+        value = now - behind * (now - before) + keep * (value - before)
+        smoothed[..., sample] = value
     return smoothed

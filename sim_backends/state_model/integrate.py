@@ -1,6 +1,6 @@
 """Integration of a machine: all runs and all trials of parameters at once, by fourth-order Runge-Kutta."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_backends.models.interface import RUN_SEPARATOR, Array, Parameter, Run, RunParameter, Values
 from sim_backends.state_model.equations import Equations
-from sim_backends.state_model.held_input import delayed, lagged, mean_over_steps
+from sim_backends.state_model.held_input import delayed, lagged, lagged_samples, mean_over_steps
 from sim_backends.state_model.port_effect import Action, PortEffect
 
 Active: TypeAlias = tuple[PortEffect, SimpleNamespace]
@@ -71,6 +71,17 @@ class Simulation:
             for point in range(len(self._points))
         ]
 
+    def trajectories(self) -> list[dict[str, Array]]:
+        """Return states and inputs of each run over its samples, at the first point."""
+        with np.errstate(all="ignore"):
+            states = self._integrate()
+        series = {name: self._at_samples(values)[0] for name, values in self._inputs.items()}
+        series |= {name: values[0] for name, values in zip(self._model.states, states, strict=False)}
+        return [
+            {name: values[run, : self._sizes[run]] for name, values in series.items()}
+            for run in range(len(self._runs))
+        ]
+
     def _active_effects(self) -> dict[str, list[Active]]:
         """Return, by port, the effects that are not at their null at every point, and their parameters."""
         found: dict[str, list[Active]] = {}
@@ -122,16 +133,7 @@ class Simulation:
                 delay_s = delay_s + np.maximum(values.v0[:, 0], 0.0)
         model = self._model
         series = mean_over_steps(samples, self._step_s, delay_s, model.substeps, is_held=model.is_held)
-        return self._signal_effects(active, series, self._step_s / model.substeps)
-
-    def _signal_effects(self, active: Sequence[Active], series: Array, step_s: float) -> Array:
-        """Return a series, points x runs x steps, changed by effects other than delays."""
-        for effect, values in active:
-            if effect.action is Action.CHANGE and effect.change is not None:
-                series = effect.change(series, SimpleNamespace(), _with_time(values), None)
-            elif effect.action is Action.LAG:
-                series = lagged(series, step_s, values.v0[:, 0])
-        return series
+        return _signal_effects(active, series, partial(lagged, step_s=self._step_s / model.substeps))
 
     def _force_series(self) -> dict[str, Array]:
         """Return, by port, forces over each integration step: points x runs x steps, or one for all."""
@@ -257,7 +259,17 @@ class Simulation:
         for effect, numbers in active:
             if effect.action is Action.DELAY:
                 values = delayed(values, np.maximum(numbers.v0[:, 0], 0.0) / self._step_s)
-        return self._signal_effects(active, values, self._step_s)
+        return _signal_effects(active, values, partial(lagged_samples, step_s=self._step_s))
+
+
+def _signal_effects(active: Sequence[Active], series: Array, lag: Callable[..., Array]) -> Array:
+    """Return a series, points x runs x steps or samples, changed by effects other than delays."""
+    for effect, values in active:
+        if effect.action is Action.CHANGE and effect.change is not None:
+            series = effect.change(series, SimpleNamespace(), _with_time(values), None)
+        elif effect.action is Action.LAG:
+            series = lag(series, time_constant_s=values.v0[:, 0])
+    return series
 
 
 def _with_time(values: SimpleNamespace) -> SimpleNamespace:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import ConfigError
-from sim_backends.models.interface import Array, Parameter, Port, Run, Values
+from sim_backends.models.interface import Array, Channel, Parameter, Port, Run, Values
 from sim_backends.state_model.equations import Equations
 from sim_backends.state_model.integrate import Point, Simulation
+from sim_backends.state_model.port_effect import PortEffect
 
 MOST_SUBSTEPS = 32
 SOLVED_SHARE = 0.05
@@ -71,6 +72,22 @@ class StateModel(Equations):
             for tables in moved
         ]
 
+    def trajectories(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Return states and inputs of each run over its samples."""
+        found: list[dict[str, Array]] = [{} for _ in runs]
+        for step_s, members in self._by_step(runs).items():
+            chosen = [runs[index] for index in members]
+            series = Simulation(self, chosen, [Point(parameters, effects)], step_s).trajectories()
+            for index, one in zip(members, series, strict=True):
+                found[index] = one
+        return found
+
+    def with_effects(self, more: Sequence[PortEffect]) -> "StateModel":
+        """Return the same model with only these effects to choose from."""
+        return replace(self, port_effects=tuple(more))
+
     def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "StateModel":
         """Return the same model with forces that act besides its equations.
 
@@ -89,7 +106,7 @@ class StateModel(Equations):
             ConfigError: 32 steps per sample are not enough.
         """
         points = [Point({}, {})] + [
-            Point({}, {card.name: {one.name: _natural(one) for one in card.parameters}})
+            Point({}, {card.name: {card.parameters[0].name: _natural(card.parameters[0])}})
             for card in self.effects
         ]
         model = replace(self, substeps=1)
@@ -109,14 +126,20 @@ class StateModel(Equations):
     def _are_close(
         self, coarse: Sequence[Sequence[Mapping[str, Array]]], fine: Sequence[Sequence[Mapping[str, Array]]]
     ) -> bool:
-        for channel in self.channels:
-            before = np.concatenate([one[channel.name] for tables in coarse for one in tables])
-            after = np.concatenate([one[channel.name] for tables in fine for one in tables])
-            scale = channel.noise_sd or 0.02 * float(np.nanstd(after))
-            error = float(np.sqrt(np.nanmean((after - before) ** 2)))
-            if not np.isfinite(before).all() or not error <= SOLVED_SHARE * max(scale, 1e-300):
-                return False
-        return True
+        return all(
+            self._is_close(channel, before, after)
+            for channel in self.channels
+            for before, after in zip(coarse, fine, strict=True)
+        )
+
+    def _is_close(
+        self, channel: Channel, coarse: Sequence[Mapping[str, Array]], fine: Sequence[Mapping[str, Array]]
+    ) -> bool:
+        before = np.concatenate([one[channel.name] for one in coarse])
+        after = np.concatenate([one[channel.name] for one in fine])
+        scale = channel.noise_sd or 0.02 * float(np.nanstd(after))
+        error = float(np.sqrt(np.nanmean((after - before) ** 2)))
+        return bool(np.isfinite(before).all()) and error <= SOLVED_SHARE * max(scale, 1e-300)
 
     def simulate_points(self, runs: Sequence[Run], points: Sequence[Point]) -> list[list[dict[str, Array]]]:
         """Return the channels of each run at each point, with the integration steps of this model."""

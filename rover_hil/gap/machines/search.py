@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.data.problem import Key
+from rover_hil.gap.data.problem import Key, Point
 from rover_hil.gap.explain.candidates import card_changes
 from rover_hil.gap.explain.search import linear_gain
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, Names, Shapes, jackknife_error
@@ -25,10 +25,8 @@ AGREEING_SHARE = 0.7
 """Least share of the runs that an effect must improve."""
 LEAST_Z = 2.5
 """Least distance of a strength from its null over the scatter of runs, as a standard normal."""
-SINGLES, PAIRS = 4, 4
+SINGLES, PAIRS = 10, 30
 """Effects and pairs to fit in one step, the best to first order."""
-WORTH = 1.2
-"""Least ratio of the gain of a pair to that of the best effect alone."""
 MOST_EFFECTS = 6
 MOST_ROUNDS = 10
 TWINS = 0.9
@@ -128,10 +126,9 @@ class MachineSearch:
 
     def _better(self, best: MachineFit) -> MachineFit | None:
         options = [*self._extended(best), *self._swapped(best)]
-        fitted = []
-        for number, (names, shapes, begin) in enumerate(options):
-            self._advance(f"fitting {' and '.join(names)}, {number + 1} of {len(options)}")
-            fitted.append(self._fits.best(names, shapes, begin.fit.point))
+        self._advance(f"fitting {len(options)} explanations")
+        fitted = self._fits.fit_all([(names, shapes, begin.fit.point) for names, shapes, begin in options])
+        self._fits.fit_all([self._without(one, name) for one in fitted for name in one.names])
         fitted = [one for one in fitted if one.error < best.error and self._is_accepted(one)]
         larger = [one for one in fitted if len(one.names) > len(best.names)]
         same = [
@@ -144,12 +141,11 @@ class MachineSearch:
         if len(best.names) >= MOST_EFFECTS:
             return []
         scores = self.scores(best)
-        singles = _best_shapes(scores)
+        singles = best_shapes(scores)
         ranked = sorted(singles, key=lambda score: -one_sided_z(score))
-        chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES] if one_sided_z(score) > 0.0]
-        top = one_sided_z(ranked[0]) ** 2 if ranked else 0.0
+        chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES]]
         if len(best.names) + 2 <= MOST_EFFECTS:
-            chosen += self._pairs(ranked, top)
+            chosen += self._pairs(ranked)
         return [
             (
                 (*best.names, *(score.direction.name for score in scores_of)),
@@ -159,21 +155,21 @@ class MachineSearch:
             for scores_of in chosen
         ]
 
-    def _pairs(self, ranked: Sequence[Score], top: float) -> list[tuple[Score, ...]]:
+    def _pairs(self, ranked: Sequence[Score]) -> list[tuple[Score, ...]]:
         pairs = [
             pair
             for pair in itertools.combinations(ranked[:PAIR_TOP], 2)
             if abs(cosine(pair[0], pair[1])) < 0.98
         ]
         by_gain = sorted(((linear_gain(pair), index) for index, pair in enumerate(pairs)), reverse=True)
-        return [pairs[index] for gain, index in by_gain[:PAIRS] if gain > WORTH * top]
+        return [pairs[index] for _, index in by_gain[:PAIRS]]
 
     def _swapped(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with one effect replaced."""
         options: list[tuple[Names, Shapes, MachineFit]] = []
         for name in best.names:
             part = self._part(best, name)
-            scores = [one for one in _best_shapes(self.scores(part)) if one.direction.name != name]
+            scores = [one for one in best_shapes(self.scores(part)) if one.direction.name != name]
             ranked = sorted(scores, key=lambda score: -one_sided_z(score))
             options += [
                 ((*part.names, one.direction.name), {one.direction.name: one.direction.shapes}, part)
@@ -183,9 +179,11 @@ class MachineSearch:
         return options
 
     def _part(self, found: MachineFit, name: str) -> MachineFit:
-        names = tuple(one for one in found.names if one != name)
+        return self._fits.fit_all([self._without(found, name)])[0]
+
+    def _without(self, found: MachineFit, name: str) -> tuple[Names, Shapes, Point]:
         begin = {key: value for key, value in found.fit.point.items() if key[0] != name}
-        return self._fits.best(names, {}, begin)
+        return tuple(one for one in found.names if one != name), {}, begin
 
     def _is_accepted(self, found: MachineFit) -> bool:
         evidence = self.evidence(found)
@@ -235,8 +233,10 @@ class MachineSearch:
                 for names, one in self._fits.tried.items()
                 if len(names) == len(best.names)
                 and names != best.names
-                and base.error - one.error >= SET_SHARE * gain
-                and is_equal(one, best)
+                and (
+                    is_within_noise(one)
+                    or (base.error - one.error >= SET_SHARE * gain and is_equal(one, best))
+                )
                 and all(not item.objection for item in self.evidence(one))
             ),
             key=lambda one: one.error,
@@ -251,7 +251,7 @@ class MachineSearch:
         target = max(own, key=one_sided_z)
         others = [
             one
-            for one in _best_shapes(scores)
+            for one in best_shapes(scores)
             if one.direction.name not in best.names and abs(cosine(one, target)) > TWINS
         ]
         return sorted(others, key=lambda one: -abs(cosine(one, target)))[:3]
@@ -278,6 +278,12 @@ def is_equal(one: MachineFit, other: MachineFit) -> bool:
     return t < float(stats.t.ppf(0.5 + 0.5 * SET_LEVEL, differences.size - 1))
 
 
+def is_within_noise(found: MachineFit) -> bool:
+    """Return True where the declared noise of the sensors explains what a fit leaves of left-out runs."""
+    count = float(found.left_out.counts.sum())
+    return found.error <= count * (1.0 + 3.0 * math.sqrt(2.0 / count))
+
+
 def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
     """Return the share of the excess error that effects explain on left-out runs, and that of better runs.
 
@@ -292,7 +298,7 @@ def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
     return float((weight * shares).sum() / total), float(weight[after < before].sum() / total)
 
 
-def _best_shapes(scores: Sequence[Score]) -> list[Score]:
+def best_shapes(scores: Sequence[Score]) -> list[Score]:
     """Return each effect at its best shape."""
     best: dict[str, Score] = {}
     for score in scores:

@@ -40,11 +40,13 @@ class Tracked:
         fit: Base parameters there; its residual is that of the machine without forces, to first order.
         forces: By run: ports x knots, in natural sizes.
         covariances: By run, of the forces.
+        pulls: Most probable parameters, in prior deviations.
     """
 
     problem: Problem
     noise: RandomForceNoise
     fit: Fit
+    pulls: Array
     forces: tuple[Array, ...]
     covariances: tuple[Array, ...]
 
@@ -56,6 +58,7 @@ class _Step:
     noise: RandomForceNoise
     fit: Fit
     point: Point
+    pulls: Array
     forces: tuple[Array, ...]
     covariances: tuple[Array, ...]
 
@@ -86,7 +89,12 @@ def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: 
     if step is None:
         raise AssertionError("there is at least one round")
     return Tracked(
-        problem=here, noise=step.noise, fit=step.fit, forces=step.forces, covariances=step.covariances
+        problem=here,
+        noise=step.noise,
+        fit=step.fit,
+        pulls=step.pulls,
+        forces=step.forces,
+        covariances=step.covariances,
     )
 
 
@@ -156,6 +164,7 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
         noise=noise,
         fit=fit,
         point={**point, **moved},
+        pulls=pull + shift,
         forces=tuple(mean for mean, _ in smoothed),
         covariances=tuple(covariance for _, covariance in smoothed),
     )

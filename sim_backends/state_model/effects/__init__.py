@@ -28,6 +28,7 @@ from sim_backends.state_model.effects.signals import (
     supply_sag,
     wrong_parameter,
 )
+from sim_backends.state_model.effects.terms import product, term, threshold
 
 __all__ = [
     "asymmetric_friction",
@@ -43,11 +44,14 @@ __all__ = [
     "offset",
     "overflow",
     "presliding",
+    "product",
     "quadratic_drag",
     "quantisation",
     "saturation",
     "stribeck_friction",
     "supply_sag",
+    "term",
+    "threshold",
     "viscous_friction",
     "wrong_parameter",
 ]

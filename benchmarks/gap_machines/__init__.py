@@ -1,0 +1,1 @@
+"""The gap workflow on machines with hidden effects (tests/nature/machines)."""
