@@ -142,7 +142,7 @@ def replay(
 
 @app.command()
 def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
-    """Check devices, permissions, rates, clocks and calibration; say cause and fix.
+    """Check devices, permissions, rates, clocks and calibration; print cause and fix.
 
     Exit code 1: something needs a fix.
 
@@ -193,7 +193,7 @@ def scomp(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Tell where a slipping rover was: slip-compensated odometry of a recorded drive.
+    """Estimate the path of a slipping rover: slip-compensated odometry of a recorded drive.
 
     Example: `rover-hil scomp runs/sand/run.mcap --out path.csv`
 
@@ -314,17 +314,17 @@ def identify_slip(
 
 @identify_app.command("probe")
 def identify_probe(
-    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a shake and a true pose.")],
+    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a yaw excitation and a true pose.")],
     out: Annotated[Path, out_option("Write the maps with the fitted probe to this TOML file.")],
     maps: Annotated[
         str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
     ] = "robotino",
-    amplitude: Annotated[float, typer.Option(help="Of the shake in the logs, rad/s.")] = 0.35,
-    frequency: Annotated[float, typer.Option(help="Of the shake in the logs, Hz.")] = 5.0,
+    amplitude: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, rad/s.")] = 0.35,
+    frequency: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, Hz.")] = 5.0,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Fit what the lost share of a small shake of the yaw tells about slip.
+    """Fit slip over the transmission loss of a small yaw excitation.
 
     Example: `rover-hil identify probe runs/ --out my_ground.toml`
 
@@ -353,7 +353,7 @@ def identify_motor(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Fit motor, friction and speed loop, with intervals, and say what the data cannot determine.
+    """Fit motor, friction and speed loop, with intervals, and list what the data cannot determine.
 
     Exit code 1: nothing was determined.
 
@@ -457,7 +457,7 @@ def import_robotino(
     file: Annotated[Path, typer.Argument(help="A measured run, .csv or .csv.gz.")],
     out: Annotated[Path, out_option("The log to write.")],
     millimetres_per_pixel: Annotated[
-        float, typer.Option(help="Scale of the overhead camera; the data set's own file says 1.84.")
+        float, typer.Option(help="Scale of the overhead camera; the data set's own file states 1.84.")
     ] = 1.84,
     config: Annotated[str, typer.Option(help="The rover it was measured on.")] = "robotino",
     force: ForceOption = False,
@@ -478,7 +478,7 @@ def import_robotino(
 
 
 def _spread(arguments: list[str], option: str) -> list[str]:
-    """Let `--test A B` stand for `--test A --test B`, which is all that the library understands."""
+    """Return arguments with `--test A --test B` for `--test A B`, which the library does not parse."""
     spread: list[str] = []
     is_open = False
     for argument in arguments:

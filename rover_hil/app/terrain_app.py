@@ -104,7 +104,7 @@ def terrain_climb(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Slip up and down slopes, and the steepest slopes, beside the wheels measured in paper 002.
+    """Slip up and down slopes, and the steepest slopes, compared with the wheels measured in paper 002.
 
     Exit code 1: the rover does not even drive on level ground.
 
@@ -145,11 +145,11 @@ def terrain_papers(
 def terrain_fit(
     data: Annotated[
         Path,
-        typer.Argument(help="Folder of plate and wheel tests; docs/reference/terrain.md says which files."),
+        typer.Argument(help="Folder of plate and wheel tests; docs/reference/terrain.md names the files."),
     ],
     wheel: Annotated[str, typer.Option(help="The wheel of the tests.")] = "cmu_smooth",
     soil: Annotated[str, typer.Option(help="Start values: a soil file, or its name.")] = "cmu_sand_blind",
-    free: Annotated[str, typer.Option(help="What the wheel tests shall tell, `a,b,c`.")] = (
+    free: Annotated[str, typer.Option(help="Numbers to fit to the wheel tests, `a,b,c`.")] = (
         "shear_modulus_m,exit_share,slide_number,push_number,wake_rate,wall_number,sideways_exponent,wall_drag"
     ),
     plates_only: Annotated[bool, typer.Option("--plates-only", help="Leave out the wheel tests.")] = False,

@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 
-from pydantic import ValidationError
-
 from controllers.control_loop import ControlLoop
 from controllers.motion.mission import Point, corner_points
 from drivers.errors import ConfigError
-from rover_hil.config import Config, Draft, Rule, describe_validation_error
+from rover_hil.config import Config, Draft, Rule, validated
 from rover_hil.config.tune_settings import TunableSettings, TuneSettings
 from rover_hil.run.checks import ROVER_CHECKS
 
@@ -69,10 +67,7 @@ def with_values(config: Config, values: Values) -> Config:
     table = config.model_dump(by_alias=True)
     for key, value in values.items():
         _place(table, key)[key.rpartition(".")[2]] = value
-    try:
-        return Config.model_validate(table)
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error("tuned values", error, table)) from error
+    return validated(Config, table, "tuned values")
 
 
 def rounded(values: Values, tune: TuneSettings) -> dict[str, float]:
