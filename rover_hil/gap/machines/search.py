@@ -129,7 +129,7 @@ class MachineSearch:
         return [self._evidence(found, name) for name in found.names]
 
     def _better(self, best: MachineFit) -> MachineFit | None:
-        """Return an accepted explanation that is better; pairs only where no single effect explains the rest."""
+        """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
         singles = self._fitted([*self._singles(best), *self._swapped(best)])
         better = self._best_of(singles, best)
         if better is not None and is_within_noise(better):
