@@ -74,7 +74,7 @@ class Equations:
         """
         known = {**self.states, **self._signal_units, **{one.name: one.unit for one in self.parameters}}
         for effect in self.port_effects:
-            for name in (effect.port, *effect.states):
+            for name in (effect.port, *effect.states, *effect.elsewhere):
                 if name not in known:
                     raise ConfigError(
                         f"model {self.name}: an effect refers to '{name}', which is no port, input, channel, "

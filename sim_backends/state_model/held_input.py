@@ -101,3 +101,20 @@ def lagged_samples(samples: Array, step_s: float, time_constant_s: Array) -> Arr
         value = now - behind * (now - before) + keep * (value - before)
         smoothed[..., sample] = value
     return smoothed
+
+
+def played(series: Array, half_play: Array) -> Array:
+    """Return a series, points x runs x steps, behind a play: it stays until the signal is that far away.
+
+    Args:
+        series: The signal: 1 or points x runs x steps.
+        half_play: One per point; 0 or more.
+    """
+    half = half_play[:, None]
+    full = np.broadcast_to(series, (half.shape[0], *series.shape[1:]))
+    behind = np.empty(full.shape)
+    value = full[..., 0].copy()
+    for step in range(full.shape[2]):
+        value = np.clip(value, full[..., step] - half, full[..., step] + half)
+        behind[..., step] = value
+    return behind

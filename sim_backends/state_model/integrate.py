@@ -4,16 +4,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
-from typing import TypeAlias
 
 import numpy as np
 
 from sim_backends.models.interface import RUN_SEPARATOR, Array, Parameter, Run, RunParameter, Values
 from sim_backends.state_model.equations import Equations
-from sim_backends.state_model.held_input import delayed, lagged, lagged_samples, mean_over_steps
-from sim_backends.state_model.port_effect import Action, PortEffect
+from sim_backends.state_model.held_input import delayed, lagged, lagged_samples, mean_over_steps, played
+from sim_backends.state_model.port_effect import Action, Change, PortEffect
 
-Active: TypeAlias = tuple[PortEffect, SimpleNamespace]
+
+@dataclass(frozen=True, slots=True)
+class Active:
+    """An effect that is not at its null, at one of its ports.
+
+    Attributes:
+        effect: It.
+        change: Of the signal at this port.
+        values: Its parameters: points x 1.
+        memory: Where its own states are; None without.
+        is_first: The port where its own states change.
+    """
+
+    effect: PortEffect
+    change: Change | None
+    values: SimpleNamespace
+    memory: int | slice | None
+    is_first: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +59,10 @@ class Simulation:
         self._sizes = [_size(run) for run in runs]
         self._samples = max(self._sizes)
         self._shape = (len(points), len(runs))
+        self._memories = 0
         self._active = self._active_effects()
         self._parameters = self._parameter_values()
         self._inputs = {name: self._input(name) for name in model.inputs}
-        remembering = [
-            effect
-            for active in self._active.values()
-            for effect, _ in active
-            if effect.memory_rate is not None
-        ]
-        self._memories = {effect.port: len(model.states) + index for index, effect in enumerate(remembering)}
         self._forces = self._force_series()
 
     def tables(self) -> list[list[dict[str, Array]]]:
@@ -95,8 +105,19 @@ class Simulation:
             strength = card.parameters[0]
             if np.any(values[strength.name] != strength.nominal):
                 ordered = {f"v{index}": values[one.name] for index, one in enumerate(card.parameters)}
-                found.setdefault(effect.port, []).append((effect, SimpleNamespace(**values, **ordered)))
+                numbers, memory = SimpleNamespace(**values, **ordered), self._new_memory(effect)
+                for port, change in {effect.port: effect.change, **effect.elsewhere}.items():
+                    one = Active(effect, change, numbers, memory, port == effect.port)
+                    found.setdefault(port, []).append(one)
         return found
+
+    def _new_memory(self, effect: PortEffect) -> int | slice | None:
+        """Return where the own states of an effect are among all states; None without."""
+        if effect.memory_rate is None:
+            return None
+        begin = len(self._model.states) + self._memories
+        self._memories += effect.memories
+        return begin if effect.memories == 1 else slice(begin, begin + effect.memories)
 
     def _column(self, tables: Sequence[Values], parameter: Parameter) -> Array:
         """Return the value of a parameter at each point: points x 1."""
@@ -104,13 +125,13 @@ class Simulation:
 
     def _parameter_values(self) -> dict[str, Array]:
         tables = [point.parameters for point in self._points]
-        values = {one.name: self._column(tables, one) for one in self._model.parameters}
+        values = {item.name: self._column(tables, item) for item in self._model.parameters}
         for name, active in self._active.items():
-            for effect, numbers in active:
-                if effect.action is Action.RELEASE:
-                    values[name] = values[name] + numbers.v0
-        for one in self._model.run_parameters:
-            values[one.name] = self._run_parameter(one)
+            for one in active:
+                if one.effect.action is Action.RELEASE:
+                    values[name] = values[name] + one.values.v0
+        for unknown in self._model.run_parameters:
+            values[unknown.name] = self._run_parameter(unknown)
         for name in self._model.condition_units:
             values[name] = np.array([[run.conditions[name] for run in self._runs]])
         return values
@@ -128,9 +149,9 @@ class Simulation:
         samples = np.stack([_padded(run.inputs[name], self._samples) for run in self._runs])
         active = self._active.get(name, [])
         delay_s = np.zeros(1)
-        for effect, values in active:
-            if effect.action is Action.DELAY:
-                delay_s = delay_s + np.maximum(values.v0[:, 0], 0.0)
+        for one in active:
+            if one.effect.action is Action.DELAY:
+                delay_s = delay_s + np.maximum(one.values.v0[:, 0], 0.0)
         model = self._model
         series = mean_over_steps(samples, self._step_s, delay_s, model.substeps, is_held=model.is_held)
         return _signal_effects(active, series, partial(lagged, step_s=self._step_s / model.substeps))
@@ -166,7 +187,7 @@ class Simulation:
         parameters = SimpleNamespace(**self._parameters)
         first = SimpleNamespace(**{name: series[..., 0] for name, series in self._inputs.items()})
         start = self._model.start(parameters, first)
-        state = np.zeros((len(self._model.states) + len(self._memories), *self._shape))
+        state = np.zeros((len(self._model.states) + self._memories, *self._shape))
         for index, name in enumerate(self._model.states):
             state[index] = start[name]
         stored = np.empty((*state.shape, self._samples))
@@ -197,12 +218,12 @@ class Simulation:
         forces: Mapping[str, Array],
     ) -> Array:
         names = self._model.states
-        machine = SimpleNamespace(**vars(inputs), **dict(zip(names, state, strict=False)))
+        machine = SimpleNamespace(**vars(parameters), **vars(inputs), **dict(zip(names, state, strict=False)))
         rates = np.empty(state.shape)
 
         def port(name: str, value: Array) -> Array:
-            for effect, values in self._active.get(name, ()):
-                value = self._changed(effect, value, machine, values, state, rates)
+            for one in self._active.get(name, ()):
+                value = _changed(one, value, machine, state, rates)
             return value + forces[name] if name in forces else value
 
         found = self._model.derivative(machine, inputs, parameters, port)
@@ -210,40 +231,23 @@ class Simulation:
             rates[index] = found[name]
         return rates
 
-    def _changed(
-        self,
-        effect: PortEffect,
-        value: Array,
-        machine: SimpleNamespace,
-        values: SimpleNamespace,
-        state: Array,
-        rates: Array,
-    ) -> Array:
-        if effect.change is None:
-            return value
-        own = None
-        if effect.memory_rate is not None:
-            index = self._memories[effect.port]
-            own = state[index]
-            rates[index] = effect.memory_rate(value, machine, values, own)
-        return effect.change(value, machine, values, own)
-
     def _outputs(self, states: Array) -> dict[str, Array]:
         model = self._model
         parameters = SimpleNamespace(**{name: values[..., None] for name, values in self._parameters.items()})
         inputs = SimpleNamespace(**{name: self._at_samples(series) for name, series in self._inputs.items()})
-        machine = SimpleNamespace(**vars(inputs), **dict(zip(model.states, states, strict=False)))
+        machine = SimpleNamespace(
+            **vars(parameters), **vars(inputs), **dict(zip(model.states, states, strict=False))
+        )
 
         def port(name: str, value: Array) -> Array:
-            for effect, values in self._active.get(name, ()):
-                if effect.change is not None and effect.memory_rate is None:
-                    value = effect.change(value, machine, _with_time(values), None)
+            for one in self._active.get(name, ()):
+                if one.change is not None:
+                    value = one.change(value, machine, _with_time(one.values), _own(one, states))
             return value
 
         found = model.output(machine, inputs, parameters, port)
-        shape = (*self._shape, self._samples)
         return {
-            channel.name: np.broadcast_to(self._read(channel.name, np.asarray(found[channel.name])), shape)
+            channel.name: self._read(channel.name, np.asarray(found[channel.name]), states)
             for channel in model.channels
         }
 
@@ -252,23 +256,46 @@ class Simulation:
         at: Array = np.concatenate((every, series[..., -1:]), axis=2)
         return at
 
-    def _read(self, name: str, values: Array) -> Array:
+    def _read(self, name: str, values: Array, states: Array) -> Array:
         """Return a channel as its sensor reports it."""
         active = self._active.get(name, [])
-        values = np.broadcast_to(values, (*self._shape, self._samples))
-        for effect, numbers in active:
-            if effect.action is Action.DELAY:
-                values = delayed(values, np.maximum(numbers.v0[:, 0], 0.0) / self._step_s)
-        return _signal_effects(active, values, partial(lagged_samples, step_s=self._step_s))
+        shape = (*self._shape, self._samples)
+        values = np.broadcast_to(values, shape)
+        for one in active:
+            if one.effect.action is Action.DELAY:
+                values = delayed(values, np.maximum(one.values.v0[:, 0], 0.0) / self._step_s)
+        lag = partial(lagged_samples, step_s=self._step_s)
+        return np.broadcast_to(_signal_effects(active, values, lag, states), shape)
 
 
-def _signal_effects(active: Sequence[Active], series: Array, lag: Callable[..., Array]) -> Array:
+def _changed(one: Active, value: Array, machine: SimpleNamespace, state: Array, rates: Array) -> Array:
+    """Return a signal inside the equations with an effect; enter the rates of the effect's own states."""
+    effect, own = one.effect, _own(one, state)
+    if effect.memory_rate is not None and own is not None and one.is_first:
+        rates[one.memory] = effect.memory_rate(value, machine, one.values, own)
+    return value if one.change is None else one.change(value, machine, one.values, own)
+
+
+def _own(one: Active, states: Array) -> Array | None:
+    if one.memory is None:
+        return None
+    own: Array = states[one.memory]
+    return own
+
+
+def _signal_effects(
+    active: Sequence[Active], series: Array, lag: Callable[..., Array], states: Array | None = None
+) -> Array:
     """Return a series, points x runs x steps or samples, changed by effects other than delays."""
-    for effect, values in active:
-        if effect.action is Action.CHANGE and effect.change is not None:
-            series = effect.change(series, SimpleNamespace(), _with_time(values), None)
-        elif effect.action is Action.LAG:
-            series = lag(series, time_constant_s=values.v0[:, 0])
+    for one in active:
+        first = one.values.v0[:, 0]
+        if one.effect.action is Action.LAG:
+            series = lag(series, time_constant_s=first)
+        elif one.effect.action is Action.PLAY:
+            series = played(series, first)
+        elif one.change is not None:
+            own = None if states is None else _own(one, states)
+            series = one.change(series, SimpleNamespace(), _with_time(one.values), own)
     return series
 
 

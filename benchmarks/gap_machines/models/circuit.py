@@ -6,7 +6,7 @@ from benchmarks.gap_machines.models.parts import begin, channel, constant, start
 from rover_hil.gap import Array, Port, StateModel, effects
 from sim_backends.state_model.equations import Signal
 
-SLOW_A = 5e-4
+SLOW_A = 1e-3
 LIMITS_V = (2.5, 3.5, 4.5, 6.0, 8.0)
 
 

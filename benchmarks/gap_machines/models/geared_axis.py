@@ -9,6 +9,7 @@ from sim_backends.state_model.equations import Signal
 
 GEAR_RATIO = 20.0
 SLOW_RAD_S = 1.0
+IMPACT_S = 0.001
 COGS_PER_TURN = 4.0
 
 
@@ -57,6 +58,14 @@ def make_model() -> StateModel:
             effects.coulomb_friction("torque", velocity=speed, size=0.03, slow=SLOW_RAD_S),
             effects.asymmetric_friction("torque", velocity=speed, size=0.02, slow=SLOW_RAD_S),
             effects.presliding("torque", velocity=speed, size=0.03, distance=1.2, name="presliding_friction"),
+            effects.two_body_backlash(
+                "torque",
+                inertia="inertia_kg_m2",
+                load="load_angle_rad",
+                ratio=GEAR_RATIO,
+                size=2.0,
+                impact_s=IMPACT_S,
+            ),
             effects.dead_zone("voltage_v", size=1.0),
             effects.supply_sag("voltage_v", size=0.01),
             effects.delay("voltage_v", size=0.02, longest=0.1, name="input_delay"),

@@ -66,6 +66,7 @@ def make_model() -> StateModel:
             effects.quadratic_drag("force", velocity="speed_m_s", size=3.0),
             effects.saturation("force_n", limits=LIMITS_N),
             effects.delay("steering_rad", size=0.27, longest=1.5, name="input_delay"),
+            effects.play("steering_rad", size=0.017, name="steering_backlash"),
             effects.offset("measured_yaw_rate_rad_s", size=0.07, name="sensor_offset"),
             effects.gain_error("measured_speed_m_s", size=0.07),
         ),

@@ -4,6 +4,7 @@ from rover_hil.gap import effects
 port_effects = (effects.coulomb_friction("torque", velocity="rate", size=0.1, slow=0.01), ...)
 """
 
+from sim_backends.state_model.effects.coupling import two_body_backlash
 from sim_backends.state_model.effects.forces import (
     asymmetric_friction,
     cogging,
@@ -23,6 +24,7 @@ from sim_backends.state_model.effects.signals import (
     lag,
     offset,
     overflow,
+    play,
     quantisation,
     saturation,
     supply_sag,
@@ -43,6 +45,7 @@ __all__ = [
     "lag",
     "offset",
     "overflow",
+    "play",
     "presliding",
     "product",
     "quadratic_drag",
@@ -52,6 +55,7 @@ __all__ = [
     "supply_sag",
     "term",
     "threshold",
+    "two_body_backlash",
     "viscous_friction",
     "wrong_parameter",
 ]

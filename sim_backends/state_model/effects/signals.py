@@ -12,6 +12,8 @@ from sim_backends.state_model.port_effect import Action, Change, PortEffect
 
 MOST_SHARE = 2.0
 """Greatest share of an excess that a limit removes; 1 is a hard limit."""
+EDGE_SHARE = 0.01
+"""Height below the limit over which an overflow begins, as a share of it: a level stays at the limit."""
 
 
 def _signal(
@@ -123,6 +125,29 @@ def backlash(port: str, *, size: float, name: str = "backlash") -> PortEffect:
     )
 
 
+def play(port: str, *, size: float, name: str = "play") -> PortEffect:
+    """Return play in a linkage without inertia: an input or channel follows only when the play is crossed.
+
+    Args:
+        port: The input or channel.
+        size: Natural size of half of the play, in its unit.
+        name: Of the card.
+    """
+
+    def build(units: Mapping[str, str]) -> EffectCard:
+        return card(
+            name,
+            "A linkage with play follows only when its play is crossed.",
+            port,
+            (strength("half_play", units[port], size),),
+            ("stays where it is after each reversal", "lags by half of the play in both directions"),
+            "slow reversals",
+            "hysteresis of play: Krasnoselskii and Pokrovskii 1989",
+        )
+
+    return PortEffect(port=port, build=build, action=Action.PLAY)
+
+
 def saturation(port: str, *, limits: tuple[float, ...], name: str = "saturation") -> PortEffect:
     """Return a limit of a signal.
 
@@ -166,7 +191,7 @@ def overflow(port: str, *, level: str, limits: tuple[float, ...], name: str = "o
         )
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        share = np.clip((state(x, level) - v.limit) / (0.01 * v.limit), 0.0, 1.0)
+        share = np.clip(1.0 + (state(x, level) - v.limit) / (EDGE_SHARE * v.limit), 0.0, 1.0)
         changed: Array = value - v.share * share * np.maximum(value, 0.0)
         return changed
 
