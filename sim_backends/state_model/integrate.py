@@ -85,7 +85,7 @@ class Simulation:
         """Return states and inputs of each run over its samples, at the first point."""
         with np.errstate(all="ignore"):
             states = self._integrate()
-        series = {name: self._at_samples(values)[0] for name, values in self._inputs.items()}
+        series = {name: self._input_at_samples(name)[0] for name in self._inputs}
         series |= {name: values[0] for name, values in zip(self._model.states, states, strict=False)}
         return [
             {name: values[run, : self._sizes[run]] for name, values in series.items()}
@@ -146,15 +146,25 @@ class Simulation:
 
     def _input(self, name: str) -> Array:
         """Return an input with its effects over each integration step: points x runs x steps."""
+        samples, active, delay_s = self._input_samples(name)
+        model = self._model
+        series = mean_over_steps(samples, self._step_s, delay_s, model.substeps, is_held=model.is_held)
+        return _signal_effects(active, series, partial(lagged, step_s=self._step_s / model.substeps))
+
+    def _input_at_samples(self, name: str) -> Array:
+        """Return an input with its effects at the samples: points x runs x samples."""
+        samples, active, delay_s = self._input_samples(name)
+        series = delayed(samples[None], delay_s / self._step_s) if np.any(delay_s) else samples[None]
+        return _signal_effects(active, series, partial(lagged_samples, step_s=self._step_s))
+
+    def _input_samples(self, name: str) -> tuple[Array, list[Active], Array]:
         samples = np.stack([_padded(run.inputs[name], self._samples) for run in self._runs])
         active = self._active.get(name, [])
         delay_s = np.zeros(1)
         for one in active:
             if one.effect.action is Action.DELAY:
                 delay_s = delay_s + np.maximum(one.values.v0[:, 0], 0.0)
-        model = self._model
-        series = mean_over_steps(samples, self._step_s, delay_s, model.substeps, is_held=model.is_held)
-        return _signal_effects(active, series, partial(lagged, step_s=self._step_s / model.substeps))
+        return samples, active, delay_s
 
     def _force_series(self) -> dict[str, Array]:
         """Return, by port, forces over each integration step: points x runs x steps, or one for all."""
@@ -234,7 +244,7 @@ class Simulation:
     def _outputs(self, states: Array) -> dict[str, Array]:
         model = self._model
         parameters = SimpleNamespace(**{name: values[..., None] for name, values in self._parameters.items()})
-        inputs = SimpleNamespace(**{name: self._at_samples(series) for name, series in self._inputs.items()})
+        inputs = SimpleNamespace(**{name: self._input_at_samples(name) for name in self._inputs})
         machine = SimpleNamespace(
             **vars(parameters), **vars(inputs), **dict(zip(model.states, states, strict=False))
         )
@@ -243,7 +253,7 @@ class Simulation:
             for one in self._active.get(name, ()):
                 if one.change is not None:
                     value = one.change(value, machine, _with_time(one.values), _own(one, states))
-            return value
+            return value + self._sampled_force(name) if name in self._forces else value
 
         found = model.output(machine, inputs, parameters, port)
         return {
@@ -251,10 +261,13 @@ class Simulation:
             for channel in model.channels
         }
 
-    def _at_samples(self, series: Array) -> Array:
-        every = series[..., :: self._model.substeps]
-        at: Array = np.concatenate((every, series[..., -1:]), axis=2)
-        return at
+    def _sampled_force(self, name: str) -> Array:
+        """Return a force at the samples, from its values in the middle of each integration step."""
+        series = self._forces[name]
+        before = np.concatenate((series[..., :1], series), axis=2)[..., :: self._model.substeps]
+        after = np.concatenate((series, series[..., -1:]), axis=2)[..., :: self._model.substeps]
+        middle: Array = 0.5 * (before + after)
+        return middle
 
     def _read(self, name: str, values: Array, states: Array) -> Array:
         """Return a channel as its sensor reports it."""
