@@ -95,7 +95,7 @@ class Equations:
 
     @property
     def _signal_names(self) -> list[str]:
-        return [*self.inputs, *(one.name for one in (*self.channels, *self.ports))]
+        return [*self.inputs, *(one.name for one in self.channels), *(one.name for one in self.ports)]
 
     def require_port(self, name: str) -> None:
         """Check that the equations name a declared port.
