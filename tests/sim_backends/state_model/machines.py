@@ -73,7 +73,7 @@ def simulated(
     return model.predict([run], {f"first_speed@{run.name}": first_speed}, effects)[0]
 
 
-def tank(*port_effects: PortEffect) -> StateModel:
+def tank(*port_effects: PortEffect, first_level: float = 0.0) -> StateModel:
     """Return a tank of 1 m^2 that its inflow fills."""
     return StateModel(
         name="tank",
@@ -82,7 +82,7 @@ def tank(*port_effects: PortEffect) -> StateModel:
         channels=(Channel(name="seen_level", unit="m", sigma=0.001),),
         parameters=(),
         derivative=lambda _, u, __, port: {"level": port("flow", u.inflow)},
-        start=lambda _, __: {"level": 0.0},
+        start=lambda _, __: {"level": first_level},
         output=lambda x, _, __, ___: {"seen_level": x.level},
         step_s=STEP_S,
         ports=(Port(name="flow", unit="m^3/s", force_sd=0.1),),

@@ -240,6 +240,13 @@ def test_an_overflow_stays_at_the_edge() -> None:
     np.testing.assert_allclose(np.diff(found[-20:]), np.diff(free[-20:]), atol=1e-12)
 
 
+def test_what_begins_above_the_edge_runs_off() -> None:
+    model = tank(effects.overflow("flow", level="level", limits=(0.5,), weir=10.0), first_level=0.8)
+    values = {"overflow": {"share": 1.0, "limit": 0.5}}
+    found = model.predict([tank_run()], {}, values)[0]["seen_level"]
+    np.testing.assert_allclose(found[:100], 0.5 + 0.3 * np.exp(-10.0 * TIMES[:100]), atol=1e-5)
+
+
 def test_a_body_and_its_load_fly_apart_and_meet_again() -> None:
     backlash = effects.two_body_backlash(
         "force", inertia="mass", load="seen_position", ratio=1.0, size=0.1, impact_s=0.001
