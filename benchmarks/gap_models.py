@@ -1,8 +1,8 @@
 """What the models of `rover-hil gap` know, what they say of measured data, and how long they take.
 
-`python -m benchmarks.gap_models cards` prints the tables of docs/gap_models.md; `measured DATA` asks for
-verdicts on the measured runs (the page names their sources), and again with what was named; `speed` times
-whole verdicts on 50 drives.
+`python -m benchmarks.gap_models cards` prints the tables of docs/reference/gap_models.md; `measured DATA`
+asks for verdicts on the measured runs (the page names their sources), and again with what was named;
+`speed` times whole verdicts on 50 drives.
 """
 
 import argparse

@@ -68,8 +68,7 @@ class CanLink(ThreadedLink[bytes]):
             )
         except BlockingIOError as error:
             os.close(lock)
-            msg = f"another program uses {self._channel}: end it first"
-            raise NotConnectedError(msg) from error
+            raise NotConnectedError(f"another program uses {self._channel}: end it first") from error
         except BaseException:
             os.close(lock)
             raise
@@ -134,8 +133,7 @@ class CanLink(ThreadedLink[bytes]):
 
     def _require_bus(self) -> can.BusABC:
         if self._bus is None:
-            msg = f"{self.where} is not open"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(f"{self.where} is not open")
         return self._bus
 
 
@@ -144,16 +142,16 @@ def _open_socketcan(channel: str) -> can.BusABC:
     try:
         socket.if_nametoindex(channel)
     except OSError as error:
-        msg = f"there is no network interface {channel}: connect the adapter, load its driver, {advice}"
-        raise NotConnectedError(msg) from error
+        raise NotConnectedError(
+            f"there is no network interface {channel}: connect the adapter, load its driver, {advice}"
+        ) from error
     bus = SocketcanBus(channel)
     # Opening an interface that is down succeeds; the kernel reports the error to the first reader.
     pending = bus.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
     if pending:
         bus.shutdown()
         hint = f"; {advice}" if pending == errno.ENETDOWN else ""
-        msg = f"{os.strerror(pending)}{hint}"
-        raise NotConnectedError(msg)
+        raise NotConnectedError(f"{os.strerror(pending)}{hint}")
     return bus
 
 

@@ -1,6 +1,6 @@
 """The driver contract: a link below, a pure codec inside, samples and health facts above.
 
-A new device is a settings model, a codec and a registry line; `docs/adding_a_device.md` is the form.
+A new device is a settings model, a codec and a registry line; `docs/how-to/add_a_device.md` is the form.
 """
 
 import math
@@ -9,7 +9,7 @@ from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Generic, Protocol, Self, TypeVar
 
 from drivers.clock import Clock, nanoseconds, seconds
@@ -177,12 +177,7 @@ class Driver(Generic[PayloadT]):
         self.connect()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def poll(self) -> list[Sample]:
@@ -216,13 +211,11 @@ class Driver(Generic[PayloadT]):
         self._require_open("latest")
         sample = self._latest.get(kind)
         if not isinstance(sample, kind):
-            msg = f"device '{self.name}' has sent no {kind.__name__} yet"
-            raise StaleSampleError(msg)
+            raise StaleSampleError(f"device '{self.name}' has sent no {kind.__name__} yet")
         age_s = seconds(self._clock.now_ns() - sample.t_ns)
         if age_s > max_age_s:
             what = f"newest {kind.__name__} of device '{self.name}'"
-            msg = f"{what} is {age_s:.3f} s old, limit {max_age_s:.3f} s"
-            raise StaleSampleError(msg)
+            raise StaleSampleError(f"{what} is {age_s:.3f} s old, limit {max_age_s:.3f} s")
         return sample
 
     def wait_next(self, kind: type[SampleT], timeout_s: float) -> SampleT:
@@ -239,8 +232,7 @@ class Driver(Generic[PayloadT]):
             for sample in self.poll():
                 if isinstance(sample, kind):
                     return sample
-        msg = f"device '{self.name}' sent no {kind.__name__} within {timeout_s:.3f} s"
-        raise LinkTimeoutError(msg)
+        raise LinkTimeoutError(f"device '{self.name}' sent no {kind.__name__} within {timeout_s:.3f} s")
 
     def health(self) -> Health:
         """Return the facts about this device as of now."""
@@ -307,8 +299,7 @@ class Driver(Generic[PayloadT]):
 
     def _require_open(self, method: str) -> None:
         if not self._open:
-            msg = f"device '{self.name}' is closed: call connect() before {method}()"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(f"device '{self.name}' is closed: call connect() before {method}()")
 
 
 class WheelDrive(Driver[bytes]):

@@ -4,7 +4,6 @@ Both are TOML data files with their source and date.
 """
 
 import datetime as dt
-import tomllib
 from bisect import bisect_right
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from drivers.errors import ConfigError, ModelError
-from drivers.settings import Settings, direct_mistakes
+from drivers.settings import Settings, direct_mistakes, read_toml
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -51,8 +50,7 @@ class DeviationTable(Calibration):
     @classmethod
     def _require_increasing(cls, heading_deg: tuple[float, ...]) -> tuple[float, ...]:
         if any(right <= left for left, right in pairwise(heading_deg)):
-            msg = "must be strictly increasing: sort the table and merge repeated headings"
-            raise ValueError(msg)
+            raise ValueError("must be strictly increasing: sort the table and merge repeated headings")
         return heading_deg
 
     @field_validator("deviation_deg")
@@ -61,8 +59,7 @@ class DeviationTable(Calibration):
         cls, deviation_deg: tuple[float, ...], info: ValidationInfo
     ) -> tuple[float, ...]:
         if len(deviation_deg) != len(info.data.get("heading_deg", deviation_deg)):
-            msg = "must have as many entries as heading_deg"
-            raise ValueError(msg)
+            raise ValueError("must have as many entries as heading_deg")
         return deviation_deg
 
     def deviation_at(self, reading_deg: float) -> float:
@@ -91,8 +88,7 @@ class MagnetometerCalibration(Calibration):
     @classmethod
     def _require_no_mirror(cls, soft_iron: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
         if np.linalg.det(np.array(soft_iron)) <= 0.0:
-            msg = "must have a positive determinant: fit it again"
-            raise ValueError(msg)
+            raise ValueError("must have a positive determinant: fit it again")
         return soft_iron
 
     def apply(self, raw: Vector) -> Vector:
@@ -115,14 +111,7 @@ def load_calibration(path: Path, kind: type[CalibrationT]) -> CalibrationT:
     Raises:
         ConfigError: The file is missing, is not TOML, or holds a wrong, unknown or missing key.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        msg = f"cannot read calibration file {path}: {error.strerror}; correct the path or leave it out"
-        raise ConfigError(msg) from error
-    except ValueError as error:
-        msg = f"calibration file {path} is not valid TOML: {error}"
-        raise ConfigError(msg) from error
+    data = read_toml(path, f"calibration file {path}", "correct the path or leave it out")
     try:
         return kind.model_validate(data)
     except ValidationError as error:
@@ -162,8 +151,7 @@ def fit_magnetometer(
     axes = 2 if planar else 3
     points = np.asarray(raw, dtype=np.float64)[:, :axes]
     if len(points) < 4 * axes or not np.isfinite(points).all():
-        msg = f"fit_magnetometer needs at least {4 * axes} finite readings, got {len(points)}"
-        raise ModelError(msg)
+        raise ModelError(f"fit_magnetometer needs at least {4 * axes} finite readings, got {len(points)}")
     centre, shape = _fit_ellipsoid(points)
     values, vectors = np.linalg.eigh(shape)
     root = (vectors * np.sqrt(values)) @ vectors.T
@@ -196,8 +184,9 @@ def _fit_ellipsoid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
     quadratic = (quadratic + quadratic.T) / 2.0
     linear = solution[len(rows) :]
     if np.linalg.eigvalsh(quadratic)[0] < SMALLEST_CURVATURE:
-        msg = "fit_magnetometer: the readings do not fit an ellipsoid; turn the sensor through all directions"
-        raise ModelError(msg)
+        raise ModelError(
+            "fit_magnetometer: the readings do not fit an ellipsoid; turn the sensor through all directions"
+        )
     centre = -np.linalg.solve(quadratic, linear)
     return middle + scale * centre, quadratic
 
@@ -207,9 +196,8 @@ def _require_all_directions(field: NDArray[np.float64]) -> None:
     mean = float(np.linalg.norm(directions.mean(axis=0)))
     spread = float(np.linalg.eigvalsh(directions.T @ directions / len(directions))[0])
     if mean > LARGEST_MEAN_DIRECTION or spread < SMALLEST_DIRECTION_SPREAD:
-        msg = (
+        raise ModelError(
             f"fit_magnetometer: the readings do not cover all directions evenly (mean direction {mean:.2f}, "
             f"at most {LARGEST_MEAN_DIRECTION}; spread {spread:.2f}, at least {SMALLEST_DIRECTION_SPREAD}); "
             "turn the sensor through all directions"
         )
-        raise ModelError(msg)

@@ -32,8 +32,7 @@ class SerialLink(ThreadedLink[bytes]):
 
     def _open_handle(self) -> None:
         if not Path(self._port).exists():
-            msg = "there is no such port"
-            raise NotConnectedError(msg)
+            raise NotConnectedError("there is no such port")
         port = serial.Serial(
             self._port,
             self._baud_rate,
@@ -66,6 +65,5 @@ class SerialLink(ThreadedLink[bytes]):
 
     def _require_port(self) -> serial.Serial:
         if self._serial is None:
-            msg = f"{self.where} is not open"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(f"{self.where} is not open")
         return self._serial

@@ -75,8 +75,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
                 break
             except Exception as error:  # any library may raise anything here
                 if self._clock.now_ns() >= deadline_ns:
-                    msg = f"cannot open {self.where}: {error}"
-                    raise NotConnectedError(msg) from error
+                    raise NotConnectedError(f"cannot open {self.where}: {error}") from error
             self._clock.sleep_until(min(deadline_ns, self._clock.now_ns() + FIRST_RETRY_NS))
         self._items.clear()
         self._stopping.clear()
@@ -148,8 +147,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
     def _require_no_reader(self) -> None:
         # A reader that hangs in the library outlives `close`; two would share one handle.
         if self._thread is not None and self._thread.is_alive():
-            msg = "it is open, or still being closed; try again later"
-            raise NotConnectedError(msg)
+            raise NotConnectedError("it is open, or still being closed; try again later")
 
     def _take_down(self) -> None:
         with self._handle_lock:

@@ -80,7 +80,7 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
 def find_simulation_conflicts(
     devices: Mapping[str, AnyDeviceSettings | None], simulation: SimulationSettings
 ) -> Iterator[str]:
-    """Yield what the simulation says of devices that do not exist or have another type, with the fix.
+    """Yield the simulated devices that do not exist or have another type, each with its fix.
 
     Args:
         devices: The devices of the configuration by name; None for one whose settings are not valid.

@@ -61,7 +61,7 @@ class WheelOdometry:
     """Turns wheel positions into body increments, velocities and the pose of wheel odometry.
 
     The wheels report one by one. An increment is taken when all have reported, between positions interpolated
-    to a common time: positions at different times would look like a turn.
+    to a common time: positions at different times would appear as a turn.
 
     Args:
         kinematics: Geometry of the wheels.

@@ -114,12 +114,14 @@ class TraceEstimator:
 
     def _frame(self, t_ns: int, image: Image, speed_m_s: float | None, rates: Rates | None) -> Frame:
         if self._t_ns is not None and t_ns <= self._t_ns:
-            msg = f"frame time {t_ns} ns is not after the one before, {self._t_ns} ns: give frames in order"
-            raise ModelError(msg)
+            raise ModelError(
+                f"frame time {t_ns} ns is not after the one before, {self._t_ns} ns: give frames in order"
+            )
         size = (self._rig.height, self._rig.width)
         if image.shape != size:
-            msg = f"frame of shape {image.shape}, the rig's is {size} grey pixels: use frames of this rig"
-            raise ModelError(msg)
+            raise ModelError(
+                f"frame of shape {image.shape}, the rig's is {size} grey pixels: use frames of this rig"
+            )
         dt_s = 0.0 if self._t_ns is None else seconds(t_ns - self._t_ns)
         speed = self._rig.nominal_speed_m_s if speed_m_s is None else speed_m_s
         turn, turn_sd = self._turn(rates, dt_s)

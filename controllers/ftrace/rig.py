@@ -92,8 +92,7 @@ class Distortion(Settings):
     @classmethod
     def _is_plain(cls, name: str) -> str:
         if any(other in name.lower() for other in OTHER_MODELS):
-            msg = "only OpenCV's plain model, k1 k2 p1 p2 k3, is known: calibrate with it"
-            raise ValueError(msg)
+            raise ValueError("only OpenCV's plain model, k1 k2 p1 p2 k3, is known: calibrate with it")
         return name
 
 

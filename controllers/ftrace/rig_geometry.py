@@ -61,12 +61,11 @@ class GroundPatch:
         inside = (pixels > 1).all(1) & (pixels < (rig.width - 2, rig.height - 2)).all(1) & ahead
         self.visible: Mask = inside.reshape(self.shape) & ~self._wheel_shadow()
         if self.visible.mean() < LEAST_VISIBLE:
-            msg = (
+            raise ConfigError(
                 f"the rig's camera sees {100 * self.visible.mean():.0f} % of the ground behind the wheel "
                 "(at least 25 % needed): check R_vehicle_camera (camera to vehicle), t_vehicle_camera and "
                 "contact_point"
             )
-            raise ConfigError(msg)
         source = (pixels - 0.5) / 2 if self._halved else pixels
         grid = np.where(ahead[:, None], source, -1e4).reshape(*self.shape, 2).astype(np.float32)
         self._maps = cv2.convertMaps(grid, np.empty(0, np.float32), cv2.CV_16SC2)
@@ -145,5 +144,6 @@ def _ground_pixel_m(pixels: Floats) -> float:
 def _require_rotation(rotation: Floats) -> None:
     error = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if error > ORTHONORMAL_TOLERANCE or np.linalg.det(rotation) < 0:
-        msg = "R_vehicle_camera is no rotation: its rows must be orthonormal and its determinant +1"
-        raise ConfigError(msg)
+        raise ConfigError(
+            "R_vehicle_camera is no rotation: its rows must be orthonormal and its determinant +1"
+        )

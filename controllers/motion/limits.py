@@ -1,4 +1,4 @@
-"""Limits of the wheel set-points, whatever the controller wants."""
+"""Limits of the wheel set-points, applied to every command of the controller."""
 
 import math
 from collections.abc import Sequence

@@ -11,7 +11,7 @@ from drivers.samples import Sample
 
 
 class Severity(StrEnum):
-    """What a reason asks for.
+    """What a reason requires.
 
     SIGN: nothing yet, but distance driven meanwhile is no evidence that the cause is gone.
     STOP: stop; motion resumes when the reason is gone.
@@ -29,7 +29,7 @@ class StopReason(NamedTuple):
     Attributes:
         cause: What keeps its name when the same stop happens again.
         text: The reason for the user: what happened, where, with the numbers.
-        severity: What the reason asks for.
+        severity: What the reason requires.
     """
 
     cause: str
@@ -63,7 +63,7 @@ class Cycle:
 class StopRule(ABC):
     """One rule that may stop the rover.
 
-    Every sample is observed before the cycle is checked; every cycle is checked, whatever the mode.
+    Every sample is observed before the cycle is checked; every cycle is checked, in every mode.
     """
 
     def observe(self, sample: Sample, t_ns: int) -> None:  # noqa: B027 (most rules need no samples)

@@ -26,11 +26,10 @@ class FolderLink(PlaybackLink):
         folder = Path(self._settings.path)
         paths = sorted(_find_images(folder))
         if not paths:
-            msg = (
+            raise NotConnectedError(
                 f"frames folder {folder} holds no images ({', '.join(sorted(IMAGE_SUFFIXES))}): "
                 f"correct the camera's `path`"
             )
-            raise NotConnectedError(msg)
         offsets_ns = [index * self._period_ns for index in range(len(paths))]
         if all(_is_stamp(path) for path in paths):
             paths.sort(key=_stamp_ns)
@@ -115,11 +114,10 @@ def _find_images(folder: Path) -> set[Path]:
     try:
         return {path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES}
     except OSError as error:
-        msg = (
+        raise NotConnectedError(
             f"frames folder {folder} cannot be read ({error.strerror}): correct the camera's `path`, "
             f"or start what fills the folder"
-        )
-        raise NotConnectedError(msg) from error
+        ) from error
 
 
 def _is_stamp(path: Path) -> bool:

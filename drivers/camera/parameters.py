@@ -49,12 +49,12 @@ class FrameSourceParameters(FrameDeviceSettings):
         for key, sources in _ONLY_FOR.items():
             is_default = getattr(self, key) == type(self).model_fields[key].default
             if not is_default and self.source not in sources:
-                msg = f"{key} is for source = {' or '.join(sources)}, not for '{self.source}': remove it"
-                raise ValueError(msg)
+                raise ValueError(
+                    f"{key} is for source = {' or '.join(sources)}, not for '{self.source}': remove it"
+                )
         if self.max_age_s * self.frame_rate_hz <= 1:
-            msg = (
+            raise ValueError(
                 f"max_age_s = {self.max_age_s:g} is not longer than one period of frame_rate_hz = "
                 f"{self.frame_rate_hz:g}, so every frame would count as too old: raise max_age_s"
             )
-            raise ValueError(msg)
         return self

@@ -56,11 +56,11 @@ class V4l2Link(ThreadedLink[CameraImage]):
     def _open_handle(self) -> None:
         path = Path(self._settings.path)
         if not path.exists():
-            msg = "no such device: plug it in, or choose one of `ls /dev/v4l/by-id/`"
-            raise NotConnectedError(msg)
+            raise NotConnectedError("no such device: plug it in, or choose one of `ls /dev/v4l/by-id/`")
         if not os.access(path, os.R_OK | os.W_OK):
-            msg = "no permission: add the user to the group that owns the device, usually `video`"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(
+                "no permission: add the user to the group that owns the device, usually `video`"
+            )
         capture = cv2.VideoCapture(self._settings.path, cv2.CAP_V4L2)
         try:
             self._set_up(capture)
@@ -77,8 +77,7 @@ class V4l2Link(ThreadedLink[CameraImage]):
 
     def _set_up(self, capture: cv2.VideoCapture) -> None:
         if not capture.isOpened():
-            msg = "it is busy or no V4L2 capture device: close the program that uses it"
-            raise NotConnectedError(msg)
+            raise NotConnectedError("it is busy or no V4L2 capture device: close the program that uses it")
         settings = self._settings
         fourcc = int.from_bytes(settings.fourcc.encode("ascii"), "little")
         # The pixel format limits the sizes on offer, the size limits the rates: in this order.
@@ -92,11 +91,10 @@ class V4l2Link(ThreadedLink[CameraImage]):
         if found_fourcc != fourcc or not found.matches(settings):
             wanted = FrameFormat(settings.width, settings.height, settings.frame_rate_hz)
             name = (found_fourcc & 0xFFFF_FFFF).to_bytes(4, "little").decode("ascii", "replace")
-            msg = (
+            raise NotConnectedError(
                 f"it gives {name} {found} instead of {settings.fourcc} {wanted}: configure one of "
                 f"`v4l2-ctl --list-formats-ext -d {settings.path}`"
             )
-            raise NotConnectedError(msg)
         self._set_exposure(capture)
 
     def _set_exposure(self, capture: cv2.VideoCapture) -> None:
@@ -109,16 +107,14 @@ class V4l2Link(ThreadedLink[CameraImage]):
             capture.set(cv2.CAP_PROP_EXPOSURE, exposure)
             is_refused = capture.get(cv2.CAP_PROP_EXPOSURE) != exposure
         if is_refused:
-            msg = (
+            raise NotConnectedError(
                 f"it refuses exposure_100us = {exposure or 'automatic'}: "
                 f"configure one of `v4l2-ctl --list-ctrls -d {self._settings.path}`"
             )
-            raise NotConnectedError(msg)
 
     def _check_stamps(self, capture: cv2.VideoCapture) -> None:
         if not any(capture.grab() for _ in range(FIRST_GRAB_TRIES)):
-            msg = "it sends no frames: check its cable and its USB bandwidth"
-            raise NotConnectedError(msg)
+            raise NotConnectedError("it sends no frames: check its cable and its USB bandwidth")
         ages_ns: list[int] = []
         for _ in range(CHECKED_STAMPS):
             capture.grab()
@@ -129,14 +125,12 @@ class V4l2Link(ThreadedLink[CameraImage]):
     def _read(self) -> Received[CameraImage] | None:
         capture = self._capture
         if capture is None or not capture.grab():
-            msg = f"{self.where} sends no more frames: check its cable"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(f"{self.where} sends no more frames: check its cable")
         t_ns = self._clock.now_ns()
         stamp_ns = _read_stamp_ns(capture)
         if stamp_ns == self._stamp_ns != 0:  # a driver that always gives 0 stamps nothing
             if t_ns - self._moved_ns >= STANDSTILL_PERIODS * self._period_ns:
-                msg = f"{self.where} repeats one frame: check its cable"
-                raise NotConnectedError(msg)
+                raise NotConnectedError(f"{self.where} repeats one frame: check its cable")
             self._clock.sleep_until(t_ns + self._period_ns)
             return None
         self._stamp_ns = stamp_ns

@@ -18,17 +18,18 @@ class VideoLink(PlaybackLink):
     def _open_frames(self) -> Generator[RecordedFrame]:
         path = self._settings.path
         if not Path(path).is_file():
-            msg = f"video {path} does not exist: correct the camera's `path`"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(f"video {path} does not exist: correct the camera's `path`")
         capture = cv2.VideoCapture(path)
         if not capture.isOpened():
-            msg = f"video {path} cannot be opened: convert it to a format that OpenCV reads"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(
+                f"video {path} cannot be opened: convert it to a format that OpenCV reads"
+            )
         found = format_of(capture)
         if not found.matches(self._settings):
             capture.release()
-            msg = f"video {path} has {found}: set the camera's width, height and frame_rate_hz to these"
-            raise NotConnectedError(msg)
+            raise NotConnectedError(
+                f"video {path} has {found}: set the camera's width, height and frame_rate_hz to these"
+            )
         return self._play(capture)
 
     def _play(self, capture: cv2.VideoCapture) -> Generator[RecordedFrame]:

@@ -1,7 +1,7 @@
 """Meaning of the signals on a CAN bus for the wheels: a TOML file and, in the same folder, a DBC file.
 
 The keys of [every_wheel] apply to each [[wheel]] that does not set them itself. In every text of them, and in
-the messages of [[start]], [[stop]] and [[protection]], "{node}" stands for the `node` of each wheel in turn.
+the messages of [[start]], [[stop]] and [[protection]], "{node}" is replaced by each wheel's `node`.
 """
 
 import math
@@ -68,8 +68,7 @@ class PositionSource(MeasuredSignal):
     @model_validator(mode="after")
     def _check_ticks(self) -> Self:
         if (self.unit == "ticks") != (self.ticks_per_revolution is not None):
-            msg = 'give ticks_per_revolution if, and only if, the unit is "ticks"'
-            raise ValueError(msg)
+            raise ValueError('give ticks_per_revolution if, and only if, the unit is "ticks"')
         return self
 
 
@@ -150,8 +149,7 @@ class WheelMapping(Settings):
     @model_validator(mode="after")
     def _check_sources(self) -> Self:
         if self.position is None and self.speed is None:
-            msg = "the wheel has neither position nor speed: add one, here or in [every_wheel]"
-            raise ValueError(msg)
+            raise ValueError("the wheel has neither position nor speed: add one, here or in [every_wheel]")
         return self
 
 
@@ -164,8 +162,7 @@ class PowerMapping(Settings):
     @model_validator(mode="after")
     def _check_message(self) -> Self:
         if self.current is not None and self.current.message != self.voltage.message:
-            msg = "voltage and current must come in the same message: leave the current out"
-            raise ValueError(msg)
+            raise ValueError("voltage and current must come in the same message: leave the current out")
         return self
 
 
@@ -208,8 +205,7 @@ class Protection(NamesSignals):
     @model_validator(mode="after")
     def _check_algorithm(self) -> Self:
         if (self.checksum is None) != (self.algorithm is None):
-            msg = "checksum and algorithm belong together: give both or none"
-            raise ValueError(msg)
+            raise ValueError("checksum and algorithm belong together: give both or none")
         return self
 
 
@@ -237,6 +233,5 @@ class CanWheelsMapping(Settings):
         nodes = [wheel.node for wheel in self.wheel]
         repeated = next((node for node in nodes if nodes.count(node) > 1), None)
         if repeated is not None:
-            msg = f"two wheels have the node {repeated!r}: give each its own"
-            raise ValueError(msg)
+            raise ValueError(f"two wheels have the node {repeated!r}: give each its own")
         return self

@@ -1,6 +1,5 @@
 """Reads a mapping and its DBC file, and checks that they fit each other."""
 
-import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -22,7 +21,7 @@ from drivers.can_wheels.mapping import (
 )
 from drivers.can_wheels.signals import Scale, make_scale, raw_limits, raw_value
 from drivers.errors import ConfigError
-from drivers.settings import Settings, direct_mistakes
+from drivers.settings import Settings, direct_mistakes, read_toml
 
 SHIPPED_FOLDER = Path(__file__).parent
 
@@ -93,11 +92,7 @@ def load_mapping(name_or_path: str) -> BusDescription:
         ConfigError: A file is missing or wrong; the message names file, key and fix, a line per mistake.
     """
     path = _mapping_path(name_or_path)
-    try:
-        table = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        msg = f"cannot read mapping {path}: {error}"
-        raise ConfigError(msg) from error
+    table = read_toml(path, f"mapping {path}", "make it readable")
     try:
         mapping = CanWheelsMapping.model_validate(_fill_in(path, table))
     except ValidationError as error:
@@ -116,11 +111,10 @@ def _mapping_path(name_or_path: str) -> Path:
         return shipped[name_or_path]
     path = Path(name_or_path)
     if not path.is_file():
-        msg = (
+        raise ConfigError(
             f"no mapping '{name_or_path}': give the path of a TOML file, relative to the current directory, "
             f"or one of {', '.join(shipped)}{_did_you_mean(name_or_path, shipped)}"
         )
-        raise ConfigError(msg)
     return path
 
 
@@ -133,8 +127,9 @@ def _fill_in(path: Path, table: dict[str, object]) -> dict[str, object]:
         or not isinstance(wheels, list)
         or not all(isinstance(wheel, dict) and "node" in wheel for wheel in wheels)
     ):
-        msg = f"{path}: wheel: give one [[wheel]] with a node per wheel, and what they share in [every_wheel]"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"{path}: wheel: give one [[wheel]] with a node per wheel, and what they share in [every_wheel]"
+        )
     nodes = [str(wheel["node"]) for wheel in wheels]
     table["wheel"] = [
         _with_node({**every_wheel, **wheel}, node) for wheel, node in zip(wheels, nodes, strict=True)
@@ -185,16 +180,13 @@ def _describe(path: Path, error: ValidationError) -> str:
 
 def _load_database(mapping_path: Path, path: Path) -> Database:
     if not path.is_file():
-        msg = f"{mapping_path}: dbc: no file {path.name} in the same folder"
-        raise ConfigError(msg)
+        raise ConfigError(f"{mapping_path}: dbc: no file {path.name} in the same folder")
     try:
         database = cantools.database.load_file(path, database_format="dbc")
     except (cantools.Error, OSError, ValueError) as error:
-        msg = f"cannot read DBC file {path}: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"cannot read DBC file {path}: {error}") from error
     if not isinstance(database, Database):
-        msg = f"{path} holds no CAN messages: give a DBC file"
-        raise ConfigError(msg)
+        raise ConfigError(f"{path} holds no CAN messages: give a DBC file")
     return database
 
 
@@ -220,24 +212,24 @@ def _find_wrong_names(where: str, key: str, value: object, database: Database) -
 def _check_fit(where: str, part: NamesSignals, signal: Signal, held: float | None) -> None:
     low, high = raw_limits(signal)
     if held is not None and not low <= raw_value(signal, held) <= high:
-        msg = f"{where}: signal '{signal.name}' cannot hold {held:g}; correct the value"
-        raise ConfigError(msg)
+        raise ConfigError(f"{where}: signal '{signal.name}' cannot hold {held:g}; correct the value")
     first_bit = 0 if signal.byte_order == "little_endian" else 7
     is_one_byte = signal.length == 8 and signal.start % 8 == first_bit
     if isinstance(part, Protection) and signal.name == part.checksum and not is_one_byte:
-        msg = f"{where}: checksum '{signal.name}' is not one whole byte; only such checksums are supported"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"{where}: checksum '{signal.name}' is not one whole byte; only such checksums are supported"
+        )
 
 
 def _find_message(where: str, database: Database, name: str) -> Message:
     messages = {message.name: message for message in database.messages}
     message = messages.get(name)
     if message is None:
-        msg = f"{where}: the DBC file has no message '{name}'{_did_you_mean(name, messages)}"
-        raise ConfigError(msg)
+        raise ConfigError(f"{where}: the DBC file has no message '{name}'{_did_you_mean(name, messages)}")
     if message.length > 8 or message.is_multiplexed():
-        msg = f"{where}: message '{name}' is multiplexed or longer than 8 bytes, which is not supported"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"{where}: message '{name}' is multiplexed or longer than 8 bytes, which is not supported"
+        )
     return message
 
 
@@ -246,8 +238,7 @@ def _find_signal(where: str, message: Message, name: str) -> Signal:
     signal = signals.get(name)
     if signal is None:
         hint = _did_you_mean(name, signals)
-        msg = f"{where}: message '{message.name}' has no signal '{name}'{hint}"
-        raise ConfigError(msg)
+        raise ConfigError(f"{where}: message '{message.name}' has no signal '{name}'{hint}")
     return signal
 
 

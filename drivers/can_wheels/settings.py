@@ -38,8 +38,7 @@ class CanWheelsSettings(DriveSettings):
     def _check_bit_rate(self) -> Self:
         if self.interface == "slcan" and self.bit_rate not in SLCAN_BIT_RATES:
             known = ", ".join(str(rate) for rate in SLCAN_BIT_RATES)
-            msg = f"an slcan adapter has no bit_rate {self.bit_rate}: choose one of {known}"
-            raise ValueError(msg)
+            raise ValueError(f"an slcan adapter has no bit_rate {self.bit_rate}: choose one of {known}")
         return self
 
     def data_files(self) -> Mapping[str, tuple[Path, ...]]:

@@ -57,11 +57,10 @@ class OverheadCameraCodec:
         self._finder = MarkerFinder(settings.dictionary)
         self._floor = _load_floor(name, settings)
         if settings.marker_id >= self._finder.marker_count:
-            msg = (
+            raise ConfigError(
                 f"devices.{name}.marker_id: {settings.dictionary} has markers 0 to "
                 f"{self._finder.marker_count - 1}: correct the number or the dictionary"
             )
-            raise ConfigError(msg)
         self._ideal = self._finder.draw(settings.marker_id, IDEAL_CELL_PX)
         self._cells = len(self._ideal) / IDEAL_CELL_PX
         self._mount_m = complex(settings.marker_x_m, settings.marker_y_m)
@@ -144,17 +143,15 @@ def _side_px(corners_px: Corners) -> float:
 def _load_floor(name: str, settings: OverheadCameraParameters) -> Floor:
     calibration = load_calibration(settings.calibration_file, FloorCalibration)
     if (calibration.width, calibration.height) != (settings.width, settings.height):
-        msg = (
+        raise ConfigError(
             f"devices.{name}.calibration: {settings.calibration} is for images of {calibration.width} x "
             f"{calibration.height} pixels, not {settings.width} x {settings.height}: calibrate anew"
         )
-        raise ConfigError(msg)
     floor = Floor(calibration)
     camera_m = floor.camera_m
     if settings.marker_height_m > 0.0 and (camera_m is None or camera_m[2] <= settings.marker_height_m):
-        msg = (
+        raise ConfigError(
             f"devices.{name}.calibration: {settings.calibration} must place the camera above the "
             f"marker's height of {settings.marker_height_m:g} m: add or correct camera_m"
         )
-        raise ConfigError(msg)
     return floor

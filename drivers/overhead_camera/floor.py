@@ -62,11 +62,10 @@ class FloorCalibration(Calibration):
         if sum(form is not None for form in forms) != 1 or any(
             (part is None) != (self.camera_matrix is None) for part in pose
         ):
-            msg = (
+            raise ValueError(
                 "give either scale_mm_per_px, or homography, or camera_matrix with rotation_vector and "
                 "translation_m"
             )
-            raise ValueError(msg)
         if self.camera_matrix is None and self.distortion:
             raise ValueError("distortion needs the camera_matrix it was found with: add it")
         if self.camera_matrix is not None and self.camera_m is not None:
@@ -75,8 +74,9 @@ class FloorCalibration(Calibration):
             raise ValueError("distortion must have 4, 5 or 8 coefficients")
         floor = Floor(self)
         if not _sees_from_above(floor.homography, 0.5 * (self.width - 1), 0.5 * (self.height - 1)):
-            msg = "the floor would be seen from below or on edge: its x, y and z axes must be right-handed"
-            raise ValueError(msg)
+            raise ValueError(
+                "the floor would be seen from below or on edge: its x, y and z axes must be right-handed"
+            )
         if floor.camera_m is not None and floor.camera_m[2] <= 0.0:
             raise ValueError("the camera must hang above the floor: correct its position")
         return self
@@ -125,8 +125,7 @@ class Floor:
         if height_m == 0.0:
             return on_floor
         if self.camera_m is None:
-            msg = "a point above the floor cannot be located: the calibration lacks camera_m"
-            raise ModelError(msg)
+            raise ModelError("a point above the floor cannot be located: the calibration lacks camera_m")
         share = height_m / self.camera_m[2]
         return np.asarray(on_floor + share * (self.camera_m[:2] - on_floor))
 
@@ -187,8 +186,7 @@ def fit_floor(points_px: Sequence[tuple[float, float]], points_m: Sequence[tuple
     """
     image, floor = np.array(points_px, dtype=np.float64), np.array(points_m, dtype=np.float64)
     if image.shape != floor.shape or image.ndim != 2 or image.shape[1:] != (2,) or len(image) < FEWEST_POINTS:
-        msg = f"fit_floor needs at least {FEWEST_POINTS} points (x, y) in pixels and as many in m"
-        raise ModelError(msg)
+        raise ModelError(f"fit_floor needs at least {FEWEST_POINTS} points (x, y) in pixels and as many in m")
     if not (np.isfinite(image).all() and np.isfinite(floor).all()):
         raise ModelError("fit_floor: a point is not finite; correct it")
     to_unit_image, to_unit_floor = _normalisation(image), _normalisation(floor)
@@ -199,8 +197,9 @@ def fit_floor(points_px: Sequence[tuple[float, float]], points_m: Sequence[tuple
     to_floor = np.linalg.inv(to_unit_floor) @ np.linalg.inv(_matrix(parameters)) @ to_unit_image
     to_floor /= to_floor[2, 2]
     if not _sees_from_above(to_floor, *image.mean(axis=0)):
-        msg = "fit_floor: the points are mirrored; x, y and up must be a right-handed frame on the floor"
-        raise ModelError(msg)
+        raise ModelError(
+            "fit_floor: the points are mirrored; x, y and up must be a right-handed frame on the floor"
+        )
     unit_scale_mm = 1e3 * to_unit_image[0, 0] / to_unit_floor[0, 0]
     return FloorFit(
         homography=_rows(to_floor),
@@ -252,8 +251,7 @@ def _transform(image: Array, floor: Array) -> Array:
     second = np.column_stack((zero, zero, zero, x, y, one, -v * x, -v * y, -v))
     _, strengths, directions = np.linalg.svd(np.vstack((first, second)))
     if strengths[7] < SMALLEST_SPREAD * strengths[0]:
-        msg = "fit_floor: too many points are (almost) on one line; spread them over the floor"
-        raise ModelError(msg)
+        raise ModelError("fit_floor: too many points are (almost) on one line; spread them over the floor")
     solution = directions[-1]
     return np.asarray(solution[:8] / solution[8])
 

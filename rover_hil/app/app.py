@@ -142,7 +142,7 @@ def replay(
 
 @app.command()
 def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
-    """Check devices, permissions, rates, clocks and calibration; say cause and fix.
+    """Check devices, permissions, rates, clocks and calibration; print cause and fix.
 
     Exit code 1: something needs a fix.
 
@@ -171,7 +171,7 @@ def tune(
 
     Example: `rover-hil tune my_rover.toml --study gains`
 
-    Data: a copy of a configuration with `[tune]` added; docs/bench_tuning.md has one to copy.
+    Data: a copy of a configuration with `[tune]` added; docs/how-to/bench_tuning.md has one to copy.
     """
     from rover_hil.app.tune import tune as tune_rover
 
@@ -182,7 +182,9 @@ def tune(
 
 @app.command()
 def scomp(
-    log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
+    log: Annotated[
+        Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/reference/scomp_files.md.")
+    ],
     out: Annotated[Path, out_option("Write the path to this CSV file.")],
     params: Annotated[Path | None, typer.Option(help="Parameters by `identify scomp`.")] = None,
     online: Annotated[
@@ -191,7 +193,7 @@ def scomp(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Tell where a slipping rover was: slip-compensated odometry of a recorded drive.
+    """Estimate the path of a slipping rover: slip-compensated odometry of a recorded drive.
 
     Example: `rover-hil scomp runs/sand/run.mcap --out path.csv`
 
@@ -229,7 +231,8 @@ def gap(
 
     Example: `rover-hil gap side-slope measured/ --out gap`
 
-    Data: your measured runs; docs/gap_models.md names the columns, docs/gap_tutorial.md makes some.
+    Data: your measured runs; docs/reference/gap_models.md names the columns,
+    docs/tutorials/gap_tutorial.md makes some.
     """
     from rover_hil.app.gap import find_gap
 
@@ -246,7 +249,10 @@ def ftrace(
     rig: Annotated[Path, typer.Option(help="Rig file, JSON, schema rear-camera-rig/1.")],
     out: Annotated[Path, out_option("CSV file to write: one row per frame.")],
     telemetry: Annotated[
-        Path | None, typer.Option(help="CSV file: frame, t, wheel speed, compass, gyro; see docs/ftrace.md.")
+        Path | None,
+        typer.Option(
+            help="CSV file: frame, t, wheel speed, compass, gyro; see docs/reference/ftrace_files.md."
+        ),
     ] = None,
     overlay: Annotated[
         Path | None, typer.Option(help="Also draw the trace: a video (.mp4, .avi) or a folder.")
@@ -262,7 +268,8 @@ def ftrace(
 
     Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`
 
-    Data: your recorded drive, or the rendered one that docs/ftrace.md makes; run it in that folder.
+    Data: your recorded drive, or the rendered one that docs/how-to/measure_a_wheel_trace.md makes;
+    run it in that folder.
     """
     from rover_hil.app.ftrace import trace_angles
 
@@ -307,21 +314,22 @@ def identify_slip(
 
 @identify_app.command("probe")
 def identify_probe(
-    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a shake and a true pose.")],
+    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a yaw excitation and a true pose.")],
     out: Annotated[Path, out_option("Write the maps with the fitted probe to this TOML file.")],
     maps: Annotated[
         str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
     ] = "robotino",
-    amplitude: Annotated[float, typer.Option(help="Of the shake in the logs, rad/s.")] = 0.35,
-    frequency: Annotated[float, typer.Option(help="Of the shake in the logs, Hz.")] = 5.0,
+    amplitude: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, rad/s.")] = 0.35,
+    frequency: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, Hz.")] = 5.0,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Fit what the lost share of a small shake of the yaw tells about slip.
+    """Fit slip over the transmission loss of a small yaw excitation.
 
     Example: `rover-hil identify probe runs/ --out my_ground.toml`
 
-    Data: your logs with a shake of the yaw and an overhead camera; docs/slip_maps.md gives the settings.
+    Data: your logs with a yaw excitation and an overhead camera; docs/how-to/fit_slip_maps.md gives the
+    settings.
     """
     from rover_hil.app.identify_probe import identify_probe as identify
 
@@ -345,7 +353,7 @@ def identify_motor(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Fit motor, friction and speed loop, with intervals, and say what the data cannot determine.
+    """Fit motor, friction and speed loop, with intervals, and list what the data cannot determine.
 
     Exit code 1: nothing was determined.
 
@@ -360,7 +368,9 @@ def identify_motor(
 
 @identify_app.command("scomp")
 def identify_scomp(
-    log: Annotated[Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/scomp.md.")],
+    log: Annotated[
+        Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/reference/scomp_files.md.")
+    ],
     truth: Annotated[
         Path | None,
         typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad. Default: that in the log."),
@@ -376,7 +386,7 @@ def identify_scomp(
 
     Example: `rover-hil identify scomp drive.csv --truth tracker.csv --out sand.toml`
 
-    Data: your recorded drive and its tracked path; docs/scomp.md names the columns.
+    Data: your recorded drive and its tracked path; docs/reference/scomp_files.md names the columns.
     """
     from rover_hil.app.identify_scomp import identify_scomp as identify
 
@@ -416,7 +426,8 @@ def calibrate_camera(
     Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
     --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
 
-    Data: pictures by your camera; docs/ftrace.md describes them and the keys of rover.json.
+    Data: pictures by your camera; docs/how-to/measure_a_wheel_trace.md describes them and
+    rover.json.
     """
     from math import radians
 
@@ -446,7 +457,7 @@ def import_robotino(
     file: Annotated[Path, typer.Argument(help="A measured run, .csv or .csv.gz.")],
     out: Annotated[Path, out_option("The log to write.")],
     millimetres_per_pixel: Annotated[
-        float, typer.Option(help="Scale of the overhead camera; the data set's own file says 1.84.")
+        float, typer.Option(help="Scale of the overhead camera; the data set's own file states 1.84.")
     ] = 1.84,
     config: Annotated[str, typer.Option(help="The rover it was measured on.")] = "robotino",
     force: ForceOption = False,
@@ -467,7 +478,7 @@ def import_robotino(
 
 
 def _spread(arguments: list[str], option: str) -> list[str]:
-    """Let `--test A B` stand for `--test A --test B`, which is all that the library understands."""
+    """Return arguments with `--test A --test B` for `--test A B`, which the library does not parse."""
     spread: list[str] = []
     is_open = False
     for argument in arguments:

@@ -1,4 +1,4 @@
-"""`rover-hil doctor`: look at a rover before it drives, and say cause and fix."""
+"""`rover-hil doctor`: check a rover before it drives, and report cause and fix."""
 
 from collections.abc import Sequence
 

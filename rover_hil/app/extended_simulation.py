@@ -116,8 +116,8 @@ def extend_simulation(config: Config, path: Path) -> tuple[SimulationSettings, l
         }
         changes |= rules[name](_Known(effect, values, plant, config.rover))
     changed = _with(plant, changes, path)
-    told = [f"{place}: {_at(plant, place):.4g} -> {_at(changed, place):.4g}" for place in changes]
-    return config.simulation.model_copy(update={"plant": changed}), told
+    changed_values = [f"{place}: {_at(plant, place):.4g} -> {_at(changed, place):.4g}" for place in changes]
+    return config.simulation.model_copy(update={"plant": changed}), changed_values
 
 
 def _with(plant: RobotinoPlantSettings, changes: Mapping[str, float], path: Path) -> RobotinoPlantSettings:

@@ -99,8 +99,7 @@ def _method(name: str) -> Method:
         if method == name:
             return method
     removed = " was removed, it was a part of fused" if name in ("rut", "memory") else " is unknown"
-    msg = f"--method {name}{removed}: use fused, or hough for the method of the paper"
-    raise ConfigError(msg)
+    raise ConfigError(f"--method {name}{removed}: use fused, or hough for the method of the paper")
 
 
 def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:

@@ -12,6 +12,7 @@ from rich.table import Table
 from drivers.clock import wall_time_text
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.options import check_inputs
+from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
 from rover_hil.identify.motor.report import Estimate, MotorReport
 from rover_hil.pages.atomic_write import check_file, write_file
@@ -92,28 +93,22 @@ def _row(item: Estimate) -> tuple[str, ...]:
 
 
 def _toml(reports: Sequence[MotorReport], source: Sequence[str]) -> str:
-    lines = [
-        'schema = "rover-hil-motor/1"',
-        f"date = {json.dumps(wall_time_text())}",
-        f"source = {json.dumps(list(source))}",
+    motors = [
+        {
+            "number": report.motor,
+            "speed_range_rad_s": report.speed_range_rad_s,
+            "current_range_a": report.current_range_a,
+            "undetermined": report.undetermined,
+            **{item.name: _record(item) for item in report.estimates},
+        }
+        for report in reports
     ]
-    for report in reports:
-        lines += ["", "[[motor]]", f"number = {report.motor}"]
-        lines.append(f"speed_range_rad_s = {_pair(report.speed_range_rad_s)}")
-        lines.append(f"current_range_a = {_pair(report.current_range_a)}")
-        lines.append(f"undetermined = {json.dumps(list(report.undetermined))}")
-        for item in report.estimates:
-            lines += ["", f"[motor.{item.name}]", f"unit = {json.dumps(item.unit)}"]
-            lines.append(f"determined = {'true' if item.determined else 'false'}")
-            lines += [
-                f"{key} = {number!r}"
-                for key, number in (("value", item.value), ("low", item.low), ("high", item.high))
-                if number is not None
-            ]
-            if item.why:
-                lines.append(f"why = {json.dumps(item.why)}")
-    return "\n".join(lines) + "\n"
+    return toml_text(
+        {"schema": "rover-hil-motor/1", "date": wall_time_text(), "source": source, "motor": motors}
+    )
 
 
-def _pair(values: tuple[float, float]) -> str:
-    return f"[{values[0]!r}, {values[1]!r}]"
+def _record(item: Estimate) -> dict[str, object]:
+    names = ("unit", "determined", "value", "low", "high", "why")
+    record = {name: getattr(item, name) for name in names}
+    return {name: value for name, value in record.items() if value not in (None, "")}

@@ -80,5 +80,4 @@ def _excitation(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: floa
     except ValidationError as error:
         detail = error.errors()[0]
         option = str(detail["loc"][0]).split("_")[0]
-        msg = f"--{option} {detail['input']:g}: {detail['msg']}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"--{option} {detail['input']:g}: {detail['msg']}") from error

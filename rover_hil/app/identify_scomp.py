@@ -81,8 +81,9 @@ def _true_path(log: Path, source: ReadDrive, truth: Path | None) -> tuple[TruePa
     if truth is not None:
         return read_truth(truth), truth.name
     if source.recorded is None:
-        msg = f"{log} is a CSV file: give its true path with --truth, a CSV file with {', '.join(TRUTH)}"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"{log} is a CSV file: give its true path with --truth, a CSV file with {', '.join(TRUTH)}"
+        )
     path, name = log_truth(source.recorded)
     return path, f"{name} in {log.name}"
 

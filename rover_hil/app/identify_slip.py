@@ -60,8 +60,9 @@ def identify_slip(
         for name, files in test_files.items():
             runs = read_all(files.files, motor, advance)
             if found.scale.mm_per_px is None and any(run.camera_in_pixels for run in runs):
-                msg = f"{name} is in pixels, but no training run gives a camera scale: train on such runs too"
-                raise LogError(msg)
+                raise LogError(
+                    f"{name} is in pixels, but no training run gives a camera scale: train on such runs too"
+                )
             tests[name] = score_runs(found.maps, runs, found.scale.m_per_px)
             used = [*used, *runs]
     rejected = sum((Counter(run.rejected) for run in used), Counter[str]())

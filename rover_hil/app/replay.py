@@ -1,4 +1,4 @@
-"""`rover-hil replay`: run a log again and say what came out different."""
+"""`rover-hil replay`: run a log again and list the outputs that differ."""
 
 from pathlib import Path
 
@@ -42,8 +42,7 @@ def replay_log(
         config = logged_config if controller is None else with_controller_of(logged_config, controller)
         result = replay(log, config, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
-        msg = f"log {path} holds no complete cycle"
-        raise LogError(msg)
+        raise LogError(f"log {path} holds no complete cycle")
     if as_json:
         Console().out(to_json({**_record(result), "log_is_complete": log.is_complete}).decode())
     else:

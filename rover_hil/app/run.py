@@ -56,8 +56,7 @@ def run_rover(
     """
     config = load_config(config_name, VIRTUAL_RUN_CHECKS if virtual else RUN_CHECKS)
     if virtual and realtime:
-        msg = "--virtual runs on simulated time: leave --realtime out"
-        raise ConfigError(msg)
+        raise ConfigError("--virtual runs on simulated time: leave --realtime out")
     messages = Console(stderr=True)
     if model is not None:
         config = _extended(config, model, messages, virtual=virtual)
@@ -99,8 +98,8 @@ def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) 
         raise ConfigError(f"{model}: --model is for the simulated rover: add --virtual")
     from rover_hil.app.extended_simulation import extend_simulation
 
-    simulation, told = extend_simulation(config, model)
-    for line in told:
+    simulation, changed_values = extend_simulation(config, model)
+    for line in changed_values:
         messages.print(line, highlight=False)
     return config.model_copy(update={"simulation": simulation})
 
@@ -145,8 +144,9 @@ def _run_real(
             try:
                 rig.connect(CONNECT_TIMEOUT_S)
             except NotConnectedError as error:
-                msg = f"{error}; `rover-hil doctor` says more, `rover-hil simulate` serves a simulated rover"
-                raise NotConnectedError(msg) from error
+                raise NotConnectedError(
+                    f"{error}; `rover-hil doctor` reports more, `rover-hil simulate` serves a simulated rover"
+                ) from error
             resources.enter_context(closing(rig))
             watchdog = Watchdog(
                 rig.drive,
@@ -171,8 +171,7 @@ def _open_log(part: Path, path: Path, config: Config, start_ns: int, origin: str
     try:
         return LogWriter(part, start_ns, config_json, data_files, origin, final_path=path)
     except OSError as error:
-        msg = f"cannot write {path}: {error.strerror}; choose another --out"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"cannot write {path}: {error.strerror}; choose another --out") from error
 
 
 def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:

@@ -18,7 +18,7 @@ from rover_hil.scomp.summary import summary_of
 def run_scomp(
     log: Path, *, params: Path | None, out: Path, online: bool, as_json: bool, force: bool = False
 ) -> int:
-    """Estimate the path of `log`, write it to `out`, and say what was done without; returns the exit code.
+    """Estimate the path of `log`, write it to `out`, and print missing sensors; returns the exit code.
 
     Args:
         log: Our log or a CSV file.

@@ -39,8 +39,8 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
     if model is not None:
         from rover_hil.app.extended_simulation import extend_simulation
 
-        simulation, told = extend_simulation(config, model)
-        for line in told:
+        simulation, changed_values = extend_simulation(config, model)
+        for line in changed_values:
             console.print(line)
     clock = SystemClock()
     world = build_world(config.devices, simulation, clock.now_ns())

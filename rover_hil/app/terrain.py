@@ -87,7 +87,7 @@ def traverse(
         slope_deg: List of slopes.
         roll_deg: List of rolls towards uphill.
         mass_kg: List of masses; None takes the rover's.
-        model: Model file of the side-slope rover that says what is predicted in place of the paper's model.
+        model: Model file of the side-slope rover that replaces the paper's model.
         output: Where results go.
 
     Raises:

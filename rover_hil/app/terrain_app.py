@@ -9,7 +9,7 @@ import typer
 from rover_hil.app.options import ForceOption, Group, JsonOption, out_option
 
 terrain_app = typer.Typer(cls=Group, help="Wheels and rovers on soil: forces, slopes, soil numbers.")
-RoverOption = Annotated[str, typer.Option(help="`paper_001`, or a TOML file; see docs/terrain.md.")]
+RoverOption = Annotated[str, typer.Option(help="`paper_001`, or a TOML file; see docs/reference/terrain.md.")]
 RoverWheelOption = Annotated[
     str | None, typer.Option(help="A wheel of the library or a TOML file [default: the rover's].")
 ]
@@ -64,7 +64,7 @@ def terrain_traverse(
     wheel: RoverWheelOption = None,
     soil: SoilOption = "toyoura",
     model: Annotated[
-        Path | None, typer.Option(help="The model.toml of `rover-hil gap side-slope`: with what it found.")
+        Path | None, typer.Option(help="A model.toml by `gap side-slope`: adds the effects in it.")
     ] = None,
     out: ReportOption = None,
     force: ForceOption = False,
@@ -104,7 +104,7 @@ def terrain_climb(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Slip up and down slopes, and the steepest slopes, beside the wheels measured in paper 002.
+    """Slip up and down slopes, and the steepest slopes, compared with the wheels measured in paper 002.
 
     Exit code 1: the rover does not even drive on level ground.
 
@@ -144,11 +144,12 @@ def terrain_papers(
 @terrain_app.command("fit")
 def terrain_fit(
     data: Annotated[
-        Path, typer.Argument(help="Folder of plate and wheel tests; docs/terrain.md says which files.")
+        Path,
+        typer.Argument(help="Folder of plate and wheel tests; docs/reference/terrain.md names the files."),
     ],
     wheel: Annotated[str, typer.Option(help="The wheel of the tests.")] = "cmu_smooth",
     soil: Annotated[str, typer.Option(help="Start values: a soil file, or its name.")] = "cmu_sand_blind",
-    free: Annotated[str, typer.Option(help="What the wheel tests shall tell, `a,b,c`.")] = (
+    free: Annotated[str, typer.Option(help="Numbers to fit to the wheel tests, `a,b,c`.")] = (
         "shear_modulus_m,exit_share,slide_number,push_number,wake_rate,wall_number,sideways_exponent,wall_drag"
     ),
     plates_only: Annotated[bool, typer.Option("--plates-only", help="Leave out the wheel tests.")] = False,
@@ -160,7 +161,7 @@ def terrain_fit(
 
     Example: `rover-hil terrain fit test_bed --out sand`
 
-    Data: plates.csv and wheel.csv of your test bed; docs/terrain.md names the columns.
+    Data: plates.csv and wheel.csv of your test bed; docs/reference/terrain.md names the columns.
     """
     from rover_hil.app.terrain_fit import fit
     from rover_hil.terrain.setup import Output

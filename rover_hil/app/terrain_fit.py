@@ -46,7 +46,9 @@ def fit(data: Path, *, wheel_name: str, soil_name: str, free: str, plates_only: 
     """
     output.refuse_overwrite("soil", "cells", others=[SOIL_FILE])
     if not data.is_dir():
-        raise LogError(f"no folder {data}: give one with plate and wheel tests; docs/terrain.md names them")
+        raise LogError(
+            f"no folder {data}: give one with plate and wheel tests; docs/reference/terrain.md names them"
+        )
     start, wheel = load_any_angle_soil(soil_name), load_wheel(wheel_name)
     names = [name.strip() for name in free.split(",")]
     plates = waited_for(lambda: _plates(data), "reading plate tests")

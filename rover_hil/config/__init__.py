@@ -1,6 +1,6 @@
 """The configuration of a rover: its schema, the reader of its file, and the texts of its errors."""
 
-from rover_hil.config.error_text import describe_validation_error
+from rover_hil.config.error_text import describe_validation_error, validated
 from rover_hil.config.loader import load_config, load_slip_map, read_config_text, read_rig, shipped_configs
 from rover_hil.config.schema import Config, Draft, LoopSettings, RoleSettings, Rule
 
@@ -16,4 +16,5 @@ __all__ = [
     "read_config_text",
     "read_rig",
     "shipped_configs",
+    "validated",
 ]

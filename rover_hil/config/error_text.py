@@ -2,11 +2,27 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from typing import TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from drivers.errors import ConfigError
 from drivers.settings import Settings, direct_mistakes
+
+SettingsT = TypeVar("SettingsT", bound=Settings)
+
+
+def validated(kind: type[SettingsT], table: Mapping[str, object], source: str) -> SettingsT:
+    """Return the settings in a table.
+
+    Raises:
+        ConfigError: It holds mistakes; one line per mistake with `source`, key and fix.
+    """
+    try:
+        return kind.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(describe_validation_error(source, error, table)) from error
 
 
 def describe_validation_error(source: str, error: ValidationError, table: Mapping[str, object]) -> str:

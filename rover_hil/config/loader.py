@@ -14,7 +14,8 @@ from controllers.ftrace.rig import RigFile
 from controllers.settings import OLD_SCOMP_KEY
 from drivers.errors import ConfigError
 from drivers.registry import AnyDeviceSettings
-from rover_hil.config.error_text import describe_mistakes, describe_validation_error, join_lines
+from drivers.settings import read_toml
+from rover_hil.config.error_text import describe_mistakes, join_lines, validated
 from rover_hil.config.schema import SCHEMA_RULES, Config, Draft, Rule, find_conflicts
 
 SHIPPED = resources.files("rover_hil.config") / "shipped"
@@ -44,8 +45,7 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
     try:
         table = tomllib.loads(read_config_text(name_or_path))
     except tomllib.TOMLDecodeError as error:
-        msg = f"{name_or_path} is not valid TOML: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"{name_or_path} is not valid TOML: {error}") from error
     _rename_old_sections(table)
     unreadable = _inline_files(table)
     try:
@@ -79,11 +79,7 @@ def read_rig(path: Path) -> RigFile:
     Raises:
         ConfigError: The file cannot be read, or holds mistakes; one line per mistake with file, key and fix.
     """
-    table = _load_table("rig file", path, str(path))
-    try:
-        return RigFile.model_validate(table)
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(str(path), error, table)) from error
+    return validated(RigFile, _load_table("rig file", path, str(path)), str(path))
 
 
 def read_config_text(name_or_path: str) -> str:
@@ -96,34 +92,33 @@ def read_config_text(name_or_path: str) -> str:
         return (SHIPPED / "configs" / f"{name_or_path}.toml").read_text("utf-8")
     path = Path(name_or_path)
     if path.is_dir():
-        msg = f"{path} is a folder; give the TOML file in it"
-        raise ConfigError(msg)
+        raise ConfigError(f"{path} is a folder; give the TOML file in it")
     try:
         return path.read_text("utf-8")
     except FileNotFoundError:
-        msg = f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
-        raise ConfigError(msg) from None
+        raise ConfigError(
+            f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
-        msg = f"cannot read configuration {path}: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"cannot read configuration {path}: {error}") from error
 
 
 def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
     """Return the object in a shipped file, or, where there is none, in the file at a path."""
     path = shipped if shipped.is_file() else Path(name_or_path)
     is_json = shipped.name.endswith(".json")
+    if not is_json:
+        return read_toml(path, f"{what} {name_or_path}", "name a shipped one or a file")
     try:
-        text = path.read_text("utf-8")
-        table = json.loads(text[:LARGEST_RIG_BYTES]) if is_json else tomllib.loads(text)
+        table = json.loads(path.read_text("utf-8")[:LARGEST_RIG_BYTES])
     except OSError as error:
-        msg = f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a file"
-        raise ConfigError(msg) from error
+        raise ConfigError(
+            f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a file"
+        ) from error
     except ValueError as error:
-        msg = f"{what} {name_or_path} is not valid {'JSON' if is_json else 'TOML'}: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"{what} {name_or_path} is not valid JSON: {error}") from error
     if not isinstance(table, dict):
-        msg = f"{what} {name_or_path} must hold an object with keys"
-        raise ConfigError(msg)
+        raise ConfigError(f"{what} {name_or_path} must hold an object with keys")
     return table
 
 

@@ -22,8 +22,7 @@ from sim_backends.settings import SimulationSettings
 def _check_device_name(name: str) -> str:
     # It is part of topics and of paths in the log.
     if not re.fullmatch(r"\w[\w-]*", name):
-        msg = f"a device cannot be called '{name}', use letters, digits, _ and -"
-        raise ValueError(msg)
+        raise ValueError(f"a device cannot be called '{name}', use letters, digits, _ and -")
     return name
 
 

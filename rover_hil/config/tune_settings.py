@@ -28,11 +28,11 @@ class TunableSettings(Settings):
     @model_validator(mode="after")
     def _check_order(self) -> Self:
         if self.low >= self.high:
-            msg = f"low {self.low:g} is not below high {self.high:g}: swap or widen them"
-            raise ValueError(msg)
+            raise ValueError(f"low {self.low:g} is not below high {self.high:g}: swap or widen them")
         if self.scale == "log" and self.low <= 0.0:
-            msg = f"low {self.low:g} must be positive on a log scale: raise it or write scale = 'linear'"
-            raise ValueError(msg)
+            raise ValueError(
+                f"low {self.low:g} must be positive on a log scale: raise it or write scale = 'linear'"
+            )
         return self
 
 
@@ -61,8 +61,7 @@ class ObjectiveSettings(Settings):
     @model_validator(mode="after")
     def _check_terms(self) -> Self:
         if not self.references():
-            msg = "has no term: add path_rms_m, closure_m, heading_deg or effort_rad_s2"
-            raise ValueError(msg)
+            raise ValueError("has no term: add path_rms_m, closure_m, heading_deg or effort_rad_s2")
         return self
 
     def references(self) -> dict[str, float]:
@@ -72,7 +71,7 @@ class ObjectiveSettings(Settings):
 
 
 class StabilitySettings(Settings):
-    """Which gains are rejected as oscillating, whatever their cost; unfinished missions are always rejected.
+    """Which gains are rejected as oscillating, at any cost; unfinished missions are always rejected.
 
     Attributes:
         reversal_rad_s: A wheel set-point has reversed when it goes back by this much.

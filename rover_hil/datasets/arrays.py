@@ -11,6 +11,11 @@ Flags: TypeAlias = NDArray[np.bool_]
 Times: TypeAlias = NDArray[np.int64]
 
 
+def rms(values: Array) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def wrap_angles(angle_rad: Array) -> Array:
     """Return the same directions within [-pi, pi)."""
     return (angle_rad + math.pi) % math.tau - math.pi

@@ -88,21 +88,17 @@ class CsvTable:
         Raises:
             RoverHilError: A cell holds no number.
         """
-        numbers = np.full(len(self.rows), np.nan)
-        for row, text in enumerate(self.text(name)):
-            try:
-                number = float(WORDS.get(text.lower(), text))
-            except ValueError:
-                number = math.inf
-                is_number = False
-            else:
-                is_number = not is_needed or math.isfinite(number)
-            if not is_number:
+        cells = self.text(name)
+        numbers = [_number(cell) for cell in cells]
+        for row, number in enumerate(numbers):
+            if number is None or (is_needed and not math.isfinite(number)):
                 advice = f": {fix}" if fix else ""
-                raise self.error(f"{self.where(row)}, column '{name}': '{text}' is not a number{advice}")
-            if math.isfinite(number):
-                numbers[row] = number
-        return numbers
+                raise self.error(
+                    f"{self.where(row)}, column '{name}': '{cells[row]}' is not a number{advice}"
+                )
+        column = np.array(numbers, np.float64)
+        column[~np.isfinite(column)] = np.nan
+        return column
 
 
 def read_csv(
@@ -155,19 +151,18 @@ def read_csv(
 
 
 def _header_lines(rows: Sequence[Sequence[str]]) -> int:
-    """Return how many rows stand above the first number."""
+    """Return the number of rows above the first number."""
     for count, cells in enumerate(rows[: MOST_HEADER_LINES + 1]):
-        if any(_is_number(cell) for cell in cells):
+        if any(cell.lower() not in WORDS and _number(cell) is not None for cell in cells):
             return count
     return len(rows)
 
 
-def _is_number(cell: str) -> bool:
+def _number(cell: str) -> float | None:
     try:
-        float(cell)
+        return float(cell)
     except ValueError:
-        return False
-    return True
+        return WORDS.get(cell.lower())
 
 
 def first_line(path: Path) -> str:

@@ -151,11 +151,10 @@ class LogRows:
             )
         device = max(self._fixes, key=lambda name: len(self._fixes[name]), default=None)
         if device is None:
-            msg = (
+            raise LogError(
                 f"log {log.path} holds no true pose, neither on /truth nor as pose fixes of a device in "
                 "roles.fixes: record one with an overhead camera"
             )
-            raise LogError(msg)
         columns = ("x_m", "y_m", "yaw_rad", "position_std_m", "yaw_std_rad")
         taken = [(min(fix.t_capture_ns, fix.t_ns), fix) for fix in self._fixes[device]]
         t_ns = np.array([t for t, _ in taken], np.int64)

@@ -122,8 +122,7 @@ def read_record(path: Path, *, with_camera: bool) -> RobotinoRecord:
     units = units | {name: unit for name, unit in VOLTAGES.items() if name in table.names}
     for name, unit in units.items():
         if table.units.get(name) != unit:
-            msg = f"{path} line 2, column '{name}': the unit is not {unit}: convert the column"
-            raise LogError(msg)
+            raise LogError(f"{path} line 2, column '{name}': the unit is not {unit}: convert the column")
     table.check_shape(FIX)
     record = RobotinoRecord(table, {name: table.numbers(name, fix=FIX, is_needed=True) for name in units})
     late = np.flatnonzero(np.diff(record.columns["t"], prepend=-np.inf) <= 0.0)

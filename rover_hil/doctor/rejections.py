@@ -13,7 +13,7 @@ TOLERATED_SHARE = 0.01
 
 
 class Advice(NamedTuple):
-    """Cause and fix of one reason; `{device}` stands for the name of the device.
+    """Cause and fix of one reason; `{device}` is replaced by the name of the device.
 
     Attributes:
         level: Severity when good data arrives too; OK for valid data that is not for us.

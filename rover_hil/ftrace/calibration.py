@@ -8,13 +8,12 @@ from typing import Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from controllers.ftrace.rig import SCHEMA, RigFile
 from drivers.camera.images import read_image
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from rover_hil.config import describe_validation_error
+from rover_hil.config import validated
 from rover_hil.ftrace.frames import FrameSource
 
 Floats = NDArray[np.float64]
@@ -86,15 +85,13 @@ def calibrate(pictures: Path, ground: Path, board: Board, target: GroundTarget) 
     views = [frame.image for frame in FrameSource(pictures) if frame.image.size]
     sizes = {view.shape[:2] for view in views}
     if len(sizes) != 1:
-        msg = f"{pictures} holds pictures of {len(sizes)} sizes: all must come from one camera"
-        raise ConfigError(msg)
+        raise ConfigError(f"{pictures} holds pictures of {len(sizes)} sizes: all must come from one camera")
     found = [pair for pair in (find_corners(view, board) for view in views) if pair is not None]
     if len(found) < LEAST_PICTURES:
-        msg = (
+        raise ConfigError(
             f"{len(found)} of {len(views)} pictures in {pictures} show the board, {LEAST_PICTURES} needed: "
             "check --columns, --rows (squares) and --board"
         )
-        raise ConfigError(msg)
     height, width = sizes.pop()
     points = [flat.astype(np.float32) for flat, _ in found]
     corners = [pixels.astype(np.float32) for _, pixels in found]
@@ -146,8 +143,7 @@ def _pose(
     image = read_image(ground)
     found = find_corners(image, board) if image.size else None
     if found is None:
-        msg = f"{ground} does not show the board on the ground: all of it must be in view"
-        raise ConfigError(msg)
+        raise ConfigError(f"{ground} does not show the board on the ground: all of it must be in view")
     flat, pixels = found
     best: tuple[Floats, Floats, float] | None = None
     # A chessboard is symmetric to half a turn; the camera looks back, away from the vehicle's nose.
@@ -164,8 +160,9 @@ def _pose(
         if position[2] > 0 and (best is None or rotation[0, 2] < best[0][0, 2]):
             best = rotation, position, rms
     if best is None:
-        msg = f"{ground}: the camera would be below the ground: check --ground-yaw and the board's direction"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"{ground}: the camera would be below the ground: check --ground-yaw and the board's direction"
+        )
     return best
 
 
@@ -192,14 +189,11 @@ def rig_text(rover: Path, calibration: Calibration, fps: float) -> str:
     try:
         table = json.loads(rover.read_text(encoding="utf-8"))
     except OSError as error:
-        msg = f"cannot read {rover}: {error.strerror}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"cannot read {rover}: {error.strerror}") from error
     except ValueError as error:
-        msg = f"{rover} is not valid JSON: {error}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"{rover} is not valid JSON: {error}") from error
     if not isinstance(table, dict):
-        msg = f"{rover} must hold an object with the keys of the rover"
-        raise ConfigError(msg)
+        raise ConfigError(f"{rover} must hold an object with the keys of the rover")
     table |= {
         "schema": SCHEMA,
         "image": {"width": calibration.size[0], "height": calibration.size[1], "fps": fps, "format": "bgr8"},
@@ -208,8 +202,5 @@ def rig_text(rover: Path, calibration: Calibration, fps: float) -> str:
         "R_vehicle_camera": calibration.rotation.tolist(),
         "t_vehicle_camera": calibration.position_m.tolist(),
     }
-    try:
-        RigFile.model_validate(table)
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(str(rover), error, table)) from error
+    validated(RigFile, table, str(rover))
     return json.dumps(table, indent=2) + "\n"

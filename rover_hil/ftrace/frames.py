@@ -40,8 +40,7 @@ class FrameSource:
     def __init__(self, path: Path) -> None:
         self._path = path
         if not path.exists():
-            msg = f"{path} does not exist: give a folder of pictures or a video"
-            raise ConfigError(msg)
+            raise ConfigError(f"{path} does not exist: give a folder of pictures or a video")
         self._pictures: list[tuple[int, Path]] = []
         if path.is_dir():
             self._pictures = _numbered(path)
@@ -51,8 +50,9 @@ class FrameSource:
             self.count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
             capture.release()
         if self.count <= 0:
-            msg = f"{path} has no frames: give a folder of pictures ({', '.join(PICTURES)}) or a video"
-            raise ConfigError(msg)
+            raise ConfigError(
+                f"{path} has no frames: give a folder of pictures ({', '.join(PICTURES)}) or a video"
+            )
 
     def __iter__(self) -> Iterator[FrameFile]:
         """Yield the frames."""
@@ -80,11 +80,10 @@ def to_grey(frame: FrameFile, width: int, height: int) -> Image:
     if image.size == 0:
         return np.zeros((height, width), np.uint8)
     if image.shape[:2] != (height, width):
-        msg = (
+        raise ConfigError(
             f"frame {frame.number} has {image.shape[1]} x {image.shape[0]} pixels, the rig "
             f"{width} x {height}: use the rig file of this camera"
         )
-        raise ConfigError(msg)
     if image.ndim == BGR and image.shape[2] == BGR:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     return image.reshape(height, width)

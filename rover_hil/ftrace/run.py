@@ -38,12 +38,12 @@ def estimate(
         row = TelemetryRow(frame.number / rig.image.fps, None, None)
         if telemetry is not None:
             if frame.number not in telemetry:
-                msg = f"the telemetry has no row for frame {frame.number}: every frame needs one"
-                raise ConfigError(msg)
+                raise ConfigError(f"the telemetry has no row for frame {frame.number}: every frame needs one")
             row = telemetry[frame.number]
         if row.t_s <= before:
-            msg = f"time goes backwards: frame {frame.number} at {row.t_s:g} s follows one at {before:g} s"
-            raise ConfigError(msg)
+            raise ConfigError(
+                f"time goes backwards: frame {frame.number} at {row.t_s:g} s follows one at {before:g} s"
+            )
         before = row.t_s
         grey = to_grey(frame, rig.image.width, rig.image.height)
         angle = estimator.step(

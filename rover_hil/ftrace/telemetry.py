@@ -41,11 +41,9 @@ def read_telemetry(path: Path) -> dict[int, TelemetryRow]:
     before = -math.inf
     for row, (frame, t_s, speed, *rates) in enumerate(zip(*columns, strict=True)):
         if not frame.is_integer() or math.isnan(t_s):
-            msg = f"{table.where(row)}: frame must be a whole number and t a time in s"
-            raise ConfigError(msg)
+            raise ConfigError(f"{table.where(row)}: frame must be a whole number and t a time in s")
         if t_s <= before:
-            msg = f"{table.where(row)}: time {t_s:g} s is not after {before:g} s: sort the rows"
-            raise ConfigError(msg)
+            raise ConfigError(f"{table.where(row)}: time {t_s:g} s is not after {before:g} s: sort the rows")
         before = t_s
         x, y, z = map(math.radians, rates)
         known_rates = None if math.isnan(x + y + z) else (x, y, z)

@@ -10,6 +10,7 @@ from rover_hil.gap.explain.naming import Naming
 from rover_hil.gap.explain.prepare import Prepared
 from rover_hil.gap.explain.residual_equations import Equation
 from rover_hil.gap.explain.search import Explanation
+from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.plan import Plan
 from rover_hil.gap.verdict import Verdict
 from sim_backends.models.interface import Model, Run
@@ -44,10 +45,15 @@ class Findings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analysis:
-    """Content of a report."""
+    """Content of a report.
+
+    Attributes:
+        machine: Findings on a machine, in place of `findings`.
+    """
 
     model: Model
     verdict: Verdict
     runs: tuple[Run, ...]
     plan: Plan | None
     findings: Findings | None
+    machine: MachineFindings | None = None

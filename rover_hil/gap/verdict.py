@@ -57,6 +57,10 @@ class Verdict:
         default_factory=lambda: {"retuned": None, "placebo": None, "rival": None}
     )
     missing: Sequence[Mapping[str, str | int]] = ()
+    error_budget: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
+    draft: Sequence[Mapping[str, float | str]] = ()
+    weightings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
     seconds: float = math.nan
 
     def lines(self) -> list[str]:
@@ -71,4 +75,5 @@ class Verdict:
         for one in self.unnamed:
             similar = f" (most similar effect: {one['closest']}, cosine {one['cosine']})"
             lines.append(f"Unexplained: {one['equation']}{similar if one['closest'] else ''}")
+        lines += [f"Warning: {one}" for one in self.warnings]
         return [*lines, f"Next run: {self.next_run}"] if self.next_run else lines

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 
@@ -21,11 +20,14 @@ from rover_hil.gap.explain.prepare import Prepared, input_units, prepare, relear
 from rover_hil.gap.explain.residual_equations import Equation, find_equations
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Analysis, Findings
+from rover_hil.gap.machines.analysis import analyse_machine
+from rover_hil.gap.machines.verdict import decide_machine
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.score import score_all
 from rover_hil.gap.verdict import Answer
-from sim_backends.models.interface import MachineModel, Model, Run
+from sim_backends.models.interface import Model, Run
+from sim_backends.state_model.model import StateModel
 
 ALPHAS = {"gap": GAP_ALPHA, "first name": NAME_ALPHA, "further name": MORE_ALPHA}
 
@@ -54,10 +56,7 @@ def analyse(
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
-    if isinstance(model, MachineModel):
-        model = cast("Model", model.refined(runs))
-    else:
-        model = ObservedModel(model, runs)
+    model = model.refined(runs) if isinstance(model, StateModel) else ObservedModel(model, runs)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
@@ -97,13 +96,20 @@ def _analyse(
     objection = object_to(model, open_runs)
     if objection is not None:
         return refused(Answer.BAD_DATA, f"without the locked runs, {objection.reason}", plan)
+    locked_runs = [run for run in runs if run.name in locked]
+    if isinstance(model, StateModel):
+        found = analyse_machine(model, open_runs, locked_runs, seed, advance)
+        verdict = decide_machine(found)
+        return Analysis(
+            model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=None, machine=found
+        )
     try:
         findings = _learn(model, open_runs, np.random.default_rng(seed), advance)
     except ModelError as error:
         return refused(Answer.BAD_DATA, str(error), plan)
     if findings.best is not None:
         advance("opening the locked runs")
-        findings = _validated(findings, [run for run in runs if run.name in locked], seed + 1)
+        findings = _validated(findings, locked_runs, seed + 1)
     verdict = verdict_rules.decide(findings)
     return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=findings)
 

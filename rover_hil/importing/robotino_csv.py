@@ -60,11 +60,10 @@ def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
         LogError: The file cannot be read, or holds something wrong; the message names line and column.
     """
     if not 0 < millimetres_per_pixel <= LARGEST_MM_PER_PX:
-        msg = (
+        raise ConfigError(
             f"millimetres per pixel must be a positive number up to {LARGEST_MM_PER_PX:g}, "
             f"not {millimetres_per_pixel}"
         )
-        raise ConfigError(msg)
     record = read_record(path, with_camera=True)
     counts, camera = board_counts(record), camera_poses(record.columns)
     m_per_px = millimetres_per_pixel / 1000.0

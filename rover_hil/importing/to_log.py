@@ -41,8 +41,9 @@ def write_run_as_log(run: RobotinoRun, config: Config, path: Path) -> Iterator[i
     """
     wheels = config.roles.wheels
     if config.devices[wheels].type != "robotino_board":
-        msg = f"roles.wheels is '{wheels}', not a robotino_board: a measured Robotino run needs one"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"roles.wheels is '{wheels}', not a robotino_board: a measured Robotino run needs one"
+        )
     clock = VirtualClock(run.rows[0].t_ns)
     config_json = config.model_dump_json(by_alias=True).encode()
     origin = f"imported from {run.path.name}"

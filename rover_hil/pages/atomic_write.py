@@ -22,8 +22,9 @@ def refuse_overwrite(*paths: Path, force: bool, option: str = "--out") -> None:
     """
     for path in paths:
         if not force and path.exists():
-            msg = f"{path} exists and is never overwritten without --force: add it or choose another {option}"
-            raise ConfigError(msg)
+            raise ConfigError(
+                f"{path} exists and is never overwritten without --force: add it or choose another {option}"
+            )
 
 
 def check_file(path: Path | None, *, force: bool, option: str = "--out") -> None:

@@ -1,4 +1,4 @@
-"""Pictures of a page: drawn as SVG, each with one sentence that says what to look at."""
+"""Pictures of a page: drawn as SVG, each with one sentence on what to look at."""
 
 import base64
 import io

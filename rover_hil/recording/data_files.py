@@ -27,8 +27,9 @@ def collect_data_files(config: Config) -> dict[str, bytes]:
                 try:
                     files[f"{FOLDER}/{device}/{key}/{path.name}"] = path.read_bytes()
                 except OSError as error:
-                    msg = f"devices.{device}.{key}: cannot read {path}: {error.strerror}"
-                    raise ConfigError(msg) from error
+                    raise ConfigError(
+                        f"devices.{device}.{key}: cannot read {path}: {error.strerror}"
+                    ) from error
     return files
 
 

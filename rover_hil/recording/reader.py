@@ -37,8 +37,9 @@ class LogMessage:
         try:
             return json.loads(self.data)
         except ValueError as error:
-            msg = f"message on {self.topic} at {self.t_ns} ns is not valid JSON: the log is damaged"
-            raise LogError(msg) from error
+            raise LogError(
+                f"message on {self.topic} at {self.t_ns} ns is not valid JSON: the log is damaged"
+            ) from error
 
 
 class LogReader:
@@ -63,17 +64,14 @@ class LogReader:
         self.attachments: Mapping[str, bytes]
         self.attachments, metadata = self._read_header()
         if metadata.get("schema") != LOG_SCHEMA:
-            msg = f"{path} is not a log of this software: metadata 'schema' is not {LOG_SCHEMA}"
-            raise LogError(msg)
+            raise LogError(f"{path} is not a log of this software: metadata 'schema' is not {LOG_SCHEMA}")
         try:
             self.start_ns = int(metadata["start_ns"])
             self.origin = metadata["origin"]
         except (KeyError, ValueError) as error:
-            msg = f"log {path} is damaged: its metadata lack a start time or an origin"
-            raise LogError(msg) from error
+            raise LogError(f"log {path} is damaged: its metadata lack a start time or an origin") from error
         if CONFIG_ATTACHMENT not in self.attachments:
-            msg = f"{path} holds no configuration: it was cut off before the run began"
-            raise LogError(msg)
+            raise LogError(f"{path} holds no configuration: it was cut off before the run began")
         self.config_json = self.attachments[CONFIG_ATTACHMENT]
 
     def parse(self, message: LogMessage, shape: TypeAdapter[RecordT]) -> RecordT:
@@ -87,8 +85,9 @@ class LogReader:
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"])) or "its content"
-            msg = f"{self.path} is damaged: {message.topic} at {message.t_ns} ns: {place}: {first['msg']}"
-            raise LogError(msg) from error
+            raise LogError(
+                f"{self.path} is damaged: {message.topic} at {message.t_ns} ns: {place}: {first['msg']}"
+            ) from error
 
     def messages(self) -> Iterator[LogMessage]:
         """Yield every message in the order of writing.
@@ -102,8 +101,9 @@ class LogReader:
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
                 if record.channel_id not in topics:
-                    msg = f"{self.path} is damaged: a message on an unknown channel {record.channel_id}"
-                    raise LogError(msg)
+                    raise LogError(
+                        f"{self.path} is damaged: a message on an unknown channel {record.channel_id}"
+                    )
                 yield LogMessage(topics[record.channel_id], record.publish_time, record.data)
 
     def _read_header(self) -> tuple[dict[str, bytes], dict[str, str]]:
@@ -122,8 +122,7 @@ class LogReader:
         try:
             stream = self.path.open("rb")
         except OSError as error:
-            msg = f"cannot read log {self.path}: {error.strerror}"
-            raise LogError(msg) from error
+            raise LogError(f"cannot read log {self.path}: {error.strerror}") from error
         with stream:
             reader = StreamReader(stream, validate_crcs=True, record_size_limit=RECORD_SIZE_LIMIT)
             try:
@@ -134,13 +133,12 @@ class LogReader:
                     yield record
             except EndOfFile:
                 if stream.tell() == 0:
-                    msg = f"log {self.path} is empty"
-                    raise LogError(msg) from None
+                    raise LogError(f"log {self.path} is empty") from None
             except CRCValidationError as error:
-                msg = f"log {self.path} is damaged: its checksum does not match its content"
-                raise LogError(msg) from error
+                raise LogError(
+                    f"log {self.path} is damaged: its checksum does not match its content"
+                ) from error
             except (McapError, struct.error, UnicodeDecodeError, ValueError, MemoryError) as error:
                 if self.is_complete or not stream.read(1):
                     return  # only the index after the data is broken, or the last record was cut off
-                msg = f"log {self.path} is damaged or not an MCAP file: {error}"
-                raise LogError(msg) from error
+                raise LogError(f"log {self.path} is damaged or not an MCAP file: {error}") from error

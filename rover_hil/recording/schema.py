@@ -1,8 +1,8 @@
 """What a log holds: its topics and the shape of the record on each, version `rover-hil-log/1`.
 
 The writer and every reader take topics and shapes from here, so that a name in a controller may change and
-old logs stay readable. `docs/log_format.md` describes the same for people. Every time is in ns of one
-monotonic clock.
+old logs stay readable. `docs/reference/log_format.md` describes the same for people. Every time is in ns of
+one monotonic clock.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,14 +1,14 @@
 """Write a run to one MCAP file that can be read even when the program was killed in the middle.
 
 Messages are not chunked: each goes to the file as it is, and the file is flushed ten times a second, so
-a killed run loses at most the last tenth of a second. The layout is described in `docs/log_format.md`.
+a killed run loses at most the last tenth of a second. The layout is described in
+`docs/reference/log_format.md`.
 """
 
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mcap.writer import Writer
@@ -91,12 +91,7 @@ class LogWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Picture of how the whole rover slipped: what trace and tilt told beside the truth."""
+"""Picture of how the whole rover slipped: estimates from trace and tilt, and the truth."""
 
 import math
 
@@ -14,7 +14,7 @@ ROW_HEIGHT_IN = 1.8
 
 
 def draw_drift(run: RunData, summary: Summary) -> Figure | None:
-    """Draw slip and slip angle: the truth, what was told, and where that was not sure."""
+    """Draw slip and slip angle: the truth, the estimate, and where it was not sure."""
     drift = run.drift
     if drift is None:
         return None
@@ -25,7 +25,7 @@ def draw_drift(run: RunData, summary: Summary) -> Figure | None:
     if drift.true_slip is not None and drift.true_angle is not None:
         run_plots.line(slip, _scaled(drift.true_slip, 100.0), style.TRUTH, "truth")
         run_plots.line(angle, _scaled(drift.true_angle, math.degrees(1.0)), style.TRUTH, "_nolegend_")
-    run_plots.line(slip, _scaled(drift.slip, 100.0), style.ESTIMATE, "told")
+    run_plots.line(slip, _scaled(drift.slip, 100.0), style.ESTIMATE, "estimate")
     run_plots.line(angle, _scaled(drift.angle, math.degrees(1.0)), style.ESTIMATE, "_nolegend_")
     labels = ["not sure" if reason else "" for reason in drift.reasons]
     unsure = [(start_s, end_s) for start_s, end_s, label in spans(drift.slip.t_s, labels) if label]

@@ -1,4 +1,4 @@
-"""How the whole rover slipped, in numbers: what trace and tilt told."""
+"""How the whole rover slipped, in numbers: estimates from trace and tilt."""
 
 import math
 from collections import Counter
@@ -6,19 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_hil.datasets.arrays import rms
 from rover_hil.report.run_data import DriftData
 from rover_hil.report.tracks import Series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftSummary:
-    """What compensation by trace and tilt told; None for what nobody knows.
+    """Estimates of compensation by trace and tilt; None where unknown.
 
     Attributes:
         slip: Mean slip ratio while the wheels turned.
-        slip_error_rms: Root mean square of told minus true slip.
+        slip_error_rms: Root mean square of estimated minus true slip.
         slip_angle_error_rms_deg: The same of the slip angle.
-        greatest_slip_angle_deg: Largest told, either way.
+        greatest_slip_angle_deg: Largest estimate, either way.
         traces: Frames in which the trace was found.
         unsure_share: Share of the cycles in which slip and slip angle were not sure, by reason.
     """
@@ -51,9 +52,9 @@ def summarise_drift(drift: DriftData | None) -> DriftSummary | None:
     )
 
 
-def _error_rms(told: Series, true: Series | None) -> float | None:
+def _error_rms(estimated: Series, true: Series | None) -> float | None:
     if true is None:
         return None
-    error = told.value - np.interp(told.t_s, true.t_s, true.value)
+    error = estimated.value - np.interp(estimated.t_s, true.t_s, true.value)
     known = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else None
+    return rms(known) if len(known) else None

@@ -1,4 +1,4 @@
-"""The pictures of a report, each with one sentence that says what to look at."""
+"""The pictures of a report, each with one sentence on what to look at."""
 
 from collections.abc import Callable
 from functools import partial
@@ -36,12 +36,12 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
     (
         "Slip",
         "See where the wheels turned for nothing: 0 % is pure rolling, 100 % is turning without moving. "
-        "What was told should follow the truth half a second later, or be marked as not valid.",
+        "The estimate should follow the truth half a second later, or be marked as not valid.",
         draw_slip,
     ),
     (
         "Slip and slip angle",
-        "See how far the rover slid back and aside, as trace and tilt told it.",
+        "See how far the rover slid back and aside, estimated from trace and tilt.",
         draw_drift,
     ),
     (
@@ -57,7 +57,7 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
     ),
     (
         "Wheel speeds",
-        "See whether the wheels do what they are told: the measured speed should lie on the set-point.",
+        "See whether the wheels follow their set-points: the measured speed should lie on the set-point.",
         draw_speeds,
     ),
     (

@@ -21,11 +21,11 @@ from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.report.run_data import (
     Cycles,
     DriftData,
+    EstimatedSlip,
     InnovationData,
     LinkEvent,
     RunData,
     SlipData,
-    ToldSlip,
     WheelData,
 )
 from rover_hil.report.tracks import (
@@ -114,8 +114,7 @@ class _Collector:
         estimates = finite_rows(self._rows["estimate", ""], 10)
         odometry = finite_rows(self._rows["odometry", ""], 4)
         if not (self._rows["cycle", ""] and len(estimates) and len(odometry)):
-            msg = f"log {log.path} holds no complete cycle: there is nothing to report"
-            raise LogError(msg)
+            raise LogError(f"log {log.path} holds no complete cycle: there is nothing to report")
         encoders = Track.of(odometry)
         truth = self._true_poses()
         first_motion_s = encoders.first_motion_s()
@@ -256,7 +255,7 @@ class _Collector:
             t_s=t_s,
             surfaces=[report["surface"] or "" for _, report in self._slips],
             wheels=[
-                ToldSlip(
+                EstimatedSlip(
                     slip=Series(t_s, np.array([wheel["slip"] for wheel in wheels])),
                     paper_torque_nm=Series(t_s, np.array([wheel["paper_torque_nm"] for wheel in wheels])),
                     wheel_torque_nm=Series(t_s, np.array([wheel["wheel_torque_nm"] for wheel in wheels])),

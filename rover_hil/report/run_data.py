@@ -47,7 +47,7 @@ class WheelData:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ToldSlip:
+class EstimatedSlip:
     """Slip of one wheel as estimated by slip compensation, in n cycles.
 
     Attributes:
@@ -77,7 +77,7 @@ class SlipData:
     map: str
     t_s: Array
     surfaces: Sequence[str]
-    wheels: Sequence[ToldSlip]
+    wheels: Sequence[EstimatedSlip]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,7 @@ class DriftData:
         angle: Slip angle.
         reasons: Why the two were not sure; empty where they were.
         trace: Direction of the rear wheel's velocity, from the frames in which its trace was found.
-        true_slip: NaN where the wheels hardly turn; None where nobody recorded it. Likewise `true_angle`.
+        true_slip: NaN where the wheels hardly turn; None where it was not recorded. Likewise `true_angle`.
     """
 
     slip: Series
@@ -131,7 +131,7 @@ class RunData:
         estimate: The filter's pose at the time of the wheel positions that it is based on.
         covariance: Its covariance, in rows xx, xy, x yaw, yy, y yaw, yaw yaw.
         encoders: The pose of the wheels alone.
-        truth: The true pose as seen from its own first one; None where nobody recorded it.
+        truth: The true pose as seen from its own first one; None where it was not recorded.
         cross_track: Distance to the left of the path in m; None without a mission.
         headings: Yaw in the local frame, by device and reference.
         gyro: The integrated gyro, its bias taken off; None without one.

@@ -37,7 +37,7 @@ def span(axes: Axes, run: RunData) -> None:
 
 
 def finish(figure: Figure, plots: Sequence[Axes], run: RunData, summary: Summary) -> None:
-    """Shade the safety stops, span the whole run, and say above what is what."""
+    """Shade the safety stops, span the whole run, and label both above."""
     for axes in plots:
         for index, stop in enumerate(summary.stops):
             label = "safety stop" if index == 0 else None
@@ -49,7 +49,7 @@ def finish(figure: Figure, plots: Sequence[Axes], run: RunData, summary: Summary
 
 
 def with_gaps(series: Series) -> Series:
-    """Return the series with NaN where nothing was heard for long, so that no line is drawn there."""
+    """Return the series with NaN where nothing was received for long, so that no line is drawn there."""
     steps_s = np.diff(series.t_s)
     if not steps_s.any():
         return series

@@ -1,4 +1,4 @@
-"""Pictures of slip: what was told beside the truth, and the effort that it was told from."""
+"""Pictures of slip: the estimate and the truth, and the effort that the estimate is made from."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from rover_hil.pages import style
 from rover_hil.report import run_plots
-from rover_hil.report.run_data import RunData, SlipData, ToldSlip, WheelData
+from rover_hil.report.run_data import EstimatedSlip, RunData, SlipData, WheelData
 from rover_hil.report.summary import Summary
 from rover_hil.report.tracks import Series, running_mean, slip_over_time, spans
 from rover_hil.report.wheel_figures import ROW_HEIGHT_IN
@@ -18,7 +18,7 @@ LEAST_LABEL_SHARE = 0.08
 
 
 def draw_slip(run: RunData, summary: Summary) -> Figure | None:
-    """Draw the slip of each wheel: the truth, what was told, and where that was not valid.
+    """Draw the slip of each wheel: the truth, the estimate, and where it was not valid.
 
     Where only the true pose is known, the true slip is that of the whole rover. Below is the surface that was
     recognised.
@@ -26,8 +26,8 @@ def draw_slip(run: RunData, summary: Summary) -> Figure | None:
     true = {wheel.name: slip for wheel in run.wheels if (slip := _slip_while_turning(wheel)) is not None}
     if not true and run.truth is not None:
         true = {"whole rover": slip_over_time(run.encoders, run.truth)}
-    told = {} if run.slip is None else dict(zip(_names(run), run.slip.wheels, strict=True))
-    names = list(dict.fromkeys((*told, *true)))
+    estimated = {} if run.slip is None else dict(zip(_names(run), run.slip.wheels, strict=True))
+    names = list(dict.fromkeys((*estimated, *true)))
     if not names:
         return None
     with_strip = run.slip is not None and any(run.slip.surfaces)
@@ -36,8 +36,8 @@ def draw_slip(run: RunData, summary: Summary) -> Figure | None:
         axes.set_title(name)
         if name in true:
             _draw_true(axes, true[name])
-        if name in told:
-            _draw_told(axes, told[name])
+        if name in estimated:
+            _draw_estimate(axes, estimated[name])
     if strip is not None and run.slip is not None:
         _draw_surfaces(strip, run.slip)
     _share_labels(plots)
@@ -51,11 +51,11 @@ def draw_effort(run: RunData, summary: Summary) -> Figure | None:
         return None
     gear_ratio = run.config.slip.maps.motor.gear_ratio
     figure, plots = run_plots.rows(len(run.slip.wheels), ROW_HEIGHT_IN, "torque at the wheel (N m)")
-    for axes, name, told in zip(plots, _names(run), run.slip.wheels, strict=True):
+    for axes, name, estimated in zip(plots, _names(run), run.slip.wheels, strict=True):
         axes.set_title(name)
-        m_nm = Series(told.paper_torque_nm.t_s, gear_ratio * told.paper_torque_nm.value)
+        m_nm = Series(estimated.paper_torque_nm.t_s, gear_ratio * estimated.paper_torque_nm.value)
         run_plots.line(axes, m_nm, style.COMMANDED, "M x gear ratio", 1.0)
-        run_plots.line(axes, told.wheel_torque_nm, style.MEASURED, "tau_w")
+        run_plots.line(axes, estimated.wheel_torque_nm, style.MEASURED, "tau_w")
     run_plots.finish(figure, plots, run, summary)
     return figure
 
@@ -83,10 +83,10 @@ def _draw_true(axes: Axes, slip: Series) -> None:
     run_plots.line(axes, running_mean(shown), style.TRUTH, "truth, smoothed")
 
 
-def _draw_told(axes: Axes, told: ToldSlip) -> None:
-    run_plots.line(axes, Series(told.slip.t_s, 100.0 * told.slip.value), style.ESTIMATE, "told")
-    labels = ["not valid" if reason else "" for reason in told.reasons]
-    for start_s, end_s, label in spans(told.slip.t_s, labels):
+def _draw_estimate(axes: Axes, estimated: EstimatedSlip) -> None:
+    run_plots.line(axes, Series(estimated.slip.t_s, 100.0 * estimated.slip.value), style.ESTIMATE, "estimate")
+    labels = ["not valid" if reason else "" for reason in estimated.reasons]
+    for start_s, end_s, label in spans(estimated.slip.t_s, labels):
         if label:
             axes.axvspan(start_s, end_s, color=style.NOT_VALID, linewidth=0, zorder=0.4, label=label)
 
@@ -119,7 +119,7 @@ def _share_labels(plots: list[Axes]) -> None:
 
 
 def _slip_while_turning(wheel: WheelData) -> Series | None:
-    """Return the slip with NaN where the wheel hardly turns: a ratio of two small speeds says nothing."""
+    """Return the slip with NaN where the wheel hardly turns: a ratio of two small speeds is meaningless."""
     slip, speed = wheel.slip, wheel.true_speed
     if slip is None or speed is None:
         return None

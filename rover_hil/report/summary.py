@@ -11,7 +11,7 @@ from controllers.motion.limits import Limit
 from controllers.motion.planar import wrap_angle
 from controllers.safety import Mode
 from drivers.driver import Health
-from rover_hil.datasets.arrays import Array, wrap_angles
+from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.report.drift_summary import DriftSummary, summarise_drift
 from rover_hil.report.run_data import RunData, WheelData
 from rover_hil.report.tracks import Series, Track, running_mean, spans
@@ -32,7 +32,7 @@ class FinalPose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackError:
-    """How far a track is off the truth; the final values are those of the last time that both have.
+    """Distance of a track from the truth; the final values are those of the last time that both have.
 
     Attributes:
         position_final_m: Distance from the truth at the end.
@@ -73,13 +73,13 @@ class Stop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipSummary:
-    """What slip compensation told. Means over a wheel are over the angle it turned; None where it did not.
+    """Estimates of slip compensation. Means over a wheel are over the angle it turned; None where it did not.
 
     Attributes:
         map: Name of the map in use.
         wheel_slip: Mean of each wheel.
-        error_rms: Root mean square of told minus true slip of each wheel, both averaged over half a second;
-            None also without the truth.
+        error_rms: Root mean square of estimated minus true slip of each wheel, both averaged over half a
+            second; None also without the truth.
         valid_share: Share of the angle turned for which the slip was valid.
         surface_share: Share of the cycles in which each surface was recognised; "unknown" is the rest.
         invalid_cycles: In how many cycles a wheel was not valid, by reason, numbers in it left out.
@@ -95,7 +95,7 @@ class SlipSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What a run came to. None stands for what its log does not tell.
+    """What a run came to. None is for what its log does not hold.
 
     Attributes:
         log: Path of the log.
@@ -109,13 +109,13 @@ class Summary:
         watchdog_interventions: How often the watchdog stopped a hanging loop.
         duration_s: Length of the run.
         final_estimate, final_encoders, final_truth: Poses at the end.
-        distance_encoders_m: Length of the way by the wheels.
-        distance_truth_m: Length of the true way.
+        distance_encoders_m: Distance by the wheels.
+        distance_truth_m: True distance.
         estimate_error, encoders_error: Distance from the truth.
         slip_ratio: 1 - true distance / encoder distance; None when the latter is less than 0.05 m.
         wheel_slip: True slip ratio of each wheel, its mean over the angle turned; None where it is not known.
-        slip: What slip compensation told; None without it.
-        drift: What compensation by trace and tilt told; None without it.
+        slip: Estimates of slip compensation; None without it.
+        drift: Estimates of compensation by trace and tilt; None without it.
         cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
         lateness: How late cycles began; None for imported logs.
         work: How long they took; None likewise.
@@ -189,7 +189,7 @@ def summarise(run: RunData) -> Summary:
         wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
         slip=_slip_summary(run),
         drift=summarise_drift(run.drift),
-        cross_track_rms_m=None if cross_m is None else _rms(cross_m),
+        cross_track_rms_m=None if cross_m is None else rms(cross_m),
         cross_track_max_m=None if cross_m is None else float(cross_m.max()),
         lateness=_spread(cycles.late_us) if is_timed else None,
         work=_spread(cycles.work_us) if is_timed else None,
@@ -224,11 +224,11 @@ def _track_error(track: Track, truth: Track | None, distance_m: float | None) ->
     final_m = float(position_m[-1])
     return TrackError(
         position_final_m=final_m,
-        position_rms_m=_rms(position_m),
+        position_rms_m=rms(position_m),
         position_max_m=float(position_m.max()),
         position_final_share=None if distance_m < LEAST_DISTANCE_M else final_m / distance_m,
         yaw_final_rad=float(yaw_rad[-1]),
-        yaw_rms_rad=_rms(yaw_rad),
+        yaw_rms_rad=rms(yaw_rad),
     )
 
 
@@ -255,32 +255,32 @@ def _mean_slip(slip: Series | None, true_speed: Series | None) -> float | None:
 
 
 def _slip_summary(run: RunData) -> SlipSummary | None:
-    told = run.slip
-    if told is None:
+    slip = run.slip
+    if slip is None:
         return None
-    reasons = [set(cycle) - {""} for cycle in zip(*(wheel.reasons for wheel in told.wheels), strict=True)]
+    reasons = [set(cycle) - {""} for cycle in zip(*(wheel.reasons for wheel in slip.wheels), strict=True)]
     invalid = Counter(reason for cycle in reasons for reason in {_NUMBER.sub("...", each) for each in cycle})
-    surfaces = Counter(surface or "unknown" for surface in told.surfaces)
-    pairs = list(zip(told.wheels, run.wheels, strict=True))
+    surfaces = Counter(surface or "unknown" for surface in slip.surfaces)
+    pairs = list(zip(slip.wheels, run.wheels, strict=True))
     return SlipSummary(
-        map=told.map,
-        wheel_slip=tuple(_mean_while_turning(each.slip.value, told.t_s, wheel) for each, wheel in pairs),
+        map=slip.map,
+        wheel_slip=tuple(_mean_while_turning(each.slip.value, slip.t_s, wheel) for each, wheel in pairs),
         error_rms=tuple(_slip_error_rms(each.slip, wheel) for each, wheel in pairs),
         valid_share=tuple(
-            _mean_while_turning(np.array([not reason for reason in each.reasons], float), told.t_s, wheel)
+            _mean_while_turning(np.array([not reason for reason in each.reasons], float), slip.t_s, wheel)
             for each, wheel in pairs
         ),
-        surface_share={name: count / len(told.t_s) for name, count in surfaces.items()},
+        surface_share={name: count / len(slip.t_s) for name, count in surfaces.items()},
         invalid_cycles=dict(invalid.most_common()),
     )
 
 
-def _slip_error_rms(told: Series, wheel: WheelData) -> float | None:
+def _slip_error_rms(estimated: Series, wheel: WheelData) -> float | None:
     if wheel.slip is None:
         return None
-    true, mean_told = running_mean(wheel.slip), running_mean(told)
-    squares = (mean_told.value - np.interp(told.t_s, true.t_s, true.value)) ** 2
-    mean = _mean_while_turning(squares, told.t_s, wheel)
+    true, mean_estimate = running_mean(wheel.slip), running_mean(estimated)
+    squares = (mean_estimate.value - np.interp(estimated.t_s, true.t_s, true.value)) ** 2
+    mean = _mean_while_turning(squares, estimated.t_s, wheel)
     return None if mean is None else math.sqrt(mean)
 
 
@@ -308,7 +308,3 @@ def _stops(run: RunData) -> tuple[Stop, ...]:
             reasons = tuple(dict.fromkeys(cycles.reason[first : max(after, first + 1)]))
             stops.append(Stop(start_s=start_s, end_s=end_s, mode=Mode(mode), reasons=reasons))
     return tuple(stops)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -65,10 +65,10 @@ class Track:
         )
 
     def distance_m(self) -> Array:
-        """Return the length of the way up to each pose.
+        """Return the distance driven up to each pose.
 
         Counted from points at least `DISTANCE_STEP_M` apart: at standstill, and between closer points, noise
-        would add up to a way that nobody drove.
+        would add up to a distance that was not driven.
         """
         kept, lengths = [0], [0.0]
         for index in range(1, len(self.t_s)):
@@ -92,11 +92,12 @@ def finite_rows(rows: Sequence[Sequence[float]] | Array, width: int) -> Array:
 
 
 def slip_over_time(encoders: Track, truth: Track) -> Series:
-    """Return the slip ratio 1 - true way / encoder way in a sliding window; NaN where nothing moved."""
+    """Return 1 - true distance / encoder distance in a sliding window; NaN where nothing moved."""
     t_s, half_s = truth.t_s, 0.5 * SLIP_WINDOW_S
-    ways = ((encoders.t_s, encoders.distance_m()), (truth.t_s, truth.distance_m()))
+    distances = ((encoders.t_s, encoders.distance_m()), (truth.t_s, truth.distance_m()))
     encoder_m, true_m = (
-        np.interp(t_s + half_s, way_s, way_m) - np.interp(t_s - half_s, way_s, way_m) for way_s, way_m in ways
+        np.interp(t_s + half_s, at_s, driven_m) - np.interp(t_s - half_s, at_s, driven_m)
+        for at_s, driven_m in distances
     )
     moved = encoder_m >= SLIP_LEAST_M
     return Series(t_s, np.where(moved, 1.0 - true_m / np.where(moved, encoder_m, 1.0), np.nan))
@@ -133,7 +134,7 @@ def integrate_rate(rate: Series, first_motion_s: float) -> Series:
 def speed_from_positions(position: Series, limit_rad_s: float) -> Series:
     """Return speeds over about `SPEED_WINDOW_S`.
 
-    NaN where nothing was heard for long, and around steps that no wheel of this speed limit can make.
+    NaN where nothing was received for long, and around steps that no wheel of this speed limit can make.
     """
     if len(position.t_s) < 2:
         return Series(position.t_s[:0], position.value[:0])

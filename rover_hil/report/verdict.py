@@ -32,7 +32,7 @@ class Fact:
 
 
 def grade(summary: Summary) -> Grade:
-    """Return how a run went: the mission's end first, then whatever disturbed it.
+    """Return how a run went: the mission's end first, then what disturbed it.
 
     NEUTRAL is a drive that was only observed: there was nothing to achieve.
     """
@@ -73,16 +73,16 @@ def facts(summary: Summary) -> list[Fact]:
         each = " / ".join(f"{100.0 * slip:.1f}" for slip in wheel_slips)
         found.append(Fact("slip", percent(fmean(wheel_slips)), f"by wheel {each} %"))
     elif summary.slip_ratio is not None:
-        found.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' way, as driven"))
+        found.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' distance, as driven"))
     if summary.slip is not None:
-        found += _told_slip(summary.slip)
+        found += _slip_facts(summary.slip)
     if summary.drift is not None:
-        found += _told_drift(summary.drift)
+        found += _drift_facts(summary.drift)
     if summary.cross_track_rms_m is not None and summary.cross_track_max_m is not None:
         greatest = length(summary.cross_track_max_m)
         found.append(
             Fact(
-                "beside the path",
+                "off the path",
                 length(summary.cross_track_rms_m),
                 f"rms by its own estimate, at most {greatest}",
             )
@@ -99,25 +99,25 @@ def facts(summary: Summary) -> list[Fact]:
     return found
 
 
-def _told_slip(slip: SlipSummary) -> list[Fact]:
+def _slip_facts(slip: SlipSummary) -> list[Fact]:
     slips, valid = (
         [each for each in values if each is not None] for values in (slip.wheel_slip, slip.valid_share)
     )
     if not slips:
         return []
-    detail = f"by {slip.map}, valid for {percent(fmean(valid))} of the way"
-    return [Fact("slip told", percent(fmean(slips)), detail)]
+    detail = f"by {slip.map}, valid for {percent(fmean(valid))} of the distance"
+    return [Fact("estimated slip", percent(fmean(slips)), detail)]
 
 
-def _told_drift(drift: DriftSummary) -> list[Fact]:
+def _drift_facts(drift: DriftSummary) -> list[Fact]:
     if drift.slip is None:
         return []
     detail = f"slip angle up to {drift.greatest_slip_angle_deg:.1f}°, {drift.traces} traces"
-    return [Fact("slip told", percent(drift.slip), detail)]
+    return [Fact("estimated slip", percent(drift.slip), detail)]
 
 
 def length(length_m: float) -> str:
-    """Return a length as people say it: millimetres below one metre."""
+    """Return a length as text: millimetres below one metre."""
     if abs(length_m) >= 1.0:
         return f"{length_m:.2f} m"
     return f"{1e3 * length_m:.0f} mm" if abs(length_m) >= 0.01 else f"{1e3 * length_m:.1f} mm"
@@ -166,7 +166,7 @@ def _how_far_off(summary: Summary) -> str:
     estimate, encoders = summary.estimate_error, summary.encoders_error
     if estimate is None or encoders is None or summary.distance_truth_m is None:
         return (
-            "Nobody recorded the truth, so nobody knows how far off the estimate is; the wheels turned for "
+            "The true pose was not recorded, so the error of the estimate is unknown; the wheels turned for "
             f"{length(summary.distance_encoders_m)}."
         )
     return (

@@ -146,8 +146,7 @@ def _make_finder(config: Config) -> TraceFinder | None:
 def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:
     drive = drivers[config.roles.wheels]
     if not isinstance(drive, WheelDrive):
-        msg = f"device '{config.roles.wheels}' turns no wheels"
-        raise ConfigError(msg)
+        raise ConfigError(f"device '{config.roles.wheels}' turns no wheels")
     conflict = find_wheel_count_conflict(config.rover, drive.name, drive.wheel_count)
     if conflict:
         raise ConfigError(conflict)

@@ -17,10 +17,9 @@ def enter_realtime() -> None:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except PermissionError as error:
-        msg = (
+        raise ConfigError(
             "--realtime needs the right to use SCHED_FIFO: add 'USER - rtprio 99' to "
             "/etc/security/limits.conf and log in again, or run without --realtime"
-        )
-        raise ConfigError(msg) from error
+        ) from error
     gc.collect()
     gc.disable()

@@ -114,8 +114,7 @@ class _Replayer:
         elif device in self._links.bytes_links:
             _feed_link(self._links.bytes_links[device], message, message.data if kind == "raw" else None)
         else:
-            msg = f"the log holds data of a device '{device}' that its configuration does not have"
-            raise LogError(msg)
+            raise LogError(f"the log holds data of a device '{device}' that its configuration does not have")
 
     def _run_cycle(self, t_ns: int) -> None:
         rig = self._rig
@@ -173,8 +172,9 @@ def _feed_link(link: ReplayLink[PayloadT], message: LogMessage, payload: Payload
         return
     change = message.json()
     if not isinstance(change, dict):
-        msg = f"message on {message.topic} at {message.t_ns} ns is not a link change: the log is damaged"
-        raise LogError(msg)
+        raise LogError(
+            f"message on {message.topic} at {message.t_ns} ns is not a link change: the log is damaged"
+        )
     link.feed(LinkChange(message.t_ns, bool(change["up"]), str(change["reason"]), bool(change["gave_up"])))
 
 

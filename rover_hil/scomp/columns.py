@@ -64,16 +64,15 @@ def drive_of(columns: Mapping[str, Array], where: str) -> tuple[Drive, list[str]
 
 def _times(columns: Mapping[str, Array], where: str) -> Array:
     if "t_s" not in columns:
-        msg = f"{where} has no column 't_s': give the times in seconds"
-        raise LogError(msg)
+        raise LogError(f"{where} has no column 't_s': give the times in seconds")
     t_s = columns["t_s"]
     if len(t_s) < 2:
-        msg = f"{where} has {len(t_s)} rows, an odometry needs two: give a longer log"
-        raise LogError(msg)
+        raise LogError(f"{where} has {len(t_s)} rows, an odometry needs two: give a longer log")
     wrong = np.flatnonzero(~(np.diff(t_s) > 0.0))
     if wrong.size:
-        msg = f"{where}: the time does not increase or is missing after {t_s[wrong[0]]:g} s: sort the rows"
-        raise LogError(msg)
+        raise LogError(
+            f"{where}: the time does not increase or is missing after {t_s[wrong[0]]:g} s: sort the rows"
+        )
     return t_s
 
 
@@ -89,8 +88,7 @@ def _wheels(columns: Mapping[str, Array], t_s: Array, where: str, notes: list[st
         filled = np.interp(t_s, t_s[seen], values[seen])
         turned[name] = filled - filled[0]
     if not turned:
-        msg = f"{where} has no wheel encoder: give at least one of {', '.join(WHEELS)}"
-        raise LogError(msg)
+        raise LogError(f"{where} has no wheel encoder: give at least one of {', '.join(WHEELS)}")
     typical = float(np.median([abs(values[-1]) for values in turned.values()]))
     forward = sum(values[-1] > 0.5 * typical for values in turned.values())
     backwards = [name for name, values in turned.items() if values[-1] < -0.5 * typical]

@@ -1,24 +1,21 @@
 """Reading of drives and parameters, writing of parameters and paths."""
 
-import json
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from controllers.slip.scomp.parameters import RoverGeometry, ScompParameters
-from drivers.errors import ConfigError
-from rover_hil.config import describe_validation_error
+from drivers.settings import read_toml
+from rover_hil.config import validated
 from rover_hil.datasets.log import RecordedDrive
 from rover_hil.datasets.log import read_drive as read_log
+from rover_hil.datasets.toml_text import toml_text
 from rover_hil.scomp.columns import KNOWN, drive_of
 from rover_hil.scomp.drive import Drive, Track
 from rover_hil.scomp.read_csv import read_columns
 from rover_hil.scomp.read_log import log_columns
 
-HEADER = "t_s,x_m,y_m,heading_rad,slip,slip_angle_rad,sigma_x_m,sigma_y_m"
+DIGITS = 6
+COLUMNS = ("t_s", "x_m", "y_m", "heading_rad", "slip", "slip_angle_rad", "sigma_x_m", "sigma_y_m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,60 +52,20 @@ def read_parameters(path: Path) -> ScompParameters:
     Raises:
         ConfigError: It cannot be read or has an invalid value; the message names the key.
     """
-    table: dict[str, object] = {}
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-        return ScompParameters.model_validate(table)
-    except OSError as error:
-        msg = f"cannot read parameters {path}: {error.strerror}; correct the path or leave --params out"
-        raise ConfigError(msg) from error
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(str(path), error, table)) from error
-    except ValueError as error:
-        msg = f"parameters {path} are not valid TOML: {error}; make them with `rover-hil identify scomp`"
-        raise ConfigError(msg) from error
+    table = read_toml(path, f"parameter file {path}", "correct the path or leave --params out")
+    return validated(ScompParameters, table, str(path))
 
 
 def parameters_text(parameters: ScompParameters) -> str:
     """Return parameters as the text of a file."""
-    return _tables(parameters.model_dump(by_alias=True, exclude_none=True))
+    return toml_text(parameters.model_dump(by_alias=True, exclude_none=True), DIGITS)
 
 
 def track_text(track: Track) -> str:
     """Return a path as the text of a CSV file."""
-    columns = (
-        track.t_s.tolist(),
-        track.x_m.tolist(),
-        track.y_m.tolist(),
-        track.heading_rad.tolist(),
-        track.slip.tolist(),
-        track.slip_angle_rad.tolist(),
-        track.sigma_x_m.tolist(),
-        track.sigma_y_m.tolist(),
-    )
+    columns = [getattr(track, name).tolist() for name in COLUMNS]
     lines = [
         f"{t_s!r}," + ",".join(f"{value:.6f}" for value in values)
         for t_s, *values in zip(*columns, strict=True)
     ]
-    return "\n".join([HEADER, *lines]) + "\n"
-
-
-def _tables(table: Mapping[str, object], name: str = "") -> str:
-    """Return TOML: plain values, then the tables."""
-    plain = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
-    lines = [f"{key} = {_value(value)}\n" for key, value in plain.items()]
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            place = f"{name}{key}"
-            lines.append(f"\n[{place}]\n{_tables(value, f'{place}.')}")
-    return "".join(lines)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(float(f"{value:.6g}"))
-    if isinstance(value, tuple):
-        return f"[{', '.join(_value(item) for item in value)}]"
-    return json.dumps(value, ensure_ascii=False)
+    return "\n".join([",".join(COLUMNS), *lines]) + "\n"

@@ -57,8 +57,9 @@ def estimate_track(
         ModelError: Fewer than two rows.
     """
     if len(drive.t_s) < 2:
-        msg = f"an odometry needs at least two rows, the drive has {len(drive.t_s)}: give a longer log"
-        raise ModelError(msg)
+        raise ModelError(
+            f"an odometry needs at least two rows, the drive has {len(drive.t_s)}: give a longer log"
+        )
     notes = _missing(drive)
     drive = _with_smooth_tilt(drive)
     parameters, sign_note = with_compass_sign(drive, parameters)

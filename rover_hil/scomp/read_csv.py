@@ -36,20 +36,19 @@ def read_truth(path: Path) -> TruePath:
     for name, values in zip(TRUTH, columns, strict=True):
         empty = np.flatnonzero(np.isnan(values))
         if empty.size:
-            msg = f"{table.where(int(empty[0]))}, column '{name}' holds no finite number: leave the row out"
-            raise LogError(msg)
+            raise LogError(
+                f"{table.where(int(empty[0]))}, column '{name}' holds no finite number: leave the row out"
+            )
     t_s, x_m, y_m, psi_rad = columns
     if not (np.diff(t_s) > 0.0).all():
-        msg = f"{path}: the time does not increase: sort the rows"
-        raise LogError(msg)
+        raise LogError(f"{path}: the time does not increase: sort the rows")
     return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=np.unwrap(psi_rad))
 
 
 def _read(path: Path) -> CsvTable:
     table = read_csv(path)
     if not table.rows:
-        msg = f"{path} has no data: give a CSV file with a header line and rows below"
-        raise LogError(msg)
+        raise LogError(f"{path} has no data: give a CSV file with a header line and rows below")
     table.check_shape("mend the row")
     return table
 

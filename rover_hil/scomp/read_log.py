@@ -24,11 +24,9 @@ def log_columns(drive: RecordedDrive) -> tuple[dict[str, Array], RoverGeometry]:
     """
     path, rover = drive.log.path, drive.config.rover
     if not isinstance(rover, SkidSteerRoverSettings):
-        msg = f"{path} is of a {rover.kinematics} rover: sComp needs four wheels that do not steer"
-        raise LogError(msg)
+        raise LogError(f"{path} is of a {rover.kinematics} rover: sComp needs four wheels that do not steer")
     if len(drive.rows["enc1_rad"]) < 2:
-        msg = f"log {path} holds no positions of the first wheel: give the log of a drive"
-        raise LogError(msg)
+        raise LogError(f"log {path} holds no positions of the first wheel: give the log of a drive")
     return drive.table(NAMES), RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=rover.track_m)
 
 
@@ -44,8 +42,9 @@ def log_truth(drive: RecordedDrive) -> tuple[TruePath, str]:
     true = drive.true_poses()
     t_s, x_m, y_m, psi_rad = drive.seconds(true.t_ns), true.x_m, true.y_m, true.yaw_rad
     if len(t_s) < 2 or not (np.diff(t_s) > 0.0).all():
-        msg = f"log {drive.log.path}: the times of its {true.source} do not rise, or there are too few"
-        raise LogError(msg)
+        raise LogError(
+            f"log {drive.log.path}: the times of its {true.source} do not rise, or there are too few"
+        )
     if true.is_exact:
         return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=psi_rad), true.source
     wheel = drive.rows["enc1_rad"]

@@ -66,11 +66,10 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
     is_known = np.diff(truth.t_s)[after - 1] <= LONGEST_TRUTH_GAP_S
     use = turns & is_known[1:] & is_known[:-1]
     if np.count_nonzero(use) < FEWEST_WINDOWS:
-        msg = (
+        raise ModelError(
             f"log and truth share {np.count_nonzero(use)} windows of {WINDOW_S:g} s with turning wheels, "
             f"{FEWEST_WINDOWS} are needed: check that both use the same clock, and give a longer drive"
         )
-        raise ModelError(msg)
     ahead_m, aside_m = _body_travel(truth, edges)
     return Windows(
         t_s=0.5 * (edges[1:] + edges[:-1])[use],

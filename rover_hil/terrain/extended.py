@@ -35,8 +35,8 @@ def extended_traverses(
 ) -> Iterator[Traverse]:
     """Yield what the model predicts for all combinations, the last list running fastest.
 
-    Slip and slip angle are those that are measured: of the path, over the part of the way that counts.
-    Whether a state is on the boundary of the model's domain is not told.
+    Slip and slip angle are those that are measured: of the path, over the part of it that counts.
+    Whether a state is on the boundary of the model's domain is unknown.
 
     Args:
         model: See `load_side_slope`.

@@ -113,7 +113,7 @@ def draw_forces(table: Table) -> Figure:
 
 
 def draw_climbs(rows: Sequence[SlopeRow], measured: Table) -> Figure:
-    """Draw the slip ratio of steady climbs (slope > 0) and descents (< 0), beside paper 002's wheels."""
+    """Draw the slip ratio of steady climbs (slope > 0) and descents (< 0), with paper 002's wheels."""
     figure, (axes,) = plots(1, 1, 3.6)
     slopes = [-row.slope_deg for row in reversed(rows)] + [row.slope_deg for row in rows]
     slips = [row.slip_down for row in reversed(rows)] + [row.slip_up for row in rows]

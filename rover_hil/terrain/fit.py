@@ -7,7 +7,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from drivers.errors import ModelError
-from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.arrays import Array, rms
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleSoil,
@@ -59,17 +59,17 @@ FREE: Mapping[str, Free] = {
     "wall_friction": Free(0.0, 1.0, 0.2),
     "wall_drag": Free(-0.5, 0.5, 0.2),
 }
-"""All numbers that wheel tests may tell, with their bounds."""
+"""All numbers that can be fitted to wheel tests, with their bounds."""
 
 
 class SoilFit(NamedTuple):
-    """What plate and wheel tests say about a soil.
+    """Results of plate and wheel tests of a soil.
 
     Attributes:
         soil: Fitted numbers; those not fitted are the start's.
         intervals: 95 % confidence intervals of the fitted numbers, in their units. They hold if the law is
             right and cells err independently; where the law is wrong, the truth may lie outside.
-        at_bound: Fitted numbers that ended at a bound: their intervals say nothing.
+        at_bound: Fitted numbers that ended at a bound: their intervals are not valid.
         plates: The fit of the plates alone.
         cells: How many wheel cells were used.
         residual: Root mean square of the weighted misfits; 1 where the law is as good as its stated errors.
@@ -98,7 +98,7 @@ def fit_soil(
 ) -> SoilFit:
     """Fit a soil to plate tests and, where given, to wheel tests at their measured loads.
 
-    The plates' k and n with their covariance count as a measurement beside the wheel's forces and sinkages
+    The plates' k and n with their covariance count as a measurement, as do the wheel's forces and sinkages
     (means over replicates). The start values count as a weak prior (`Free.spread`).
 
     Args:
@@ -180,7 +180,7 @@ def _result(
         for name, middle, reach in zip(free, found.x, half, strict=True)
     }
     at_bound = tuple(name for name, active in zip(free, found.active_mask, strict=True) if active)
-    residual = float(np.sqrt(np.mean(found.fun**2)))
+    residual = rms(found.fun)
     return SoilFit(_soil(begin, free, found.x), intervals, at_bound, plates, cells, residual)
 
 

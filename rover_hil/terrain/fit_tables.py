@@ -46,7 +46,7 @@ def read_plate_table(path: Path) -> list[PlateTest]:
             `test` are one test, of one round plate.
 
     Raises:
-        LogError: The file cannot be read, lacks a column, or a number is out of range; says where.
+        LogError: The file cannot be read, lacks a column, or a number is out of range; names the place.
     """
     names, table = _read(path, "test", PLATE_COLUMNS)
     tests = []
@@ -74,7 +74,7 @@ def read_wheel_table(path: Path) -> WheelTests:
             `slip_angle_deg` to the left of where it points; `side_n` to the left, so mostly negative then.
 
     Raises:
-        LogError: The file cannot be read, lacks a column, or a number is out of range; says where.
+        LogError: The file cannot be read, lacks a column, or a number is out of range; names the place.
     """
     names, table = _read(path, "cell", WHEEL_COLUMNS)
     angle_rad, speed_m_s = np.radians(table["slip_angle_deg"]), table["speed_m_s"]

@@ -30,11 +30,10 @@ def parse_numbers(option: str, text: str, unit: str, lower: float, upper: float)
             numbers += _part([Decimal(word.strip()) for word in part.split(":")])
         except (InvalidOperation, ValueError):
             shown = "" if unit == "1" else f" in {unit}"
-            msg = (
+            raise ConfigError(
                 f"{option} is '{text}', no list of numbers{shown} within {lower:g} .. {upper:g}: "
                 f"write a,b,c or from:to:step, at most {LONGEST} numbers."
-            )
-            raise ConfigError(msg) from None
+            ) from None
     check_range(option, numbers, unit, lower, upper)
     return tuple(numbers)
 

@@ -113,8 +113,8 @@ def slip_skid_drawings() -> list[Drawing]:
         Drawing(
             "Law and measurement",
             "See what the wheel law of paper 001 makes of the smooth wheel with the soil's published "
-            "numbers, nothing fitted. Of lugs it knows the shearing radius alone, so it tells the wheels "
-            "hardly apart. Beside the lines of paper 002, figure 7.",
+            "numbers, nothing fitted. It knows only the shearing radius of lugs, so its results for the "
+            "wheels hardly differ. With the lines of paper 002, figure 7.",
             draw_law,
         ),
         Drawing(

@@ -122,7 +122,7 @@ def with_progress(items: Iterable[ItemT], count: int, what: str) -> list[ItemT]:
 
 
 def waited_for(compute: Callable[[], ItemT], what: str) -> ItemT:
-    """Return what is computed, with a bar on standard error that tells that it goes on."""
+    """Return what is computed, with a bar on standard error while it runs."""
     with _bar() as progress:
         progress.add_task(what, total=None)
         return compute()

@@ -48,7 +48,7 @@ def draw_coefficients() -> Figure:
 
 
 def draw_law() -> Figure:
-    """Draw the wheel law of paper 001 on HIT-LSS1 beside the measured lines (figure 7)."""
+    """Draw the wheel law of paper 001 on HIT-LSS1 with the measured lines (figure 7)."""
     figure, panels = _three("sinkage (mm)", "torque (N m)", "drawbar pull (N)")
     slip = np.linspace(-0.95, TESTED_SLIP[1], 78)
     soil = load_soil("hit_lss1")

@@ -35,7 +35,7 @@ class Traverse(NamedTuple):
         sinkage_uphill_m: Mean of the uphill wheels at their middle planes.
         sinkage_downhill_m: Mean of the downhill wheels.
         boundary: True where the model has thrust to spare at slip 0: the edge of its domain and not a root;
-            None where that is not told.
+            None where unknown.
         reason: Why there is no equilibrium; else empty.
     """
 

@@ -8,7 +8,6 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from itertools import repeat
 from multiprocessing import get_context, parent_process
-from types import TracebackType
 from typing import Self
 
 from rover_hil.config import Config
@@ -26,9 +25,7 @@ class ParallelRuns:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._pool.shutdown(cancel_futures=True)
 
     def drive(self, config: Config, seeds: Sequence[int]) -> Generator[SimulatedMission, None, None]:

@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 
-from pydantic import ValidationError
-
 from controllers.control_loop import ControlLoop
 from controllers.motion.mission import Point, corner_points
 from drivers.errors import ConfigError
-from rover_hil.config import Config, Draft, Rule, describe_validation_error
+from rover_hil.config import Config, Draft, Rule, validated
 from rover_hil.config.tune_settings import TunableSettings, TuneSettings
 from rover_hil.run.checks import ROVER_CHECKS
 
@@ -27,7 +25,7 @@ def check_parameters(config: Config) -> TuneSettings:
     """
     if config.tune is None:
         raise ConfigError(
-            "tune: the configuration marks nothing as tunable: add [tune], see docs/bench_tuning.md"
+            "tune: the configuration marks nothing as tunable: add [tune], see docs/how-to/bench_tuning.md"
         )
     if config.mission is None or config.simulation is None:
         raise ConfigError("tuning drives the mission on the simulated rover: add [mission] and [simulation]")
@@ -69,10 +67,7 @@ def with_values(config: Config, values: Values) -> Config:
     table = config.model_dump(by_alias=True)
     for key, value in values.items():
         _place(table, key)[key.rpartition(".")[2]] = value
-    try:
-        return Config.model_validate(table)
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error("tuned values", error, table)) from error
+    return validated(Config, table, "tuned values")
 
 
 def rounded(values: Values, tune: TuneSettings) -> dict[str, float]:

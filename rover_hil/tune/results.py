@@ -58,7 +58,7 @@ class TuningResult:
         values: Every tunable value, changed or not.
         held_out: Measured values on the held-out cases, by the objective's names.
         declined: Candidates that were driven on the held-out cases and not taken: their cost in the search
-            beside that of the start, and the reason.
+            and that of the start, and the reason.
     """
 
     study: str

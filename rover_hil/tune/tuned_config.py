@@ -21,7 +21,7 @@ def tuned_text(text: str, values: Values, provenance: ProvenanceRecord | None) -
         provenance: Replaces that of an earlier tuning; None leaves it as it is.
 
     Raises:
-        ConfigError: A value stands where this editor does not find it.
+        ConfigError: This editor does not find a value.
     """
     expected = tomllib.loads(text)
     for key, value in values.items():

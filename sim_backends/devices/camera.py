@@ -1,7 +1,7 @@
 """A simulated camera that looks back at the ground behind a wheel, where the wheel leaves its trace.
 
-Not modelled, in addition to what the scene omits (docs/rear_scene.md): jitter of the frame rate, lost frames,
-rolling shutter, automatic exposure, JPEG artefacts.
+Not modelled, in addition to what the scene omits (docs/explanation/rear_scene.md): jitter of the frame rate,
+lost frames, rolling shutter, automatic exposure, JPEG artefacts.
 """
 
 from typing import NamedTuple, Protocol

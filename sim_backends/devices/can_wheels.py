@@ -298,25 +298,22 @@ def make_can_node(
     bus = load_mapping(device.mapping)
     mapping = bus.mapping
     if len(mapping.wheel) != plant.wheel_count:
-        msg = (
+        raise ConfigError(
             f"simulated bus '{name}' has {len(mapping.wheel)} wheels in {bus.mapping_file.name}, "
             f"the simulated rover {plant.wheel_count}: choose a mapping that fits"
         )
-        raise ConfigError(msg)
     has_supply_current = mapping.power is not None and mapping.power.current is not None
     if has_supply_current or any(wheel.voltage is not None for wheel in mapping.wheel):
-        msg = (
+        raise ConfigError(
             f"simulated bus '{name}': motor voltages and supply current are not simulated, "
             f"but {bus.mapping_file.name} names them: simulate with a mapping without them"
         )
-        raise ConfigError(msg)
     to_host = Line(can_frame_bits, device.bit_rate)
     to_device = Line(can_frame_bits, device.bit_rate)
     nodes = CanNodes(emulator, bus, plant, to_host, rng, start_ns)
     if nodes.load_bits_per_s > device.bit_rate:
-        msg = (
+        raise ConfigError(
             f"simulated bus '{name}' needs {nodes.load_bits_per_s:.0f} bit/s, it has {device.bit_rate}: "
             "raise bit_rate or lower wheel_rate_hz"
         )
-        raise ConfigError(msg)
     return EmulatedDevice(name, nodes, to_host, to_device)

@@ -118,11 +118,10 @@ def make_compass(
     longest = encode_sentence(_BODY[emulator.sentence].format(359.9))
     required_bits_s = serial_bits(longest) * emulator.rate_hz
     if required_bits_s > device.baud_rate:
-        msg = (
+        raise ConfigError(
             f"simulated compass '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
             "raise baud_rate or lower rate_hz"
         )
-        raise ConfigError(msg)
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
     return EmulatedDevice(name, CompassEmulator(emulator, plant, to_host, rng, start_ns), to_host, to_device)

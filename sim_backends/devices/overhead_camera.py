@@ -34,11 +34,13 @@ def make_overhead_camera(
 
     shortest_s, longest_s = emulator.transfer_min_s, emulator.transfer_max_s
     if shortest_s > longest_s:
-        msg = f"simulation.devices.{name}: transfer_min_s is greater than transfer_max_s; swap them"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"simulation.devices.{name}: transfer_min_s is greater than transfer_max_s; swap them"
+        )
     if device.marker_height_m + emulator.marker_height_error_m >= emulator.height_m:
-        msg = f"simulation.devices.{name}.height_m: the camera must hang above the marker; raise it"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"simulation.devices.{name}.height_m: the camera must hang above the marker; raise it"
+        )
     scene_rng, time_rng = rng.spawn(2)
     scene = OverheadScene(device, emulator, scene_rng)
     # One bit per second of transfer at 1 bit/s: each frame has its own transfer time.

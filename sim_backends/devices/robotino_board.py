@@ -183,8 +183,9 @@ def make_robotino_board(
         ConfigError: The rover does not have three wheels.
     """
     if plant.wheel_count != 3:
-        msg = f"device '{name}' turns 3 wheels but the simulated rover has {plant.wheel_count}: change one"
-        raise ConfigError(msg)
+        raise ConfigError(
+            f"device '{name}' turns 3 wheels but the simulated rover has {plant.wheel_count}: change one"
+        )
     to_host: Line[bytes] = Line(serial_bits, device.baud_rate)
     to_device: Line[bytes] = Line(serial_bits, device.baud_rate)
     board = RobotinoBoardEmulator(device, emulator, plant, to_host, rng, start_ns)

@@ -175,11 +175,10 @@ def make_imu(
     """
     required_bits_s = 10.0 * FRAME_SIZE * len(emulator.frames) * emulator.rate_hz
     if required_bits_s > device.baud_rate:
-        msg = (
+        raise ConfigError(
             f"simulated sensor '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
             "raise baud_rate, lower rate_hz or send fewer frames"
         )
-        raise ConfigError(msg)
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
     mounting = Mounting.from_degrees(device.mounting_yaw_deg, device.yaw_zero_deg)

@@ -282,6 +282,10 @@ class MachineModel(Protocol):
         """Return the change of every channel of every run per unit of a force at a port, for each shape."""
         ...
 
+    def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "MachineModel":
+        """Return the same model with forces by run and port that act besides its equations."""
+        ...
+
     def refined(self, runs: Sequence[Run]) -> "MachineModel":
         """Return the same model with integration steps that are small enough for these runs."""
         ...

@@ -144,14 +144,14 @@ def _check_reach(rig: Rig) -> None:
     rays = np.insert(corners, 2, 1.0, axis=1) @ rig.vehicle_from_camera.T
     pixels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * [rig.width - 1, rig.height - 1]
     if not np.allclose(rig.project(rig.camera_m + rays), pixels, atol=0.5):
-        msg = "simulated camera's distortion folds the corners of its image: choose smaller coefficients"
-        raise ConfigError(msg)
+        raise ConfigError(
+            "simulated camera's distortion folds the corners of its image: choose smaller coefficients"
+        )
     with np.errstate(divide="ignore", invalid="ignore"):
         ground = rig.camera_m[:2] - rays[:, :2] * (rig.camera_m[2] / rays[:, 2:])
     from_wheel = np.hypot(ground[:, 0] - rig.wheel.x_m, ground[:, 1] - rig.wheel.y_m)
     if (rays[:, 2] >= 0).any() or from_wheel.max() > FARTHEST_M:
-        msg = (
+        raise ConfigError(
             f"simulated camera views ground more than {FARTHEST_M:g} m from its wheel, or the horizon: "
             f"raise its tilt_deg, lower its height_m or its horizontal_view_deg"
         )
-        raise ConfigError(msg)

@@ -32,8 +32,7 @@ class CanBusPort(Port[bytes]):
         try:
             self._bus = can.Bus(self._channel, interface=self._interface, ignore_config=True)
         except (can.CanError, OSError, ValueError) as error:
-            msg = f"cannot serve CAN bus {self.where}: {error}"
-            raise NotConnectedError(msg) from error
+            raise NotConnectedError(f"cannot serve CAN bus {self.where}: {error}") from error
 
     def close(self) -> None:
         """Leave the bus."""

@@ -31,8 +31,7 @@ class FramePort(Port[CameraImage]):
             self._writer = LiveFolderWriter(self._folder)
         except OSError as error:
             self._folders.remove()
-            msg = f"cannot serve frames in {self.where}: {error}"
-            raise NotConnectedError(msg) from error
+            raise NotConnectedError(f"cannot serve frames in {self.where}: {error}") from error
 
     def close(self) -> None:
         """Remove our frames, and the folders unless others use them."""

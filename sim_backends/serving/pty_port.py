@@ -50,8 +50,7 @@ class PtyPort(Port[bytes]):
             self._path.symlink_to(self._target)
         except OSError as error:
             self.close()
-            msg = f"cannot serve a serial port at {self.where}: {error}"
-            raise NotConnectedError(msg) from error
+            raise NotConnectedError(f"cannot serve a serial port at {self.where}: {error}") from error
 
     def close(self) -> None:
         """Destroy the pseudo-terminal, remove the link and the folders made for it."""
@@ -91,8 +90,7 @@ class PtyPort(Port[bytes]):
         if self._path.is_symlink():
             taken = taken or not str(self._path.readlink()).startswith(PSEUDO_TERMINALS)
         if taken:
-            msg = (
+            raise NotConnectedError(
                 f"cannot serve a serial port at {self.where}: the path is taken; end the simulator that "
                 "serves it, remove it, or change the device's port"
             )
-            raise NotConnectedError(msg)

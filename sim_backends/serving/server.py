@@ -1,7 +1,6 @@
 """The server: runs a simulated world on the host's clock and carries bytes between it and real ports."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from types import TracebackType
 from typing import Generic, Self, TypeAlias
 
 from drivers.camera.settings import FrameSourceSettings
@@ -91,12 +90,7 @@ class Server:
         self._next_cycle_ns = self._clock.now_ns()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -81,6 +81,17 @@ class Simulation:
             for point in range(len(self._points))
         ]
 
+    def trajectories(self) -> list[dict[str, Array]]:
+        """Return states and inputs of each run over its samples, at the first point."""
+        with np.errstate(all="ignore"):
+            states = self._integrate()
+        series = {name: self._input_at_samples(name)[0] for name in self._inputs}
+        series |= {name: values[0] for name, values in zip(self._model.states, states, strict=False)}
+        return [
+            {name: values[run, : self._sizes[run]] for name, values in series.items()}
+            for run in range(len(self._runs))
+        ]
+
     def _active_effects(self) -> dict[str, list[Active]]:
         """Return, by port, the effects that are not at their null at every point, and their parameters."""
         found: dict[str, list[Active]] = {}
@@ -154,18 +165,30 @@ class Simulation:
         return _signal_effects(active, series, partial(lagged_samples, step_s=self._step_s))
 
     def _force_series(self) -> dict[str, Array]:
-        """Return, by port, forces over each integration step: points x 1 x steps."""
-        substeps = self._model.substeps
-        steps = (self._samples - 1) * substeps
+        """Return, by port, forces over each integration step: points x runs x steps, or one for all."""
         found: dict[str, Array] = {}
+        known = self._model.known_forces
+        for port in self._model.ports:
+            rows = [known.get(run.name, {}).get(port.name, np.zeros(1)) for run in self._runs]
+            if any(np.any(row) for row in rows):
+                found[port.name] = np.stack([self._over_steps(row) for row in rows])[None]
         for index, point in enumerate(self._points):
-            if point.force is None:
-                continue
-            name, values = point.force
-            series = found.setdefault(name, np.zeros((len(self._points), 1, steps)))
-            place = (np.arange(steps) + 0.5) / substeps
-            series[index, 0] = np.interp(place, np.arange(values.size), values)
+            if point.force is not None:
+                name, values = point.force
+                series = found.get(name, np.zeros((1, 1, 1)))
+                if series.shape[0] == 1:
+                    series = np.repeat(series, len(self._points), axis=0)
+                if series.shape[2] == 1:
+                    series = np.repeat(series, self._over_steps(values).size, axis=2)
+                series[index] += self._over_steps(values)
+                found[name] = series
         return found
+
+    def _over_steps(self, samples: Array) -> Array:
+        """Return a force in the middle of each integration step."""
+        substeps = self._model.substeps
+        middle = (np.arange((self._samples - 1) * substeps) + 0.5) / substeps
+        return np.interp(middle, np.arange(samples.size), samples)
 
     def _integrate(self) -> Array:
         """Return the states, states x points x runs x samples; memories of effects come last."""
@@ -230,13 +253,21 @@ class Simulation:
             for one in self._active.get(name, ()):
                 if one.change is not None:
                     value = one.change(value, machine, _with_time(one.values), _own(one, states))
-            return value
+            return value + self._sampled_force(name) if name in self._forces else value
 
         found = model.output(machine, inputs, parameters, port)
         return {
             channel.name: self._read(channel.name, np.asarray(found[channel.name]), states)
             for channel in model.channels
         }
+
+    def _sampled_force(self, name: str) -> Array:
+        """Return a force at the samples, from its values in the middle of each integration step."""
+        series = self._forces[name]
+        before = np.concatenate((series[..., :1], series), axis=2)[..., :: self._model.substeps]
+        after = np.concatenate((series, series[..., -1:]), axis=2)[..., :: self._model.substeps]
+        middle: Array = 0.5 * (before + after)
+        return middle
 
     def _read(self, name: str, values: Array, states: Array) -> Array:
         """Return a channel as its sensor reports it."""

@@ -9,9 +9,10 @@ from drivers.errors import ConfigError
 from sim_backends.models.interface import Array, Channel, Parameter, Port, Run, Values
 from sim_backends.state_model.equations import Equations
 from sim_backends.state_model.integrate import Point, Simulation
+from sim_backends.state_model.port_effect import PortEffect
 
 MOST_SUBSTEPS = 32
-SOLVED_SHARE = 0.05
+SOLVED_SHARE = 0.1
 """Greatest error of the integration, as a share of the sensor noise."""
 
 
@@ -71,10 +72,34 @@ class StateModel(Equations):
             for tables in moved
         ]
 
+    def trajectories(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Return states and inputs of each run over its samples."""
+        found: list[dict[str, Array]] = [{} for _ in runs]
+        for step_s, members in self._by_step(runs).items():
+            chosen = [runs[index] for index in members]
+            series = Simulation(self, chosen, [Point(parameters, effects)], step_s).trajectories()
+            for index, one in zip(members, series, strict=True):
+                found[index] = one
+        return found
+
+    def with_effects(self, more: Sequence[PortEffect]) -> "StateModel":
+        """Return the same model with only these effects to choose from."""
+        return replace(self, port_effects=tuple(more))
+
+    def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "StateModel":
+        """Return the same model with forces that act besides its equations.
+
+        Args:
+            forces: Run, then port, to values at the samples.
+        """
+        return replace(self, known_forces=forces)
+
     def refined(self, runs: Sequence[Run]) -> "StateModel":
         """Return the same model with enough integration steps for `runs`.
 
-        The steps are halved until the prediction moves by less than 5 % of the sensor noise, at the nominal
+        The steps are halved until the prediction moves by less than 10 % of the sensor noise, at the nominal
         parameters and with each effect at its natural size.
 
         Raises:

@@ -55,7 +55,7 @@ class ChanceFault(TimedFault):
 
     "drop" loses it, in both directions. The others affect what the host receives: "duplicate" delivers it
     twice, "reorder" after the next one, "corrupt" damages it: one bit flipped, or the lower half of an image
-    grey. On a CAN bus the controller's checksum would catch a flipped bit; there it stands for a device that
+    grey. On a CAN bus the controller's checksum would catch a flipped bit; there it represents a device that
     reports wrong values.
 
     Attributes:

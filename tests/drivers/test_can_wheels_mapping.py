@@ -111,7 +111,7 @@ WRONG = [
     ("node = 0", "node = 0\nfault = 3", "wheel.0.fault: "),
     ("node = 0", "node = 0\n[[wheel]]\nnode = 0", "two wheels have the node 0"),
     ("[[wheel]]", "[wheel]", "wheel: give one"),
-    ("[[wheel]]", "[[wheel", "cannot read mapping"),
+    ("[[wheel]]", "[[wheel", "is not valid TOML"),
     ('dbc = "generic_wheel.dbc"', "", "dbc: this key is missing"),
     ("generic_wheel.dbc", "other.dbc", "dbc: no file other.dbc in the same folder"),
     ("generic_wheel.dbc", "../generic_wheel.dbc", "dbc: "),

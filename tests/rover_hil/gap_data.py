@@ -13,7 +13,7 @@ from tests.nature.axis import Drive, measure_axis, some_axis
 from tests.nature.cart import Experiment, measure, some_nature
 from tests.rover_hil.gap_models import Cart
 
-TUTORIAL = Path(__file__).resolve().parents[2] / "docs" / "gap_tutorial.md"
+TUTORIAL = Path(__file__).resolve().parents[2] / "docs/tutorials/gap_tutorial.md"
 BLOCK = re.compile(r"```python\n# (?P<name>\S+)\n(?P<text>.*?)```", re.DOTALL)
 
 

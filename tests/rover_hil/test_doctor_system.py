@@ -363,7 +363,7 @@ def source_texts() -> Iterator[str]:
 
 
 def test_the_page_words_messages_as_the_program_does() -> None:
-    page = (ROOT / "docs" / "troubleshooting.md").read_text("utf-8")
+    page = (ROOT / "docs/how-to/troubleshooting.md").read_text("utf-8")
     cells = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
     messages = [
         message for cell in cells for message in re.findall(r"`([^`]+)`", cell) if message != "brltty"

@@ -14,7 +14,7 @@ from rover_hil.app.app import _spread, app
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NEEDS_NOTHING = {
     *("run", "simulate", "doctor", "terrain wheel", "terrain traverse", "terrain climb", "terrain papers")
 }
@@ -68,7 +68,7 @@ def test_every_help_has_an_example_and_names_its_data(name: str) -> None:
     (example,) = re.findall(r"Example: `(rover-hil [^`]*)`", text)
     assert example.startswith(f"rover-hil {name} ")
     assert ("Data: " in text) is (name not in NEEDS_NOTHING)
-    for page in re.findall(r"docs/\w+\.md", text):
+    for page in re.findall(r"docs/[\w/-]+\.md", text):
         assert (ROOT / page).is_file()
 
 

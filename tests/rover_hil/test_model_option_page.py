@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.gap_models import MODELS, card_lines
 
-PAGE = Path(__file__).parents[2] / "docs" / "gap_models.md"
+PAGE = Path(__file__).parents[2] / "docs/reference/gap_models.md"
 
 
 @pytest.mark.parametrize("name", MODELS)

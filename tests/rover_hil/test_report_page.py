@@ -27,7 +27,7 @@ def test_a_log_without_truth_says_so(tmp_path: Path) -> None:
     assert [summary[key] for key in missing] == [None] * 5
     assert summary["wheel_slip"] == [None, None, None]
     html = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "Nobody recorded the truth" in html
+    assert "The true pose was not recorded" in html
     assert "<h2>Distance from the truth</h2>" not in html
     assert "<h2>Slip</h2>" not in html
 

@@ -19,7 +19,7 @@ from tests.rover_hil.test_report import SLIP, WAIT_S, Drive, write_log
 
 @dataclass(frozen=True, kw_only=True)
 class CompensatedDrive(Drive):
-    """The drive with slip told: right from second 6 on, and not valid before."""
+    """The drive with estimated slip: right from second 6 on, and not valid before."""
 
     def output(self, t_s: float) -> StepOutput:
         is_valid = t_s > 6.0
@@ -64,7 +64,7 @@ def test_without_the_truth_no_error_is_told(tmp_path: Path) -> None:
 def test_a_run_without_compensation_tells_nothing(tmp_path: Path) -> None:
     summary = summarise(read_run(write_log(tmp_path / "run.mcap", Drive())))
     assert summary.slip is None
-    assert "slip told" not in [fact.name for fact in facts(summary)]
+    assert "estimated slip" not in [fact.name for fact in facts(summary)]
 
 
 def test_the_page_shows_it(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_the_page_shows_it(tmp_path: Path) -> None:
     titles = re.findall(r"<h2>(.*?)</h2>", html)
     assert titles.index("Effort") == titles.index("Slip") + 1
     # Wheel 0 turns from second 1 on, wheel 2 all the time: valid for 5 of 10 and 5 of 11 seconds.
-    assert "slip told</dt><dd>35.7 %<small>by surfaces, valid for 47.7 % of the way" in html
+    assert "estimated slip</dt><dd>35.7 %<small>by surfaces, valid for 47.7 % of the distance" in html
 
 
 def test_the_picture_marks_what_is_not_valid(tmp_path: Path) -> None:
@@ -83,8 +83,8 @@ def test_the_picture_marks_what_is_not_valid(tmp_path: Path) -> None:
     figure = draw_slip(run, summarise(run))
     assert figure is not None
     first, _, _, strip = figure.axes
-    told = next(line for line in first.lines if line.get_label() == "told")
-    assert list(told.get_ydata())[-1] == pytest.approx(100.0 * SLIP)  # type: ignore[arg-type]
+    estimate = next(line for line in first.lines if line.get_label() == "estimate")
+    assert list(estimate.get_ydata())[-1] == pytest.approx(100.0 * SLIP)  # type: ignore[arg-type]
     (shaded,) = [patch for patch in first.patches if patch.get_label() == "not valid"]
     box = shaded.get_extents().transformed(first.transData.inverted())
     assert (box.x0, box.x1) == pytest.approx((0.0, 6.0), abs=0.05)

@@ -18,7 +18,7 @@ from rover_hil.identify.scomp.pictures import model_pictures
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive
-from rover_hil.scomp.files import HEADER, parameters_text, read_drive, read_parameters
+from rover_hil.scomp.files import COLUMNS, parameters_text, read_drive, read_parameters
 from rover_hil.scomp.read_csv import read_truth
 from tests.controllers.scomp.drives import mounds, sideways
 
@@ -66,7 +66,7 @@ def test_the_second_test_with_parameters_of_the_first(folder: Path, tmp_path: Pa
         result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0
     lines = out.read_text().splitlines()
-    assert lines[0] == HEADER == "t_s,x_m,y_m,heading_rad,slip,slip_angle_rad,sigma_x_m,sigma_y_m"
+    assert lines[0] == ",".join(COLUMNS) == "t_s,x_m,y_m,heading_rad,slip,slip_angle_rad,sigma_x_m,sigma_y_m"
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
     truth = mounds().truth
     assert table[:, 0].tolist() == truth["t_s"].tolist()
@@ -230,7 +230,7 @@ def test_missing_files(tmp_path: Path) -> None:
         read_drive(tmp_path / "none.csv")
     with pytest.raises(LogError, match="cannot read"):
         read_drive(tmp_path / "none.mcap")
-    with pytest.raises(ConfigError, match="cannot read parameters"):
+    with pytest.raises(ConfigError, match="cannot read parameter file"):
         read_parameters(tmp_path / "none.toml")
 
 

@@ -232,7 +232,7 @@ def test_friction_and_delay_are_named_in_records_of_another_simulator(tmp_path: 
     rng = np.random.default_rng(4)
     motor = TrueMotor(supply_v=34.0, kp=110.0, coulomb_nm=0.0085, viscous_nm_s=0.0)
     for number in (1, 2):
-        profile = staircase((25.0, 80.0, 150.0), hold_s=2.0)
+        profile = staircase((40.0, 120.0), hold_s=1.0, rest_s=0.5)
         measured = measure(motor, profile, 3, rng, steps_per_cycle=2)
         write_csv(tmp_path / f"record{number}_without_integral.csv.gz", measured, (0, 1, 2))
     model = make_model()

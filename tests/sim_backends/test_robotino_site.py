@@ -155,7 +155,7 @@ def test_shipped_sites_load_and_lay_out() -> None:
     [
         ('floor = "carpet"', "no surface 'carpet': name one of table"),
         ("colour = 1", "colour"),
-        ("floor = ", "no valid TOML"),
+        ("floor = ", "is not valid TOML"),
         ('[[patches]]\ntype = "star"\nsurface = "gray"', "patches.0"),
         (
             '[[patches]]\ntype = "rectangle"\nsurface = "gray"\n'
@@ -173,7 +173,7 @@ def test_a_wrong_map_is_an_error_that_says_what(tmp_path: Path, text: str, part:
 
 
 def test_a_missing_map_is_an_error() -> None:
-    with pytest.raises(ConfigError, match=r"nowhere\.toml.*cannot be read"):
+    with pytest.raises(ConfigError, match=r"cannot read site .nowhere\.toml"):
         load_site("nowhere.toml")
     with pytest.raises(ConfigError, match="no surface 'moon'"):
         load_site("floor_moon")

@@ -1,6 +1,6 @@
 """The trace of the front wheel, which lies under that of the observed wheel or close to it.
 
-A rover that drifts by a few degrees leaves two traces that overlap. Together they look like one wide rut, and
+A rover that drifts by a few degrees leaves two traces that overlap. Together they appear as one wide rut, and
 one edge of the observed wheel's trace may be invisible. The path of the front wheel is known: it is the path
 of the observed wheel, shifted by the vector from one contact to the other.
 """

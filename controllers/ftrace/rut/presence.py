@@ -64,7 +64,7 @@ class Presence:
 
     A trace that was present needs less evidence than one that appears. Until the rover has moved far enough
     to leave a trace that counts, only an unmistakable trace is accepted, or one that was in view from the
-    first frame on: the edge of a shadow along the direction of travel looks like a trace.
+    first frame on: the edge of a shadow along the direction of travel resembles a trace.
 
     Args:
         start_m: Distance after which a trace that counts can be in view.

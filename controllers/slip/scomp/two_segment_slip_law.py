@@ -62,15 +62,13 @@ def fit_two_segments(
     low, high = fit_range_rad
     inside = (angle >= low) & (angle <= high) & np.isfinite(slip)
     if np.count_nonzero(inside) < FEWEST_POINTS:
-        msg = (
+        raise ModelError(
             f"the two-segment law needs {FEWEST_POINTS} points with |beta| in [{low:.3f}, {high:.3f}] rad, "
             f"got {np.count_nonzero(inside)}: widen the range or give a longer run"
         )
-        raise ModelError(msg)
     angle, value = angle[inside], slip[inside]
     if not abs(float(value.mean())) <= 1.0:
-        msg = f"the mean slip is {value.mean():.2f}, beyond 1: check wheel radius and truth"
-        raise ModelError(msg)
+        raise ModelError(f"the mean slip is {value.mean():.2f}, beyond 1: check wheel radius and truth")
     best = (np.inf, 0.0, 0.0, 0.0)
     for corner in np.linspace(float(angle.min()), float(np.quantile(angle, LAST_CORNER)), CORNERS).tolist():
         level, slope = _lines(np.maximum(0.0, angle - corner), value, slip_0)

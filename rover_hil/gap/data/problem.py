@@ -181,27 +181,9 @@ class Problem:
 
         It is a difference inside the bounds. A parameter of single runs is moved in all runs at once.
         """
-        moves: dict[str, tuple[Point, Point, dict[Key, float]]] = {}
-        for item in free:
-            low, high = _sides(point, item)
-            name = _shared_name(item.key)
-            below, above, widths = moves.get(name, (point, point, {}))
-            moves[name] = (
-                {**below, item.key: low},
-                {**above, item.key: high},
-                {**widths, item.key: high - low},
-            )
-        self.prepare_points([one for below, above, _ in moves.values() for one in (below, above)])
-        columns = np.zeros((self.observations.values.size, len(free)))
-        for index, item in enumerate(free):
-            below, above, widths = moves[_shared_name(item.key)]
-            change = (self.predict(above) - self.predict(below)) / widths[item.key]
-            run = run_of(item.key)
-            here = np.isfinite(change)
-            if run:
-                here &= np.array([site.name == run for site in self.sites])[self.observations.site]
-            columns[here, index] = change[here]
-        return columns
+        request = DerivativeRequest(self, point, free)
+        self.prepare_points(request.points)
+        return request.matrix([self.predict(one) for one in request.points])
 
     def derivative(self, point: Point, free: Free) -> Array:
         """Return the change of every row per unit of one parameter."""
@@ -242,6 +224,43 @@ class Problem:
             for item in self.model.run_parameters
             for site in self.sites
         ]
+
+
+class DerivativeRequest:
+    """The points that derivatives need, and the derivatives from the predictions there.
+
+    Args:
+        problem: Model and observations.
+        point: Where the derivatives are taken.
+        free: The parameters.
+    """
+
+    def __init__(self, problem: Problem, point: Point, free: Sequence[Free]) -> None:
+        self._problem = problem
+        self._free = free
+        self._widths: list[float] = []
+        moves: dict[str, tuple[Point, Point]] = {}
+        for item in free:
+            low, high = _sides(point, item)
+            name = _shared_name(item.key)
+            below, above = moves.get(name, (point, point))
+            moves[name] = ({**below, item.key: low}, {**above, item.key: high})
+            self._widths.append(high - low)
+        self._order = {name: index for index, name in enumerate(moves)}
+        self.points: list[Point] = [one for pair in moves.values() for one in pair]
+
+    def matrix(self, rows: Sequence[Array]) -> Array:
+        """Return rows x parameters, given the predictions at `points`."""
+        observations = self._problem.observations
+        names = np.array([site.name for site in self._problem.sites])[observations.site]
+        columns = np.zeros((observations.values.size, len(self._free)))
+        for index, item in enumerate(self._free):
+            place = 2 * self._order[_shared_name(item.key)]
+            change = (rows[place + 1] - rows[place]) / self._widths[index]
+            run = run_of(item.key)
+            here = np.isfinite(change) & ((names == run) if run else True)
+            columns[here, index] = change[here]
+        return columns
 
 
 def run_of(key: Key) -> str:

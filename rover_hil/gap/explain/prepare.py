@@ -24,8 +24,7 @@ from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.noise import Noise, series_noise, steady_noise
 from rover_hil.gap.statistics.replicates import Scatter, estimate_scatter, winsorise
 from rover_hil.gap.statistics.score import Direction, one_sided_z, score_all
-from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
-from sim_backends.models.interface import Array, DrivenModel, MachineModel, Model, Run
+from sim_backends.models.interface import Array, DrivenModel, Model, Run
 
 CONDITION_STEP = 0.01
 UNSOLVED_SHARE = 0.2
@@ -63,8 +62,6 @@ def prepare(model: Model, runs: Sequence[Run]) -> Prepared:
     solved, left_out = _solved(model, runs)
     if is_steady(solved):
         return _steady(model, solved, left_out)
-    if isinstance(model, MachineModel) and all(one.noise_sd > 0.0 for one in model.channels):
-        return _machine(model, solved, left_out)
     return _series(model, solved, left_out)
 
 
@@ -74,11 +71,7 @@ def relearn_noise(prepared: Prepared, best: Fit) -> Prepared:
         return prepared
     problem = prepared.problem
     residual = problem.observations.values - problem.predict(best.point)
-    noise: Noise
-    if isinstance(prepared.noise, SensorNoise):
-        noise = noise_of_residual(problem.observations, residual)
-    else:
-        noise = series_noise(problem.observations, residual)
+    noise = series_noise(problem.observations, residual)
     return replace(prepared, noise=noise, start=fit_base(problem, noise, prepared.start))
 
 
@@ -146,24 +139,6 @@ def _steady(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Pre
         scatter=scatter,
         start=fit_base(problem, noise),
         terms=terms_of(model, observations, {}),
-        left_out=left_out,
-    )
-
-
-def _machine(model: Model, runs: Sequence[Run], left_out: tuple[str, ...]) -> Prepared:
-    """Return the base model's fit to the output error."""
-    observations = observe(model, runs)
-    problem = Problem(model, observations)
-    noise = declared_noise(observations)
-    start = fit_base(problem, noise)
-    noise = noise_of_residual(observations, _without_effects(problem, noise, start))
-    start = fit_base(problem, noise, start)
-    return Prepared(
-        problem=problem,
-        noise=noise,
-        scatter=None,
-        start=start,
-        terms=terms_of(model, observations, start.point),
         left_out=left_out,
     )
 

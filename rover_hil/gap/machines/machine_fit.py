@@ -9,8 +9,9 @@ import numpy as np
 from scipy import stats
 
 from rover_hil.gap.data.problem import WEAK, Free, Key, Point, Problem, cells, effect_free, run_of
-from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
-from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
+from rover_hil.gap.machines.descent import descend, descend_together
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
 from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
 
 Names: TypeAlias = tuple[str, ...]
@@ -22,11 +23,8 @@ BEGINNING = 0.25
 """Share of a run that its unknowns are started from."""
 START_SHARES = (0.3,)
 """Strengths to start from besides none, in natural sizes."""
-MOST_FITS = 6
-CONVERGED = 0.2
-"""Gain of minus two log-likelihood below which a fit is not repeated."""
-RESCALED = 1.15
-"""Change of the size of the errors after which a fit is repeated with their new size."""
+FINE_STEP = 0.1
+"""Step of derivatives by effects, as a share of the usual one: an integration is exact to many digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,12 +57,14 @@ class MachineFit:
         names: The effects, sorted.
         fit: Parameters, residual and derivatives.
         noise: Size of the errors that the fit assumed.
+        errors: Measured minus simulated, in units of the declared noise.
         left_out: Leave-one-run-out results.
     """
 
     names: Names
     fit: Fit
     noise: SensorNoise
+    errors: Array
     left_out: LeftOut
 
     @property
@@ -108,10 +108,7 @@ class MachineFits:
             shapes: Their shapes to start from; the nominal ones where left out.
             begin: Parameters to start from.
         """
-        key = tuple(sorted(names))
-        if key not in self._known:
-            self._known[key] = self._fit(key, shapes, begin)
-        return self._known[key]
+        return self.fit_all([(tuple(names), shapes, begin)])[0]
 
     def free(self, names: Names, shapes: Shapes) -> list[Free]:
         """Return the parameters that are fitted with some effects."""
@@ -119,7 +116,9 @@ class MachineFits:
         released = [card.releases for card in cards if card.releases is not None]
         found = self.problem.base_free(leave_out=released)
         for card in cards:
-            found += effect_free(card, shapes.get(card.name))
+            found += [
+                replace(item, step=FINE_STEP * item.step) for item in effect_free(card, shapes.get(card.name))
+            ]
         return found
 
     def fixed(self, names: Names) -> dict[Key, float]:
@@ -128,53 +127,45 @@ class MachineFits:
         released = [self.cards[name].releases for name in names]
         return {("", one): nominal[one] for one in released if one is not None}
 
-    def _fit(self, names: Names, shapes: Shapes, begin: Point) -> MachineFit:
-        free, fixed = self.free(names, shapes), self.fixed(names)
-        observations = self.problem.observations
-        found, noise = self._fit_from(
-            free, fixed, {item.key: begin.get(item.key, item.start) for item in free}
-        )
-        for share in START_SHARES if names else ():
-            other, other_noise = self._fit_from(free, fixed, _stronger(free, begin, share))
-            if self._square(other.point) < self._square(found.point):
-                found, noise = other, other_noise
-        found = replace(found, jacobian=whitened_jacobian(self.problem, noise, found.free, found.point))
-        declared = declared_noise(observations).channel_sd
-        return MachineFit(
-            names=names, fit=found, noise=noise, left_out=leave_one_run_out(found, noise, declared)
-        )
+    def fit_all(
+        self, options: Sequence[tuple[Names, Shapes, Point]], *, is_near: bool = False
+    ) -> list[MachineFit]:
+        """Return the fits of several sets of effects, made together; see `best`.
 
-    def _fit_from(self, free: Sequence[Free], fixed: Point, start: Point) -> tuple[Fit, SensorNoise]:
-        """Return a fit, and errors as large as its residual."""
-        observations = self.problem.observations
-        noise = noise_of_residual(observations, self._residual({**fixed, **start}))
-        found = self._converged(noise, free, start, fixed)
-        for _ in range(3):
-            after = noise_of_residual(observations, self._residual(found.point))
-            ratio = noise.channel_sd / after.channel_sd
-            if float(np.maximum(ratio, 1.0 / ratio).max()) < RESCALED:
-                break
-            noise = after
-            found = self._converged(noise, free, found.point, fixed)
-        return found, noise
+        Args:
+            options: Effects, shapes and parameters to start from.
+            is_near: The start is near the result; otherwise stronger effects are tried too.
+        """
+        new = {tuple(sorted(names)): (shapes, begin) for names, shapes, begin in options}
+        new = {names: one for names, one in new.items() if names not in self._known}
+        descents, owners = [], []
+        for names, (shapes, begin) in new.items():
+            free, fixed = self.free(names, shapes), self.fixed(names)
+            starts: list[Point] = [{item.key: begin.get(item.key, item.start) for item in free}]
+            starts += [_stronger(free, begin, share) for share in START_SHARES if names and not is_near]
+            for start in starts:
+                descents.append(descend(self.problem, free, start, fixed))
+                owners.append(names)
+        best: dict[Names, tuple[float, Fit, SensorNoise]] = {}
+        for names, (found, noise) in zip(owners, descend_together(self.problem, descents), strict=True):
+            square = self._square(found.point)
+            if names not in best or square < best[names][0]:
+                best[names] = (square, found, noise)
+        declared = declared_noise(self.problem.observations).channel_sd
+        for names, (_, found, noise) in best.items():
+            self._known[names] = MachineFit(
+                names=names,
+                fit=found,
+                noise=noise,
+                errors=found.residual * (noise.channel_sd / declared)[noise.channel],
+                left_out=leave_one_run_out(found, noise, declared),
+            )
+        return [self._known[tuple(sorted(names))] for names, *_ in options]
 
     def _square(self, point: Point) -> float:
-        declared = declared_noise(self.problem.observations).channel_sd[self.problem.observations.channel]
-        return float(np.nansum((self._residual(point) / declared) ** 2))
-
-    def _converged(self, noise: SensorNoise, free: Sequence[Free], start: Point, fixed: Point) -> Fit:
-        found = fit(self.problem, noise, free, start, fixed=fixed)
-        for _ in range(MOST_FITS):
-            again = fit(self.problem, noise, free, found.point, fixed=fixed)
-            gain, found = found.cost - again.cost, again
-            if gain < CONVERGED:
-                break
-        return found
-
-    def _residual(self, point: Point) -> Array:
-        predicted = self.problem.predict(point)
-        residual: Array = self.problem.observations.values - np.where(np.isfinite(predicted), predicted, 1e6)
-        return residual
+        observations = self.problem.observations
+        error = (observations.values - self.problem.predict(point)) / declared_noise(observations).row_sd
+        return float(np.nansum(error**2))
 
 
 def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
@@ -186,10 +177,14 @@ def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
     return start
 
 
-def start_of_runs(problem: Problem) -> Point:
+def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     """Return starting values of the unknowns of each run: of many draws those that fit its beginning best.
 
     A fit from a wrong initial state may end in another period of an oscillation.
+
+    Args:
+        problem: Model and observations.
+        shared: Parameters of all runs; nominal where left out.
     """
     free = problem.run_free()
     if not free:
@@ -198,19 +193,7 @@ def start_of_runs(problem: Problem) -> Point:
     draws = stats.qmc.Sobol(len(names), seed=0).random(START_DRAWS)
     pulls = stats.norm.ppf(0.01 + 0.98 * draws)
     pulls[0] = 0.0
-    points = [
-        {
-            item.key: float(
-                np.clip(
-                    item.mean + pull[names.index(item.key[1].partition(RUN_SEPARATOR)[0])] * item.sd,
-                    item.lower,
-                    item.upper,
-                )
-            )
-            for item in free
-        }
-        for pull in pulls
-    ]
+    points = [{**(shared or {}), **_drawn(free, dict(zip(names, pull, strict=True)))} for pull in pulls]
     problem.prepare_points(points)
     declared = declared_noise(problem.observations).channel_sd[problem.observations.channel]
     weight = _beginning(problem) / declared**2
@@ -221,6 +204,14 @@ def start_of_runs(problem: Problem) -> Point:
         chosen = points[int(np.argmin(costs))]
         best.update({key: value for key, value in chosen.items() if run_of(key) == site.name})
     return best
+
+
+def _drawn(free: Sequence[Free], pulls: Mapping[str, float]) -> Point:
+    """Return the same draw of the unknowns, by name in prior deviations, in every run."""
+    by_item = [(item, pulls[item.key[1].partition(RUN_SEPARATOR)[0]]) for item in free]
+    return {
+        item.key: float(np.clip(item.mean + pull * item.sd, item.lower, item.upper)) for item, pull in by_item
+    }
 
 
 def _cost(problem: Problem, point: Point, weight: Array) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.data.problem import Key
+from rover_hil.gap.data.problem import Key, Point
 from rover_hil.gap.explain.candidates import card_changes
 from rover_hil.gap.explain.search import linear_gain
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, Names, Shapes, jackknife_error
@@ -25,15 +25,15 @@ AGREEING_SHARE = 0.7
 """Least share of the runs that an effect must improve."""
 LEAST_Z = 2.5
 """Least distance of a strength from its null over the scatter of runs, as a standard normal."""
-SINGLES, PAIRS = 4, 4
+SINGLES, PAIRS = 10, 15
 """Effects and pairs to fit in one step, the best to first order."""
-WORTH = 1.2
-"""Least ratio of the gain of a pair to that of the best effect alone."""
 MOST_EFFECTS = 6
 MOST_ROUNDS = 10
 TWINS = 0.9
 """Cosine from which two effects are each other's alternative."""
 PAIR_TOP = 16
+SAME = 0.98
+"""Cosine from which two effects are not fitted together."""
 SET_SHARE = 0.9
 """Least share of the gain of the best explanation for an alternative."""
 SET_LEVEL = 0.95
@@ -99,6 +99,8 @@ class MachineSearch:
         base = self._fits.base()
         best = base
         for _ in range(MOST_ROUNDS):
+            if best.names and is_within_noise(best):
+                break
             better = self._better(best)
             if better is None:
                 break
@@ -127,53 +129,54 @@ class MachineSearch:
         return [self._evidence(found, name) for name in found.names]
 
     def _better(self, best: MachineFit) -> MachineFit | None:
-        options = [*self._extended(best), *self._swapped(best)]
-        fitted = []
-        for number, (names, shapes, begin) in enumerate(options):
-            self._advance(f"fitting {' and '.join(names)}, {number + 1} of {len(options)}")
-            fitted.append(self._fits.best(names, shapes, begin.fit.point))
-        fitted = [one for one in fitted if one.error < best.error and self._is_accepted(one)]
-        larger = [one for one in fitted if len(one.names) > len(best.names)]
-        same = [
-            one for one in fitted if len(one.names) == len(best.names) and self._is_clearly_better(one, best)
-        ]
-        return min([*larger, *same], key=lambda one: one.error, default=None)
+        """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
+        singles = self._fitted([*self._singles(best), *self._swapped(best)])
+        better = self._best_of(singles, best)
+        if better is not None and is_within_noise(better):
+            return better
+        pairs = self._fitted(self._pairs(best))
+        return self._best_of([*singles, *pairs], best)
 
-    def _extended(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
-        """Return the explanations with one or two effects more that gain most, to first order."""
+    def _fitted(self, options: Sequence[tuple[Names, Shapes, MachineFit]]) -> list[MachineFit]:
+        self._advance(f"fitting {len(options)} explanations")
+        fitted = self._fits.fit_all([(names, shapes, begin.fit.point) for names, shapes, begin in options])
+        self._fits.fit_all(
+            [self._without(one, name) for one in fitted for name in one.names if len(one.names) > 1],
+            is_near=True,
+        )
+        return fitted
+
+    def _best_of(self, fitted: Sequence[MachineFit], best: MachineFit) -> MachineFit | None:
+        better = [one for one in fitted if one.error < best.error]
+        accepted = [
+            one
+            for one in sorted(better, key=lambda one: one.error)
+            if len(one.names) > len(best.names) or self._is_clearly_better(one, best)
+        ]
+        return next((one for one in accepted if self._is_accepted(one)), None)
+
+    def _singles(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
+        """Return the explanations with one effect more."""
         if len(best.names) >= MOST_EFFECTS:
             return []
-        scores = self.scores(best)
-        singles = _best_shapes(scores)
-        ranked = sorted(singles, key=lambda score: -one_sided_z(score))
-        chosen: list[tuple[Score, ...]] = [(score,) for score in ranked[:SINGLES] if one_sided_z(score) > 0.0]
-        top = one_sided_z(ranked[0]) ** 2 if ranked else 0.0
-        if len(best.names) + 2 <= MOST_EFFECTS:
-            chosen += self._pairs(ranked, top)
-        return [
-            (
-                (*best.names, *(score.direction.name for score in scores_of)),
-                {score.direction.name: score.direction.shapes for score in scores_of},
-                best,
-            )
-            for scores_of in chosen
-        ]
+        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)
+        return [_extended(best, (one,)) for one in ranked[:SINGLES]]
 
-    def _pairs(self, ranked: Sequence[Score], top: float) -> list[tuple[Score, ...]]:
-        pairs = [
-            pair
-            for pair in itertools.combinations(ranked[:PAIR_TOP], 2)
-            if abs(cosine(pair[0], pair[1])) < 0.98
-        ]
-        by_gain = sorted(((linear_gain(pair), index) for index, pair in enumerate(pairs)), reverse=True)
-        return [pairs[index] for gain, index in by_gain[:PAIRS] if gain > WORTH * top]
+    def _pairs(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
+        """Return the explanations with two effects more that gain most, to first order."""
+        if len(best.names) + 2 > MOST_EFFECTS:
+            return []
+        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)[:PAIR_TOP]
+        pairs = [pair for pair in itertools.combinations(ranked, 2) if abs(cosine(*pair)) < SAME]
+        pairs.sort(key=linear_gain, reverse=True)
+        return [_extended(best, pair) for pair in pairs[:PAIRS]]
 
     def _swapped(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with one effect replaced."""
         options: list[tuple[Names, Shapes, MachineFit]] = []
         for name in best.names:
             part = self._part(best, name)
-            scores = [one for one in _best_shapes(self.scores(part)) if one.direction.name != name]
+            scores = [one for one in best_shapes(self.scores(part)) if one.direction.name != name]
             ranked = sorted(scores, key=lambda score: -one_sided_z(score))
             options += [
                 ((*part.names, one.direction.name), {one.direction.name: one.direction.shapes}, part)
@@ -183,9 +186,11 @@ class MachineSearch:
         return options
 
     def _part(self, found: MachineFit, name: str) -> MachineFit:
-        names = tuple(one for one in found.names if one != name)
+        return self._fits.fit_all([self._without(found, name)])[0]
+
+    def _without(self, found: MachineFit, name: str) -> tuple[Names, Shapes, Point]:
         begin = {key: value for key, value in found.fit.point.items() if key[0] != name}
-        return self._fits.best(names, {}, begin)
+        return tuple(one for one in found.names if one != name), {}, begin
 
     def _is_accepted(self, found: MachineFit) -> bool:
         evidence = self.evidence(found)
@@ -235,8 +240,10 @@ class MachineSearch:
                 for names, one in self._fits.tried.items()
                 if len(names) == len(best.names)
                 and names != best.names
-                and base.error - one.error >= SET_SHARE * gain
-                and is_equal(one, best)
+                and (
+                    is_within_noise(one)
+                    or (base.error - one.error >= SET_SHARE * gain and is_equal(one, best))
+                )
                 and all(not item.objection for item in self.evidence(one))
             ),
             key=lambda one: one.error,
@@ -251,10 +258,15 @@ class MachineSearch:
         target = max(own, key=one_sided_z)
         others = [
             one
-            for one in _best_shapes(scores)
+            for one in best_shapes(scores)
             if one.direction.name not in best.names and abs(cosine(one, target)) > TWINS
         ]
         return sorted(others, key=lambda one: -abs(cosine(one, target)))[:3]
+
+
+def _extended(best: MachineFit, scores: Sequence[Score]) -> tuple[Names, Shapes, MachineFit]:
+    names = (*best.names, *(score.direction.name for score in scores))
+    return names, {score.direction.name: score.direction.shapes for score in scores}, best
 
 
 def strength_z(found: MachineFit, key: Key) -> float:
@@ -278,8 +290,14 @@ def is_equal(one: MachineFit, other: MachineFit) -> bool:
     return t < float(stats.t.ppf(0.5 + 0.5 * SET_LEVEL, differences.size - 1))
 
 
+def is_within_noise(found: MachineFit) -> bool:
+    """Return True where the declared noise of the sensors explains what a fit leaves of left-out runs."""
+    count = float(found.left_out.counts.sum())
+    return found.error <= count * (1.0 + 3.0 * math.sqrt(2.0 / count))
+
+
 def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
-    """Return the share of the excess error that further effects explain on left-out runs, and of runs improved.
+    """Return the share of the excess error that effects explain on left-out runs, and that of better runs.
 
     Each run has the weight of its excess error, at most that of its samples, so that a run that lies far
     outside the others cannot decide alone.
@@ -292,7 +310,7 @@ def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
     return float((weight * shares).sum() / total), float(weight[after < before].sum() / total)
 
 
-def _best_shapes(scores: Sequence[Score]) -> list[Score]:
+def best_shapes(scores: Sequence[Score]) -> list[Score]:
     """Return each effect at its best shape."""
     best: dict[str, Score] = {}
     for score in scores:

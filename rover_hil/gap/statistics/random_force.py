@@ -112,6 +112,26 @@ class RandomForceNoise:
         found: Array = whitened.reshape((self.keep.size, *rows.shape[1:]))
         return found
 
+    def smoothed_forces(self, residual: Array) -> list[tuple[Array, Array]]:
+        """Return the most probable force of each run and its covariance, in natural sizes.
+
+        Args:
+            residual: Measured minus predicted without force, one value per row.
+
+        Returns:
+            By run: ports x knots in one vector, and its covariance.
+        """
+        prior = prior_covariance(self.basis, self.sizes)
+        errors = residual[self.keep] * self.scale
+        found = []
+        for run, matrix in enumerate(self.basis.responses):
+            responses = matrix / self.excess
+            together = responses @ prior
+            gain = np.linalg.solve(np.eye(matrix.shape[0]) + together @ responses.T, together)
+            mean = gain.T @ errors[self.site == run]
+            found.append((mean, prior - gain.T @ together))
+        return found
+
     def force_sizes(self, step_s: float) -> list[ForceSize]:
         """Return the force at each port in its unit.
 
@@ -127,7 +147,7 @@ class RandomForceNoise:
 
 
 def random_force_noise(
-    problem: Problem, machine: MachineModel, point: Point, residual: Array
+    problem: Problem, machine: MachineModel, point: Point, residual: Array, basis: ForceBasis | None = None
 ) -> RandomForceNoise:
     """Estimate the errors of a machine's runs.
 
@@ -135,12 +155,13 @@ def random_force_noise(
         problem: Model and observations; every channel has a declared noise.
         machine: The same model.
         point: Where to linearise.
-        residual: Measured minus predicted, without the effects that are searched; NaN where missing.
+        residual: Measured minus predicted; NaN where missing.
+        basis: Responses at this point, where they are known.
     """
     observations = problem.observations
     keep = np.flatnonzero(np.isfinite(residual)).astype(np.intp)
     scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
-    basis = force_basis(problem, machine, point, keep, scale)
+    basis = basis or force_basis(problem, machine, point, keep, scale)
     errors = [(residual[keep] * scale)[observations.site[keep] == run] for run in range(len(problem.sites))]
     likelihood = _Likelihood(basis, errors)
     sizes, excess, gain = likelihood.best()

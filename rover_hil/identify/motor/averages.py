@@ -16,7 +16,7 @@ from scipy.stats import t as student
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.arrays import Array, rms
 from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS, read_averages
 from rover_hil.identify.motor.record import cut_set_point
 from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate
@@ -92,11 +92,10 @@ def report_drives(parts: Sequence[MotorDrives]) -> MotorReport:
     speed = np.concatenate([part.speed for part in parts])
     current = np.concatenate([part.current for part in parts])
     if len(set_points) < LEAST_DRIVES:
-        msg = (
+        raise LogError(
             f"{parts[0].log}: motor {parts[0].motor} has {len(set_points)} steady drives with currents below "
             f"the sensor's end, fewer than {LEAST_DRIVES}: give more"
         )
-        raise LogError(msg)
     value, half, rms_rad_s = _fit(set_points, speed, current)
     return MotorReport(
         motor=parts[0].motor,
@@ -119,7 +118,7 @@ def _fit(set_points: Array, speed: Array, current: Array) -> tuple[dict[str, flo
     half = student.ppf(0.5 + CONFIDENCE / 2, freedom) * np.sqrt(np.diag(covariance))
     names = ("gain", "droop_rad_s_per_a")
     values = dict(zip(names, found.tolist(), strict=True))
-    return values, dict(zip(names, half.tolist(), strict=True)), float(np.sqrt(np.mean(residual**2)))
+    return values, dict(zip(names, half.tolist(), strict=True)), rms(residual)
 
 
 def _estimates(value: dict[str, float], half: dict[str, float]) -> list[Estimate]:

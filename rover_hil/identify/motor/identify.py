@@ -28,8 +28,9 @@ def find_logs(paths: Sequence[Path]) -> list[Path]:
         inside = sorted(path.rglob("*")) if path.is_dir() else [path]
         logs = [file for file in inside if file.is_file() and file.name.endswith(SUFFIXES)]
         if not logs:
-            msg = f"{path} is not a log and holds none: give .mcap, .csv or .csv.gz files or their folder"
-            raise LogError(msg)
+            raise LogError(
+                f"{path} is not a log and holds none: give .mcap, .csv or .csv.gz files or their folder"
+            )
         found += [log for log in logs if log not in found]
     return found
 
@@ -56,8 +57,9 @@ def identify(records: Sequence[Record], advance: Callable[[], None] = lambda: No
         whole = [item for item in records if isinstance(item, MotorRecord) and item.motor == motor]
         averaged = [item for item in records if isinstance(item, MotorDrives) and item.motor == motor]
         if whole and averaged:
-            msg = f"{averaged[0].log} holds averages and {whole[0].log} does not: identify them one by one"
-            raise LogError(msg)
+            raise LogError(
+                f"{averaged[0].log} holds averages and {whole[0].log} does not: identify them one by one"
+            )
         reports.append(report_motor(whole) if whole else report_drives(averaged))
         advance()
     return reports

@@ -25,13 +25,11 @@ def read_log(path: Path) -> list[MotorRecord]:
     driven = list(takewhile(lambda motor: f"set{motor}_rad_s" in rows, count(1)))
     measured = [motor for motor in driven if any(field.format(motor) in rows for field in FIELDS)]
     if not measured or len(rows["set1_rad_s"]) < LEAST_READINGS:
-        msg = f"{path} holds no wheel samples or no set-points: give the log of a drive"
-        raise LogError(msg)
+        raise LogError(f"{path} holds no wheel samples or no set-points: give the log of a drive")
     check_times(drive.seconds(rows["set1_rad_s"].t_ns), f"{path}, set-points")
     missing = sorted(set(driven) - set(measured))
     if missing:
-        msg = f"{path} has set-points but no samples of motor {missing[0]}: check its encoder"
-        raise LogError(msg)
+        raise LogError(f"{path} has set-points but no samples of motor {missing[0]}: check its encoder")
     return [_record(path, drive, motor) for motor in driven]
 
 
@@ -45,11 +43,9 @@ def _record(path: Path, drive: RecordedDrive, motor: int) -> MotorRecord:
     speed = _series(drive, f"speed{motor}_rad_s", where, gear)
     current = _series(drive, f"current{motor}_a", where)
     if current is None:
-        msg = f"{where}: no motor currents in the log: use a drive that reports them"
-        raise LogError(msg)
+        raise LogError(f"{where}: no motor currents in the log: use a drive that reports them")
     if position is None and speed is None:
-        msg = f"{where}: neither positions nor speeds in the log: use a drive that reports them"
-        raise LogError(msg)
+        raise LogError(f"{where}: neither positions nor speeds in the log: use a drive that reports them")
     sent = drive.rows[f"set{motor}_rad_s"]
     set_point = sent.value * gear
     if scale.speed_rad_s:

@@ -69,8 +69,9 @@ class RecordProblem:
         self.uses_ticks = _positions_agree(record)
         motion = record.position if self.uses_ticks else record.speed
         if motion is None:
-            msg = f"{record.log}: neither positions nor speeds of motor {record.motor}: use another drive"
-            raise LogError(msg)
+            raise LogError(
+                f"{record.log}: neither positions nor speeds of motor {record.motor}: use another drive"
+            )
         self._motion = motion
         voltage = record.voltage or Series(np.empty(0), np.empty(0))
         self._voltage = voltage

@@ -127,5 +127,6 @@ def check_times(t_s: Array, where: str) -> None:
     """
     wrong = np.flatnonzero(np.diff(t_s) <= 0)
     if wrong.size:
-        msg = f"{where}: the clock goes backwards or does not advance after {t_s[wrong[0]]:.3f} s: repeat it"
-        raise LogError(msg)
+        raise LogError(
+            f"{where}: the clock goes backwards or does not advance after {t_s[wrong[0]]:.3f} s: repeat it"
+        )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import LogError
+from rover_hil.datasets.arrays import rms
 from rover_hil.identify.motor.fit import ELECTRIC_LAG_S, HIDDEN, MotorFit, fit_motor
 from rover_hil.identify.motor.problem import MotorProblem
 from rover_hil.identify.motor.record import MotorRecord
@@ -107,8 +108,9 @@ def report_motor(records: Sequence[MotorRecord]) -> MotorReport:
         LogError: The logs come from different devices.
     """
     if len({(record.is_robotino, record.scale) for record in records}) > 1:
-        msg = f"motor {records[0].motor}: the logs come from different drives: identify them one by one"
-        raise LogError(msg)
+        raise LogError(
+            f"motor {records[0].motor}: the logs come from different drives: identify them one by one"
+        )
     problem = MotorProblem(records)
     nothing = _nothing_to_learn(problem)
     if nothing:
@@ -119,7 +121,7 @@ def report_motor(records: Sequence[MotorRecord]) -> MotorReport:
     is_robotino = records[0].is_robotino
     return MotorReport(
         motor=records[0].motor,
-        estimates=tuple(estimates if is_robotino else map(_without_data_sheet, estimates)),
+        estimates=_of_drive(problem, estimates),
         fitted=_misfit(problem, fit.model, uncertainty.delay_s),
         data_sheet=_misfit(problem, _data_sheet_model(), DATA_SHEET["delay_s"]) if is_robotino else None,
         undetermined=lost_combinations(fit),
@@ -250,8 +252,10 @@ def _reasons(problem: MotorProblem, fit: MotorFit, uncertainty: Uncertainty) -> 
     return why
 
 
-def _without_data_sheet(item: Estimate) -> Estimate:
-    return replace(item, data_sheet=None)
+def _of_drive(problem: MotorProblem, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
+    """Return the estimates, without the data sheet where the motor is another one."""
+    is_robotino = problem.parts[0].record.is_robotino
+    return tuple(item if is_robotino else replace(item, data_sheet=None) for item in estimates)
 
 
 def _data_sheet_model() -> MotorModel:
@@ -271,9 +275,7 @@ def _misfit(problem: MotorProblem, model: MotorModel, delay_s: float) -> Misfit:
         [part.speed_residuals(item) for part, item in zip(problem.parts, items, strict=True)]
     )
     current = np.concatenate([item.current for item in items])
-    return Misfit(
-        speed_rad_s=float(np.sqrt(np.mean(speed**2))), current_a=float(np.sqrt(np.mean(current**2)))
-    )
+    return Misfit(speed_rad_s=rms(speed), current_a=rms(current))
 
 
 def _notes(problem: MotorProblem, estimates: Sequence[Estimate], uncertainty: Uncertainty) -> tuple[str, ...]:
@@ -295,23 +297,10 @@ def _notes(problem: MotorProblem, estimates: Sequence[Estimate], uncertainty: Un
 
 
 def _empty(motor: int, problem: MotorProblem, why: str) -> MotorReport:
-    sheet = DATA_SHEET if problem.parts[0].record.is_robotino else {}
-    estimates = [
-        Estimate(
-            name=name,
-            unit=unit,
-            value=None,
-            low=None,
-            high=None,
-            data_sheet=sheet.get(name),
-            determined=False,
-            why=why,
-        )
-        for name, unit in UNITS.items()
-    ]
+    estimates = [estimate(name, None, np.inf, why) for name in UNITS]
     return MotorReport(
         motor=motor,
-        estimates=tuple(estimates),
+        estimates=_of_drive(problem, estimates),
         fitted=None,
         data_sheet=None,
         undetermined=("everything",),

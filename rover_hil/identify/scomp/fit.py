@@ -21,7 +21,7 @@ from controllers.slip.scomp.parameters import (
 )
 from controllers.slip.scomp.two_segment_slip_law import fit_two_segments
 from drivers.errors import ModelError
-from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.arrays import Array, rms
 from rover_hil.scomp.drive import Drive, TruePath
 from rover_hil.scomp.windows import LONGEST_TRUTH_GAP_S, WINDOW_S, Windows, cut, smoothed, true_velocity
 
@@ -101,14 +101,14 @@ def _check_windows(windows: Windows) -> None:
     count = len(windows.t_s)
     astray = np.count_nonzero(np.abs(windows.slip_angle_rad) > LARGEST_SLIP_ANGLE_RAD)
     if astray > 0.5 * count:
-        msg = (
+        raise ModelError(
             f"in the truth the rover moves backwards or sideways in {astray} of {count} windows although its "
             f"wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
         )
-        raise ModelError(msg)
     if float(np.median(windows.slip)) > STUCK_SLIP:
-        msg = "the rover does not move in the truth although its wheels turn: use a drive in which it moves"
-        raise ModelError(msg)
+        raise ModelError(
+            "the rover does not move in the truth although its wheels turn: use a drive in which it moves"
+        )
 
 
 def _checked(parameters: ScompParameters) -> ScompParameters:
@@ -118,8 +118,9 @@ def _checked(parameters: ScompParameters) -> ScompParameters:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        msg = f"the fit gives {place} = {first['input']}, out of range: are log and truth of one drive?"
-        raise ModelError(msg) from error
+        raise ModelError(
+            f"the fit gives {place} = {first['input']}, out of range: are log and truth of one drive?"
+        ) from error
 
 
 def fit_pitch(windows: Windows, notes: list[str]) -> tuple[SlipFromPitch, float | None]:
@@ -163,12 +164,12 @@ def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[Sl
         fit = least_squares(misfit, found, loss="soft_l1", f_scale=3.0, bounds=limits)
         found = fit.x
         residual = residual_of(found)
-        rms, memory_s = float(np.sqrt(np.mean(residual**2))), _correlation_time_s(residual)
+        size, memory_s = rms(residual), _correlation_time_s(residual)
         # Correlated windows count for less.
-        spread = max(rms, 0.01) * math.sqrt(max(1.0, 2.0 * memory_s / WINDOW_S))
+        spread = max(size, 0.01) * math.sqrt(max(1.0, 2.0 * memory_s / WINDOW_S))
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)
-    fluctuation = {"fluctuation": max(rms, SMALLEST_FLUCTUATION), "fluctuation_time_s": memory_s}
-    return start.model_copy(update={**_pitch_update(found, covariance), **fluctuation}), rms
+    fluctuation = {"fluctuation": max(size, SMALLEST_FLUCTUATION), "fluctuation_time_s": memory_s}
+    return start.model_copy(update={**_pitch_update(found, covariance), **fluctuation}), size
 
 
 def _pitch_update(found: Array, covariance: Array) -> dict[str, object]:
@@ -313,7 +314,7 @@ def _trace_errors(
 
 
 def _at_least(residual: Array, smallest_deg: float) -> float:
-    return max(float(np.sqrt(np.mean(residual**2))), math.radians(smallest_deg))
+    return max(rms(residual), math.radians(smallest_deg))
 
 
 def _correlation_time_s(residual: Array) -> float:

@@ -1,6 +1,6 @@
 """Pictures of the slip model (figures 7-12 of paper 000) and of drives (figures 15-21), as SVG texts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
 import numpy as np
@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from controllers.slip.scomp.combined_slip import CombinedSlip
 from controllers.slip.scomp.two_segment_slip_law import two_segments_of_model
 from rover_hil.identify.scomp.fit import Identification
-from rover_hil.identify.scomp.single_wheel_data import SingleWheelData
 from rover_hil.pages.picture import svg
 from rover_hil.pages.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
 from rover_hil.scomp.drive import Track, TruePath
@@ -21,14 +20,14 @@ SLOPE_DEG = 12.0
 RANGE_DEG = (0.0, 25.0)
 
 
-def model_pictures(model: CombinedSlip, trials: SingleWheelData | None = None) -> dict[str, str]:
-    """Return figures 7 to 12 for a model, by file name; 7 and 8 with single-wheel trials where given."""
+def model_pictures(model: CombinedSlip) -> dict[str, str]:
+    """Return figures 7 to 12 for a model, by file name."""
     with mpl.rc_context(STYLE):
         return {
-            "fig07_longitudinal_force.svg": _forces(model, trials, 0),
-            "fig08_lateral_force.svg": _forces(model, trials, 1),
+            "fig07_longitudinal_force.svg": _forces(model, 0),
+            "fig08_lateral_force.svg": _forces(model, 1),
             "fig09_traction.svg": _traction(model),
-            "fig10_cornering.svg": _cornering(model),
+            "fig10_cornering.svg": _forces(model, 1, ANGLES_DEG),
             "fig11_ellipses.svg": _ellipses(model),
             "fig12_slip_over_angle.svg": _two_segments(model),
         }
@@ -78,40 +77,24 @@ def drive_pictures(tracks: Mapping[str, Track], truth: TruePath) -> dict[str, st
         return {"slip_angle.svg": _svg(angle, angle_axes), "path.svg": _svg(path, path_axes)}
 
 
-def _forces(model: CombinedSlip, trials: SingleWheelData | None, which: int) -> str:
-    figure, axes = _one("slip ratio", ("longitudinal force (N)", "lateral force (N)")[which])
-    slip = np.linspace(0.0, 1.0, 200)
-    angles = ANGLES_DEG[:5] if trials is None else np.degrees(np.unique(trials.slip_angle_rad)).tolist()
-    for angle in angles:
-        force_n = model.forces_n(slip, np.full_like(slip, np.radians(angle)))[which]
-        line = axes.plot(slip, force_n, label=f"{angle:.0f} deg")[0]
-        if trials is not None:
-            use = np.isclose(trials.slip_angle_rad, np.radians(angle))
-            measured_n = (trials.force_x_n, trials.force_y_n)[which][use]
-            axes.plot(trials.slip[use], measured_n, "o", markersize=4, color=line.get_color())
-    return _svg(figure, axes)
+def _forces(model: CombinedSlip, which: int, angles_deg: Sequence[float] = ANGLES_DEG[:5]) -> str:
+    return _svg(*_force_axes(model, which, angles_deg))
 
 
 def _traction(model: CombinedSlip) -> str:
-    figure, axes = _one("slip ratio", "longitudinal force (N)")
-    _curves(axes, model, 0)
+    figure, axes = _force_axes(model, 0, ANGLES_DEG)
     needed_n = model.load_n * np.sin(np.radians(SLOPE_DEG))
     axes.axhline(needed_n, color=TRUTH, linestyle="--", label=f"needed on {SLOPE_DEG:.0f} deg")
     return _svg(figure, axes)
 
 
-def _cornering(model: CombinedSlip) -> str:
-    figure, axes = _one("slip ratio", "lateral force (N)")
-    _curves(axes, model, 1)
-    return _svg(figure, axes)
-
-
-def _curves(axes: Axes, model: CombinedSlip, which: int) -> None:
+def _force_axes(model: CombinedSlip, which: int, angles_deg: Sequence[float]) -> tuple[Figure, Axes]:
+    figure, axes = _one("slip ratio", ("longitudinal force (N)", "lateral force (N)")[which])
     slip = np.linspace(0.0, 1.0, 200)
-    for angle in ANGLES_DEG:
-        axes.plot(
-            slip, model.forces_n(slip, np.full_like(slip, np.radians(angle)))[which], label=f"{angle:.0f} deg"
-        )
+    for angle in angles_deg:
+        force_n = model.forces_n(slip, np.full_like(slip, np.radians(angle)))[which]
+        axes.plot(slip, force_n, label=f"{angle:.0f} deg")
+    return figure, axes
 
 
 def _ellipses(model: CombinedSlip) -> str:

@@ -70,8 +70,9 @@ def find_scale(runs: Sequence[RunWindows]) -> CameraScale:
     encoder_m = np.array([run.encoder_distance_m().sum() for run in rolling])
     camera_px = np.array([run.camera_distance_m(1.0).sum() for run in rolling])
     if not (camera_px > 0.0).all():
-        msg = f"{rolling[int(np.argmin(camera_px))].path}: the camera sees no motion; leave this run out"
-        raise LogError(msg)
+        raise LogError(
+            f"{rolling[int(np.argmin(camera_px))].path}: the camera sees no motion; leave this run out"
+        )
     mm_per_px = round(float(np.median(encoder_m / camera_px)) * 1000.0, 4)
     return _judge(rolling, 1.0 - camera_px * NOMINAL_MM_PER_PX / 1000.0 / encoder_m, mm_per_px)
 

@@ -24,13 +24,15 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
     drive = read_drive(path)
     rover, rows = drive.config.rover, drive.rows
     if not isinstance(rover, OmniRoverSettings):
-        msg = f"{path} is of a {rover.kinematics} rover: slip maps need three omnidirectional wheels"
-        raise LogError(msg)
+        raise LogError(
+            f"{path} is of a {rover.kinematics} rover: slip maps need three omnidirectional wheels"
+        )
     for wheel in range(WHEELS):
         for name, word in ((f"enc{wheel + 1}_rad", "positions"), (f"current{wheel + 1}_a", "currents")):
             if name not in rows:
-                msg = f"log {path} holds no {word} of wheel {wheel}: slip cannot be measured with it"
-                raise LogError(msg)
+                raise LogError(
+                    f"log {path} holds no {word} of wheel {wheel}: slip cannot be measured with it"
+                )
     true = drive.true_poses()
     position = [_series(rows, f"enc{wheel}_rad") for wheel in range(1, WHEELS + 1)]
     current = [_series(rows, f"current{wheel}_a") for wheel in range(1, WHEELS + 1)]
@@ -70,14 +72,14 @@ def _series(rows: LogRows, name: str) -> Array:
 
 def _check_numbers(path: Path, tables: Sequence[Array]) -> None:
     if not all(np.isfinite(table).all() for table in tables):
-        msg = f"log {path} holds samples or true poses that are not numbers: it is damaged, record it again"
-        raise LogError(msg)
+        raise LogError(
+            f"log {path} holds samples or true poses that are not numbers: it is damaged, record it again"
+        )
 
 
 def _check_clock(path: Path, tables: Sequence[Array]) -> None:
     if any((np.diff(table[:, 0]) <= 0.0).any() for table in tables):
-        msg = f"log {path}: its clock goes backwards or does not advance: the run cannot be used"
-        raise LogError(msg)
+        raise LogError(f"log {path}: its clock goes backwards or does not advance: the run cannot be used")
 
 
 def _check_positions(path: Path, tables: Sequence[Array], t_s: Array) -> None:
@@ -85,11 +87,10 @@ def _check_positions(path: Path, tables: Sequence[Array], t_s: Array) -> None:
         silent = ~_is_near(table, t_s)
         if silent.any():
             begins_s = float(t_s[np.argmax(silent)] - t_s[0])
-            msg = (
+            raise LogError(
                 f"log {path}: wheel {wheel} gives no position {begins_s:.2f} s after wheel 0's first, while "
                 "others do: check its encoder, the run cannot be used"
             )
-            raise LogError(msg)
 
 
 def _is_near(table: Array, t_s: Array) -> Flags:

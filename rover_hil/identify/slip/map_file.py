@@ -1,16 +1,14 @@
 """Slip maps as data files: TOML with source, date and licence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
-
-from pydantic import ValidationError
 
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.slip_map import MapScore, SlipMapFile, WheelMap
 from drivers.clock import wall_time_text
-from drivers.errors import ConfigError
-from rover_hil.config import describe_validation_error, load_slip_map
+from rover_hil.config import load_slip_map, validated
+from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.slip.identification import SlipIdentification
 from rover_hil.identify.slip.scores import Score
 from rover_hil.identify.slip.wheel_fit import collect_samples, fit_monotone
@@ -49,7 +47,7 @@ def write_slip_map(content: SlipMapFile, path: Path) -> None:
     Raises:
         ConfigError: It cannot be written.
     """
-    write_file(path, _to_toml(content.model_dump(by_alias=True, exclude_none=True)))
+    write_file(path, toml_text(content.model_dump(by_alias=True, exclude_none=True), DIGITS))
 
 
 def read_slip_map(name_or_path: str) -> SlipMapFile:
@@ -58,10 +56,7 @@ def read_slip_map(name_or_path: str) -> SlipMapFile:
     Raises:
         ConfigError: It cannot be read, or holds something wrong; the message names the key.
     """
-    try:
-        return SlipMapFile.model_validate(load_slip_map(name_or_path))
-    except ValidationError as error:
-        raise ConfigError(describe_validation_error(name_or_path, error, {})) from error
+    return validated(SlipMapFile, load_slip_map(name_or_path), name_or_path)
 
 
 def _surface_wheel_maps(found: SlipIdentification) -> dict[str, WheelMap]:
@@ -80,32 +75,3 @@ def _licence(source: Path) -> str:
             lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
             return next((line for line in lines if line), "not stated")
     return "not stated"
-
-
-def _to_toml(table: Mapping[str, object], prefix: str = "") -> str:
-    """Return TOML; plain values first, as TOML wants them before a table's own tables."""
-    lines: list[str] = []
-    tables: list[str] = []
-    for key, value in table.items():
-        place = f"{prefix}{key}"
-        if isinstance(value, Mapping):
-            tables.append(f"\n[{place}]\n{_to_toml(value, f'{place}.')}")
-        elif isinstance(value, (tuple, list)) and value and isinstance(value[0], Mapping):
-            tables += [f"\n[[{place}]]\n{_to_toml(item, f'{place}.')}" for item in value]
-        else:
-            lines.append(f"{key} = {_value(value)}\n")
-    return "".join(lines + tables)
-
-
-def _value(value: object) -> str:
-    match value:
-        case str():
-            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-        case float():
-            return repr(float(f"{value:.{DIGITS}g}"))
-        case tuple() | list():
-            return "[" + ", ".join(_value(item) for item in value) + "]"
-        case date():
-            return value.isoformat()
-        case _:
-            return str(value)

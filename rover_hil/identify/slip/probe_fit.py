@@ -42,8 +42,9 @@ def probe_windows(run: MeasuredRun, probe: YawExcitationMap) -> tuple[Array, Cou
         LogError: The run has no gyro.
     """
     if len(run.gyro) < 2:
-        msg = f"log {run.path} holds no yaw rates of its gyro: the transmission loss cannot be measured"
-        raise LogError(msg)
+        raise LogError(
+            f"log {run.path} holds no yaw rates of its gyro: the transmission loss cannot be measured"
+        )
     to_body = np.linalg.inv(to_wheels(run.rover))
     moved = np.diff(run.position_rad, axis=0) @ to_body.T
     elapsed_s = np.diff(run.t_s)
@@ -101,15 +102,15 @@ def fit_probe(runs: Sequence[MeasuredRun], probe: YawExcitationMap) -> tuple[Yaw
     rejected = sum((counts for _, counts in windows), Counter[str]())
     if len(rows) < LEAST_WINDOWS:
         reasons = "".join(f"; {count} rejected: {reason}" for reason, count in rejected.items())
-        msg = (
+        raise LogError(
             f"{len(runs)} runs give {len(rows)} windows with excitation, {LEAST_WINDOWS} needed: "
             f"drive more{reasons}"
         )
-        raise LogError(msg)
     losses, slips = fit_rising_table(rows[:, 0], rows[:, 1])
     if len(losses) < 2:
-        msg = f"all {len(runs)} runs lose {losses[0]:.2f} of the excitation: drive on firm and on soft ground"
-        raise LogError(msg)
+        raise LogError(
+            f"all {len(runs)} runs lose {losses[0]:.2f} of the excitation: drive on firm and on soft ground"
+        )
     fitted = probe.model_copy(update={"transmission_losses": losses, "slips": slips})
     residual = rows[:, 1] - [slip_of(fitted, value) for value in rows[:, 0].tolist()]
     distance_m = np.hypot(rows[:, 2], rows[:, 3])

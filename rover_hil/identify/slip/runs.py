@@ -44,15 +44,15 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
     other_files: set[Path] = set()
     for path in paths:
         if not path.exists():
-            msg = f"{path} does not exist: give a file or a folder of runs"
-            raise LogError(msg)
+            raise LogError(f"{path} does not exist: give a file or a folder of runs")
         inside = [path] if path.is_file() else sorted(item for item in path.rglob("*") if item.is_file())
         runs = [item for item in inside if item.name.endswith(SUFFIXES)]
         if path.is_dir():
             runs = [item for item in runs if not _is_motor_record(item)]
         if not runs:
-            msg = f"{path} holds no run with a camera: expected files that end in {', '.join(SUFFIXES)}"
-            raise LogError(msg)
+            raise LogError(
+                f"{path} holds no run with a camera: expected files that end in {', '.join(SUFFIXES)}"
+            )
         found.update(runs)
         other_files.update(set(inside) - set(runs))
     return RunFiles(tuple(sorted(found)), tuple(sorted(other_files)))
@@ -133,8 +133,7 @@ def _check_currents(run: MeasuredRun) -> None:
     silent = turned & (np.abs(run.current_a) == 0.0).all(axis=0)
     if silent.any():
         wheel = int(np.argmax(silent))
-        msg = (
+        raise LogError(
             f"{run.path}: the current of wheel {wheel} is zero throughout although the wheel turns: "
             "it was not measured, and slip cannot be estimated from this run"
         )
-        raise LogError(msg)

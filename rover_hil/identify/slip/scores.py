@@ -8,7 +8,7 @@ import numpy as np
 from controllers.slip.effort.slip_map import WheelMap, slip_at
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceMap, SurfaceTracker, Travel
 from controllers.slip.effort.travel_range import direction_problem
-from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.arrays import Array, rms
 from rover_hil.identify.slip.run_data import WHEELS, RunWindows, to_wheels
 from rover_hil.identify.slip.runs import surface_parts
 from rover_hil.identify.slip.surface_fit import travel_direction_rad, travel_work_j
@@ -66,7 +66,7 @@ class Score:
             return cls(float("nan"), float("nan"), 0, float("nan"))
         values = np.array([item.error for item in errors])
         invalid = float(np.mean([item.invalid for item in errors]))
-        return cls(float(np.sqrt(np.mean(values**2))), float(values.mean()), len(errors), invalid)
+        return cls(rms(values), float(values.mean()), len(errors), invalid)
 
 
 def score_runs(maps: FittedMaps, runs: Sequence[RunWindows], m_per_px: float) -> dict[str, list[RunError]]:

@@ -85,16 +85,16 @@ def _is_steady(run: RunWindows) -> Flags:
 
 def _fit_surface(name: str, tables: Sequence[Array], least_runs: int) -> SurfaceModel:
     if len(tables) < least_runs:
-        msg = (
+        raise LogError(
             f"surface '{name}' has {len(tables)} training runs, fewer than {least_runs}: "
             "give more, or leave it out"
         )
-        raise LogError(msg)
     run_of = np.concatenate([np.full(len(table), index) for index, table in enumerate(tables)])
     direction, speed, force_n, slip, drift_rad = np.concatenate(tables).T
     if len(direction) < LEAST_WINDOWS * least_runs // LEAST_RUNS:
-        msg = f"surface '{name}' has too little steady travel in its {len(tables)} runs: give longer ones"
-        raise LogError(msg)
+        raise LogError(
+            f"surface '{name}' has too little steady travel in its {len(tables)} runs: give longer ones"
+        )
     low, high = np.quantile(speed, (0.05, 0.95)).tolist()
     held = np.clip(speed, low, high)
     with_speed = high - low > LEAST_SPEED_SPAN_M_S

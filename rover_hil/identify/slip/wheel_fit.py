@@ -51,17 +51,17 @@ def collect_samples(runs: Sequence[RunWindows], m_per_px: float) -> WheelSamples
         columns.append(np.stack([slip[usable], *((forward * values)[usable] for values in features)]))
     table = np.concatenate(columns, axis=1)
     if table.shape[1] < LEAST_SAMPLES:
-        msg = (
+        raise LogError(
             f"{len(runs)} training runs hold {table.shape[1]} usable wheel windows, fewer than "
             f"{LEAST_SAMPLES}: give more runs, with currents below the sensor's end"
         )
-        raise LogError(msg)
     samples = WheelSamples(*table)
     for name in ("current_a", "paper_torque_nm", "wheel_torque_nm"):
         low, high = valid_range(getattr(samples, name))
         if high - low < LEAST_SPAN:
-            msg = f"the training runs all have a {name} of {low:.3g}: give runs with different efforts"
-            raise LogError(msg)
+            raise LogError(
+                f"the training runs all have a {name} of {low:.3g}: give runs with different efforts"
+            )
     return samples
 
 

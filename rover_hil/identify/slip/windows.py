@@ -116,11 +116,11 @@ def _spans(run: MeasuredRun) -> tuple[list[tuple[int, int]], Counter[str]]:
         start = frame
     if rejected and not spans:
         counts = ", ".join(f"{reason} ({count})" for reason, count in rejected.items())
-        msg = f"{run.path}: no window of its {run.truth} can be used: {counts}"
-        raise LogError(msg)
+        raise LogError(f"{run.path}: no window of its {run.truth} can be used: {counts}")
     if not spans or len(run.t_s) < LEAST_READINGS:
-        msg = f"{run.path} holds less than {WINDOW_S} s of camera and wheels together: give a longer run"
-        raise LogError(msg)
+        raise LogError(
+            f"{run.path} holds less than {WINDOW_S} s of camera and wheels together: give a longer run"
+        )
     return spans, rejected
 
 

@@ -121,7 +121,7 @@ def _sensors(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, 
     t_s, heading = run.inputs["t_s"], run.inputs["heading_rad"]
     turn = np.degrees(run.inputs["true_turn_rad_s"])
     shown = lagging_heading(active["compass_lag"], t_s, heading)
-    # Over five windows, errors of the true heading at their edges do not look like those of the one.
+    # Over five windows, errors of the true heading at their edges differ from those of the compass.
     steady_turn = uniform_filter1d(turn, TURN_WINDOWS, mode="nearest")
     error = np.degrees(shown - heading) + base["compass_offset_deg"] + active["compass_offset"]["angle"]
     error = error - base["compass_age_s"] * steady_turn

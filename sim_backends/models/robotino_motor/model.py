@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numba import njit
+from scipy.ndimage import median_filter
 
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
@@ -30,6 +31,7 @@ from sim_backends.models.robotino_motor.effects import (
 )
 
 SUBSTEPS = 6
+PART_SHARES = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
 MOST_STRETCHES = 4
 LASTING_ROWS = 5
 LEAST_OHM = 0.1
@@ -115,7 +117,8 @@ class RobotinoMotor:
         if is_loop and step > 0.0:
             drive = np.trunc(drive / step + 1e-9 * np.sign(drive)) * step
         if is_loop:
-            acting = _held(t_s, drive, active["loop_delay"]["time"], base["wait_share"])
+            longest_s = base["wait_share"] * float(np.median(np.diff(t_s)))
+            acting = _held(t_s, drive, _middles(t_s) - active["loop_delay"]["time"], longest_s)
         else:
             acting = np.interp(_middles(t_s), t_s, drive)
         others_a = run.inputs["others_current_a"]
@@ -133,20 +136,23 @@ class RobotinoMotor:
 
 def _middles(t_s: Array) -> Array:
     """Return the middles of the parts that the time from row to row is integrated in: rows x parts."""
-    share = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
-    middles: Array = t_s[:-1, None] + np.diff(t_s)[:, None] * share
+    middles: Array = t_s[:-1, None] + np.diff(t_s)[:, None] * PART_SHARES
     return middles
 
 
-def _held(t_s: Array, drive: Array, delay_s: float, wait_share: float) -> Array:
-    """Return the mean set-point that acts in each part; its turn comes within a share of the cycle."""
-    at_s = _middles(t_s) - delay_s
-    row = np.searchsorted(t_s, at_s, side="right") - 1
-    known = np.maximum(row, 0)
-    longest_s = wait_share * float(np.median(np.diff(t_s)))
-    done = np.clip((at_s - t_s[known]) / longest_s, 0.0, 1.0)
-    before = np.where(row > 0, drive[np.maximum(row - 1, 0)], 0.0)
-    held: Array = np.where(row < 0, 0.0, before + done * (drive[known] - before))
+@njit(cache=True)
+def _held(t_s: Array, drive: Array, at_s: Array, longest_s: float) -> Array:
+    """Return the set-point that acts at each ascending time: it replaces the one before in `longest_s`."""
+    held = np.zeros(at_s.shape)
+    row = -1
+    for index, time_s in np.ndenumerate(at_s):
+        while row + 1 < t_s.size and t_s[row + 1] <= time_s:
+            row += 1
+        if row < 0:
+            continue
+        before = drive[row - 1] if row > 0 else 0.0
+        done = min(max((time_s - t_s[row]) / longest_s, 0.0), 1.0)
+        held[index] = before + done * (drive[row] - before)
     return held
 
 
@@ -179,8 +185,7 @@ def _numbers(base: Values, active: Mapping[str, Values], *, is_loop: bool, integ
 def _lasting_rate(t_s: Array, speed: Array) -> Array:
     """Return the acceleration that lasts over several rows: the median of five differences."""
     rate = np.diff(speed, prepend=0.0) / np.maximum(np.diff(t_s, prepend=t_s[0] - 1.0), 1e-9)
-    padded = np.pad(rate, LASTING_ROWS // 2, mode="edge")
-    lasting: Array = np.median(np.lib.stride_tricks.sliding_window_view(padded, LASTING_ROWS), axis=1)
+    lasting: Array = median_filter(rate, LASTING_ROWS, mode="nearest")
     return lasting
 
 

@@ -22,7 +22,7 @@ class ElDoradoPlant:
     """Four wheels, each with its own drive and steering, on a slope with mounds.
 
     Wheels: front left, front right, rear left, rear right. x and y are horizontal, as a tracker on the ground
-    measures them. docs/simulators.md lists what is not modelled.
+    measures them. docs/explanation/simulators.md lists what is not modelled.
 
     Args:
         settings: The true rover and its ground.

@@ -94,8 +94,9 @@ def build_table(wheel: WheelSettings, soil: SoilSettings, load_n: float) -> Whee
         contact = wheel_contact(wheel, soil, camber_rad=angle)
         _, forces = sink(contact, rule_for(BOUND), compiled_kernel, loads, slips, side_speed)
         if np.isnan(forces).any():
-            msg = f"the soil does not bear a wheel under {load[-1]:.0f} N: choose another soil or less mass"
-            raise ModelError(msg)
+            raise ModelError(
+                f"the soil does not bear a wheel under {load[-1]:.0f} N: choose another soil or less mass"
+            )
         columns = forces[:, (0, 1, 3)] / loads[:, np.newaxis]
         columns[:, 2] /= contact.shearing_radius_m
         share[:, :, :, index] = columns.reshape(*share.shape[:3], 3)

@@ -31,7 +31,7 @@ class RobotinoPlant:
     two grid points `truth` extrapolates at constant speed, so that the result does not depend on when and how
     often it is called.
 
-    docs/simulators.md lists what is not modelled.
+    docs/explanation/simulators.md lists what is not modelled.
 
     Args:
         settings: The true rover and its ground.

@@ -44,7 +44,7 @@ class SpeedLoopSettings(Settings):
     """The speed controller of an EA05 board: set-point plus gain times error, in counts of the bridge.
 
     It counts encoder ticks over its own period, so speed comes in whole ticks and the current ripples. Its
-    clock runs beside the host's: the phase and a small error of the rate are drawn at random.
+    clock is independent of the host's: the phase and a small error of the rate are drawn at random.
 
     Attributes:
         rate_hz: Rate of the controller.

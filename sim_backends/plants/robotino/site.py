@@ -1,7 +1,6 @@
 """The test site: patches of covering on firm or soft ground, from a TOML map or random."""
 
 import math
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
-from drivers.settings import Settings
+from drivers.settings import Settings, read_toml
 from sim_backends.arrays import Array
 from sim_backends.plants.robotino.surfaces import InnerLayer, Surface, shipped_surfaces
 
@@ -51,8 +50,9 @@ class RectanglePatch(Patch):
     @model_validator(mode="after")
     def _check_area(self) -> Self:
         if self.x_max_m <= self.x_min_m or self.y_max_m <= self.y_min_m:
-            msg = "the rectangle covers nothing: x_max_m and y_max_m must be greater than x_min_m and y_min_m"
-            raise ValueError(msg)
+            raise ValueError(
+                "the rectangle covers nothing: x_max_m and y_max_m must be greater than x_min_m and y_min_m"
+            )
         return self
 
     def covers(self, x_m: Array, y_m: Array) -> Mask:
@@ -123,8 +123,7 @@ class Site(Settings):
     def _check_surfaces(self) -> Self:
         for name in (self.floor, *(patch.surface for patch in self.patches)):
             if name not in self.surfaces:
-                msg = f"no surface '{name}': name one of {', '.join(self.surfaces)}"
-                raise ValueError(msg)
+                raise ValueError(f"no surface '{name}': name one of {', '.join(self.surfaces)}")
         return self
 
 
@@ -141,23 +140,13 @@ def load_site(name_or_path: str) -> Site:
         table: dict[str, object] = {"name": name_or_path, "floor": name_or_path.removeprefix("floor_")}
     else:
         path = shipped if shipped.is_file() else Path(name_or_path)
-        try:
-            table = tomllib.loads(path.read_text("utf-8"))
-        except OSError as error:
-            msg = (
-                f"site '{name_or_path}' cannot be read ({error.strerror}): name a shipped site or a TOML file"
-            )
-            raise ConfigError(msg) from error
-        except ValueError as error:
-            msg = f"site '{name_or_path}' is no valid TOML: {error}"
-            raise ConfigError(msg) from error
+        table = read_toml(path, f"site '{name_or_path}'", "name a shipped site or a TOML file")
     try:
         return Site.model_validate(table)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "patches"
-        msg = f"site '{name_or_path}': {where}: {first['msg']}"
-        raise ConfigError(msg) from error
+        raise ConfigError(f"site '{name_or_path}': {where}: {first['msg']}") from error
 
 
 def random_site(rng: np.random.Generator) -> Site:

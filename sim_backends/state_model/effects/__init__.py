@@ -30,6 +30,7 @@ from sim_backends.state_model.effects.signals import (
     supply_sag,
     wrong_parameter,
 )
+from sim_backends.state_model.effects.terms import product, term, threshold
 
 __all__ = [
     "asymmetric_friction",
@@ -46,11 +47,14 @@ __all__ = [
     "overflow",
     "play",
     "presliding",
+    "product",
     "quadratic_drag",
     "quantisation",
     "saturation",
     "stribeck_friction",
     "supply_sag",
+    "term",
+    "threshold",
     "two_body_backlash",
     "viscous_friction",
     "wrong_parameter",

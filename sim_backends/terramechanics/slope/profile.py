@@ -17,7 +17,7 @@ LARGEST_SIDE_SPEED = 8.0
 COARSE = 1e-3
 NO_BEARING = "the soil cannot bear the rover: its wheels sink to the axles"
 NO_SIDE_GRIP = "the soil cannot hold the rover across the slope"
-NO_THRUST = "the soil cannot give the thrust that the slope asks for"
+NO_THRUST = "the soil cannot give the thrust that the slope requires"
 
 
 def scan(balance: Balance, lowest: float) -> tuple[Array | None, str]:

@@ -105,7 +105,7 @@ def passive_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_
 
 
 def active_resistance(height_m: float, wall: Wall, soil: SoilSettings, gravity_m_s2: float) -> float:
-    """Return P_a, N/m: the greatest over all slip surfaces, and 0 where the soil stands unsupported (eq 28).
+    """Return P_a, N/m: the greatest over all slip surfaces, and 0 where the soil holds unsupported (eq 28).
 
     Args:
         height_m: h, height of the wall in the soil, more than 0.
@@ -196,7 +196,7 @@ def _cohesionless(soil: SoilSettings) -> bool:
 
 
 def _standing_height(wall: Wall, soil: SoilSettings, gravity_m_s2: float) -> float:
-    """Return the height at which a cohesive soil stands without support, m."""
+    """Return the height up to which a cohesive soil holds without support, m."""
     if _cohesionless(soil):
         return 0.0
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from controllers.slip.scomp.combined_slip import CombinedSlip
 from controllers.slip.scomp.two_segment_slip_law import fit_two_segments, two_segments_of_model
 from drivers.errors import ModelError
-from rover_hil.identify.scomp.single_wheel_data import SingleWheelData, fit_single_wheel_data
+from tests.controllers.scomp.single_wheel_fit import SingleWheelData, fit_single_wheel_data
 
 TABLE_3 = CombinedSlip()
 SLOPE = math.radians(12.0)

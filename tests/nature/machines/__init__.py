@@ -1,4 +1,4 @@
-"""Machines as nature makes them, with physical effects hidden in them: truth for a sealed battery; see README.md."""
+"""Machines as nature makes them, with physical effects hidden in them; see README.md."""
 
 from tests.nature.machines.case import Case, Run, Term
 from tests.nature.machines.make import FAMILIES, make_case

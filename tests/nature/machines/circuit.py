@@ -13,7 +13,13 @@ from tests.nature.machines.family import Array, Disturbance, Family, Plan, Signa
 from tests.nature.machines.friction import FREE, STUCK, contact_guard, contact_mode, dry_force
 from tests.nature.machines.integrator import GUARD, SLOPE, START, SWITCH
 from tests.nature.machines.signals import (
-    chirp, multi_sine, steps, triangle, with_dead_zone, with_limit, with_sag,
+    chirp,
+    multi_sine,
+    steps,
+    triangle,
+    with_dead_zone,
+    with_limit,
+    with_sag,
 )  # fmt: skip
 
 CONSTANTS = (

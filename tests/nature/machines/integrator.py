@@ -12,7 +12,7 @@ Compiled = Callable[..., Any]
 
 START = -99
 """Mode before the first one is chosen."""
-TOLERANCE = 1e-8
+TOLERANCE = 1e-10
 EVENT_SHARE = 1e-9
 """Precision of the time of a change of mode, as a share of the sample time."""
 MOST_SWITCHES = 2000

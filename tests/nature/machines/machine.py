@@ -7,11 +7,13 @@ import numpy as np
 
 from tests.nature.machines.case import Array
 from tests.nature.machines.family import Family, Plan
+from tests.nature.machines.integrator import TOLERANCE
 
 Records = Sequence[Mapping[str, Array]]
 
 PROBE = 0.02
 """Step of the sensitivities, as a share of the spread."""
+PROBE_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -34,11 +36,15 @@ class Machine:
     starts: tuple[Mapping[str, float], ...]
     disturbances: tuple[Array, ...]
 
-    def record(self, hidden: Mapping[str, float], force: float = 0.0) -> list[dict[str, Array]]:
+    def record(
+        self, hidden: Mapping[str, float], force: float = 0.0, tolerance: float = TOLERANCE
+    ) -> list[dict[str, Array]]:
         """Return each run without noise, with constants of hidden effects and a size of the disturbance."""
         nothing = self.family.nothing_hidden()
         return [
-            self.family.run(plan, nothing | dict(parameters) | dict(hidden), start, force * disturbance)
+            self.family.run(
+                plan, nothing | dict(parameters) | dict(hidden), start, force * disturbance, tolerance
+            )
             for plan, parameters, start, disturbance in zip(
                 self.plans, self.run_parameters, self.starts, self.disturbances, strict=True
             )
@@ -83,7 +89,7 @@ class Machine:
             if one.spread > 0.0:
                 step = PROBE * one.spread * one.nominal
                 moved = tuple({**run, one.name: run[one.name] + step} for run in self.run_parameters)
-                probed = replace(self, run_parameters=moved).record({})
+                probed = replace(self, run_parameters=moved).record({}, tolerance=PROBE_TOLERANCE)
                 columns.append(self._changes(plain, probed).ravel() / PROBE)
         return columns
 
@@ -94,7 +100,8 @@ class Machine:
             if state.spread > 0.0:
                 step = PROBE * state.spread
                 moved = tuple({**start, state.name: start[state.name] + step} for start in self.starts)
-                changes = self._changes(plain, replace(self, starts=moved).record({})) / PROBE
+                probed = replace(self, starts=moved).record({}, tolerance=PROBE_TOLERANCE)
+                changes = self._changes(plain, probed) / PROBE
                 for index in range(len(self.plans)):
                     alone = np.zeros_like(changes)
                     alone[:, index] = changes[:, index]

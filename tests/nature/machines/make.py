@@ -26,6 +26,8 @@ SMALLEST_SIZE = 1e-4
 """Smallest share of an effect's largest size that the search tries."""
 BISECTIONS = 20
 SNR_PRECISION = 0.01
+SEARCH_TOLERANCE = 1e-6
+"""Tolerance of the integrator while a size is searched."""
 
 
 @dataclass(frozen=True)
@@ -179,16 +181,17 @@ def _find_sizes(machine: Machine, plain: Records, hidden: list[Hidden], level: f
     largest = machine.family.disturbance.largest_rms
 
     def disturbed(share: float) -> float:
-        return machine.snr(plain, machine.record({}, largest * share))
+        return machine.snr(plain, machine.record({}, largest * share, SEARCH_TOLERANCE))
 
     return Found(effects, largest * find_size(disturbed, level))
 
 
 def effect_ratio(machine: Machine, plain: Records, hidden: Hidden) -> Callable[[float], float]:
-    """Return the function from a share of the largest size to the ratio `snr`."""
+    """Return the function from a share of the largest size to the ratio `snr`; infinite if it runs away."""
 
     def ratio(share: float) -> float:
-        return machine.snr(plain, machine.record(hidden.constants(share)))
+        snr = machine.snr(plain, machine.record(hidden.constants(share), tolerance=SEARCH_TOLERANCE))
+        return snr if math.isfinite(snr) else math.inf
 
     return ratio
 
@@ -206,7 +209,7 @@ def find_size(ratio: Callable[[float], float], level: float) -> float:
     for _ in range(BISECTIONS):
         # Most effects grow with a power of their size; where that fails, the middle is tried.
         way = 0.5 if below <= 0.0 else math.log(level / below) / math.log(above / below)
-        middle = low * (high / low) ** min(max(way, 0.1), 0.9)
+        middle = low * math.exp(math.log(high / low) * min(max(way, 0.1), 0.9))
         reached = ratio(middle)
         if abs(reached - level) < SNR_PRECISION * level:
             return middle

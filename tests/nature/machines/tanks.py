@@ -113,8 +113,8 @@ FAMILY = Family(
     ),
     extra_states=(("lagged_pump_v", 1.0),),
     channels=(
-        Channel(name="measured_level_1_m", sigma=0.001, quantum=0.0005),
-        Channel(name="measured_level_2_m", sigma=0.001, quantum=0.0005),
+        Channel(name="measured_level_1_m", sigma=0.0007, quantum=0.0002),
+        Channel(name="measured_level_2_m", sigma=0.0007, quantum=0.0002),
     ),
     inputs=(InputSignal(name="pump_v", low=0.0, high=10.0),),
     catalogue=(
@@ -203,7 +203,7 @@ FAMILY = Family(
             formula="A2 dh2/dt gets -bypass_m2_s max(h2 - bypass_level_m, 0)",
             coefficient="bypass_m2_s",
             largest=2e-2,
-            drawn={"bypass_level_m": (0.07, 0.12)},
+            drawn={"bypass_level_m": (0.05, 0.09)},
         ),
         Term(
             name="seepage",

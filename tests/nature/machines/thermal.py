@@ -12,7 +12,13 @@ from tests.nature.machines.case import Channel, Effect, InputSignal, Parameter, 
 from tests.nature.machines.family import Array, Disturbance, Family, Plan, Signals, Values
 from tests.nature.machines.integrator import SLOPE, one_mode_guard, one_mode_switch
 from tests.nature.machines.signals import (
-    chirp, multi_sine, steps, triangle, with_dead_zone, with_limit, with_sag,
+    chirp,
+    multi_sine,
+    steps,
+    triangle,
+    with_dead_zone,
+    with_limit,
+    with_sag,
 )  # fmt: skip
 
 CONSTANTS = (

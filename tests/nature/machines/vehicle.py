@@ -3,6 +3,8 @@
 m dv/dt = k F - c v        T dr/dt = v d/(W (1 + (v/vc)^2)) - r
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
@@ -85,25 +87,25 @@ def _observe(states: Signals, constants: Values) -> dict[str, Array]:
 
 def _plan(rng: np.random.Generator, samples: int, index: int) -> Plan:
     kind = ("steps", "chirp", "coast", "triangle", "from_rest")[index % 5]
-    ranges = {"coast": (3.0, 20.0), "from_rest": (0.0, 0.0)}
-    speed = float(rng.uniform(*ranges.get(kind, (6.0, 15.0))))
-    shape = {
+    low, high = {"coast": (3.0, 20.0), "from_rest": (0.0, 0.0)}.get(kind, (6.0, 15.0))
+    speed = float(rng.uniform(low, high))
+    shapes: dict[str, Callable[[], Array]] = {
         "steps": lambda: steps(rng, samples, (20, 70)),
         "chirp": lambda: chirp(rng, samples, (0.004, 0.03)),
         "coast": lambda: np.zeros(samples),
         "triangle": lambda: triangle(rng, samples, (60, 140)),
         "from_rest": lambda: np.concatenate((np.zeros(20), np.abs(steps(rng, samples - 20, (30, 80))))),
-    }[kind]()
-    steering = {
-        0: lambda: multi_sine(rng, samples, (0.005, 0.04)),
-        1: lambda: steps(rng, samples, (20, 60)),
-        2: lambda: triangle(rng, samples, (50, 120)),
-    }[int(rng.integers(3))]()
+    }
+    steering = (
+        lambda: multi_sine(rng, samples, (0.005, 0.04)),
+        lambda: steps(rng, samples, (20, 60)),
+        lambda: triangle(rng, samples, (50, 120)),
+    )[int(rng.integers(3))]()
     return Plan(
         name=f"{kind}_{index}",
         conditions={"start_speed_m_s": speed, "start_yaw_rate_rad_s": 0.0},
         inputs={
-            "force_n": float(rng.uniform(1000.0, 3000.0)) * shape,
+            "force_n": float(rng.uniform(1000.0, 3000.0)) * shapes[kind](),
             "steering_rad": float(rng.uniform(0.03, 0.1)) * steering,
         },
     )
@@ -137,7 +139,7 @@ FAMILY = Family(
     extra_states=(),
     channels=(
         Channel(name="measured_speed_m_s", sigma=0.05, quantum=0.01),
-        Channel(name="measured_yaw_rate_rad_s", sigma=0.005, quantum=0.002),
+        Channel(name="measured_yaw_rate_rad_s", sigma=0.003, quantum=0.001),
     ),
     inputs=(
         InputSignal(name="force_n", low=-3000.0, high=3000.0),
@@ -147,7 +149,8 @@ FAMILY = Family(
         Effect(
             name="rolling_friction",
             group="friction",
-            formula="m dv/dt gets -rolling_n sgn(v); at v = 0 it holds the vehicle against any force up to rolling_n",
+            formula="m dv/dt gets -rolling_n sgn(v); at v = 0 it holds the vehicle against "
+            "any force up to rolling_n",
             size={"rolling_n": (0.0, 1500.0)},
             drawn={},
         ),
@@ -175,7 +178,8 @@ FAMILY = Family(
         Effect(
             name="steering_backlash",
             group="steering",
-            formula="d becomes y, which stays within play_rad/2 of d and moves only if it must; y begins at the first d",
+            formula="d becomes y, which stays within play_rad/2 of d and moves only if it "
+            "must; y begins at the first d",
             size={"play_rad": (0.0, 0.1)},
             drawn={},
         ),
@@ -238,7 +242,7 @@ FAMILY = Family(
             sign=-1,
             formula="T dr/dt gets -yaw_drag_s r |r|",
             coefficient="yaw_drag_s",
-            largest=10.0,
+            largest=20.0,
             drawn={},
         ),
         Term(
@@ -250,7 +254,7 @@ FAMILY = Family(
             formula="m dv/dt gets -brake_n_s_m max(v - brake_start_m_s, 0)",
             coefficient="brake_n_s_m",
             largest=2000.0,
-            drawn={"brake_start_m_s": (7.0, 12.0)},
+            drawn={"brake_start_m_s": (3.0, 7.0)},
         ),
     ),
     disturbance=Disturbance(equation="speed_m_s", unit="N", largest_rms=3000.0, correlation_s=1.0),

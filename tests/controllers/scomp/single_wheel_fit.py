@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
 from drivers.errors import ModelError
@@ -64,11 +65,10 @@ def fit_single_wheel_data(data: SingleWheelData) -> SingleWheelFit:
     low, high = data.slip <= LOW_SLIP, data.slip >= HIGH_SLIP
     angles = np.unique(data.slip_angle_rad[high])
     if len(data.slip) < 8 or not (low.any() and high.any()):
-        msg = (
+        raise ModelError(
             f"the fit needs eight trials with slips up to {LOW_SLIP:g} and from {HIGH_SLIP:g} on, got "
             f"{len(data.slip)}, {np.count_nonzero(low)} and {np.count_nonzero(high)}: measure more slips"
         )
-        raise ModelError(msg)
     small = high & (data.slip_angle_rad <= angles[min(SMALL_ANGLES, len(angles)) - 1])
     model = CombinedSlip(load_n=data.load_n)
     for _ in range(SWEEPS):
@@ -96,9 +96,6 @@ def _fit(
     across: bool,
 ) -> CombinedSlip:
     """Return the model with the named parameters fitted to the chosen forces of the chosen trials."""
-    # Imported here because scipy takes a second that `--help` must not cost.
-    from scipy.optimize import least_squares
-
     slip, angle = data.slip[use], data.slip_angle_rad[use]
 
     def misfit(values: Array) -> Array:

@@ -1,0 +1,196 @@
+"""From the runs of a machine to findings: budget, test, search, validation, discovery."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.machines.error_budget import ChannelError, error_budget
+from rover_hil.gap.machines.free_terms import DraftTerm, FreeTerm, free_terms, search_terms, strength_of
+from rover_hil.gap.machines.gap_tests import GAP_ALPHA, gap_p
+from rover_hil.gap.machines.holdout import Holdout, hold_out
+from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.search import Found, MachineSearch, explained, is_equal, is_within_noise
+from rover_hil.gap.machines.sizes import Size, size_of
+from rover_hil.gap.machines.tracking import Tracked, track
+from sim_backends.models.interface import Run
+from sim_backends.state_model.model import StateModel
+
+SAME_LAW = 0.97
+"""Cosine from which a free-form term is the same law as an effect."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineFindings:
+    """Results on the runs of a machine.
+
+    Attributes:
+        machine: The model, with integration steps that are small enough.
+        problem: The runs of the search.
+        base: The fit without effects.
+        budget_before: Error budget of it.
+        p_gap: Probability of its misfit if only the sensors err.
+        found: Result of the search; None where there is no gap.
+        best: The explanation after validation; the base where there is none.
+        budget_after: Error budget with it.
+        p_remaining: Probability of what it leaves if only the sensors err.
+        holdout: Result on the locked runs; None without explanation.
+        rival_terms: Free-form terms that the runs do not distinguish from the explanation.
+        drafts: Terms that are missing, where no effect explains the gap.
+        tracked: The machine on its runs, with the force that keeps it there; None where there is no gap.
+        other_weighting: Sizes of the effects by the other weighting, random forces at the ports.
+    """
+
+    machine: StateModel
+    problem: Problem
+    base: MachineFit
+    budget_before: tuple[ChannelError, ...]
+    p_gap: float
+    found: Found | None = None
+    best: MachineFit
+    budget_after: tuple[ChannelError, ...]
+    p_remaining: float = 1.0
+    holdout: Holdout | None = None
+    rival_terms: tuple[str, ...] = ()
+    drafts: tuple[DraftTerm, ...] = ()
+    tracked: Tracked | None = None
+    other_weighting: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+    @property
+    def share(self) -> float:
+        """Share of the excess error that the explanation takes away on left-out runs."""
+        return explained(self.base, self.best)[0] if self.best.names else 0.0
+
+    def size(self, effect: str, parameter: str) -> Size:
+        """Return a size of the explanation with its interval."""
+        return size_of(self.best, (effect, parameter))
+
+
+def analyse_machine(
+    machine: StateModel,
+    runs: Sequence[Run],
+    locked: Sequence[Run],
+    seed: int,
+    advance: Callable[[str], None],
+) -> MachineFindings:
+    """Find where a machine and its runs disagree, and which effects are missing.
+
+    Args:
+        machine: The model, with integration steps that are small enough.
+        runs: Runs of the search.
+        locked: Runs for the validation; read only once an explanation is chosen.
+        seed: Of all random numbers.
+        advance: Called with the current step.
+    """
+    rng = np.random.default_rng(seed)
+    problem = Problem(machine, observe(machine, runs))
+    fits = MachineFits(problem, machine.effects)
+    advance("fitting the base model")
+    base = fits.base()
+    search = MachineSearch(fits, advance)
+    budget = _budget(problem, base)
+    findings = MachineFindings(
+        machine=machine,
+        problem=problem,
+        base=base,
+        budget_before=budget,
+        p_gap=gap_p(base, problem, search.scores(base), rng),
+        best=base,
+        budget_after=budget,
+    )
+    if findings.p_gap > GAP_ALPHA:
+        return findings
+    found = search.run()
+    findings = replace(findings, found=found, best=found.best, budget_after=_budget(problem, found.best))
+    if found.best.names:
+        advance("opening the locked runs")
+        findings = _validated(findings, locked, rng)
+        advance("comparing with free-form terms")
+        findings = replace(findings, rival_terms=_rivals(findings))
+    findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng))
+    advance("estimating the unknown forces")
+    findings = _followed(findings, fits)
+    if findings.p_remaining <= GAP_ALPHA:
+        advance("searching a missing term")
+        findings = replace(findings, drafts=_drafts(findings))
+    return findings
+
+
+def _budget(problem: Problem, found: MachineFit) -> tuple[ChannelError, ...]:
+    residual = problem.observations.values - problem.predict(found.fit.point)
+    return error_budget(problem.observations, residual, len(found.fit.free))
+
+
+def _validated(findings: MachineFindings, locked: Sequence[Run], rng: np.random.Generator) -> MachineFindings:
+    holdout = hold_out(findings.machine, locked, findings.base, findings.best, rng)
+    is_contradicted = holdout.improved < 0.5 or (holdout.closure is not None and holdout.closure < 0.0)
+    best = findings.base if is_contradicted else findings.best
+    return replace(findings, holdout=holdout, best=best, budget_after=_budget(findings.problem, best))
+
+
+def _rivals(findings: MachineFindings) -> tuple[str, ...]:
+    """Return free-form terms that replace the only effect of an explanation as well as it explains."""
+    if len(findings.best.names) != 1 or not findings.machine.ports:
+        return ()
+    base, best = findings.base, findings.best
+    terms = free_terms(findings.machine, findings.problem, base)
+    rivals = []
+    for candidate, fitted, objection in search_terms(findings.machine, findings.problem, terms, base):
+        name = strength_of(findings.machine, candidate)[0]
+        alike = _likeness(fitted, best, base)
+        if objection or alike > SAME_LAW:
+            continue
+        if is_within_noise(fitted) or (fitted.error <= best.error and is_equal(fitted, best)):
+            rivals.append(name)
+    return tuple(rivals)
+
+
+def _likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
+    """Return the cosine of what two explanations change in the predictions of the base model."""
+    first, second = base.errors - one.errors, base.errors - other.errors
+    length = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return abs(float(first @ second)) / max(length, 1e-300)
+
+
+def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
+    machine = findings.machine
+    if not machine.ports:
+        return findings
+    best = findings.best
+    free = fits.free(best.names, {})
+    tracked = track(findings.problem, machine, free, best.fit.point)
+    moved = {
+        item.key: item.mean + item.sd * float(pull)
+        for item, pull in zip(tracked.fit.free, tracked.pulls, strict=True)
+        if item.key[0]
+    }
+    return replace(findings, tracked=tracked, other_weighting=moved)
+
+
+def _drafts(findings: MachineFindings) -> tuple[DraftTerm, ...]:
+    if not findings.machine.ports:
+        return ()
+    terms = free_terms(findings.machine, findings.problem, findings.best)
+    found = []
+    for candidate, fitted, objection in search_terms(
+        findings.machine, findings.problem, terms, findings.best
+    ):
+        if objection:
+            continue
+        found.append(_draft(findings.machine, candidate, fitted))
+    return tuple(found[:3])
+
+
+def _draft(machine: StateModel, candidate: FreeTerm, fitted: MachineFit) -> DraftTerm:
+    name, coefficient = strength_of(machine, candidate)
+    size = size_of(fitted, (name, coefficient.name))
+    return DraftTerm(
+        equation=name,
+        port=candidate.effect.port,
+        coefficient=size.value,
+        low=size.low,
+        high=size.high,
+        unit=coefficient.unit,
+        code=candidate.code,
+    )

@@ -1,0 +1,176 @@
+"""Fits of a machine to its output error, many of them in lockstep.
+
+An integration costs nearly the same for one point as for hundreds. Each fit therefore asks for the
+predictions it needs next, and all fits are served by one integration (Levenberg-Marquardt, with several
+dampings tried at once).
+"""
+
+from collections.abc import Generator, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from rover_hil.gap.data.problem import DerivativeRequest, Free, Point, Problem, predict_points
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
+from sim_backends.models.interface import Array
+
+Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, SensorNoise]]
+
+DAMPINGS = (0.0, 0.01, 0.1, 1.0, 10.0)
+SMALL_DAMPINGS = (30.0, 300.0, 3000.0, 1e-3, 0.03)
+"""Tried where none of the others is better."""
+MOST_ROUNDS = 15
+CONVERGED = 0.1
+"""Gain of minus two log-likelihood below which a fit ends."""
+POINTS_AT_ONCE = 256
+RIDGE = 1e-12
+FAR = 1e6
+"""Residual, in declared deviations, where a model has no solution."""
+
+
+def descend_together(problem: Problem, descents: Sequence[Descent]) -> list[tuple[Fit, SensorNoise]]:
+    """Return the results of several fits, whose predictions are made together."""
+    found: dict[int, tuple[Fit, SensorNoise]] = {}
+    asked = {index: next(descent) for index, descent in enumerate(descents)}
+    while asked:
+        points = [point for some in asked.values() for point in some]
+        rows: list[Array] = []
+        for first in range(0, len(points), POINTS_AT_ONCE):
+            rows += predict_points(problem.model, problem.sites, points[first : first + POINTS_AT_ONCE])
+        problem.evaluations += len(points)
+        following: dict[int, Sequence[Point]] = {}
+        for index, some in asked.items():
+            own, rows = rows[: len(some)], rows[len(some) :]
+            try:
+                following[index] = descents[index].send(own)
+            except StopIteration as stop:
+                found[index] = stop.value
+        asked = following
+    return [found[index] for index in range(len(descents))]
+
+
+def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) -> Descent:
+    """Fit parameters; the generator yields the points where it needs predictions.
+
+    Each round the errors are taken as large as the residual of each channel, at least as declared.
+
+    Args:
+        problem: Model and observations.
+        free: Parameters to fit.
+        start: Their starting values.
+        fixed: Other parameters.
+
+    Returns:
+        The fit, with derivatives at it, and the errors it assumed.
+    """
+    search = _Descent(problem, free, fixed)
+    pull = search.pull_of(start)
+    (predicted,) = yield [search.point(pull)]
+    residual = search.residual(predicted)
+    for _ in range(MOST_ROUNDS):
+        noise = noise_of_residual(problem.observations, residual)
+        request = DerivativeRequest(problem, search.point(pull), free)
+        jacobian = noise.whiten(request.matrix((yield request.points)) * search.sizes)
+        moved = None
+        for dampings in (DAMPINGS, SMALL_DAMPINGS):
+            trials = search.trials(pull, noise.whiten(search.filled(residual)), jacobian, dampings)
+            rows = yield [search.point(trial) for trial in trials]
+            moved = search.best(noise, (pull, residual), trials, rows)
+            if moved is not None:
+                break
+        if moved is None:
+            break
+        pull, residual, gain = moved
+        if gain < CONVERGED:
+            break
+    noise = noise_of_residual(problem.observations, residual)
+    request = DerivativeRequest(problem, search.point(pull), free)
+    jacobian = noise.whiten(request.matrix((yield request.points)) * search.sizes)
+    whitened = noise.whiten(search.filled(residual))
+    fit = Fit(
+        free=tuple(free),
+        point=search.point(pull),
+        residual=whitened,
+        jacobian=jacobian,
+        pull=pull,
+        cost=float(whitened @ whitened + pull @ pull),
+    )
+    return fit, noise
+
+
+class _Descent:
+    def __init__(self, problem: Problem, free: Sequence[Free], fixed: Point) -> None:
+        self._problem = problem
+        self._free = free
+        self._fixed = fixed
+        self._missing = ~np.isfinite(problem.observations.values)
+        self._far = FAR * declared_noise(problem.observations).row_sd
+        self.sizes = np.array([item.sd for item in free])
+        self._lower = np.array([(item.lower - item.mean) / item.sd for item in free])
+        self._upper = np.array([(item.upper - item.mean) / item.sd for item in free])
+
+    def pull_of(self, point: Point) -> Array:
+        pull = np.array([(point[item.key] - item.mean) / item.sd for item in self._free])
+        clipped: Array = np.clip(pull, self._lower, self._upper)
+        return clipped
+
+    def point(self, pull: Array) -> Point:
+        values = {
+            item.key: float(np.clip(item.mean + item.sd * one, item.lower, item.upper))
+            for item, one in zip(self._free, pull, strict=True)
+        }
+        return {**self._fixed, **values}
+
+    def residual(self, predicted: Array) -> Array:
+        """Return measured minus predicted; NaN where nothing was measured."""
+        residual = self._problem.observations.values - predicted
+        found: Array = np.where(~np.isfinite(predicted) & ~self._missing, self._far, residual)
+        return found
+
+    def filled(self, residual: Array) -> Array:
+        found: Array = np.where(self._missing, 0.0, residual)
+        return found
+
+    def trials(self, pull: Array, residual: Array, jacobian: Array, dampings: Sequence[float]) -> list[Array]:
+        """Return the points that steps of different length lead to."""
+        normal = jacobian.T @ jacobian + np.eye(pull.size)
+        slope = jacobian.T @ residual - pull
+        return [self._step(pull, normal, slope, damping) for damping in dampings]
+
+    def _step(self, pull: Array, normal: Array, slope: Array, damping: float) -> Array:
+        if not pull.size:
+            return pull
+        # Derivatives of very different size leave rounding errors in the normal matrix.
+        largest = RIDGE * float(np.diag(normal).max())
+        root = np.linalg.cholesky(normal + np.diag(damping * np.diag(normal) + largest)).T
+        target = np.linalg.solve(root.T, slope)
+        step = np.linalg.solve(root, target)
+        low, high = self._lower - pull, self._upper - pull
+        if np.any(step < low) or np.any(step > high):
+            step = lsq_linear(root, target, bounds=(low, np.maximum(high, low + 1e-12)), method="bvls").x
+        moved: Array = np.clip(pull + step, self._lower, self._upper)
+        return moved
+
+    def best(
+        self,
+        noise: SensorNoise,
+        here: tuple[Array, Array],
+        trials: Sequence[Array],
+        rows: Sequence[Array],
+    ) -> tuple[Array, Array, float] | None:
+        """Return the best trial with its residual and gain; None where none is better."""
+        pull, residual = here
+        before = self._cost(noise, pull, residual)
+        found = None
+        for trial, predicted in zip(trials, rows, strict=True):
+            changed = self.residual(predicted)
+            gain = before - self._cost(noise, trial, changed)
+            if gain > 0.0 and (found is None or gain > found[2]):
+                found = (trial, changed, gain)
+        return found
+
+    def _cost(self, noise: SensorNoise, pull: Array, residual: Array) -> float:
+        whitened = noise.whiten(self.filled(residual))
+        return float(whitened @ whitened + pull @ pull)

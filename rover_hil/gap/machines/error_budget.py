@@ -1,0 +1,97 @@
+"""Error budget of a machine's channels: how much of the misfit is the sensor, and how much the model."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from rover_hil.gap.data.problem import Observations
+from sim_backends.models.interface import Array
+
+TOLERANCE = 1.0
+"""Default tolerance of a model error, in units of the sensor's noise.
+
+A model error as large as the sensor's noise raises the error of one predicted reading by 41 %: readings alone
+show that no more. A smaller default would call a sensor that is declared 40 % too good a gap."""
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelError:
+    """One channel's error, all in its unit.
+
+    Attributes:
+        channel: Its name.
+        unit: Its unit.
+        misfit: Root mean square of measured minus simulated.
+        sensor_noise: Standard deviation that the channel declares, with its steps.
+        model_error: Root mean square of what is left without the sensor's variance.
+        upper: Upper 95 % bound of it, over runs.
+        tolerance: Greatest model error that counts as agreement.
+    """
+
+    channel: str
+    unit: str
+    misfit: float
+    sensor_noise: float
+    model_error: float
+    upper: float
+    tolerance: float
+
+    @property
+    def is_good_enough(self) -> bool:
+        """True where the model error is below the tolerance for certain."""
+        return self.upper <= self.tolerance
+
+    def sentence(self) -> str:
+        """Return it in words."""
+        ratio = self.model_error / self.sensor_noise
+        return (
+            f"{self.channel}: model error {self.model_error:.3g} {self.unit}, {ratio:.2g} times the sensor "
+            f"noise (upper bound {self.upper:.3g} {self.unit})"
+        )
+
+
+def error_budget(observations: Observations, residual: Array, parameters: int) -> tuple[ChannelError, ...]:
+    """Return the budget of every channel.
+
+    Args:
+        observations: The observations; every channel declares its noise.
+        residual: Measured minus simulated; NaN where missing.
+        parameters: Number of fitted parameters.
+    """
+    count = int(np.isfinite(residual).sum())
+    factor = count / max(count - parameters, 1)
+    found = []
+    for index, channel in enumerate(observations.channels):
+        noise = channel.noise_sd
+        in_channel = (observations.channel == index) & np.isfinite(residual)
+        squares = np.array(
+            [
+                factor * float(np.mean(residual[in_channel & (observations.site == site)] ** 2)) - noise**2
+                for site in range(len(observations.groups))
+                if np.any(in_channel & (observations.site == site))
+            ]
+        )
+        values = residual[in_channel]
+        sampling = noise**2 * math.sqrt(2.0 / max(values.size, 1))
+        error = max(_standard_error(squares), sampling)
+        freedom = max(squares.size - 1, 1)
+        upper = float(squares.mean()) + float(stats.t.ppf(LEVEL, freedom)) * error
+        found.append(
+            ChannelError(
+                channel=channel.name,
+                unit=channel.unit,
+                misfit=math.sqrt(float(np.mean(values**2))),
+                sensor_noise=noise,
+                model_error=math.sqrt(max(float(squares.mean()), 0.0)),
+                upper=math.sqrt(max(upper, 0.0)),
+                tolerance=channel.tolerance or TOLERANCE * noise,
+            )
+        )
+    return tuple(found)
+
+
+def _standard_error(values: Array) -> float:
+    return float(np.std(values, ddof=1)) / math.sqrt(values.size) if values.size > 1 else math.inf

@@ -1,0 +1,171 @@
+"""Free-form terms at the ports of a machine: candidates for a law that no effect describes."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_hil.gap.data.problem import Point, Problem
+from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.search import MachineSearch, best_shapes
+from rover_hil.gap.statistics.score import Score, one_sided_z
+from sim_backends.models.interface import Array, Parameter
+from sim_backends.state_model.effects.terms import FORMS, product, term, threshold
+from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.port_effect import PortEffect
+
+MOST_FITTED = 5
+"""Terms that are fitted, the best to first order."""
+THRESHOLD = 0.6
+"""Place of a threshold, as a share of the range of its source."""
+STILL = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DraftTerm:
+    """A term that is missing in the equations.
+
+    Attributes:
+        equation: As text, its coefficient called c.
+        port: Where it is added.
+        coefficient: Fitted.
+        low: Lower end of the 95 % interval.
+        high: Upper end.
+        unit: Of the coefficient.
+        code: Line that adds it to a model as an effect.
+    """
+
+    equation: str
+    port: str
+    coefficient: float
+    low: float
+    high: float
+    unit: str
+    code: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeTerm:
+    """A candidate, and the line of code that makes it."""
+
+    effect: PortEffect
+    code: str
+
+
+def free_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[FreeTerm]:
+    """Return the candidates: every form of every state and input at every port, and products of two.
+
+    Args:
+        machine: The model.
+        problem: Its runs.
+        at: Fit whose trajectories give the usual size of each source.
+    """
+    parameters = {name: value for (effect, name), value in at.fit.point.items() if not effect}
+    effects: dict[str, dict[str, float]] = {}
+    for (effect, name), value in at.fit.point.items():
+        if effect:
+            effects.setdefault(effect, {})[name] = value
+    series = machine.trajectories(problem.sites, parameters, effects)
+    sources = {
+        name: np.concatenate([one[name] for one in series]) for name in (*machine.states, *machine.inputs)
+    }
+    sources = {name: values for name, values in sources.items() if _moves(values)}
+    found: list[FreeTerm] = []
+    for port in machine.ports:
+        for name, values in sources.items():
+            found += _of_source(port.name, port.force_sd, name, values)
+        for one, other in itertools.combinations(sources, 2):
+            size = port.force_sd / max(_rms(sources[one] * sources[other]), 1e-300)
+            found.append(
+                FreeTerm(
+                    effect=product(port.name, sources=(one, other), size=size),
+                    code=f'effects.product("{port.name}", sources=("{one}", "{other}"), size={size:.3g})',
+                )
+            )
+    constants = {f"{port.name} += c 1" for port in machine.ports}
+    unique: dict[str, FreeTerm] = {}
+    for candidate in found:
+        unit_free = candidate.effect.build(_units(machine)).name
+        if unit_free not in unique or unit_free not in constants:
+            unique[unit_free] = candidate
+    return list(unique.values())
+
+
+def _of_source(port: str, force_sd: float, name: str, values: Array) -> list[FreeTerm]:
+    scale = _rms(values)
+    found = []
+    for form, (_, _, function) in FORMS.items():
+        if form in ("square", "size") and (values.min() >= 0.0 or values.max() <= 0.0) and form == "size":
+            continue
+        size = force_sd / max(_rms(function(values, scale)), 1e-300)
+        code = f'effects.term("{port}", source="{name}", form="{form}", size={size:.3g}, scale={scale:.3g})'
+        found.append(FreeTerm(effect=term(port, source=name, form=form, size=size, scale=scale), code=code))
+    for place in (THRESHOLD * float(values.max()), THRESHOLD * float(values.min())):
+        if abs(place) > 0.1 * scale:
+            size = force_sd / max(abs(place), 1e-300)
+            code = f'effects.threshold("{port}", source="{name}", place={place:.3g}, size={size:.3g})'
+            found.append(FreeTerm(effect=threshold(port, source=name, place=place, size=size), code=code))
+    return found
+
+
+def search_terms(
+    machine: StateModel, problem: Problem, terms: Sequence[FreeTerm], at: MachineFit
+) -> list[tuple[FreeTerm, MachineFit, str]]:
+    """Return the terms that explain most, the best first, each with why it is not accepted.
+
+    Args:
+        machine: The model with the effects that are taken as known.
+        problem: Its runs.
+        terms: Candidates.
+        at: Where the terms are ranked.
+    """
+    effects = [*machine.port_effects, *(one.effect for one in terms)]
+    wider = machine.with_effects(effects)
+    own = Problem(wider, problem.observations)
+    cards = {card.name: card for card in wider.effects}
+    kept = [cards[name] for name in at.names]
+    names = [one.effect.build(_units(machine)).name for one in terms]
+    fits = MachineFits(own, [*kept, *(cards[name] for name in names)])
+    search = MachineSearch(fits, lambda _: None)
+    ranked = sorted(best_shapes(search.scores(at)), key=one_sided_z, reverse=True)[:MOST_FITTED]
+    chosen: list[Score] = [score for score in ranked if score.direction.name in names]
+    starts = [_with_strength(at.fit.point, wider, one) for one in chosen]
+    fitted = fits.fit_all(
+        [((*at.names, one.direction.name), {}, start) for one, start in zip(chosen, starts, strict=True)],
+        is_near=True,
+    )
+    fits.fit_all([(at.names, {}, at.fit.point)])
+    by_name = dict(zip(names, terms, strict=True))
+    found = []
+    for score, one in zip(chosen, fitted, strict=True):
+        evidence = next(item for item in search.evidence(one) if item.name == score.direction.name)
+        found.append((by_name[score.direction.name], one, evidence.objection))
+    return sorted(found, key=lambda item: item[1].error)
+
+
+def _with_strength(point: Point, machine: StateModel, score: Score) -> Point:
+    """Return a point with the strength that a term has to first order."""
+    card = next(one for one in machine.effects if one.name == score.direction.name)
+    return {**point, (card.name, card.parameters[0].name): score.strength}
+
+
+def strength_of(machine: StateModel, candidate: FreeTerm) -> tuple[str, Parameter]:
+    """Return the equation of a candidate and its coefficient."""
+    card = candidate.effect.build(_units(machine))
+    return card.name, card.parameters[0]
+
+
+def _units(machine: StateModel) -> dict[str, str]:
+    units = {**machine.states, **machine.inputs, **{one.name: one.unit for one in machine.channels}}
+    return {**units, **{one.name: one.unit for one in machine.ports}}
+
+
+def _moves(values: Array) -> bool:
+    return bool(
+        np.isfinite(values).all() and np.ptp(values) > STILL * max(float(np.abs(values).max()), 1e-300)
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

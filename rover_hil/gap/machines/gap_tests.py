@@ -1,0 +1,81 @@
+"""Is there a gap? Without random force, the noise of the sensors alone must explain the misfit."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from rover_hil.gap.data.problem import Problem
+from rover_hil.gap.machines.machine_fit import MachineFit
+from rover_hil.gap.statistics.random_force import force_basis
+from rover_hil.gap.statistics.score import Projection, Score, family_draws, family_p, one_sided_z
+from rover_hil.gap.statistics.sensor_noise import declared_noise
+from sim_backends.models.interface import Array, MachineModel
+
+GAP_ALPHA = 0.01
+SIGMA_UNCERTAINTY = 0.1
+"""Relative uncertainty of a declared sensor noise."""
+KNOT_COUNTS = (8, 40)
+"""Knots of the random force in the longest run: slow errors, and faster ones."""
+REACHED = 1e-3
+"""Least relative response of a direction that a force reaches."""
+
+
+def gap_p(found: MachineFit, problem: Problem, scores: Sequence[Score], rng: np.random.Generator) -> float:
+    """Return the probability of such a misfit if only the sensors err.
+
+    Three kinds of tests share it: the size of the misfit, its part that a force at a port can produce, and
+    the scores of the effects.
+
+    Args:
+        found: The fitted machine.
+        problem: Model and observations.
+        scores: Of the effects at this fit; none where it contains effects.
+        rng: For the calibration of the scores.
+    """
+    residual = found.errors
+    parts = [_size_p(residual, len(found.fit.free))]
+    parts += [_structure_p(problem, found, residual, knots) for knots in KNOT_COUNTS]
+    if scores:
+        draws = family_draws(scores, math.inf, rng)
+        greatest = max(one_sided_z(one) for one in scores)
+        parts.append(family_p(scores, greatest, draws, math.inf))
+    return min(1.0, len(parts) * min(parts))
+
+
+def _size_p(residual: Array, fitted: int) -> float:
+    square = float(residual @ residual) / (1.0 + SIGMA_UNCERTAINTY) ** 2
+    return float(stats.chi2.sf(square, max(residual.size - fitted, 1)))
+
+
+def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: int) -> float:
+    """Return the probability of as much misfit along the responses to slow forces, against the rest."""
+    machine = problem.model
+    if not isinstance(machine, MachineModel) or not machine.ports:
+        return 1.0
+    noise = declared_noise(problem.observations)
+    longest = max(site.measured[one].size for site in problem.sites for one in site.measured)
+    spacing = max((longest - 1) / knots, 1.0)
+    basis = force_basis(
+        problem, machine, found.fit.point, noise.keep, 1.0 / noise.row_sd[noise.keep], spacing=spacing
+    )
+    projection = Projection(found.fit)
+    along, freedom = 0.0, 0
+    for run, responses in enumerate(basis.responses):
+        here = noise.site == run
+        full = np.zeros((noise.keep.size, responses.shape[1]))
+        full[here] = responses
+        free = np.stack([projection.apply(column) for column in full.T], axis=1)
+        vectors, sizes, _ = np.linalg.svd(free, full_matrices=False)
+        used = vectors[:, sizes > REACHED * max(float(sizes[0]), 1e-300)]
+        parts = used[: residual.size].T @ residual
+        along += float(parts @ parts)
+        freedom += used.shape[1]
+    rest = max(float(residual @ residual) - along, 0.0)
+    left = max(residual.size - len(found.fit.free) - freedom, 1)
+    if freedom == 0:
+        return 1.0
+    level = max(rest / left, 1e-12)
+    # A sensor that is better than declared still shows a structure.
+    return float(stats.f.sf(along / freedom / level, freedom, left))

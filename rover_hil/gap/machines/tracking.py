@@ -1,0 +1,214 @@
+"""A machine that follows its runs: the unknown force at each port is estimated with the parameters.
+
+Without the force, a small error of the equations moves a long simulation far from the measurement, and the
+effect of a card can no longer be linearised. With it the simulation stays on the measurement, and what the
+force has to do is nearly linear in the missing effects. This is weak-constraint variational smoothing
+(Tremolet, QJRMS 132, 2006); see Sarkka and Solin 2019 for the linear case.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from rover_hil.gap.data.problem import Free, Point, Problem
+from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.random_force import (
+    ForceBasis,
+    RandomForceNoise,
+    force_basis,
+    prior_covariance,
+    random_force_noise,
+)
+from rover_hil.gap.statistics.sensor_noise import declared_noise
+from sim_backends.models.interface import Array, MachineModel, Model
+
+ROUNDS = 4
+HALVINGS = 3
+PROGRESS = 0.01
+"""Relative gain below which the smoothing ends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """A machine on its measured trajectory.
+
+    Attributes:
+        problem: The machine with the estimated forces.
+        noise: Random forces and noise of the sensors, linearised there.
+        fit: Base parameters there; its residual is that of the machine without forces, to first order.
+        forces: By run: ports x knots, in natural sizes.
+        covariances: By run, of the forces.
+        pulls: Most probable parameters, in prior deviations.
+    """
+
+    problem: Problem
+    noise: RandomForceNoise
+    fit: Fit
+    pulls: Array
+    forces: tuple[Array, ...]
+    covariances: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Step:
+    """One linearisation: the errors without force, and where the parameters and forces go next."""
+
+    noise: RandomForceNoise
+    fit: Fit
+    point: Point
+    pulls: Array
+    forces: tuple[Array, ...]
+    covariances: tuple[Array, ...]
+
+
+def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: Point) -> Tracked:
+    """Return the machine with the forces that keep it on its runs.
+
+    Args:
+        problem: Machine and observations.
+        machine: The same machine.
+        free: Parameters to estimate.
+        start: Fitted parameters to begin from.
+    """
+    point: Point = start
+    basis = _basis(problem, machine, point)
+    width = basis.knots * len(basis.ports)
+    forces = tuple(np.zeros(width) for _ in problem.sites)
+    here, step = problem, None
+    for turn in range(ROUNDS):
+        here = _forced(problem, machine, basis, forces)
+        step = _linearise(here, free, point, forces)
+        if turn == ROUNDS - 1:
+            break
+        moved = _line_search(problem, machine, basis, free, (point, forces), step)
+        if moved is None:
+            break
+        point, forces = moved
+    if step is None:
+        raise AssertionError("there is at least one round")
+    return Tracked(
+        problem=here,
+        noise=step.noise,
+        fit=step.fit,
+        pulls=step.pulls,
+        forces=step.forces,
+        covariances=step.covariances,
+    )
+
+
+def _basis(problem: Problem, machine: MachineModel, point: Point) -> ForceBasis:
+    keep = np.flatnonzero(np.isfinite(problem.observations.values)).astype(np.intp)
+    scale = 1.0 / declared_noise(problem.observations).row_sd[keep]
+    return force_basis(problem, machine, point, keep, scale)
+
+
+def _forced(problem: Problem, machine: MachineModel, basis: ForceBasis, forces: Sequence[Array]) -> Problem:
+    by_run = {
+        site.name: force_series(basis, values) for site, values in zip(problem.sites, forces, strict=True)
+    }
+    return Problem(cast("Model", machine.forced(by_run)), problem.observations)
+
+
+def force_series(basis: ForceBasis, values: Array) -> Mapping[str, Array]:
+    """Return the force of one run at every sample, by port, in the unit of the port."""
+    samples = np.arange(int((basis.knots - 1) * basis.spacing) + 1)
+    knots = np.arange(basis.knots) * basis.spacing
+    by_port = values.reshape(len(basis.ports), basis.knots)
+    return {
+        name: scale * np.interp(samples, knots, row)
+        for name, scale, row in zip(basis.ports, basis.scales, by_port, strict=True)
+    }
+
+
+def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequence[Array]) -> _Step:
+    machine = here.model
+    if not isinstance(machine, MachineModel):
+        raise AssertionError("a forced machine is a machine")
+    basis = _basis(here, machine, point)
+    observations = here.observations
+    residual = observations.values - here.predict(point)
+    keep = np.flatnonzero(np.isfinite(observations.values)).astype(np.intp)
+    sd = declared_noise(observations).row_sd
+    for run, (matrix, force) in enumerate(zip(basis.responses, forces, strict=True)):
+        rows = keep[observations.site[keep] == run]
+        residual[rows] += sd[rows] * (matrix @ force)
+    residual = np.where(np.isfinite(residual), residual, 0.0)
+    sizes = np.array([item.sd for item in free])
+    columns = here.derivatives(point, free) * sizes
+    pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
+    shift, noise = np.zeros(len(free)), None
+    for _ in range(2):
+        without = np.where(np.isfinite(observations.values), residual - columns @ shift, np.nan)
+        noise = random_force_noise(here, machine, point, without, basis)
+        jacobian, errors = noise.whiten(columns), noise.whiten(residual)
+        normal = jacobian.T @ jacobian + np.eye(len(free))
+        shift = np.linalg.solve(normal, jacobian.T @ errors - pull)
+    if noise is None:
+        raise AssertionError("estimated above")
+    fit = Fit(
+        free=tuple(free),
+        point=point,
+        residual=errors,
+        jacobian=jacobian,
+        pull=pull,
+        cost=float(errors @ errors + pull @ pull),
+    )
+    smoothed = noise.smoothed_forces(np.nan_to_num(residual - columns @ shift))
+    moved = {
+        item.key: float(np.clip(item.mean + item.sd * (one + by), item.lower, item.upper))
+        for item, one, by in zip(free, pull, shift, strict=True)
+    }
+    return _Step(
+        noise=noise,
+        fit=fit,
+        point={**point, **moved},
+        pulls=pull + shift,
+        forces=tuple(mean for mean, _ in smoothed),
+        covariances=tuple(covariance for _, covariance in smoothed),
+    )
+
+
+def _line_search(
+    problem: Problem,
+    machine: MachineModel,
+    basis: ForceBasis,
+    free: Sequence[Free],
+    begin: tuple[Point, tuple[Array, ...]],
+    step: _Step,
+) -> tuple[Point, tuple[Array, ...]] | None:
+    """Return parameters and forces a good part of the step further; None where no part is better."""
+    before = _objective(problem, machine, basis, free, begin, step.noise)
+    share = 1.0
+    for _ in range(HALVINGS):
+        point = {
+            key: begin[0].get(key, value) + share * (value - begin[0].get(key, value))
+            for key, value in step.point.items()
+        }
+        forces = tuple(old + share * (new - old) for old, new in zip(begin[1], step.forces, strict=True))
+        after = _objective(problem, machine, basis, free, (point, forces), step.noise)
+        if after < (1.0 - PROGRESS) * before:
+            return point, forces
+        share *= 0.4
+    return None
+
+
+def _objective(
+    problem: Problem,
+    machine: MachineModel,
+    basis: ForceBasis,
+    free: Sequence[Free],
+    at: tuple[Point, tuple[Array, ...]],
+    noise: RandomForceNoise,
+) -> float:
+    point, forces = at
+    here = _forced(problem, machine, basis, forces)
+    error = problem.observations.values - here.predict(point)
+    scaled = error[noise.keep] * noise.scale
+    if not np.isfinite(scaled).all():
+        return float("inf")
+    sizes = tuple((max(size, 1e-6), length) for size, length in noise.sizes)
+    precision = np.linalg.inv(prior_covariance(replace(basis), sizes) + 1e-12 * np.eye(forces[0].size))
+    pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
+    return float(scaled @ scaled + pull @ pull + sum(force @ precision @ force for force in forces))

@@ -1,0 +1,253 @@
+"""The verdict on a machine and its sentence."""
+
+from collections.abc import Mapping, Sequence
+
+from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.error_budget import ChannelError
+from rover_hil.gap.machines.gap_tests import GAP_ALPHA
+from rover_hil.gap.machines.search import best_shapes
+from rover_hil.gap.statistics.score import one_sided_z
+from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
+
+WHOLE = 0.9
+"""Least share of the gap, on locked runs, that a name without reservation closes."""
+HALF = 0.5
+FAR_SD = 3.0
+"""Distance of a base parameter from its nominal value, in prior deviations, that contradicts a name."""
+MOST_MEMBERS = 4
+POWER_Z = 4.0
+"""Score that a search finds with 90 % probability."""
+
+
+def decide_machine(findings: MachineFindings) -> Verdict:
+    """Return the verdict on the findings."""
+    answer, reasons = _answer(findings)
+    is_named = answer in (Answer.NAMED, Answer.NAMED_SET, Answer.PARTLY_NAMED)
+    found = findings.found
+    members = [findings.best.names] if is_named else []
+    if is_named and found is not None:
+        members += [one.names for one in found.alternatives]
+    return Verdict(
+        verdict=answer,
+        sentence=_sentence(findings, answer, reasons),
+        p_gap=findings.p_gap,
+        effects=_effects(findings) if is_named else [],
+        confidence_set=[list(names) for names in members],
+        rejected=_rejected(findings),
+        unnamed=[
+            {
+                "equation": _equation(one.equation, one.coefficient, one.unit),
+                "unit": one.unit,
+                "closest": "",
+                "cosine": 0.0,
+            }
+            for one in findings.drafts
+        ],
+        detectable=_detectable(findings),
+        gap=_gap(findings),
+        error_budget=_budget(findings),
+        draft=[
+            {
+                "term": one.equation,
+                "coefficient": one.coefficient,
+                "low": one.low,
+                "high": one.high,
+                "unit": one.unit,
+                "code": one.code,
+            }
+            for one in findings.drafts
+        ],
+        weightings=_weightings(findings) if is_named else {},
+        warnings=_warnings(findings) if is_named else [],
+        next_run="",
+    )
+
+
+def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
+    if findings.p_gap > GAP_ALPHA:
+        unsure = [one for one in findings.budget_before if not one.is_good_enough]
+        if unsure:
+            return Answer.NOT_IDENTIFIABLE, [one.sentence() for one in unsure]
+        return Answer.NO_GAP, []
+    found, holdout = findings.found, findings.holdout
+    if found is None or not findings.best.names or holdout is None:
+        return Answer.UNNAMED, []
+    if findings.share < HALF:
+        return Answer.UNNAMED, [
+            f"the best, {_join(findings.best.names)}, explains {findings.share:.0%} of it"
+        ]
+    reasons = _reservations(findings)
+    if len(found.alternatives) + 1 > MOST_MEMBERS:
+        return Answer.NOT_IDENTIFIABLE, ["more than four explanations fit the runs equally well"]
+    if reasons:
+        return Answer.PARTLY_NAMED, reasons
+    return (Answer.NAMED_SET if found.alternatives else Answer.NAMED), []
+
+
+def _reservations(findings: MachineFindings) -> list[str]:
+    """Return why the names are not certain or not complete."""
+    reasons = []
+    holdout = findings.holdout
+    is_rest_small = all(one.is_good_enough for one in findings.budget_after)
+    closure = None if holdout is None else holdout.closure
+    if closure is None and not is_rest_small:
+        reasons.append("the locked runs cannot prove it")
+    elif closure is not None and closure < WHOLE and not is_rest_small:
+        reasons.append(f"it closes {closure:.0%} of the gap on locked runs only")
+    elif findings.p_remaining <= GAP_ALPHA and not is_rest_small:
+        rest = max(findings.budget_after, key=lambda one: one.model_error / one.sensor_noise)
+        reasons.append(f"a model error remains, {rest.sentence()}")
+    released = {card.releases for card in findings.machine.effects if card.name in findings.best.names}
+    for item, pull in zip(findings.best.fit.free, findings.best.fit.pull, strict=True):
+        is_base = not item.key[0] and "@" not in item.key[1]
+        if is_base and abs(pull) > FAR_SD and item.key[1] not in released:
+            reasons.append(f"{item.key[1]} is {abs(pull):.1f} prior deviations from its nominal value")
+    reasons += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
+    return reasons
+
+
+def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str]) -> str:
+    before = _errors(findings.budget_before)
+    if answer is Answer.NO_GAP:
+        return (
+            f"No gap: {findings.machine.name} agrees with {findings.problem.observations.run_count} runs "
+            f"within the noise of the sensors ({before}; p = {findings.p_gap:.2g})."
+        )
+    if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
+        return f"No gap was found, but these runs cannot exclude one: {'; '.join(reasons)}."
+    head = f"There is a gap ({before})"
+    if answer is Answer.UNNAMED:
+        why = f"; {reasons[0]}" if reasons else "; the runs do not agree on a cause"
+        draft = f". A missing term would be: {findings.drafts[0].equation}" if findings.drafts else ""
+        return f"{head}{why}{draft}."
+    if answer is Answer.NOT_IDENTIFIABLE:
+        return f"{head}; {'; '.join(reasons)}."
+    names = _join(findings.best.names)
+    if findings.found is not None and findings.found.alternatives:
+        others = [_join(one.names) for one in findings.found.alternatives]
+        names = f"{' or '.join([names, *others])}, which these runs do not distinguish"
+    verb = "Missing" if answer is not Answer.PARTLY_NAMED else "Probably missing"
+    closure = None if findings.holdout is None else findings.holdout.closure
+    closed = "" if closure is None else f" It closes {closure:.0%} of the gap on locked runs."
+    sizes = "; ".join(_size_text(one) for one in _effects(findings))
+    rest = f" Afterwards {_errors(findings.budget_after)}."
+    but = f" But {'; '.join(reasons)}." if reasons else ""
+    return f"{verb}: {names} ({sizes}).{closed} Before, {before}.{rest}{but}"
+
+
+def _errors(budget: Sequence[ChannelError]) -> str:
+    return ", ".join(one.sentence() for one in budget)
+
+
+def _effects(findings: MachineFindings) -> list[FoundEffect]:
+    cards = {card.name: card for card in findings.machine.effects}
+    found = []
+    for name in findings.best.names:
+        parameters = {}
+        for item in cards[name].parameters:
+            size = findings.size(name, item.name)
+            parameters[item.name] = FoundParameter(
+                value=size.value, unit=item.unit, ci95=(size.low, size.high)
+            )
+        found.append(FoundEffect(name=name, parameters=parameters))
+    return found
+
+
+def _size_text(effect: FoundEffect) -> str:
+    parts = []
+    for name, one in effect.parameters.items():
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        parts.append(f"{name} {one.value:.3g}{unit}, {one.ci95[0]:.3g} to {one.ci95[1]:.3g}")
+    return f"{effect.name}: {'; '.join(parts)}"
+
+
+def _rejected(findings: MachineFindings) -> list[dict[str, str]]:
+    kept = set(findings.best.names)
+    if findings.found is None:
+        return [{"name": card.name, "why": "there is no gap to explain"} for card in findings.machine.effects]
+    kept |= {name for one in findings.found.alternatives for name in one.names}
+    objections = findings.found.objections
+    scored = {one.direction.name for one in findings.found.scores}
+    return [
+        {"name": card.name, "why": objections.get(card.name, _unscored(card.name, scored))}
+        for card in findings.machine.effects
+        if card.name not in kept
+    ]
+
+
+def _unscored(name: str, scored: set[str]) -> str:
+    if name not in scored:
+        return "not visible in these runs: it changes no prediction, or base parameters imitate it"
+    return "other effects explain more on left-out runs"
+
+
+def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
+    found = findings.found
+    scores = [] if found is None else best_shapes(found.scores)
+    return [
+        {"name": one.direction.name, "size": POWER_Z * one.standard_error, "unit": one.direction.unit}
+        for one in sorted(scores, key=one_sided_z, reverse=True)
+    ]
+
+
+def _gap(findings: MachineFindings) -> dict[str, Mapping[str, float | Sequence[float] | None]]:
+    if findings.holdout is None:
+        return {}
+    return {
+        name: {
+            "before": one.before,
+            "after": one.after,
+            "noise_floor": one.floor,
+            "closure": one.closure,
+            "ci95": one.ci95,
+        }
+        for name, one in findings.holdout.channels.items()
+    }
+
+
+def _budget(findings: MachineFindings) -> dict[str, dict[str, float | str]]:
+    return {
+        before.channel: {
+            "unit": before.unit,
+            "sensor_noise": before.sensor_noise,
+            "tolerance": before.tolerance,
+            "model_error_before": before.model_error,
+            "upper_before": before.upper,
+            "model_error_after": after.model_error,
+            "upper_after": after.upper,
+        }
+        for before, after in zip(findings.budget_before, findings.budget_after, strict=True)
+    }
+
+
+def _weightings(findings: MachineFindings) -> dict[str, dict[str, float]]:
+    return {
+        f"{effect}.{name}": {
+            "output_error": findings.best.fit.point[effect, name],
+            "random_force": value,
+        }
+        for (effect, name), value in findings.other_weighting.items()
+        if (effect, name) in findings.best.fit.point
+    }
+
+
+def _warnings(findings: MachineFindings) -> list[str]:
+    warnings = []
+    for (effect, name), value in findings.other_weighting.items():
+        if (effect, name) not in findings.best.fit.point:
+            continue
+        size = findings.size(effect, name)
+        if not size.low <= value <= size.high:
+            warnings.append(
+                f"{name} of {effect} depends on the weighting: {size.value:.3g} by the output error, "
+                f"{value:.3g} with random forces at the ports"
+            )
+    return warnings
+
+
+def _equation(equation: str, coefficient: float, unit: str) -> str:
+    return equation.replace("+= c ", f"+= ({coefficient:.3g} {unit}) * ")
+
+
+def _join(names: Sequence[str]) -> str:
+    return " and ".join(names)

@@ -1,0 +1,71 @@
+"""Links between documents, paths of documents in the code, and code that the guide names exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+DOCUMENTS = [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]
+CODE = ("drivers", "controllers", "sim_backends", "rover_hil", "benchmarks", "tests")
+BASES = ("", "docs", "rover_hil")
+"""Folders from which the contributor guide names paths."""
+KINDS = ("tutorials", "how-to", "explanation", "reference", "results", "decisions")
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def anchors_of(page: Path) -> set[str]:
+    """Return the anchors that a Markdown viewer makes of the headings."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", DOCUMENTS, ids=name_of)
+def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
+    broken = []
+    for link, _, anchor in re.findall(r"\]\((?!https?:)([^)#\s]*)(#([^)\s]*))?\)", page.read_text("utf-8")):
+        target = (page.parent / link) if link else page
+        if not target.exists() or (anchor and anchor not in anchors_of(target)):
+            broken.append(f"{link}#{anchor}")
+    assert broken == []
+
+
+def test_every_document_that_the_code_names_exists() -> None:
+    files = [ROOT / "Makefile", *DOCUMENTS]
+    files += [
+        path for folder in CODE for path in (ROOT / folder).rglob("*.*") if path.suffix in (".py", ".toml")
+    ]
+    texts = [path.read_text("utf-8") for path in files]
+    names = {name for text in texts for name in re.findall(r"docs/[\w/-]+\.(?:md|jpg|png)", text)}
+    assert len(names) > 20
+    assert sorted(name for name in names if not (ROOT / name).is_file()) == []
+
+
+def test_every_page_is_of_one_kind() -> None:
+    assert {path.parent.name for path in DOCS.rglob("*.md")} <= {*KINDS, "docs"}
+
+
+@pytest.mark.parametrize("folder", [DOCS, DOCS / "decisions"], ids=name_of)
+def test_the_index_lists_every_page_once(folder: Path) -> None:
+    index = folder / "README.md"
+    links = re.findall(r"\]\(([^)]+\.md)\)", index.read_text("utf-8"))
+    own = [page for page in folder.rglob("*.md") if page != index]
+    expected = [
+        page for page in own if folder != DOCS or page.parent.name != "decisions" or page.stem == "README"
+    ]
+    assert sorted((folder / link).resolve() for link in links) == sorted(expected)
+
+
+def test_the_contributor_guide_names_files_and_names_that_exist() -> None:
+    words = re.findall(r"`([\w./-]+)`", (ROOT / "CONTRIBUTING.md").read_text("utf-8"))
+    paths = [word for word in words if "/" in word and word[0] not in "/."]
+    assert len(paths) > 50
+    assert [path for path in paths if not any((ROOT / base / path).exists() for base in BASES)] == []
+    code = "".join(path.read_text("utf-8") for folder in CODE for path in (ROOT / folder).rglob("*.py"))
+    names = {word for word in words if re.fullmatch(r"_?[A-Z]\w*|_\w+|\w+\(\)|\w+_\w+", word)}
+    assert len(names) > 15
+    assert sorted(name for name in names if not re.search(rf"\b{name}\b", code)) == []
