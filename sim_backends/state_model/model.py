@@ -137,8 +137,9 @@ class StateModel(Equations):
     ) -> bool:
         before = np.concatenate([one[channel.name] for one in coarse])
         after = np.concatenate([one[channel.name] for one in fine])
-        scale = channel.noise_sd or 0.02 * float(np.nanstd(after))
-        error = float(np.sqrt(np.nanmean((after - before) ** 2)))
+        with np.errstate(all="ignore"):
+            scale = channel.noise_sd or 0.02 * float(np.nanstd(after))
+            error = float(np.sqrt(np.nanmean((after - before) ** 2)))
         return bool(np.isfinite(before).all()) and error <= SOLVED_SHARE * max(scale, 1e-300)
 
     def simulate_points(self, runs: Sequence[Run], points: Sequence[Point]) -> list[list[dict[str, Array]]]:
