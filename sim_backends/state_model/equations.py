@@ -46,6 +46,7 @@ class Equations:
         is_held: Inputs hold their value until the next sample, as a digital output does; otherwise they are
             interpolated, as a measured signal.
         substeps: Integration steps per sample.
+        effect_substeps: The same where an effect acts that needs more.
         known_forces: Forces that act besides the equations: run, then port, to values at the samples.
     """
 
@@ -64,6 +65,7 @@ class Equations:
     condition_units: Mapping[str, str] = field(default_factory=dict)
     is_held: bool = True
     substeps: int = 1
+    effect_substeps: Mapping[str, int] = field(default_factory=dict)
     known_forces: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -81,8 +81,10 @@ def test_refining_looks_at_each_effect_by_itself() -> None:
     friction = effects.coulomb_friction("force", velocity="speed", size=20.0, slow=0.01)
     idle = [effects.offset("seen_push", size=0.1, name=f"offset_{index}") for index in range(8)]
     assert mass().refined([run_of(WAVE)]).substeps == 1
-    with_friction = mass(friction, noise=1e-3).refined([run_of(5.0 * WAVE)]).substeps
-    assert with_friction == mass(friction, *idle, noise=1e-3).refined([run_of(5.0 * WAVE)]).substeps > 1
+    refined = mass(friction, *idle, noise=1e-3).refined([run_of(5.0 * WAVE)])
+    alone = mass(friction, noise=1e-3).refined([run_of(5.0 * WAVE)])
+    assert refined.substeps == refined.effect_substeps["offset_0"] == 1
+    assert refined.effect_substeps["coulomb_friction"] == alone.effect_substeps["coulomb_friction"] > 1
 
 
 def test_responses_to_a_force_are_finite_differences() -> None:
