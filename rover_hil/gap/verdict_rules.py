@@ -82,8 +82,8 @@ def _no_gap(findings: Findings) -> Verdict:
     if too_large:
         return Verdict(
             verdict=Answer.UNNAMED,
-            sentence=f"There is a gap: {'; '.join(one.sentence() for one in too_large)}; the runs do not agree "
-            "on a cause, and it resembles slow errors of each run.",
+            sentence=f"There is a gap: {'; '.join(one.sentence() for one in too_large)}; the runs do not "
+            "agree on a cause, and it resembles slow errors of each run.",
             p_gap=findings.gap.p,
             rejected=_rejected(findings, Answer.UNNAMED),
             detectable=detectable,

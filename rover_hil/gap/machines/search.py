@@ -291,7 +291,7 @@ def is_equal(one: MachineFit, other: MachineFit) -> bool:
 
 
 def is_small(found: MachineFit) -> bool:
-    """Return True where a fit leaves less than the noise of the sensors; a pair is then not worth its risk."""
+    """Return True where a fit leaves less than the noise of the sensors: a pair is not worth its risk."""
     return found.excess < float(found.left_out.counts.sum())
 
 
