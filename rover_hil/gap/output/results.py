@@ -34,7 +34,8 @@ def verdict_text(analysis: Analysis) -> str:
 def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> None:
     """Write `verdict.json`, `model.toml` and `report.html`, and why there is no plan where there is none.
 
-    Missing terms that were found in the equations of a machine are written to `draft_effects.py`.
+    Missing terms that were found in the equations of a machine are written to `draft_effects.py`; without
+    them a file of an earlier analysis is removed.
 
     The plan itself is written before the analysis.
 
@@ -57,6 +58,8 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
     if analysis.plan is None:
         texts[PLAN_NAME] = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
     write_files(folder, texts)
+    if DRAFT_NAME not in texts:
+        (folder / DRAFT_NAME).unlink(missing_ok=True)
 
 
 def _model_text(analysis: Analysis, base: str, date: str) -> str:

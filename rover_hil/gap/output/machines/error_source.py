@@ -47,7 +47,7 @@ class ErrorSource:
     def sentence(self) -> str:
         """Return it in words."""
         return (
-            f"{self.error}: {min(self.share, 1.0):.0%} of the error energy above the noise follows "
+            f"{self.error}: {min(self.share, 1.0):.0%} of the energy above the noise follows "
             f"{self.source}, in {self.agreeing} of {self.count} runs; it is largest from {self.low:.3g} to "
             f"{self.high:.3g} {self.unit}."
         )
@@ -97,7 +97,7 @@ def _sentence(
     found = find_source(error, errors, noise, sources, units)
     if found is not None:
         return found.sentence()
-    return f"{error}: no state, no input and no time explains the error of at least two runs."
+    return f"{error}: no state, no input and no time explains it in at least two runs."
 
 
 def find_source(
@@ -154,14 +154,15 @@ def _explained(
         excesses.append(max(float(np.sum(values**2)) - noise[run], 0.0))
     total = sum(excesses)
     agreeing = sum(gain >= LEAST_SHARE * own > 0.0 for gain, own in zip(gains, excesses, strict=True))
-    if total <= 0.0 or agreeing < LEAST_RUNS or sum(gains) < LEAST_SHARE * total:
+    explained = sum(max(gain, 0.0) for gain in gains)
+    if total <= 0.0 or agreeing < LEAST_RUNS or explained < LEAST_SHARE * total:
         return None
     low, high = _largest(sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1.0), edges)
     return ErrorSource(
         error=error,
         source=label[0],
         unit=label[1],
-        share=sum(gains) / total,
+        share=explained / total,
         agreeing=agreeing,
         count=len(errors),
         low=low,

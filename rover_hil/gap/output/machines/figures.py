@@ -24,6 +24,7 @@ TIME_BINS = 20
 MANY = 2000
 """Samples from which a line is drawn as an image, which keeps the page small."""
 LOCKED = ", locked"
+NO_VALUES = "#e5e7eb"
 
 
 def draw_budget(before: ChannelError, after: ChannelError | None) -> Figure:
@@ -53,7 +54,7 @@ def draw_budget(before: ChannelError, after: ChannelError | None) -> Figure:
 
 
 def chosen_traces(findings: MachineFindings, shown: Sequence[Trace]) -> list[list[Trace]]:
-    """Return for each of the worst channels up to three runs: the worst, a usual one and a locked one."""
+    """Return the worst, the median, and a locked or the best run of each of the worst channels."""
     ranked = sorted(findings.budget_before, key=lambda one: -one.model_error / one.sensor_noise)
     found = []
     for budget in ranked[:MOST_CHANNELS]:
@@ -61,8 +62,8 @@ def chosen_traces(findings: MachineFindings, shown: Sequence[Trace]) -> list[lis
         learned = sorted((one for one in own if not one.is_locked), key=_error)
         locked = sorted((one for one in own if one.is_locked), key=_error)
         runs = [learned[-1], *([learned[(len(learned) - 1) // 2]] if len(learned) > 1 else [])]
-        runs += locked[-1:] or [one for one in learned[:1] if one not in runs]
-        found.append(runs[:MOST_RUNS])
+        runs += locked[-1:] or learned[:1]
+        found.append(list(dict.fromkeys(runs)))
     return found
 
 
@@ -127,15 +128,13 @@ def draw_map(shown: Sequence[Trace], *, is_after: bool) -> Figure | None:
     axes = figure.add_subplot(title=f"{channel.name}, {'after' if is_after else 'before'}", xlabel="time (s)")
     image = axes.imshow(
         after[0] if is_after else before,
-        cmap="YlOrRd",
+        cmap=mpl.colormaps["YlOrRd"].with_extremes(under="white", bad=NO_VALUES),
         vmin=channel.noise_sd,
         vmax=max(greatest, 2.0 * channel.noise_sd),
         aspect="auto",
         extent=(0.0, TIME_BINS * width_s, len(shown) - 0.5, -0.5),
         interpolation="nearest",
     )
-    image.cmap.set_under("white")
-    image.cmap.set_bad("#e5e7eb")
     axes.grid(visible=False)
     labels = [f"{one.run}{LOCKED if one.is_locked else ''}" for one in shown]
     axes.set_yticks(range(len(shown)), labels, fontsize=7)

@@ -24,7 +24,7 @@ def draw_force_over_time(shown: Sequence[ForceTrace]) -> Figure:
         )
         axes.plot(one.times_s, one.force, color=style.GYRO, linewidth=1.3)
         axes.axhline(0.0, color=style.TRUTH, linewidth=0.8)
-        axes.set_title(one.run)
+        axes.set_title(f"{one.port}, {one.run}")
     rows[-1].set_xlabel("time (s)")
     figure.supylabel(_label(ranked[0]), fontsize="medium", color="#374151")
     return figure

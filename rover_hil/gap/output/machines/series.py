@@ -12,7 +12,7 @@ from sim_backends.models.interface import Array, Channel, Run
 from sim_backends.state_model.model import StateModel
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trace:
     """One channel of one run.
 
@@ -35,7 +35,7 @@ class Trace:
     after: Array | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ForceTrace:
     """The unknown force at one port in one run, at its knots.
 
