@@ -23,6 +23,8 @@ BAND_SD = 2.0
 TIME_BINS = 20
 MANY = 2000
 """Samples from which a line is drawn as an image, which keeps the page small."""
+LEAST_SCALE = 3.0
+"""Error at which the scale of a map ends at least, in units of the sensor noise: noise stays pale."""
 LOCKED = ", locked"
 NO_VALUES = "#e5e7eb"
 
@@ -30,7 +32,8 @@ NO_VALUES = "#e5e7eb"
 def draw_budget(before: ChannelError, after: ChannelError | None) -> Figure:
     """Draw the error budget of a channel as bars, with upper bounds and the tolerance."""
     rows = [("sensor noise", before.sensor_noise, math.nan, style.COMMANDED)]
-    rows.append(("model error before", before.model_error, before.upper, style.ENCODERS))
+    label = "model error" if after is None else "model error before"
+    rows.append((label, before.model_error, before.upper, style.ENCODERS))
     if after is not None:
         rows.append(("model error after", after.model_error, after.upper, style.ESTIMATE))
     figure = Figure(figsize=(WIDTH_IN, 0.95 + 0.3 * len(rows)), layout="constrained")
@@ -44,12 +47,14 @@ def draw_budget(before: ChannelError, after: ChannelError | None) -> Figure:
             axes.plot([upper], [position], "|", color=style.TRUTH, markersize=8)
             end = max(upper, size)
         axes.annotate(f"{size:.3g}", (end, position), (4, 0), textcoords="offset points", va="center")
-    axes.axvline(before.tolerance, color=style.ALARM, linestyle=(0, (4, 2)), linewidth=1.2, label="tolerance")
+    axes.axvline(before.tolerance, color=style.ALARM, linestyle=(0, (4, 2)), linewidth=1.2)
+    axes.text(
+        before.tolerance, -0.55, "tolerance", color=style.ALARM, ha="center", va="bottom", fontsize="small"
+    )
     axes.margins(x=0.18)
     axes.set_xlim(left=0.0)
     axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
-    axes.set_ylim(len(rows) - 0.5, -0.5)
-    figure.legend(loc="outside lower right")
+    axes.set_ylim(len(rows) - 0.5, -1.1)
     return figure
 
 
@@ -61,6 +66,8 @@ def chosen_traces(findings: MachineFindings, shown: Sequence[Trace]) -> list[lis
         own = [one for one in shown if one.channel.name == budget.channel]
         learned = sorted((one for one in own if not one.is_locked), key=_error)
         locked = sorted((one for one in own if one.is_locked), key=_error)
+        if not learned:
+            continue
         runs = [learned[-1], *([learned[(len(learned) - 1) // 2]] if len(learned) > 1 else [])]
         runs += locked[-1:] or learned[:1]
         found.append(list(dict.fromkeys(runs)))
@@ -87,17 +94,17 @@ def draw_trace(trace: Trace) -> Figure:
         color=style.COMMANDED,
         alpha=0.3,
         linewidth=0,
-        label="sensor, ±2 sd",
+        label="sensor ±2 sd",
     )
     lower.axhspan(-band, band, color=style.COMMANDED, alpha=0.3, linewidth=0)
-    sides = [("before", trace.before, style.ENCODERS)]
+    sides = [("model" if trace.after is None else "before", trace.before, style.ENCODERS)]
     if trace.after is not None:
         sides.append(("after", trace.after, style.ESTIMATE))
     for label, values, colour in sides:
         _line(upper, trace.times_s, values, colour, label, 1.3)
         _line(lower, trace.times_s, trace.measured - values, colour, "", 1.0)
     lower.set_xlabel("time (s)")
-    figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=4, columnspacing=1.2)
     return figure
 
 
@@ -125,12 +132,13 @@ def draw_map(shown: Sequence[Trace], *, is_after: bool) -> Figure | None:
     channel = shown[0].channel
     greatest = max(float(np.nanmax(one)) for one in (before, *after))
     figure = Figure(figsize=(WIDTH_IN, 1.1 + 0.19 * len(shown)), layout="constrained")
-    axes = figure.add_subplot(title=f"{channel.name}, {'after' if is_after else 'before'}", xlabel="time (s)")
+    side = ", after" if is_after else ", before" if after else ""
+    axes = figure.add_subplot(title=f"{channel.name}{side}", xlabel="time (s)")
     image = axes.imshow(
         after[0] if is_after else before,
         cmap=mpl.colormaps["YlOrRd"].with_extremes(under="white", bad=NO_VALUES),
         vmin=channel.noise_sd,
-        vmax=max(greatest, 2.0 * channel.noise_sd),
+        vmax=max(greatest, LEAST_SCALE * channel.noise_sd),
         aspect="auto",
         extent=(0.0, TIME_BINS * width_s, len(shown) - 0.5, -0.5),
         interpolation="nearest",

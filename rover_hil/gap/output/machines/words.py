@@ -45,6 +45,8 @@ def lead(findings: MachineFindings) -> str:
     )
     if findings.best.names:
         text += f"; with {' and '.join(findings.best.names)} it is {_size(after.model_error, after)}"
+    if all(one.is_good_enough for one in findings.budget_before):
+        text += f": more than chance, but less than the tolerance of {_size(before.tolerance, before)}"
     return f"{text}."
 
 
