@@ -17,8 +17,8 @@ def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
     """Return records cut into runs of equal length, named `NAME part 1`, ...
 
     A remainder of at least half of the length is a run of its own; a shorter one stays with the run before
-    it. Times in an input `t_s` begin at 0 in every part. Records that are not longer stay as they are. Missing
-    values of the record are counted with its first part.
+    it. Times in an input `t_s` begin at 0 in every part. Records that are not longer stay as they are.
+    Missing values of the record are counted with its first part.
 
     Args:
         model: The machine.
@@ -83,7 +83,7 @@ def _parts(model: StateModel, run: Run, length_s: float) -> list[Run]:
 def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Run:
     inputs = {name: values[first:last] for name, values in run.inputs.items()}
     if "t_s" in inputs:
-        inputs["t_s"] = _step_s(model, run) * np.arange(last - first)
+        inputs["t_s"] = _step_s(model, run) * np.arange(float(last - first))
     return replace(
         run,
         name=f"{run.name} part {number + 1}",

@@ -122,9 +122,8 @@ def _even_times(t_s: Array, where: str, step_s: float | None) -> Array:
         )
     step = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     even = t_s[0] + step * np.arange(t_s.size)
-    rounding_s = _rounding_s(t_s)
-    allowed_s = max(STEP_SHARE * step, rounding_s if rounding_s <= 0.5 * step else 0.0)
-    if max(np.abs(steps - step).max(), np.abs(even - t_s).max()) > 1.01 * allowed_s:
+    error_s = float(np.abs(steps - step).max())
+    if error_s > STEP_SHARE * step and max(error_s, np.abs(even - t_s).max()) > _rounding_s(t_s, step):
         place = float(t_s[int(np.argmax(np.abs(steps - step)))])
         raise ConfigError(
             f"{where}: samples are {steps.min():.4g} to {steps.max():.4g} s apart, most unevenly near "
@@ -135,15 +134,17 @@ def _even_times(t_s: Array, where: str, step_s: float | None) -> Array:
             f"{where}: samples are {step:.4g} s apart, the model has step_s = {step_s:g}: correct step_s, or "
             "leave it out and the times of the data are used"
         )
-    return even
+    times: Array = even
+    return times
 
 
-def _rounding_s(t_s: Array) -> float:
-    """Return the last decimal place of times."""
+def _rounding_s(t_s: Array, step_s: float) -> float:
+    """Return the last decimal place of times; 0 where it is too coarse to distinguish rounding from a gap."""
     scale = max(float(np.abs(t_s).max()), 1.0)
     for digits in range(MOST_DIGITS):
         if np.abs(np.round(t_s, digits) - t_s).max() <= 1e-12 * scale:
-            return float(10.0**-digits)
+            place_s = float(10.0**-digits)
+            return 1.01 * place_s if place_s <= 0.5 * step_s else 0.0
     return 0.0
 
 
