@@ -54,7 +54,9 @@ def small_runs(model: StateModel = MODEL, samples: int = SAMPLES, count: int = R
     runs = []
     for number in range(count):
         power = np.repeat(rng.uniform(-2.0, 2.0, samples // 10 + 1), 10)[:samples]
-        inputs = {"power": power} if model.step_s else {"t_s": 0.1 * np.arange(samples), "power": power}
+        inputs: dict[str, Array] = {"power": power}
+        if model.step_s is None:
+            inputs["t_s"] = 0.1 * np.arange(float(samples))
         measured = {channel.name: np.full(samples, 0.3) for channel in model.channels}
         runs.append(Run(name=f"run{number}", conditions={}, inputs=inputs, measured=measured))
     tables = model.predict(runs, {}, {})
