@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Group, group_runs, is_steady
+from rover_hil.gap.data.problem import LEAST_SAMPLES, Group, group_runs, is_steady
 from rover_hil.gap.statistics.replicates import LEAST_FREEDOM, pooled_freedom
 from sim_backends.models.interface import Array, DrivenModel, MachineModel, Model, Run
 
@@ -14,7 +14,6 @@ MISSING_SHARE = 0.05
 CONTRADICTION_SD = 15.0
 IRREPRODUCIBLE_SHARE = 0.7
 LEAST_GROUPS = 3
-LEAST_SAMPLES = 30
 LEAST_SLOW_SAMPLES = 10
 """Fewest values of a channel that is slower than its inputs."""
 REGULAR_SHARE = 0.95

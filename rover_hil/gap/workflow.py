@@ -56,7 +56,11 @@ def analyse(
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
-    model = model.refined(runs) if isinstance(model, StateModel) else ObservedModel(model, runs)
+    if not isinstance(model, StateModel):
+        model = ObservedModel(model, runs)
+    elif object_to(model, runs) is None:
+        # Bad data has no prediction that steps could be judged by.
+        model = model.refined(runs)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}

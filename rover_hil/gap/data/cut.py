@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.checks import LEAST_SAMPLES
+from rover_hil.gap.data.problem import LEAST_SAMPLES
 from sim_backends.models.interface import Array, Model, Run
 from sim_backends.state_model.model import StateModel, uniform_step_s
 
@@ -17,7 +17,7 @@ def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
     """Return records cut into runs of equal length, named `NAME part 1`, ...
 
     A remainder of at least half of the length is a run of its own; a shorter one stays with the run before
-    it. Times in an input `t_s` begin at 0 in every part. Records that are not longer stay as they are.
+    it. Parts without a compared value are left out. Times in an input `t_s` begin at 0 in every part. Records that are not longer stay as they are.
     Missing values of the record are counted with its first part.
 
     Args:
@@ -77,18 +77,22 @@ def _parts(model: StateModel, run: Run, length_s: float) -> list[Run]:
     if count == 1:
         return [run]
     edges = [number * length for number in range(count)] + [size]
-    return [_part(model, run, number, edges[number], edges[number + 1]) for number in range(count)]
+    parts = [_part(model, run, number, edges[number], edges[number + 1]) for number in range(count)]
+    return [part for part in parts if sum(part.overlap) < _size(part)]
 
 
 def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Run:
     inputs = {name: values[first:last] for name, values in run.inputs.items()}
     if "t_s" in inputs:
+        # Equal steps in all parts, which rounding of differences would not give.
         inputs["t_s"] = _step_s(model, run) * np.arange(float(last - first))
+    size, before, after = last - first, run.overlap[0] - first, run.overlap[1] - (_size(run) - last)
     return replace(
         run,
         name=f"{run.name} part {number + 1}",
         inputs=inputs,
         measured={name: values[first:last] for name, values in run.measured.items()},
+        overlap=(min(max(before, 0), size), min(max(after, 0), size)),
         missing=run.missing if number == 0 else {},
     )
 

@@ -80,7 +80,7 @@ class LintReport:
     """Result of `lint`.
 
     Attributes:
-        problems: Sentences on cards that cannot work.
+        problems: Sentences on cards that cannot work, or on data that cannot be used.
         cards: All effects, in the order of the model.
         pairs: Effects that the inputs cannot separate.
         thresholds: Sentences on thresholds that the signals do not reach.
@@ -88,10 +88,10 @@ class LintReport:
     """
 
     problems: tuple[str, ...]
-    cards: tuple[CardCheck, ...]
-    pairs: tuple[Pair, ...]
-    thresholds: tuple[str, ...]
-    run_unknowns: tuple[RunUnknown, ...]
+    cards: tuple[CardCheck, ...] = ()
+    pairs: tuple[Pair, ...] = ()
+    thresholds: tuple[str, ...] = ()
+    run_unknowns: tuple[RunUnknown, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """Return it as a table for JSON; numbers without a value are None."""
