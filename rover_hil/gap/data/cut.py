@@ -17,8 +17,8 @@ def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
     """Return records cut into runs of equal length, named `NAME part 1`, ...
 
     A remainder of at least half of the length is a run of its own; a shorter one stays with the run before
-    it. Parts without a compared value are left out. Times in an input `t_s` begin at 0 in every part. Records that are not longer stay as they are.
-    Missing values of the record are counted with its first part.
+    it. Parts without a compared value are left out. Times in an input `t_s` begin at 0 in every part.
+    Shorter records stay as they are. Missing values of the record are counted with its first part.
 
     Args:
         model: The machine.

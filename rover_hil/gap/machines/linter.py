@@ -50,14 +50,18 @@ class CardCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """Two effects that the inputs cannot separate."""
+    """Two effects that the inputs cannot separate, and their shapes where they are most similar."""
 
     cards: tuple[str, str]
+    shapes: tuple[Mapping[str, float], Mapping[str, float]]
     cosine: float
 
     def sentence(self) -> str:
         """Return it in words."""
-        one, other = self.cards
+        one, other = (
+            f"{name} ({', '.join(f'{key} {value:.3g}' for key, value in shapes.items())})" if shapes else name
+            for name, shapes in zip(self.cards, self.shapes, strict=True)
+        )
         return f"these inputs cannot separate {one} and {other} (cosine {self.cosine:.2f})"
 
 
@@ -129,7 +133,8 @@ def require_changes(model: StateModel, runs: Sequence[Run]) -> None:
     silent = [card for card in silent if bench.greatest(card, shape_points(card)) < LEAST_CHANGE]
     if silent:
         reaches = threshold_reaches(model, signal_ranges(model, bench.problem.sites))
-        raise ConfigError(f"model {model.name}: {_silence(silent[0], reaches)}")
+        reach = reaches.get(silent[0].name)
+        raise ConfigError(f"model {model.name}: {_silence(bench, silent[0], reach)}")
 
 
 def lint(model: StateModel, runs: Sequence[Run]) -> LintReport:
@@ -150,9 +155,9 @@ def lint(model: StateModel, runs: Sequence[Run]) -> LintReport:
         if not math.isfinite(change):
             problems.append(f"effect {card.name} at its natural size has no solution: make it smaller")
         elif change < LEAST_CHANGE:
-            problems.append(_silence(card, reaches))
+            problems.append(_silence(bench, card, reaches.get(card.name)))
         else:
-            thresholds += _unreached(bench, card, reaches)
+            thresholds += _unreached(bench, card, reaches.get(card.name))
         cards.append(bench.check(card, change, scores.get(card.name, [])))
     return LintReport(
         problems=tuple(problems),
@@ -263,33 +268,53 @@ def _standard_errors(score: Score) -> float:
     return score.direction.size / score.standard_error
 
 
-def _silence(card: EffectCard, reaches: Mapping[str, Reach]) -> str:
+def _silence(bench: _Bench, card: EffectCard, reach: Reach | None) -> str:
     """Return a sentence on an effect that changes no prediction of any run."""
-    reach = reaches.get(card.name)
     why = (
-        f": {reach.sentence()}"
-        if reach is not None
-        else f": is {card.place} used in the equations, and do the inputs act on it?"
+        f"is {card.place} used in the equations, and do the inputs act on it?"
+        if reach is None
+        else f"{reach.sentence()}{_advice(bench, card, reach)}"
     )
-    return f"effect {card.name} at its natural size changes no prediction of any run{why}"
+    return f"effect {card.name} at its natural size changes no prediction of any run: {why}"
 
 
-def _unreached(bench: _Bench, card: EffectCard, reaches: Mapping[str, Reach]) -> list[str]:
-    """Return sentences on thresholds of a card outside the range of its signal."""
-    reach = reaches.get(card.name)
+def _advice(bench: _Bench, card: EffectCard, reach: Reach) -> str:
+    """Return thresholds that change a prediction."""
+    if not reach.shape:
+        return ""
+    good = [
+        value for value in reach.inside() if bench.greatest(card, _at(card, reach, value)) >= LEAST_CHANGE
+    ]
+    if not good:
+        return ", and no threshold inside this range changes a prediction"
+    return f"; {reach.shape} may be {', '.join(f'{value:.3g}' for value in good)}"
+
+
+def _at(card: EffectCard, reach: Reach, value: float) -> list[dict[str, float]]:
+    """Return the shapes of a card with its threshold at a value."""
+    return [{**one, reach.shape: value} for one in shape_points(card)]
+
+
+def _unreached(bench: _Bench, card: EffectCard, reach: Reach | None) -> list[str]:
+    """Return sentences on thresholds of a card that change nothing, or everything."""
     if reach is None:
         return []
     if not reach.shape:
-        return [f"{card.name}: {reach.sentence()}"] if reach.is_beyond(natural(card.parameters[0])) else []
-    outside = []
-    for value in card.shape_grid[reach.shape]:
-        points = [one for one in shape_points(card) if one[reach.shape] == value]
-        if bench.greatest(card, points) < LEAST_CHANGE:
-            outside.append(value)
-    if not outside:
+        width = natural(card.parameters[0])
+        return (
+            [f"{card.name}: {card.parameters[0].name} {width:g} {reach.unit} covers all; {reach.sentence()}"]
+            if reach.is_beyond(width)
+            else []
+        )
+    grid = card.shape_grid[reach.shape]
+    silent = [value for value in grid if bench.greatest(card, _at(card, reach, value)) < LEAST_CHANGE]
+    if not silent:
         return []
-    values = ", ".join(f"{value:g}" for value in outside)
-    return [f"{card.name}: {reach.shape} {values} {reach.unit} changes nothing; {reach.sentence()}"]
+    values = ", ".join(f"{value:g}" for value in silent)
+    return [
+        f"{card.name}: {reach.shape} {values} {reach.unit} changes nothing; {reach.sentence()}"
+        f"{_advice(bench, card, reach)}"
+    ]
 
 
 def _pairs(scores: Mapping[str, Sequence[Score]]) -> list[Pair]:
@@ -297,12 +322,15 @@ def _pairs(scores: Mapping[str, Sequence[Score]]) -> list[Pair]:
     pairs = []
     for one, other in itertools.combinations(scores, 2):
         found = [
-            abs(cosine(first, second))
+            (abs(cosine(first, second)), first, second)
             for first in scores[one]
             for second in scores[other]
             if min(_standard_errors(first), _standard_errors(second)) >= 1.0
         ]
-        most = max(found, default=0.0)
+        if not found:
+            continue
+        most, first, second = max(found, key=lambda item: item[0])
         if most > SIMILAR:
-            pairs.append(Pair(cards=(one, other), cosine=round(most, 4)))
+            shapes = (dict(first.direction.shapes), dict(second.direction.shapes))
+            pairs.append(Pair(cards=(one, other), shapes=shapes, cosine=round(most, 4)))
     return sorted(pairs, key=lambda pair: -pair.cosine)

@@ -13,8 +13,8 @@ from sim_backends.state_model.port_effect import PortEffect
 
 WIDTHS = ("half_width", "half_play")
 """Strengths that are thresholds of their signal."""
-SHARES = (0.5, 0.7, 0.9)
-"""Where to put thresholds in the range of a signal."""
+SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Where to try thresholds in the range of a signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,15 +38,11 @@ class Reach:
     is_negative: bool
 
     def sentence(self) -> str:
-        """Return the range, and thresholds inside it, in words."""
-        inside = ", ".join(f"{value:.3g}" for value in self.inside())
-        return (
-            f"{self.signal} reaches {self.low:.3g} to {self.high:.3g} {self.unit} in these runs; thresholds "
-            f"inside are {inside}"
-        )
+        """Return the range in words."""
+        return f"{self.signal} is {self.low:.3g} to {self.high:.3g} {self.unit} in these runs"
 
     def inside(self) -> list[float]:
-        """Return thresholds that the signal crosses."""
+        """Return thresholds inside the range."""
         end = self.low if self.is_negative else self.high
         if not self.is_negative and -self.low > end:
             end = -self.low

@@ -56,10 +56,9 @@ def test_a_released_parameter_is_drawn_too() -> None:
 def test_a_threshold_out_of_reach_is_a_problem_with_the_range() -> None:
     report = _lint(effects.saturation("power", limits=(8.0, 12.0)))
     (problem,) = report.problems
-    assert "power reaches -1.68 to 1.94 W" in problem
-    assert "thresholds inside are" in problem
+    assert "power is -1.68 to 1.94 W" in problem
     # Every threshold it proposes works.
-    inside = tuple(float(one) for one in problem.partition("inside are ")[2].split(", "))
+    inside = tuple(float(one) for one in problem.partition("limit may be ")[2].split(", "))
     assert _lint(effects.saturation("power", limits=inside)).problems == ()
 
 
@@ -67,18 +66,24 @@ def test_single_thresholds_out_of_reach_are_reported() -> None:
     report = _lint(effects.saturation("power", limits=(1.0, 8.0)))
     assert report.problems == ()
     (sentence,) = report.thresholds
-    assert sentence.startswith("saturation: limit 8 W changes nothing; power reaches -1.68 to 1.94 W")
+    assert sentence.startswith("saturation: limit 8 W changes nothing; power is -1.68 to 1.94 W")
 
 
 def test_the_threshold_of_a_state_is_compared_with_the_state() -> None:
     report = _lint(effects.overflow("heat", level="warmth", limits=(0.5, 50.0)))
-    assert report.thresholds[0].startswith("overflow: limit 50 K changes nothing; warmth reaches")
+    assert report.thresholds[0].startswith("overflow: limit 50 K changes nothing; warmth is")
+
+
+def test_a_threshold_that_is_crossed_outwards_only_is_no_proposal() -> None:
+    cooling = [replace(run, inputs={"power": np.full(60, -1.0)}) for run in small_runs()]
+    (problem,) = _lint(effects.overflow("heat", level="warmth", limits=(0.2,)), runs=cooling).problems
+    assert problem.endswith("and no threshold inside this range changes a prediction")
 
 
 def test_a_dead_zone_wider_than_its_signal_is_reported() -> None:
     assert _lint(effects.dead_zone("power", size=0.2)).thresholds == ()
     report = _lint(effects.dead_zone("power", size=5.0))
-    assert report.thresholds[0].startswith("dead_zone: power reaches -1.68 to 1.94 W")
+    assert report.thresholds[0].startswith("dead_zone: half_width 5 W covers all; power is -1.68 to 1.94 W")
 
 
 def test_effects_that_the_inputs_cannot_separate_are_named() -> None:
