@@ -12,6 +12,7 @@ from rover_hil.gap.explain.naming import Naming, unexplained_cost
 from rover_hil.gap.explain.next_run import propose, watch
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Findings
+from rover_hil.gap.machines.error_budget import ChannelError, error_budget
 from rover_hil.gap.statistics.jackknife import jackknife
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
@@ -77,6 +78,16 @@ def decide(findings: Findings) -> Verdict:
 def _no_gap(findings: Findings) -> Verdict:
     observations = findings.prepared.problem.observations
     detectable = _detectable(findings.naming)
+    too_large = [one for one in series_budget(findings) if not one.is_good_enough]
+    if too_large:
+        return Verdict(
+            verdict=Answer.UNNAMED,
+            sentence=f"There is a gap: {'; '.join(one.sentence() for one in too_large)}; the runs do not "
+            "agree on a cause, and it resembles slow errors of each run.",
+            p_gap=findings.gap.p,
+            rejected=_rejected(findings, Answer.UNNAMED),
+            detectable=detectable,
+        )
     return Verdict(
         verdict=Answer.NO_GAP,
         sentence=f"No gap: {findings.prepared.problem.model.name} agrees with {observations.run_count} runs "
@@ -86,6 +97,19 @@ def _no_gap(findings: Findings) -> Verdict:
         next_run=watch(findings.naming.scores),
         detectable=detectable,
     )
+
+
+def series_budget(findings: Findings) -> tuple[ChannelError, ...]:
+    """Return the error budget of series whose sensors declare their noise; empty for others.
+
+    The noise model of series learns slow misfits as noise; only a declared noise tells them apart.
+    """
+    problem, start = findings.prepared.problem, findings.prepared.start
+    observations = problem.observations
+    if observations.is_steady or not all(one.sigma for one in observations.channels):
+        return ()
+    residual = observations.values - problem.predict(start.point)
+    return error_budget(observations, residual, len(start.free))
 
 
 def _answer(findings: Findings) -> Answer:

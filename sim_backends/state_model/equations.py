@@ -1,6 +1,6 @@
 """A machine as a right-hand side with named ports."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import TypeAlias
@@ -46,6 +46,7 @@ class Equations:
         is_held: Inputs hold their value until the next sample, as a digital output does; otherwise they are
             interpolated, as a measured signal.
         substeps: Integration steps per sample.
+        effect_substeps: The same where an effect acts that needs more.
         known_forces: Forces that act besides the equations: run, then port, to values at the samples.
     """
 
@@ -64,6 +65,7 @@ class Equations:
     condition_units: Mapping[str, str] = field(default_factory=dict)
     is_held: bool = True
     substeps: int = 1
+    effect_substeps: Mapping[str, int] = field(default_factory=dict)
     known_forces: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -72,6 +74,10 @@ class Equations:
         Raises:
             ConfigError: A port, input, channel or state of an effect is unknown, or a name appears twice.
         """
+        self._require_different(
+            "quantities", [*self.states, *self.inputs, *self.condition_units, *self._unknowns]
+        )
+        self._require_different("signals", [*self._signal_names])
         known = {**self.states, **self._signal_units, **{one.name: one.unit for one in self.parameters}}
         for effect in self.port_effects:
             for name in (effect.port, *effect.states, *effect.elsewhere):
@@ -80,11 +86,31 @@ class Equations:
                         f"model {self.name}: an effect refers to '{name}', which is no port, input, channel, "
                         f"state or parameter; there are {', '.join(known)}"
                     )
-        names = [card.name for card in self.effects]
+        self._require_different("effects", [card.name for card in self.effects])
+
+    def _require_different(self, what: str, names: Sequence[str]) -> None:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
+            raise ConfigError(f"model {self.name}: two {what} are called '{twice[0]}': give one another name")
+
+    @property
+    def _unknowns(self) -> list[str]:
+        return [*(one.name for one in self.parameters), *(one.name for one in self.run_parameters)]
+
+    @property
+    def _signal_names(self) -> list[str]:
+        return [*self.inputs, *(one.name for one in self.channels), *(one.name for one in self.ports)]
+
+    def require_port(self, name: str) -> None:
+        """Check that the equations name a declared port.
+
+        Raises:
+            ConfigError: They do not.
+        """
+        if not any(one.name == name for one in self.ports):
             raise ConfigError(
-                f"model {self.name}: two effects are called '{twice[0]}': give one another name"
+                f"model {self.name}: its equations name a port '{name}' that `ports` does not declare; there "
+                f"are {', '.join(one.name for one in self.ports) or 'none'}"
             )
 
     @property

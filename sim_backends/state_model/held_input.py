@@ -68,7 +68,7 @@ def lagged(series: Array, step_s: float, time_constant_s: Array) -> Array:
         step_s: Duration of a step.
         time_constant_s: One per point; 0 or more.
     """
-    ratio = np.maximum(time_constant_s / step_s, 1e-12)[:, None]
+    ratio = np.maximum(time_constant_s / step_s, 1e-300)[:, None]
     keep = np.exp(-1.0 / ratio)
     inside = ratio * (1.0 - keep)
     full = np.broadcast_to(series, (keep.shape[0], *series.shape[1:]))
@@ -89,7 +89,7 @@ def lagged_samples(samples: Array, step_s: float, time_constant_s: Array) -> Arr
         step_s: Time between samples.
         time_constant_s: One per point; 0 or more.
     """
-    ratio = np.maximum(time_constant_s / step_s, 1e-12)[:, None]
+    ratio = np.maximum(time_constant_s / step_s, 1e-300)[:, None]
     keep = np.exp(-1.0 / ratio)
     behind = ratio * (1.0 - keep)
     full = np.broadcast_to(samples, (keep.shape[0], *samples.shape[1:]))

@@ -145,26 +145,24 @@ class Simulation:
         return values
 
     def _input(self, name: str) -> Array:
-        """Return an input with its effects over each integration step: points x runs x steps."""
-        samples, active, delay_s = self._input_samples(name)
-        model = self._model
+        """Return an input with its effects over each integration step: points x runs x steps.
+
+        The steps go on after the last sample, where the last value holds, so that it can be read there.
+        """
+        active, model = self._active.get(name, []), self._model
+        samples = np.stack([_padded(run.inputs[name], self._samples + 1) for run in self._runs])
+        delay_s = _delay_s(active)
         series = mean_over_steps(samples, self._step_s, delay_s, model.substeps, is_held=model.is_held)
         return _signal_effects(active, series, partial(lagged, step_s=self._step_s / model.substeps))
 
     def _input_at_samples(self, name: str) -> Array:
         """Return an input with its effects at the samples: points x runs x samples."""
-        samples, active, delay_s = self._input_samples(name)
-        series = delayed(samples[None], delay_s / self._step_s) if np.any(delay_s) else samples[None]
-        return _signal_effects(active, series, partial(lagged_samples, step_s=self._step_s))
-
-    def _input_samples(self, name: str) -> tuple[Array, list[Active], Array]:
-        samples = np.stack([_padded(run.inputs[name], self._samples) for run in self._runs])
+        if self._model.is_held:
+            return self._inputs[name][..., :: self._model.substeps]
         active = self._active.get(name, [])
-        delay_s = np.zeros(1)
-        for one in active:
-            if one.effect.action is Action.DELAY:
-                delay_s = delay_s + np.maximum(one.values.v0[:, 0], 0.0)
-        return samples, active, delay_s
+        samples = np.stack([_padded(run.inputs[name], self._samples) for run in self._runs])
+        series = delayed(samples[None], _delay_s(active) / self._step_s)
+        return _signal_effects(active, series, partial(lagged_samples, step_s=self._step_s))
 
     def _force_series(self) -> dict[str, Array]:
         """Return, by port, forces over each integration step: points x runs x steps, or one for all."""
@@ -232,6 +230,7 @@ class Simulation:
         rates = np.empty(state.shape)
 
         def port(name: str, value: Array) -> Array:
+            self._model.require_port(name)
             for one in self._active.get(name, ()):
                 value = _changed(one, value, machine, state, rates)
             return value + forces[name] if name in forces else value
@@ -244,12 +243,13 @@ class Simulation:
     def _outputs(self, states: Array) -> dict[str, Array]:
         model = self._model
         parameters = SimpleNamespace(**{name: values[..., None] for name, values in self._parameters.items()})
-        inputs = SimpleNamespace(**{name: self._input_at_samples(name) for name in self._inputs})
+        inputs = SimpleNamespace(**{name: self._input_at_samples(name) for name in model.inputs})
         machine = SimpleNamespace(
             **vars(parameters), **vars(inputs), **dict(zip(model.states, states, strict=False))
         )
 
         def port(name: str, value: Array) -> Array:
+            self._model.require_port(name)
             for one in self._active.get(name, ()):
                 if one.change is not None:
                     value = one.change(value, machine, _with_time(one.values), _own(one, states))
@@ -274,9 +274,8 @@ class Simulation:
         active = self._active.get(name, [])
         shape = (*self._shape, self._samples)
         values = np.broadcast_to(values, shape)
-        for one in active:
-            if one.effect.action is Action.DELAY:
-                values = delayed(values, np.maximum(one.values.v0[:, 0], 0.0) / self._step_s)
+        if any(one.effect.action is Action.DELAY for one in active):
+            values = delayed(values, _delay_s(active) / self._step_s)
         lag = partial(lagged_samples, step_s=self._step_s)
         return np.broadcast_to(_signal_effects(active, values, lag, states), shape)
 
@@ -287,6 +286,15 @@ def _changed(one: Active, value: Array, machine: SimpleNamespace, state: Array, 
     if effect.memory_rate is not None and own is not None and one.is_first:
         rates[one.memory] = effect.memory_rate(value, machine, one.values, own)
     return value if one.change is None else one.change(value, machine, one.values, own)
+
+
+def _delay_s(active: Sequence[Active]) -> Array:
+    """Return the sum of the delays at a signal, one per point; one for all without."""
+    found = np.zeros(1)
+    for one in active:
+        if one.effect.action is Action.DELAY:
+            found = found + np.maximum(one.values.v0[:, 0], 0.0)
+    return found
 
 
 def _own(one: Active, states: Array) -> Array | None:

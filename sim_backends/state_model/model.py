@@ -100,57 +100,73 @@ class StateModel(Equations):
         """Return the same model with enough integration steps for `runs`.
 
         The steps are halved until the prediction moves by less than 10 % of the sensor noise, at the nominal
-        parameters and with each effect at its natural size.
+        parameters and with each effect at its natural size; only a fast effect costs many steps.
 
         Raises:
             ConfigError: 32 steps per sample are not enough.
         """
-        points = [Point({}, {})] + [
-            Point({}, {card.name: {card.parameters[0].name: _natural(card.parameters[0])}})
-            for card in self.effects
-        ]
-        model = replace(self, substeps=1)
-        coarse = model.simulate_points(runs, points)
-        while True:
-            finer = replace(model, substeps=2 * model.substeps)
-            fine = finer.simulate_points(runs, points)
-            if self._are_close(coarse, fine):
-                return model
-            if finer.substeps > MOST_SUBSTEPS:
+        cards = {card.name: card.parameters[0] for card in self.effects}
+        points = {"": Point({}, {})}
+        points |= {name: Point({}, {name: {one.name: _natural(one)}}) for name, one in cards.items()}
+        found: dict[str, int] = {}
+        substeps = 1
+        coarse = self._at_substeps(runs, points, substeps)
+        while points:
+            fine = self._at_substeps(runs, points, 2 * substeps)
+            for name in list(points):
+                if self._are_close(coarse[name], fine[name]):
+                    found[name] = substeps
+                    del points[name]
+            substeps, coarse = 2 * substeps, fine
+            if points and substeps > MOST_SUBSTEPS:
+                effect = next(iter(points))
                 raise ConfigError(
-                    f"model {self.name}: {MOST_SUBSTEPS} integration steps per sample are not enough: the "
-                    "equations are stiff; smooth its jumps or leave out its fastest part"
+                    f"model {self.name}: {MOST_SUBSTEPS} integration steps per sample are not enough"
+                    f"{f' with {effect}' if effect else ''}: the equations are stiff; smooth the jumps or "
+                    "leave out the fastest part"
                 )
-            model, coarse = finer, fine
+        base = found.pop("")
+        return replace(self, substeps=base, effect_substeps=found)
 
-    def _are_close(
-        self, coarse: Sequence[Sequence[Mapping[str, Array]]], fine: Sequence[Sequence[Mapping[str, Array]]]
-    ) -> bool:
-        return all(
-            self._is_close(channel, before, after)
-            for channel in self.channels
-            for before, after in zip(coarse, fine, strict=True)
-        )
+    def _at_substeps(
+        self, runs: Sequence[Run], points: Mapping[str, Point], substeps: int
+    ) -> dict[str, list[dict[str, Array]]]:
+        model = replace(self, substeps=substeps, effect_substeps={})
+        return dict(zip(points, model.simulate_points(runs, list(points.values())), strict=True))
+
+    def _are_close(self, coarse: Sequence[Mapping[str, Array]], fine: Sequence[Mapping[str, Array]]) -> bool:
+        return all(self._is_close(channel, coarse, fine) for channel in self.channels)
 
     def _is_close(
         self, channel: Channel, coarse: Sequence[Mapping[str, Array]], fine: Sequence[Mapping[str, Array]]
     ) -> bool:
         before = np.concatenate([one[channel.name] for one in coarse])
         after = np.concatenate([one[channel.name] for one in fine])
-        scale = channel.noise_sd or 0.02 * float(np.nanstd(after))
-        error = float(np.sqrt(np.nanmean((after - before) ** 2)))
+        with np.errstate(all="ignore"):
+            scale = channel.noise_sd or 0.02 * float(np.nanstd(after))
+            error = float(np.sqrt(np.nanmean((after - before) ** 2)))
         return bool(np.isfinite(before).all()) and error <= SOLVED_SHARE * max(scale, 1e-300)
 
     def simulate_points(self, runs: Sequence[Run], points: Sequence[Point]) -> list[list[dict[str, Array]]]:
-        """Return the channels of each run at each point, with the integration steps of this model."""
+        """Return the channels of each run at each point."""
         found: list[list[dict[str, Array]]] = [[{} for _ in runs] for _ in points]
-        for step_s, members in self._by_step(runs).items():
-            chosen = [runs[index] for index in members]
-            tables = Simulation(self, chosen, points, step_s).tables()
-            for point, rows in enumerate(tables):
-                for index, table in zip(members, rows, strict=True):
-                    found[point][index] = table
+        for substeps, places in self._by_substeps(points).items():
+            model = replace(self, substeps=substeps)
+            for step_s, members in self._by_step(runs).items():
+                chosen = [runs[index] for index in members]
+                tables = Simulation(model, chosen, [points[place] for place in places], step_s).tables()
+                for place, rows in zip(places, tables, strict=True):
+                    for index, table in zip(members, rows, strict=True):
+                        found[place][index] = table
         return found
+
+    def _by_substeps(self, points: Sequence[Point]) -> dict[int, list[int]]:
+        """Return the points by the integration steps that their effects need."""
+        groups: dict[int, list[int]] = {}
+        for place, point in enumerate(points):
+            needed = [self.effect_substeps.get(name, self.substeps) for name in point.effects]
+            groups.setdefault(max([self.substeps, *needed]), []).append(place)
+        return groups
 
     def _by_step(self, runs: Sequence[Run]) -> dict[float, list[int]]:
         groups: dict[float, list[int]] = {}

@@ -11,6 +11,7 @@ from sim_backends.state_model.equations import Signal
 
 SMALL_HEAD_M = 0.0005
 RIMS_M = (0.12, 0.18, 0.25, 0.35, 0.45)
+WEIR_M2_S = 0.015
 LIMITS_V = (3.0, 4.0, 5.0, 6.5, 8.0)
 
 
@@ -65,7 +66,7 @@ def make_model() -> StateModel:
             Port(name="inflow_2", unit="m^3/s", force_sd=2e-6),
         ),
         port_effects=(
-            effects.overflow("inflow_1", level="level_1_m", limits=RIMS_M),
+            effects.overflow("inflow_1", level="level_1_m", limits=RIMS_M, weir=WEIR_M2_S),
             effects.dead_zone("pump_v", size=1.3),
             effects.saturation("pump_v", limits=LIMITS_V),
             effects.delay("pump_v", size=20.0, longest=100.0, name="input_delay"),

@@ -21,9 +21,13 @@ Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, Sens
 DAMPINGS = (0.0, 0.01, 0.1, 1.0, 10.0)
 SMALL_DAMPINGS = (30.0, 300.0, 3000.0, 1e-3, 0.03)
 """Tried where none of the others is better."""
-MOST_ROUNDS = 15
+FARTHER = (3.0, 10.0)
+"""Multiples of the last step that are tried too: a narrow curved valley allows only short steps otherwise."""
+MOST_ROUNDS = 25
 CONVERGED = 0.1
 """Gain of minus two log-likelihood below which a fit ends."""
+SLOW = 1e-3
+"""The same as a share of it."""
 POINTS_AT_ONCE = 256
 RIDGE = 1e-12
 FAR = 1e6
@@ -69,6 +73,7 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
     pull = search.pull_of(start)
     (predicted,) = yield [search.point(pull)]
     residual = search.residual(predicted)
+    last = np.zeros(pull.size)
     for _ in range(MOST_ROUNDS):
         noise = noise_of_residual(problem.observations, residual)
         request = DerivativeRequest(problem, search.point(pull), free)
@@ -76,14 +81,16 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
         moved = None
         for dampings in (DAMPINGS, SMALL_DAMPINGS):
             trials = search.trials(pull, noise.whiten(search.filled(residual)), jacobian, dampings)
+            trials += [search.clipped(pull + factor * last) for factor in FARTHER if np.any(last)]
             rows = yield [search.point(trial) for trial in trials]
             moved = search.best(noise, (pull, residual), trials, rows)
             if moved is not None:
                 break
         if moved is None:
             break
+        last = moved[0] - pull
         pull, residual, gain = moved
-        if gain < CONVERGED:
+        if gain < max(CONVERGED, SLOW * residual.size):
             break
     noise = noise_of_residual(problem.observations, residual)
     request = DerivativeRequest(problem, search.point(pull), free)
@@ -113,8 +120,12 @@ class _Descent:
 
     def pull_of(self, point: Point) -> Array:
         pull = np.array([(point[item.key] - item.mean) / item.sd for item in self._free])
-        clipped: Array = np.clip(pull, self._lower, self._upper)
-        return clipped
+        return self.clipped(pull)
+
+    def clipped(self, pull: Array) -> Array:
+        """Return parameters inside their bounds."""
+        inside: Array = np.clip(pull, self._lower, self._upper)
+        return inside
 
     def point(self, pull: Array) -> Point:
         values = {

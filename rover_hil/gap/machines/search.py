@@ -132,7 +132,7 @@ class MachineSearch:
         """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
         singles = self._fitted([*self._singles(best), *self._swapped(best)])
         better = self._best_of(singles, best)
-        if better is not None and is_within_noise(better):
+        if (better is not None and is_within_noise(better)) or is_small(best):
             return better
         pairs = self._fitted(self._pairs(best))
         return self._best_of([*singles, *pairs], best)
@@ -288,6 +288,11 @@ def is_equal(one: MachineFit, other: MachineFit) -> bool:
     spread = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
     t = abs(float(differences.mean())) / max(spread, 1e-12)
     return t < float(stats.t.ppf(0.5 + 0.5 * SET_LEVEL, differences.size - 1))
+
+
+def is_small(found: MachineFit) -> bool:
+    """Return True where a fit leaves less than the noise of the sensors: a pair is not worth its risk."""
+    return found.excess < float(found.left_out.counts.sum())
 
 
 def is_within_noise(found: MachineFit) -> bool:

@@ -118,6 +118,8 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
     head = f"There is a gap ({before})"
     if answer is Answer.UNNAMED:
         why = f"; {reasons[0]}" if reasons else "; the runs do not agree on a cause"
+        if all(one.is_good_enough for one in findings.budget_after):
+            why += "; the error is below the tolerance of the model"
         draft = f". A missing term would be: {findings.drafts[0].equation}" if findings.drafts else ""
         return f"{head}{why}{draft}."
     if answer is Answer.NOT_IDENTIFIABLE:

@@ -169,13 +169,17 @@ def saturation(port: str, *, limits: tuple[float, ...], name: str = "saturation"
     return PortEffect(port=port, build=build, change=change)
 
 
-def overflow(port: str, *, level: str, limits: tuple[float, ...], name: str = "overflow") -> PortEffect:
+def overflow(
+    port: str, *, level: str, limits: tuple[float, ...], weir: float = 0.0, name: str = "overflow"
+) -> PortEffect:
     """Return an overflow: above a level, what flows in runs off.
 
     Args:
         port: The net inflow.
         level: State with the limit.
         limits: Where the edge may be.
+        weir: What runs off per height above the edge, in the unit of the port per unit of the level. A run
+            that begins above the edge needs it: about the area over the time in which it runs off.
         name: Of the card.
     """
 
@@ -191,8 +195,10 @@ def overflow(port: str, *, level: str, limits: tuple[float, ...], name: str = "o
         )
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        share = np.clip(1.0 + (state(x, level) - v.limit) / (EDGE_SHARE * v.limit), 0.0, 1.0)
-        changed: Array = value - v.share * share * np.maximum(value, 0.0)
+        above = state(x, level) - v.limit
+        share = np.clip(1.0 + above / (EDGE_SHARE * v.limit), 0.0, 1.0)
+        lost = share * np.maximum(value, 0.0) + weir * np.maximum(above, 0.0)
+        changed: Array = value - v.share * lost
         return changed
 
     return PortEffect(port=port, build=build, change=change, states=(level,))
