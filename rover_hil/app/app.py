@@ -225,12 +225,17 @@ def gap(
     ] = "",
     cut: Annotated[
         float | None,
-        number_option("Cut long records of a StateModel into runs of this length.", "s", 1e-6, LONGEST_S),
+        number_option(
+            "Cut long records of a StateModel into runs of this many seconds.", "s", 1e-6, LONGEST_S
+        ),
     ] = None,
     warm_up: Annotated[
         float,
         number_option(
-            "Do not compare this much at the start of each record of a StateModel.", "s", 0.0, LONGEST_S
+            "Do not compare this many seconds at the start of each record of a StateModel.",
+            "s",
+            0.0,
+            LONGEST_S,
         ),
     ] = 0.0,
     check: Annotated[
