@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from drivers.errors import RoverHilError
+from drivers.errors import ConfigError, RoverHilError
 from rover_hil.app.exit_codes import EXIT_BAD_INPUT
 from rover_hil.app.options import (
     LONGEST_S,
@@ -214,31 +214,72 @@ def gap(
         ),
     ],
     data: Annotated[Path, typer.Argument(help="Measured runs: a folder, CSV or log.")],
-    out: Annotated[Path, out_option("Folder for verdict, model, plan and report.")],
+    out: Annotated[
+        Path | None, out_option("Folder for verdict, model, plan and report; required without --check.")
+    ] = None,
     extended: Annotated[
         Path | None, typer.Option("--model", help="The model.toml of an earlier analysis.")
     ] = None,
     confirm: Annotated[
         str, typer.Option(help="Runs to lock for the proof, like 'slope_deg >= 20' [default: drawn].")
     ] = "",
+    cut: Annotated[
+        float | None,
+        number_option(
+            "Cut long records of a StateModel into runs of this many seconds.", "s", 1e-6, LONGEST_S
+        ),
+    ] = None,
+    warm_up: Annotated[
+        float,
+        number_option(
+            "Do not compare this many seconds at the start of each record of a StateModel.",
+            "s",
+            0.0,
+            LONGEST_S,
+        ),
+    ] = 0.0,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check", help="Only print what the inputs of the runs can show of each effect of a StateModel."
+        ),
+    ] = False,
     seed: Annotated[int, number_option("Of all random numbers.", "", 0, 2**32 - 1)] = 0,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
 
-    Exit code 1: the data cannot be used; the verdict gives the reason, and nothing is written.
+    A model file is Python code, and it is run: use only files that you trust.
+
+    Exit code 1: the data cannot be used; the verdict gives the reason, and nothing is written. With --check
+    also: an effect of the model changes no prediction of any run.
 
     Example: `rover-hil gap side-slope measured/ --out gap`
 
     Data: your measured runs; docs/reference/gap_models.md names the columns,
     docs/tutorials/gap_tutorial.md makes some.
     """
-    from rover_hil.app.gap import find_gap
+    from rover_hil.app.gap import Shortening, check_effects, find_gap
 
+    shortening = Shortening(cut_s=cut, warm_up_s=warm_up)
+    if check:
+        sys.exit(check_effects(model, data, as_json=json, shortening=shortening))
+    if out is None:
+        raise ConfigError(
+            "--out is missing: give a folder for verdict, model, plan and report, or use --check"
+        )
     sys.exit(
         find_gap(
-            model, data, out=out, extended=extended, confirm=confirm, seed=seed, force=force, as_json=json
+            model,
+            data,
+            out=out,
+            extended=extended,
+            confirm=confirm,
+            seed=seed,
+            force=force,
+            as_json=json,
+            shortening=shortening,
         )
     )
 

@@ -1,17 +1,24 @@
 """`rover-hil gap`: where model and measurement disagree, what is missing, and the proof."""
 
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.options import check_inputs
+from rover_hil.app.steps import show_steps
 from rover_hil.gap import verdict_rules
+from rover_hil.gap.checks import object_to, slower_channels
+from rover_hil.gap.data.cut import cut_runs, without_warm_up
 from rover_hil.gap.data.load import check_model, load_model, name_model_errors, read_runs
 from rover_hil.gap.findings import Analysis
+from rover_hil.gap.machines.linter import LintReport, lint, require_changes
+from rover_hil.gap.machines.model_trial import try_model
 from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from rover_hil.gap.output.results import (
     PLAN_NAME,
@@ -21,11 +28,35 @@ from rover_hil.gap.output.results import (
     verdict_text,
     write_results,
 )
-from rover_hil.gap.plan import Plan
+from rover_hil.gap.plan import Plan, TooFewRunsError, require_runs
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
-from sim_backends.models.interface import Model
+from sim_backends.models.interface import Model, Run
+from sim_backends.state_model.model import StateModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shortening:
+    """How records become runs.
+
+    Attributes:
+        cut_s: Length of the runs that long records are cut into, s; None to leave them whole.
+        warm_up_s: Beginning of each record that is not compared, s.
+    """
+
+    cut_s: float | None = None
+    warm_up_s: float = 0.0
+
+    def apply(self, model: Model, runs: list[Run]) -> list[Run]:
+        """Return the runs of records.
+
+        Raises:
+            ConfigError: The model cannot begin in the middle of a record, or too little of a run is left.
+        """
+        if self.warm_up_s > 0.0:
+            runs = without_warm_up(model, runs, self.warm_up_s)
+        return runs if self.cut_s is None else cut_runs(model, runs, self.cut_s)
 
 
 def find_gap(
@@ -38,6 +69,7 @@ def find_gap(
     seed: int,
     as_json: bool,
     force: bool = False,
+    shortening: Shortening | None = None,
 ) -> int:
     """Analyse data against a model and write the results, unless the data is bad; returns the exit code.
 
@@ -50,15 +82,16 @@ def find_gap(
         seed: Of all random numbers.
         as_json: Print the verdict as JSON.
         force: Replace earlier results.
+        shortening: How records become runs.
 
     Raises:
-        ConfigError: No such model or data, a model file with an error, a wrong expression, or a folder that
+        ConfigError: No such model or data, a model with an error, a wrong expression, or a folder that
             cannot be written to or holds results.
     """
     refuse_overwrite(*(out / name for name in RESULT_NAMES), force=force)
     check_inputs(data)
-    with name_model_errors(Path(model_name.rpartition(":")[0])), unfinished(out / PLAN_NAME) as plan_path:
-        analysis = _analyse(model_name, data, extended, seed, confirm, plan_path)
+    with name_model_errors(_file_of(model_name)), unfinished(out / PLAN_NAME) as plan_path:
+        analysis = _analyse(model_name, data, extended, seed, confirm, plan_path, shortening or Shortening())
         is_bad = analysis.verdict.verdict is Answer.BAD_DATA
         if is_bad:
             plan_path.unlink(missing_ok=True)
@@ -71,6 +104,56 @@ def find_gap(
     return EXIT_NO if is_bad else EXIT_OK
 
 
+def check_effects(model_name: str, data: Path, *, as_json: bool, shortening: Shortening | None = None) -> int:
+    """Print what the inputs of the runs can show of each effect; returns the exit code.
+
+    Args:
+        model_name: `file.py:factory` of a machine.
+        data: File or folder of measured runs.
+        as_json: Print the report as JSON.
+        shortening: How records become runs.
+
+    Raises:
+        ConfigError: No such model or data, no machine, or a model with an error.
+    """
+    check_inputs(data)
+    with name_model_errors(_file_of(model_name)):
+        model = load_model(model_name)
+        if not isinstance(model, StateModel):
+            raise ConfigError(f"--check: {model_name} is no StateModel; leave out --check")
+        report = _lint(model, data, shortening or Shortening())
+    _print_report(report, as_json=as_json)
+    return EXIT_NO if report.problems else EXIT_OK
+
+
+def _lint(model: StateModel, data: Path, shortening: Shortening) -> LintReport:
+    try:
+        runs = read_runs(model, data)
+    except (ConfigError, LogError) as error:
+        return LintReport(problems=(str(error),))
+    runs = shortening.apply(model, runs)
+    objection = object_to(model, runs)
+    if objection is not None:
+        return LintReport(problems=(objection.reason,))
+    for note in (*slower_channels(model, runs), *try_model(model, runs)):
+        _note(note)
+    with show_steps("checking the effects"):
+        return lint(model.refined(runs), runs)
+
+
+def _print_report(report: LintReport, *, as_json: bool) -> None:
+    if as_json:
+        Console().out(json.dumps(report.as_json(), indent=2, allow_nan=False))
+        return
+    console = Console(highlight=False, soft_wrap=True)
+    for line in report.lines():
+        console.print(line, markup=False)
+
+
+def _file_of(model_name: str) -> Path:
+    return Path(model_name.rpartition(":")[0])
+
+
 def _print(analysis: Analysis, out: Path) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for line in analysis.verdict.lines():
@@ -79,8 +162,28 @@ def _print(analysis: Analysis, out: Path) -> None:
         console.print(str(out / REPORT_NAME), markup=False)
 
 
+def _note(words: str) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True).print(f"Note: {words}.", markup=False)
+
+
+def _objection(model: Model, runs: Sequence[Run]) -> str:
+    """Return why runs cannot be used; empty where they can."""
+    try:
+        require_runs(runs)
+    except TooFewRunsError as error:
+        return str(error)
+    objection = object_to(model, runs)
+    return "" if objection is None else objection.reason
+
+
 def _analyse(
-    model_name: str, data: Path, extended: Path | None, seed: int, confirm: str, plan_path: Path
+    model_name: str,
+    data: Path,
+    extended: Path | None,
+    seed: int,
+    confirm: str,
+    plan_path: Path,
+    shortening: Shortening,
 ) -> Analysis:
     base = load_model(model_name)
     file = None if extended is None else read_model_file(extended)
@@ -89,21 +192,29 @@ def _analyse(
     except (ConfigError, LogError) as error:
         verdict = verdict_rules.refuse(Answer.BAD_DATA, str(error))
         return Analysis(model=base, verdict=verdict, runs=(), plan=None, findings=None)
+    runs = shortening.apply(base, runs)
     # Only after reading: what a model predicts may depend on what was measured.
     model: Model = base if file is None else ExtendedModel(base, file)
-    check_model(model, runs)
 
     def on_plan(plan: Plan) -> None:
         plan_path.write_text(plan_text(plan), "utf-8")
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("reading", total=None)
-        return analyse(
-            model,
-            runs,
-            seed=seed,
-            confirm=confirm,
-            on_plan=on_plan,
-            advance=lambda words: progress.update(task, description=words),
-        )
+    with show_steps("checking the model") as advance:
+        _check(model, runs)
+        return analyse(model, runs, seed=seed, confirm=confirm, on_plan=on_plan, advance=advance)
+
+
+def _check(model: Model, runs: Sequence[Run]) -> None:
+    """Check a model on its runs.
+
+    Raises:
+        ConfigError: The model has an error.
+    """
+    if not isinstance(model, StateModel):
+        check_model(model, runs)
+    # The verdict names what is wrong with runs; a model cannot be tried on them.
+    elif not _objection(model, runs):
+        for note in (*slower_channels(model, runs), *try_model(model, runs)):
+            _note(note)
+        check_model(model, runs)
+        require_changes(model, runs)

@@ -6,15 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Group, group_runs, is_steady
+from rover_hil.gap.data.problem import LEAST_SAMPLES, Group, group_runs, is_steady
 from rover_hil.gap.statistics.replicates import LEAST_FREEDOM, pooled_freedom
-from sim_backends.models.interface import Array, DrivenModel, Model, Run
+from sim_backends.models.interface import Array, DrivenModel, MachineModel, Model, Run
 
 MISSING_SHARE = 0.05
 CONTRADICTION_SD = 15.0
 IRREPRODUCIBLE_SHARE = 0.7
 LEAST_GROUPS = 3
-LEAST_SAMPLES = 30
+LEAST_SLOW_SAMPLES = 10
+"""Fewest values of a channel that is slower than its inputs."""
+REGULAR_SHARE = 0.95
+"""Least share of the values of a slower channel that arrive in its own rhythm."""
 SHOWN = 3
 """Series with gaps that a sentence lists."""
 
@@ -68,11 +71,55 @@ def _gaps_of(model: Model, run: Run) -> Iterator[MissingValues]:
         if channel.name in run.measured:
             values = run.measured[channel.name]
             values = values[first : values.size - last]
+            if isinstance(model, MachineModel):
+                values = _expected(values)
             count = int(np.sum(~np.isfinite(values)))
             yield MissingValues(run=run.name, series=channel.name, count=count, total=values.size)
     for name, values in run.inputs.items():
         count = int(np.sum(~np.isfinite(values)))
         yield MissingValues(run=run.name, series=name, count=count, total=values.size, is_input=True)
+
+
+def samples_per_value(values: Array) -> int:
+    """Return 2 or more where a series has a value at every second sample, or at fewer; 1 otherwise."""
+    good = np.flatnonzero(np.isfinite(values))
+    if good.size < LEAST_SLOW_SAMPLES:
+        return 1
+    every = int(np.median(np.diff(good)))
+    in_rhythm = np.bincount(good % every).max() / good.size
+    return every if in_rhythm >= REGULAR_SHARE else 1
+
+
+def _expected(values: Array) -> Array:
+    """Return the values that there should be: all, or those of the channel's own rhythm."""
+    every = samples_per_value(values)
+    if every == 1:
+        return values
+    phase = int(np.bincount(np.flatnonzero(np.isfinite(values)) % every).argmax())
+    return values[phase::every]
+
+
+def slower_channels(model: Model, runs: Sequence[Run]) -> list[str]:
+    """Return a sentence for each channel of a machine that is measured less often than its inputs."""
+    if not isinstance(model, MachineModel):
+        return []
+    sentences = []
+    for channel in model.channels:
+        every = max(
+            (samples_per_value(run.measured[channel.name]) for run in runs if channel.name in run.measured),
+            default=1,
+        )
+        if every > 1:
+            sentences.append(
+                f"channel {channel.name} has a value at every {_ordinal(every)} sample of the inputs; the "
+                "samples between are not compared"
+            )
+    return sentences
+
+
+def _ordinal(number: int) -> str:
+    ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{ending}"
 
 
 def object_to(model: Model, runs: Sequence[Run]) -> Objection | None:
@@ -88,7 +135,7 @@ def object_to(model: Model, runs: Sequence[Run]) -> Objection | None:
             return Objection(is_identifiability=False, reason=reason)
         reason = _conditions_vary(model, runs)
     else:
-        reason = _inputs_vary(model, runs)
+        reason = _separable(model, runs) or _inputs_vary(model, runs)
     return Objection(is_identifiability=True, reason=reason) if reason else None
 
 
@@ -247,6 +294,19 @@ def _conditions_vary(model: Model, runs: Sequence[Run]) -> str:
         f"all runs were made under {len(groups)} set{'s' if len(groups) > 1 else ''} of conditions, which "
         f"cannot distinguish effects: vary {', '.join(constant or names)}"
     )
+
+
+def _separable(model: Model, runs: Sequence[Run]) -> str:
+    """Return which channel of a machine has no scale that its misfit can be compared with."""
+    if not isinstance(model, MachineModel):
+        return ""
+    for channel in model.channels:
+        if channel.noise_sd <= 0.0 and any(channel.name in run.measured for run in runs):
+            return (
+                f"channel {channel.name}: sensor noise and model error are not separable: declare sigma or "
+                "quantum of its sensor in the model"
+            )
+    return ""
 
 
 def _inputs_vary(model: Model, runs: Sequence[Run]) -> str:

@@ -5,7 +5,7 @@ import importlib.util
 import pkgutil
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -22,7 +22,7 @@ from rover_hil.gap.data.problem import LEAST_RUNS
 from rover_hil.gap.data.reader import Reader
 from rover_hil.gap.data.table import read_table
 from sim_backends import models
-from sim_backends.models.interface import Model, Run, RunReader, StretchReader
+from sim_backends.models.interface import Array, Model, Run, RunReader, StretchReader
 
 SHIPPED = tuple(one.name.replace("_", "-") for one in pkgutil.iter_modules(models.__path__) if one.ispkg)
 FACTORY = "make_model"
@@ -133,14 +133,59 @@ def _shipped(model_name: str) -> Reader | None:
     return reader
 
 
-def check_model(model: Model, runs: Sequence[Run]) -> None:
-    """Check on a few runs that effects at their null change nothing.
+def _check_tables(model: Model, runs: Sequence[Run], tables: object) -> None:
+    """Check that there is a table for each run, with every channel in the shape of the measured one.
 
     Raises:
-        ConfigError: An effect changes a prediction at its null, or fails.
+        ConfigError: There is not.
+    """
+    if not isinstance(tables, Sequence) or len(tables) != len(runs):
+        raise ConfigError(
+            f"model {model.name}: predict() must return a list of {len(runs)} tables, one per run"
+        )
+    for run, table in zip(runs, tables, strict=True):
+        for channel in model.channels:
+            if channel.name not in table:
+                raise ConfigError(
+                    f"model {model.name}: predict() returns no {channel.name} for run {run.name}"
+                )
+            shape = np.shape(table[channel.name])
+            measured = run.measured.get(channel.name)
+            if measured is not None and shape != measured.shape:
+                raise ConfigError(
+                    f"model {model.name}: predict() returns {channel.name} with shape {shape} for run "
+                    f"{run.name}, measured is {measured.shape}"
+                )
+
+
+def _check_repeated(
+    model: Model, tables: Sequence[Mapping[str, Array]], again: Sequence[Mapping[str, Array]]
+) -> None:
+    """Check that a prediction is the same when repeated.
+
+    Raises:
+        ConfigError: It is not.
+    """
+    for one, other in zip(tables, again, strict=True):
+        for channel in model.channels:
+            if not np.array_equal(one[channel.name], other[channel.name], equal_nan=True):
+                raise ConfigError(
+                    f"model {model.name} is not deterministic: two predictions of {channel.name} differ; use "
+                    "no random numbers and no memory between calls"
+                )
+
+
+def check_model(model: Model, runs: Sequence[Run]) -> None:
+    """Check on a few runs that predictions are complete, and that effects at their null change nothing.
+
+    Raises:
+        ConfigError: A prediction lacks a channel or has the wrong shape, two predictions differ, or an effect
+            changes a prediction at its null, or fails.
     """
     some = list(runs[:3])
     base = model.predict(some, {}, {})
+    _check_tables(model, some, base)
+    _check_repeated(model, base, model.predict(some, {}, {}))
     for card in model.effects:
         null = {item.name: item.nominal for item in card.parameters}
         try:

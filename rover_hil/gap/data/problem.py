@@ -24,6 +24,8 @@ Point: TypeAlias = Mapping[Key, float]
 
 LEAST_RUNS = {True: 6, False: 4}
 """Fewest runs that can be split: steady, series."""
+LEAST_SAMPLES = 30
+"""Fewest samples of a series."""
 
 WEAK = 10.0
 """Prior of an effect's strength in its natural sizes, too wide to bias it."""

@@ -2,18 +2,25 @@
 
 A row is a steady experiment, or a sample of a series where several rows carry the same `run`. Columns:
 `run`, the model's conditions, its channels, its inputs. Units are part of the header, `current [A]`, or of
-the name, `speed_rad_s`; they must be those of the model.
+the name, `speed_rad_s`; they must be those of the model. The times of a series are `t_s` or `time [s]`.
 """
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.datasets.csv_table import read_csv
+from rover_hil.datasets.csv_table import CsvTable, read_csv
 from sim_backends.models.interface import Array, DrivenModel, Model, Run
+from sim_backends.state_model.model import StateModel
+
+TIME = "t_s"
+STEP_SHARE = 0.01
+"""Greatest difference of times from even ones, and of steps from those of the model, as a share of a step."""
+MOST_DIGITS = 9
 
 
 def read_table(model: Model, path: Path) -> list[Run]:
@@ -32,12 +39,14 @@ def read_table(model: Model, path: Path) -> list[Run]:
 
 
 def _read_file(model: Model, path: Path) -> list[Run]:
-    cells = read_csv(path, ConfigError)
+    cells = _with_time(read_csv(path, ConfigError))
     if not cells.rows:
         raise ConfigError(f"{path} holds no runs: a header line and one row per run or sample are needed")
     units = {channel.name: channel.unit for channel in model.channels} | dict(model.condition_units)
     if isinstance(model, DrivenModel):
         units |= dict(model.input_units)
+    if isinstance(model, StateModel):
+        units.setdefault(TIME, "s")
     for name in cells.names:
         if name in units:
             _check_unit(path, name, cells.units.get(name), units[name])
@@ -68,6 +77,10 @@ def _run(
             )
         conditions[condition] = float(values[0])
     inputs = _input_names(model)
+    if isinstance(model, StateModel) and TIME in table:
+        even = _even_times(table[TIME][index], f"{path}, run {name}", model.step_s)
+        table = {**table, TIME: table[TIME].copy()}
+        table[TIME][index] = even
     return Run(
         name=name,
         conditions=conditions,
@@ -76,6 +89,63 @@ def _run(
             channel.name: table[channel.name][index] for channel in model.channels if channel.name in table
         },
     )
+
+
+def _with_time(cells: CsvTable) -> CsvTable:
+    """Return a table whose column `time [s]` has the name that models use."""
+    if TIME in cells.names or "time" not in cells.names:
+        return cells
+    names = [TIME if name == "time" else name for name in cells.names]
+    units = {TIME if name == "time" else name: unit for name, unit in cells.units.items()}
+    if TIME not in units:
+        units[TIME] = ""
+    return replace(cells, names=names, units=units)
+
+
+def _even_times(t_s: Array, where: str, step_s: float | None) -> Array:
+    """Return the times of a series without what rounding in the file did to them.
+
+    Raises:
+        ConfigError: Times are missing, do not increase, are uneven, or contradict the model.
+    """
+    missing = int(np.sum(~np.isfinite(t_s)))
+    if missing:
+        raise ConfigError(f"{where}: {missing} of {t_s.size} times are missing; every sample needs its time")
+    if t_s.size < 2:
+        return t_s
+    steps = np.diff(t_s)
+    if steps.min() <= 0.0:
+        place = float(t_s[int(np.argmin(steps))])
+        raise ConfigError(
+            f"{where}: the time does not increase after {place:g} s; give each record its own name in a "
+            "column 'run'"
+        )
+    step = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    even = t_s[0] + step * np.arange(t_s.size)
+    error_s = float(np.abs(steps - step).max())
+    if error_s > STEP_SHARE * step and max(error_s, np.abs(even - t_s).max()) > _rounding_s(t_s, step):
+        place = float(t_s[int(np.argmax(np.abs(steps - step)))])
+        raise ConfigError(
+            f"{where}: samples are {steps.min():.4g} to {steps.max():.4g} s apart, most unevenly near "
+            f"{place:g} s: interpolate to equal steps"
+        )
+    if step_s is not None and abs(step - step_s) > STEP_SHARE * step_s:
+        raise ConfigError(
+            f"{where}: samples are {step:.4g} s apart, the model has step_s = {step_s:g}: correct step_s, or "
+            "leave it out and the times of the data are used"
+        )
+    times: Array = even
+    return times
+
+
+def _rounding_s(t_s: Array, step_s: float) -> float:
+    """Return the last decimal place of times; 0 where it is too coarse to distinguish rounding from a gap."""
+    scale = max(float(np.abs(t_s).max()), 1.0)
+    for digits in range(MOST_DIGITS):
+        if np.abs(np.round(t_s, digits) - t_s).max() <= 1e-12 * scale:
+            place_s = float(10.0**-digits)
+            return 1.01 * place_s if place_s <= 0.5 * step_s else 0.0
+    return 0.0
 
 
 def _input_names(model: Model) -> Sequence[str]:

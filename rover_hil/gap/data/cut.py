@@ -1,0 +1,165 @@
+"""Long records cut into runs, and the beginning of records left out of the comparison."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from drivers.errors import ConfigError
+from rover_hil.gap.data.problem import LEAST_SAMPLES
+from sim_backends.models.interface import Array, Model, Run
+from sim_backends.state_model.model import StateModel, uniform_step_s
+
+
+def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
+    """Return records cut into runs of equal length, named `NAME part 1`, ...
+
+    A remainder of at least half of the length is a run of its own; a shorter one stays with the run before
+    it. Parts without a compared value are left out. Times in an input `t_s` begin at 0 in every part.
+    Shorter records stay as they are. Missing values of the record are counted with its first part.
+
+    Args:
+        model: The machine.
+        runs: Whole records.
+        length_s: Length of a part, s.
+
+    Raises:
+        ConfigError: The model is no machine, cannot begin in the middle of a record, or a part is too short.
+    """
+    if not isinstance(model, StateModel):
+        raise ConfigError("--cut: only a StateModel can begin in the middle of a record; leave out --cut")
+    _require_free_start(model)
+    return [part for run in runs for part in _parts(model, run, length_s)]
+
+
+def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> list[Run]:
+    """Return records whose beginning is simulated, but not compared.
+
+    The first value of a channel that a run parameter starts from is kept.
+
+    Args:
+        model: The machine.
+        runs: Whole records.
+        duration_s: Length of the beginning, s.
+
+    Raises:
+        ConfigError: The model is no machine, or too little of a record is left.
+    """
+    if not isinstance(model, StateModel):
+        raise ConfigError("--warm-up: only records of a StateModel can be shortened; leave out --warm-up")
+    starts = {one.channel for one in model.run_parameters}
+    return [_without_beginning(run, _count(model, run, duration_s), starts) for run in runs]
+
+
+def _count(model: StateModel, run: Run, duration_s: float) -> int:
+    return round(duration_s / _step_s(model, run))
+
+
+def _step_s(model: StateModel, run: Run) -> float:
+    return uniform_step_s(run) if model.step_s is None else model.step_s
+
+
+def _size(run: Run) -> int:
+    return max((values.size for values in (*run.inputs.values(), *run.measured.values())), default=0)
+
+
+def _parts(model: StateModel, run: Run, length_s: float) -> list[Run]:
+    size, length = _size(run), _count(model, run, length_s)
+    if length < LEAST_SAMPLES:
+        least_s = LEAST_SAMPLES * _step_s(model, run)
+        raise ConfigError(
+            f"--cut {length_s:g}: run {run.name} has {length} samples in {length_s:g} s; at least "
+            f"{LEAST_SAMPLES} are needed: cut to {least_s:g} s or more"
+        )
+    count = max(1, math.floor(size / length + 0.5))
+    if count == 1:
+        return [run]
+    edges = [number * length for number in range(count)] + [size]
+    parts = [_part(model, run, number, edges[number], edges[number + 1]) for number in range(count)]
+    return [part for part in parts if sum(part.overlap) < _size(part)]
+
+
+def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Run:
+    inputs = {name: values[first:last] for name, values in run.inputs.items()}
+    if "t_s" in inputs:
+        # Equal steps in all parts, which rounding of differences would not give.
+        inputs["t_s"] = _step_s(model, run) * np.arange(float(last - first))
+    size, before, after = last - first, run.overlap[0] - first, run.overlap[1] - (_size(run) - last)
+    return replace(
+        run,
+        name=f"{run.name} part {number + 1}",
+        inputs=inputs,
+        measured={name: values[first:last] for name, values in run.measured.items()},
+        overlap=(min(max(before, 0), size), min(max(after, 0), size)),
+        missing=run.missing if number == 0 else {},
+    )
+
+
+def _without_beginning(run: Run, count: int, starts: set[str]) -> Run:
+    left = _size(run) - count
+    if left < LEAST_SAMPLES:
+        raise ConfigError(
+            f"--warm-up: {max(left, 0)} samples of run {run.name} are left; at least {LEAST_SAMPLES} are "
+            "needed: shorten the warm-up"
+        )
+    if count == 0:
+        return run
+    measured = {name: _blanked(values, count, name in starts) for name, values in run.measured.items()}
+    before, after = run.overlap
+    return replace(run, measured=measured, overlap=(max(before, count), after))
+
+
+def _blanked(values: Array, count: int, is_start: bool) -> Array:
+    blanked = values.copy()
+    blanked[:count] = np.nan
+    good = np.flatnonzero(np.isfinite(values[:count]))
+    if is_start and good.size:
+        blanked[good[0]] = values[good[0]]
+    return blanked
+
+
+def _require_free_start(model: StateModel) -> None:
+    """Check that every state may begin with another value in every run.
+
+    Raises:
+        ConfigError: A state always begins with the same value.
+    """
+    fixed = [name for name, is_free in _free_starts(model).items() if not is_free]
+    if fixed:
+        raise ConfigError(
+            f"--cut: state {fixed[0]} of model {model.name} begins with the same value in every run, "
+            "which is wrong in the middle of a record: add a RunParameter for it and use it in start()"
+        )
+
+
+def _free_starts(model: StateModel) -> Mapping[str, bool]:
+    """Return for each state whether an unknown of the run or an input changes its first value."""
+    inputs = dict.fromkeys(model.inputs, 0.0)
+    parameters = {one.name: one.nominal for one in model.parameters}
+    parameters |= dict.fromkeys(model.condition_units, 0.0)
+    parameters |= {one.name: _middle(one.nominal, one.lower, one.upper) for one in model.run_parameters}
+    moved = [
+        (parameters | {one.name: parameters[one.name] + sign * one.prior_sd}, inputs)
+        for one in model.run_parameters
+        for sign in (1.0, -1.0)
+    ]
+    moved += [(parameters, inputs | {name: 1.0}) for name in model.inputs]
+    before = _start(model, parameters, inputs)
+    after = [_start(model, *one) for one in moved]
+    return {name: any(one[name] != before[name] for one in after) for name in model.states}
+
+
+def _middle(nominal: float, lower: float, upper: float) -> float:
+    return min(max(nominal, lower), upper)
+
+
+def _start(
+    model: StateModel, parameters: Mapping[str, float], inputs: Mapping[str, float]
+) -> dict[str, float]:
+    columns = SimpleNamespace(**{name: np.full((1, 1), value) for name, value in parameters.items()})
+    first = SimpleNamespace(**{name: np.full((1, 1), value) for name, value in inputs.items()})
+    with np.errstate(all="ignore"):
+        found = model.start(columns, first)
+    return {name: float(np.asarray(found[name], dtype=np.float64).reshape(-1)[0]) for name in model.states}
