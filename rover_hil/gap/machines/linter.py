@@ -17,7 +17,7 @@ from rover_hil.gap.machines.reach import Reach, signal_ranges, threshold_reaches
 from rover_hil.gap.statistics.fit import Fit, whitened_jacobian
 from rover_hil.gap.statistics.score import Score, cosine, score_all
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
-from sim_backends.models.interface import Array, EffectCard, Parameter, Run
+from sim_backends.models.interface import EffectCard, Parameter, Run
 from sim_backends.state_model.model import StateModel
 
 LEAST_CHANGE = 1e-3
