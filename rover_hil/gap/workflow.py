@@ -58,9 +58,6 @@ def analyse(
     start_ns = clock.now_ns()
     if not isinstance(model, StateModel):
         model = ObservedModel(model, runs)
-    elif object_to(model, runs) is None:
-        # Bad data has no prediction that steps could be judged by.
-        model = model.refined(runs)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
@@ -102,6 +99,8 @@ def _analyse(
         return refused(Answer.BAD_DATA, f"without the locked runs, {objection.reason}", plan)
     locked_runs = [run for run in runs if run.name in locked]
     if isinstance(model, StateModel):
+        advance("choosing the integration steps")
+        model = model.refined(runs)
         found = analyse_machine(model, open_runs, locked_runs, seed, advance)
         verdict = decide_machine(found)
         return Analysis(

@@ -141,7 +141,7 @@ def _rivals(findings: MachineFindings) -> tuple[str, ...]:
         alike = _likeness(fitted, best, base)
         if objection or alike > SAME_LAW:
             continue
-        if is_within_noise(fitted) or (fitted.error <= best.error and is_equal(fitted, best)):
+        if is_within_noise(fitted) or (fitted.merit <= best.merit and is_equal(fitted, best)):
             rivals.append(name)
     return tuple(rivals)
 

@@ -5,6 +5,7 @@ predictions it needs next, and all fits are served by one integration (Levenberg
 dampings tried at once).
 """
 
+import math
 from collections.abc import Generator, Sequence
 from typing import TypeAlias
 
@@ -183,5 +184,7 @@ class _Descent:
         return found
 
     def _cost(self, noise: SensorNoise, pull: Array, residual: Array) -> float:
-        whitened = noise.whiten(self.filled(residual))
-        return float(whitened @ whitened + pull @ pull)
+        with np.errstate(over="ignore", invalid="ignore"):
+            whitened = noise.whiten(self.filled(residual))
+            cost = float(whitened @ whitened + pull @ pull)
+        return cost if math.isfinite(cost) else math.inf

@@ -141,7 +141,7 @@ def search_terms(
     for score, one in zip(chosen, fitted, strict=True):
         evidence = next(item for item in search.evidence(one) if item.name == score.direction.name)
         found.append((by_name[score.direction.name], one, evidence.objection))
-    return sorted(found, key=lambda item: item[1].error)
+    return sorted(found, key=lambda item: item[1].merit)
 
 
 def _with_strength(point: Point, machine: StateModel, score: Score) -> Point:

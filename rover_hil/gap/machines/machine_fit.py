@@ -73,6 +73,15 @@ class MachineFit:
         return float(self.left_out.squares.sum())
 
     @property
+    def merit(self) -> float:
+        """Minus two log-likelihood of the left-out runs, each with errors of its own size; smaller is better.
+
+        One run that lies far outside the others, and is extrapolated badly, cannot decide alone.
+        """
+        counts = self.left_out.counts
+        return float(np.sum(counts * np.log(self.left_out.squares / counts)))
+
+    @property
     def excess(self) -> float:
         """The part of it that the declared noise does not explain; positive."""
         return max(self.error - float(self.left_out.counts.sum()), 1e-9)

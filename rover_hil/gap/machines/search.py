@@ -25,6 +25,8 @@ AGREEING_SHARE = 0.7
 """Least share of the runs that an effect must improve."""
 LEAST_Z = 2.5
 """Least distance of a strength from its null over the scatter of runs, as a standard normal."""
+CLEAR_Z, CLEAR_SHARE = 1.9, 0.5
+"""The same for an effect that explains at least this share of the remaining excess error."""
 SINGLES, PAIRS = 10, 15
 """Effects and pairs to fit in one step, the best to first order."""
 MOST_EFFECTS = 6
@@ -147,10 +149,10 @@ class MachineSearch:
         return fitted
 
     def _best_of(self, fitted: Sequence[MachineFit], best: MachineFit) -> MachineFit | None:
-        better = [one for one in fitted if one.error < best.error]
+        better = [one for one in fitted if one.merit < best.merit]
         accepted = [
             one
-            for one in sorted(better, key=lambda one: one.error)
+            for one in sorted(better, key=lambda one: one.merit)
             if len(one.names) > len(best.names) or self._is_clearly_better(one, best)
         ]
         return next((one for one in accepted if self._is_accepted(one)), None)
@@ -212,14 +214,14 @@ class MachineSearch:
             )
         elif agreeing < AGREEING_SHARE:
             objection = f"improves {agreeing:.0%} of the runs only"
-        elif abs(z) < LEAST_Z:
-            objection = f"runs disagree on its size: {abs(z):.1f} standard deviations, {LEAST_Z:g} required"
+        elif abs(z) < (needed := CLEAR_Z if share >= CLEAR_SHARE else LEAST_Z):
+            objection = f"runs disagree on its size: {abs(z):.1f} standard deviations, {needed:g} required"
         else:
             objection = _at_bound(found, card)
         return Evidence(name=name, z=z, share=share, agreeing=agreeing, objection=objection)
 
     def _is_clearly_better(self, one: MachineFit, other: MachineFit) -> bool:
-        return one.error < 0.98 * other.error and not is_equal(one, other)
+        return not is_equal(one, other)
 
     def _alternatives(self, base: MachineFit, best: MachineFit) -> list[MachineFit]:
         """Return the explanations of the same size that left-out runs do not find worse than the best."""
@@ -233,7 +235,7 @@ class MachineSearch:
                     {score.direction.name: score.direction.shapes},
                     part.fit.point,
                 )
-        gain = base.error - best.error
+        gain = base.merit - best.merit
         return sorted(
             (
                 one
@@ -242,11 +244,11 @@ class MachineSearch:
                 and names != best.names
                 and (
                     is_within_noise(one)
-                    or (base.error - one.error >= SET_SHARE * gain and is_equal(one, best))
+                    or (base.merit - one.merit >= SET_SHARE * gain and is_equal(one, best))
                 )
                 and all(not item.objection for item in self.evidence(one))
             ),
-            key=lambda one: one.error,
+            key=lambda one: one.merit,
         )
 
     def _twins(self, part: MachineFit, best: MachineFit, name: str) -> list[Score]:
@@ -282,7 +284,7 @@ def strength_z(found: MachineFit, key: Key) -> float:
 
 def is_equal(one: MachineFit, other: MachineFit) -> bool:
     """Return True where left-out runs do not find the first clearly worse than the second, nor better."""
-    differences = (one.left_out.squares - other.left_out.squares) / np.sqrt(other.left_out.squares)
+    differences = np.log(one.left_out.squares / other.left_out.squares) * np.sqrt(other.left_out.counts)
     if differences.size < 2:
         return True
     spread = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)

@@ -1,6 +1,7 @@
 """Model file: base model, parameters, named effects, provenance."""
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -76,24 +77,13 @@ class ExtendedModel:
     def __init__(self, base: Model, file: ModelFile) -> None:
         self._base = base
         self._cards = {card.name: card for card in base.effects if card.name in file.effects}
-        _check(base, file)
-        released = {card.releases for card in self._cards.values()}
+        self.parameters: tuple[Parameter, ...] = extended_parameters(base, file)
         self.name: str = base.name
         self.channels: tuple[Channel, ...] = tuple(base.channels)
         self.condition_units: Mapping[str, str] = base.condition_units
         self.effects: tuple[EffectCard, ...] = tuple(
             card for card in base.effects if card.name not in file.effects
         )
-        own = [
-            _known(item, file.parameters.get(item.name), is_fixed=item.name in released)
-            for item in base.parameters
-        ]
-        added = [
-            replace(_known(item, file.effects[card.name].get(item.name)), name=_joined(card.name, item.name))
-            for card in self._cards.values()
-            for item in card.parameters
-        ]
-        self.parameters: tuple[Parameter, ...] = (*own, *added)
         self._nominal = {item.name: item.nominal for item in self.parameters}
         if isinstance(base, DrivenModel):
             self.input_units = base.input_units
@@ -112,13 +102,35 @@ class ExtendedModel:
         values = {**self._nominal, **parameters}
         own = {name: value for name, value in values.items() if SEPARATOR not in name}
         active: dict[str, Values] = {
-            card.name: {item.name: values[_joined(card.name, item.name)] for item in card.parameters}
+            card.name: {item.name: values[joined_name(card.name, item.name)] for item in card.parameters}
             for card in self._cards.values()
         }
         return self._base.predict(runs, own, {**active, **effects})
 
 
-def _joined(card: str, parameter: str) -> str:
+def extended_parameters(base: Model, file: ModelFile) -> tuple[Parameter, ...]:
+    """Return the base parameters of a model with the effects of a file in it, with the values of the file.
+
+    Raises:
+        ConfigError: The file names parameters or effects that the model does not have.
+    """
+    _check(base, file)
+    cards = [card for card in base.effects if card.name in file.effects]
+    released = {card.releases for card in cards}
+    own = [
+        _known(item, file.parameters.get(item.name), is_fixed=item.name in released)
+        for item in base.parameters
+    ]
+    added = [
+        replace(_known(item, file.effects[card.name].get(item.name)), name=joined_name(card.name, item.name))
+        for card in cards
+        for item in card.parameters
+    ]
+    return (*own, *added)
+
+
+def joined_name(card: str, parameter: str) -> str:
+    """Return the name that a parameter of an effect has among the base parameters."""
     return f"{card}{SEPARATOR}{parameter}"
 
 
@@ -176,6 +188,7 @@ def describe_model(
     provenance: Provenance,
     fitted: Fit | None,
     intervals: Mapping[Key, tuple[float, float]],
+    deviations: Mapping[Key, float] | None = None,
 ) -> ModelFile:
     """Return the model file after a fit; unchanged without one.
 
@@ -185,11 +198,12 @@ def describe_model(
         provenance: Origin of the numbers.
         fitted: Parameters and effects; None changes nothing.
         intervals: 95 % interval of each fitted parameter, as in the verdict.
+        deviations: Standard deviation of each fitted parameter; by default that of the fit.
     """
     parameters: dict[str, Number] = {}
     effects: dict[str, dict[str, Number]] = {}
     for item in model.parameters:
-        number = _number(item, ("", item.name), fitted, intervals)
+        number = _number(item, ("", item.name), fitted, intervals, deviations)
         card, _, name = item.name.rpartition(SEPARATOR)
         if card:
             effects.setdefault(card, {})[name] = number
@@ -199,17 +213,23 @@ def describe_model(
     for one in model.effects:
         if one.name in found:
             effects[one.name] = {
-                item.name: _number(item, (one.name, item.name), fitted, intervals) for item in one.parameters
+                item.name: _number(item, (one.name, item.name), fitted, intervals, deviations)
+                for item in one.parameters
             }
     return ModelFile(base=base, provenance=provenance, parameters=parameters, effects=effects)
 
 
 def _number(
-    item: Parameter, key: Key, fitted: Fit | None, intervals: Mapping[Key, tuple[float, float]]
+    item: Parameter,
+    key: Key,
+    fitted: Fit | None,
+    intervals: Mapping[Key, tuple[float, float]],
+    deviations: Mapping[Key, float] | None,
 ) -> Number:
     if fitted is None or key not in {free.key for free in fitted.free}:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
-    return Number(value=fitted.value(key), unit=item.unit, sd=fitted.standard_error(key), ci95=intervals[key])
+    sd = fitted.standard_error(key) if deviations is None else deviations[key]
+    return Number(value=fitted.value(key), unit=item.unit, sd=sd, ci95=intervals[key])
 
 
 def model_file_text(file: ModelFile) -> str:
@@ -228,11 +248,16 @@ def model_file_text(file: ModelFile) -> str:
         )
     ]
     for name, number in file.parameters.items():
-        lines += ["", f"[parameters.{name}]", *_number_lines(number)]
+        lines += ["", f"[parameters.{_toml_key(name)}]", *_number_lines(number)]
     for effect, numbers in file.effects.items():
         for name, number in numbers.items():
-            lines += ["", f"[effects.{effect}.{name}]", *_number_lines(number)]
+            lines += ["", f"[effects.{_toml_key(effect)}.{_toml_key(name)}]", *_number_lines(number)]
     return "\n".join(lines) + "\n"
+
+
+def _toml_key(name: str) -> str:
+    """Return a key of TOML; a draft term is called by its equation, which needs quotes."""
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def _number_lines(number: Number) -> list[str]:

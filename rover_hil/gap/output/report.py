@@ -4,32 +4,16 @@ from collections.abc import Sequence
 
 from rover_hil.gap.explain.localise_residuals import by_place
 from rover_hil.gap.findings import Analysis
+from rover_hil.gap.output.answer_style import GRADES, TAGS
 from rover_hil.gap.output.figures import draw_report
-from rover_hil.gap.verdict import Answer
+from rover_hil.gap.output.machines.report import machine_report_text
 from rover_hil.pages.render import render
-
-GRADES = {
-    Answer.NO_GAP: "good",
-    Answer.NAMED: "good",
-    Answer.NAMED_SET: "attention",
-    Answer.PARTLY_NAMED: "attention",
-    Answer.UNNAMED: "attention",
-    Answer.NOT_IDENTIFIABLE: "attention",
-    Answer.BAD_DATA: "bad",
-}
-TAGS = {
-    Answer.NO_GAP: "no gap",
-    Answer.NAMED: "named",
-    Answer.NAMED_SET: "named, with alternatives",
-    Answer.PARTLY_NAMED: "partly named",
-    Answer.UNNAMED: "unexplained gap",
-    Answer.NOT_IDENTIFIABLE: "not identifiable",
-    Answer.BAD_DATA: "bad data",
-}
 
 
 def report_text(analysis: Analysis) -> str:
     """Return the report as HTML."""
+    if analysis.machine is not None:
+        return machine_report_text(analysis, analysis.machine)
     findings = analysis.findings
     cards = {card.name: card for card in analysis.model.effects}
     return render(

@@ -6,6 +6,8 @@ from pathlib import Path
 from pydantic_core import to_json
 
 from rover_hil.gap.findings import Analysis
+from rover_hil.gap.output.machines.draft_file import DRAFT_NAME, draft_text
+from rover_hil.gap.output.machines.machine_file import describe_machine
 from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text
 from rover_hil.gap.output.report import report_text
 from rover_hil.gap.plan import Plan
@@ -16,7 +18,7 @@ VERDICT_NAME = "verdict.json"
 MODEL_NAME = "model.toml"
 REPORT_NAME = "report.html"
 PLAN_NAME = "plan.json"
-RESULT_NAMES = (VERDICT_NAME, PLAN_NAME, MODEL_NAME, REPORT_NAME)
+RESULT_NAMES = (VERDICT_NAME, PLAN_NAME, MODEL_NAME, REPORT_NAME, DRAFT_NAME)
 
 
 def plan_text(plan: Plan) -> str:
@@ -31,6 +33,9 @@ def verdict_text(analysis: Analysis) -> str:
 
 def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> None:
     """Write `verdict.json`, `model.toml` and `report.html`, and why there is no plan where there is none.
+
+    Missing terms that were found in the equations of a machine are written to `draft_effects.py`; without
+    them a file of an earlier analysis is removed.
 
     The plan itself is written before the analysis.
 
@@ -48,9 +53,13 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
         MODEL_NAME: _model_text(analysis, base, date),
         REPORT_NAME: report_text(analysis),
     }
+    if analysis.verdict.draft:
+        texts[DRAFT_NAME] = draft_text(analysis.verdict)
     if analysis.plan is None:
         texts[PLAN_NAME] = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
     write_files(folder, texts)
+    if DRAFT_NAME not in texts:
+        (folder / DRAFT_NAME).unlink(missing_ok=True)
 
 
 def _model_text(analysis: Analysis, base: str, date: str) -> str:
@@ -64,7 +73,11 @@ def _model_text(analysis: Analysis, base: str, date: str) -> str:
         seed=plan.seed if plan is not None else 0,
         alternatives=tuple(tuple(names) for names in verdict.confidence_set[1:]) if named else (),
     )
-    fitted, ci95 = None, {}
-    if named and findings is not None and findings.best is not None:
-        fitted, ci95 = findings.best.fit, intervals(findings, findings.best)
-    return model_file_text(describe_model(analysis.model, base, provenance, fitted, ci95))
+    if named and analysis.machine is not None:
+        file = describe_machine(analysis.machine, analysis.model, base, provenance)
+    elif named and findings is not None and findings.best is not None:
+        ci95 = intervals(findings, findings.best)
+        file = describe_model(analysis.model, base, provenance, findings.best.fit, ci95)
+    else:
+        file = describe_model(analysis.model, base, provenance, None, {})
+    return model_file_text(file)

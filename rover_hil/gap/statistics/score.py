@@ -91,7 +91,8 @@ def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_ste
     blocks = None if is_steady else clusters(noise)
     scores = []
     for direction in directions:
-        full = float(direction.change @ direction.change)
+        with np.errstate(over="ignore"):
+            full = float(direction.change @ direction.change)
         if full <= 0.0 or not math.isfinite(full):
             continue
         residual = projection.apply(direction.change)

@@ -1,0 +1,1 @@
+"""Report and files of an analysis of a machine."""
