@@ -147,8 +147,9 @@ class _Descent:
 
     def trials(self, pull: Array, residual: Array, jacobian: Array, dampings: Sequence[float]) -> list[Array]:
         """Return the points that steps of different length lead to."""
-        normal = jacobian.T @ jacobian + np.eye(pull.size)
-        slope = jacobian.T @ residual - pull
+        with np.errstate(over="ignore", invalid="ignore"):
+            normal = np.nan_to_num(jacobian.T @ jacobian) + np.eye(pull.size)
+            slope = np.nan_to_num(jacobian.T @ residual) - pull
         return [self._step(pull, normal, slope, damping) for damping in dampings]
 
     def _step(self, pull: Array, normal: Array, slope: Array, damping: float) -> Array:
