@@ -1,0 +1,156 @@
+"""The tutorial of machines, step by step as written: its commands, and every block of code."""
+
+import json
+import re
+import runpy
+import shlex
+import sys
+import types
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rover_hil.gap as gap
+from rover_hil.app.app import main
+from rover_hil.gap import Run, StateModel, effects
+from rover_hil.gap.machines.linter import lint
+from rover_hil.gap.machines.model_trial import try_model
+
+ROOT = Path(__file__).resolve().parents[3]
+TUTORIAL = ROOT / "docs/tutorials/gap_machine.md"
+EFFECTS = ROOT / "docs/reference/gap_effects.md"
+BLOCK = re.compile(r"```python\n# (?P<title>[^\n]+)\n(?P<text>.*?)```", re.DOTALL)
+COMMAND = re.compile(r"^(python|rover-hil) .*$", re.MULTILINE)
+FRICTION = re.compile(r"^ *effects\.coulomb_friction\(.*\n", re.MULTILINE)
+
+
+def blocks() -> dict[str, str]:
+    """Return the text of every block of Python by its first line: the name of a file, or a title."""
+    return {match["title"]: match["text"] for match in BLOCK.finditer(TUTORIAL.read_text("utf-8"))}
+
+
+FILES = {title: text for title, text in blocks().items() if title.endswith(".py")}
+ARGUMENTS = {title: text for title, text in blocks().items() if title not in FILES}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Do what the tutorial says, in its order."""
+    folder = tmp_path_factory.mktemp("machine")
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    (folder / "less.py").write_text(FRICTION.sub("", FILES["my_machine.py"]))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for match in COMMAND.finditer(TUTORIAL.read_text("utf-8")):
+            words = shlex.split(match[0])
+            if words[0] == "python":
+                runpy.run_path(words[1])
+                continue
+            patch.setattr(sys, "argv", words)
+            with pytest.raises(SystemExit) as ended:
+                main()
+            assert not ended.value.code
+    return folder
+
+
+def text_of(folder: Path, name: str) -> str:
+    return (folder / name / "verdict.json").read_text()
+
+
+def test_the_friction_is_named_with_its_size(folder: Path) -> None:
+    verdict = json.loads(text_of(folder, "first"))
+    assert (verdict["verdict"], verdict["confidence_set"]) == ("NAMED", [["coulomb_friction"]])
+    level = verdict["effects"][0]["parameters"]["level"]
+    assert level["ci95"][0] < 0.0125 < level["ci95"][1]
+    assert verdict["gap"]["encoder"]["closure"] == pytest.approx(1.0, abs=0.02)
+    plan = json.loads((folder / "first" / "plan.json").read_text())
+    assert len(plan["confirm"]) == 2
+
+
+def test_the_sentence_is_the_one_that_the_page_shows(folder: Path) -> None:
+    shown = " ".join(TUTORIAL.read_text("utf-8").split())
+    assert f"NAMED: {json.loads(text_of(folder, 'first'))['sentence']}" in shown
+
+
+def test_with_the_friction_in_the_model_nothing_is_left(folder: Path) -> None:
+    assert json.loads(text_of(folder, "second"))["verdict"] == "NO_GAP"
+
+
+def test_without_the_card_there_is_no_wrong_name_and_a_draft_of_a_sign(folder: Path) -> None:
+    verdict = json.loads(text_of(folder, "third"))
+    assert verdict["verdict"] == "UNNAMED"
+    assert verdict["draft"][0]["term"] == "torque += c sign(speed)"
+    assert f"Unexplained: {verdict['unnamed'][0]['equation']}" in TUTORIAL.read_text("utf-8")
+    line = next(one for one in TUTORIAL.read_text("utf-8").splitlines() if one.startswith("effects.term("))
+    assert line in (folder / "third" / "draft_effects.py").read_text()
+
+
+def test_the_force_of_a_motion_shows_its_friction(folder: Path) -> None:
+    verdict = json.loads(text_of(folder, "drive"))
+    assert verdict["verdict"] == "NAMED_SET"
+    assert sorted(sorted(names) for names in verdict["confidence_set"]) == [
+        ["asymmetric_friction", "coulomb_friction"],
+        ["coulomb_friction", "offset"],
+    ]
+    sizes = {one["name"]: one["parameters"] for one in verdict["effects"]}
+    low, high = sizes["coulomb_friction"]["level"]["ci95"]
+    assert low < 8.0 < high
+
+
+def loaded(text: str) -> dict[str, object]:
+    """Return the names that a block defines, with those of `rover_hil.gap` and numpy at hand."""
+    module = types.ModuleType("block")
+    module.__dict__.update({name: getattr(gap, name) for name in gap.__all__}, np=np)
+    exec(compile(text, "block.py", "exec"), module.__dict__)  # noqa: S102
+    return module.__dict__
+
+
+def make(name: str) -> StateModel:
+    factory = loaded(FILES[name])["make"]
+    assert callable(factory)
+    model = factory()
+    assert isinstance(model, StateModel)
+    return model
+
+
+def some_runs(model: StateModel) -> list[Run]:
+    """Return runs with inputs of usual size; only first values and lengths are read of what is measured."""
+    rng = np.random.default_rng(1)
+    scale = 0.45 if "pump" in model.inputs else 6.0
+    runs = []
+    for number in range(4):
+        inputs = {name: np.repeat(rng.uniform(0.1, scale, 6), 10) for name in model.inputs}
+        if model.step_s is None:
+            inputs["t_s"] = 4.0 * np.arange(60.0)
+        conditions = {name: float(rng.uniform(0.2, 0.4)) for name in model.condition_units}
+        measured = {channel.name: np.full(60, 0.1) for channel in model.channels}
+        runs.append(Run(name=f"run{number}", conditions=conditions, inputs=inputs, measured=measured))
+    return runs
+
+
+@pytest.mark.parametrize("title", ARGUMENTS)
+def test_arguments_of_a_recipe_fit_the_machine(title: str) -> None:
+    names = {one.name for one in fields(StateModel)}
+    arguments = {name: value for name, value in loaded(ARGUMENTS[title]).items() if name in names}
+    assert arguments
+    model = replace(make("my_machine.py"), **arguments)  # type: ignore[arg-type]
+    runs = some_runs(model)
+    try_model(model, runs)
+    assert lint(model.refined(runs), runs).problems == ()
+
+
+def test_the_tank_works() -> None:
+    model = make("tanks.py")
+    runs = some_runs(model)
+    try_model(model, runs)
+    report = lint(model.refined(runs), runs)
+    assert report.problems == ()
+    assert {one.name for one in report.cards} >= {"overflow", "leak"}
+
+
+def test_the_reference_lists_every_effect() -> None:
+    rows = re.findall(r"^\| `(\w+)\(", EFFECTS.read_text("utf-8"), re.MULTILINE)
+    assert sorted(rows) == sorted(effects.__all__)
