@@ -17,6 +17,7 @@ from rover_hil.app.app import main
 from rover_hil.gap import Run, StateModel, effects
 from rover_hil.gap.machines.linter import lint
 from rover_hil.gap.machines.model_trial import try_model
+from rover_hil.gap.output import results
 
 ROOT = Path(__file__).resolve().parents[3]
 TUTORIAL = ROOT / "docs/tutorials/gap_machine.md"
@@ -53,6 +54,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             with pytest.raises(SystemExit) as ended:
                 main()
             assert not ended.value.code
+            if "first" in words:
+                # One page with its pictures is enough, they take longer than the analysis.
+                patch.setattr(results, "report_text", lambda *_: "")
     return folder
 
 
@@ -68,6 +72,7 @@ def test_the_friction_is_named_with_its_size(folder: Path) -> None:
     assert verdict["gap"]["encoder"]["closure"] == pytest.approx(1.0, abs=0.02)
     plan = json.loads((folder / "first" / "plan.json").read_text())
     assert len(plan["confirm"]) == 2
+    assert "coulomb_friction" in (folder / "first" / "report.html").read_text("utf-8")
 
 
 def test_the_sentence_is_the_one_that_the_page_shows(folder: Path) -> None:
