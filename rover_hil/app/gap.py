@@ -19,7 +19,8 @@ from rover_hil.gap.data.load import check_model, load_model, name_model_errors, 
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.linter import LintReport, lint, require_changes
 from rover_hil.gap.machines.model_trial import try_model
-from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
+from rover_hil.gap.output.machines.extended_machine import extend_model
+from rover_hil.gap.output.model_file import read_model_file
 from rover_hil.gap.output.results import (
     PLAN_NAME,
     REPORT_NAME,
@@ -194,7 +195,7 @@ def _analyse(
         return Analysis(model=base, verdict=verdict, runs=(), plan=None, findings=None)
     runs = shortening.apply(base, runs)
     # Only after reading: what a model predicts may depend on what was measured.
-    model: Model = base if file is None else ExtendedModel(base, file)
+    model: Model = base if file is None else extend_model(base, file)
 
     def on_plan(plan: Plan) -> None:
         plan_path.write_text(plan_text(plan), "utf-8")

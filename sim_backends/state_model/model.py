@@ -118,6 +118,11 @@ class StateModel(Equations):
                     found[name] = substeps
                     del points[name]
             substeps, coarse = 2 * substeps, fine
+            runaways = [one for one in points if one and self._runs_away(coarse[one])]
+            for name in runaways if substeps > MOST_SUBSTEPS else ():
+                # No step is small enough here; the other sign, or a smaller size, needs no smaller one.
+                found[name] = 1
+                del points[name]
             if points and substeps > MOST_SUBSTEPS:
                 effect = next(iter(points))
                 raise ConfigError(
@@ -127,6 +132,9 @@ class StateModel(Equations):
                 )
         base = found.pop("")
         return replace(self, substeps=base, effect_substeps=found)
+
+    def _runs_away(self, tables: Sequence[Mapping[str, Array]]) -> bool:
+        return not all(np.isfinite(one[channel.name]).all() for one in tables for channel in self.channels)
 
     def _at_substeps(
         self, runs: Sequence[Run], points: Mapping[str, Point], substeps: int

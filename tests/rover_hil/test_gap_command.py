@@ -32,6 +32,10 @@ KEYS = {
     "detectable",
     "gap",
     "controls",
+    "error_budget",
+    "draft",
+    "weightings",
+    "warnings",
     "missing",
     "seconds",
 }

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rover_hil.gap.data.problem import Free, Key, Point, Problem, effect_free, run_of
+from rover_hil.gap.data.problem import Free, Key, Point, Problem, effect_free
 from rover_hil.gap.explain.candidates import Candidate, imitating_parameter
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.jackknife import jackknife
@@ -155,7 +155,6 @@ class Search:
         return starts
 
     def _cheapest(self, free: Sequence[Free], points: Sequence[Point], count: int) -> list[Point]:
-        self._problem.prepare_points([self._at(free, point) for point in points])
         return sorted(points, key=lambda point: self._cost(free, point))[:count]
 
     def _fit(self, names: tuple[str, ...], shapes: Shapes, begin: Point, hopeless: float) -> Fit:
@@ -236,11 +235,10 @@ class Search:
         sizes = [sign * share * strength.prior_sd for share in FAR for sign in (1.0, -1.0)]
         values = [strength.nominal + size for size in (*sizes, self._strength(name, shapes[name]))]
         imitator = ("", imitating_parameter(self._start, candidate.score))
-        of_runs = {key: value for key, value in self._start.point.items() if run_of(key)}
         straight = {key: value for key, value in self._start.point.items() if key != imitator}
         return [
             {**base, **shape, (name, strength.name): float(np.clip(value, strength.lower, strength.upper))}
-            for base in (of_runs, straight)
+            for base in ({}, straight)
             for value in values
         ]
 

@@ -78,7 +78,7 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
     for _ in range(MOST_ROUNDS):
         noise = noise_of_residual(problem.observations, residual)
         request = DerivativeRequest(problem, search.point(pull), free)
-        jacobian = noise.whiten(request.matrix((yield request.points)) * search.sizes)
+        jacobian = search.jacobian(noise, request.matrix((yield request.points)))
         moved = None
         for dampings in (DAMPINGS, SMALL_DAMPINGS):
             trials = search.trials(pull, noise.whiten(search.filled(residual)), jacobian, dampings)
@@ -95,7 +95,7 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
             break
     noise = noise_of_residual(problem.observations, residual)
     request = DerivativeRequest(problem, search.point(pull), free)
-    jacobian = noise.whiten(request.matrix((yield request.points)) * search.sizes)
+    jacobian = search.jacobian(noise, request.matrix((yield request.points)))
     whitened = noise.whiten(search.filled(residual))
     fit = Fit(
         free=tuple(free),
@@ -115,7 +115,7 @@ class _Descent:
         self._fixed = fixed
         self._missing = ~np.isfinite(problem.observations.values)
         self._far = FAR * declared_noise(problem.observations).row_sd
-        self.sizes = np.array([item.sd for item in free])
+        self._sizes = np.array([item.sd for item in free])
         self._lower = np.array([(item.lower - item.mean) / item.sd for item in free])
         self._upper = np.array([(item.upper - item.mean) / item.sd for item in free])
 
@@ -139,7 +139,12 @@ class _Descent:
         """Return measured minus predicted; NaN where nothing was measured."""
         residual = self._problem.observations.values - predicted
         found: Array = np.where(~np.isfinite(predicted) & ~self._missing, self._far, residual)
-        return found
+        # A machine that runs away is finite for a while; its squares are not.
+        return np.clip(found, -self._far, self._far)
+
+    def jacobian(self, noise: SensorNoise, change: Array) -> Array:
+        """Return derivatives per prior deviation, in units of the errors; none is too large to be squared."""
+        return np.clip(noise.whiten(change * self._sizes), -FAR, FAR)
 
     def filled(self, residual: Array) -> Array:
         found: Array = np.where(self._missing, 0.0, residual)
@@ -147,8 +152,9 @@ class _Descent:
 
     def trials(self, pull: Array, residual: Array, jacobian: Array, dampings: Sequence[float]) -> list[Array]:
         """Return the points that steps of different length lead to."""
-        normal = jacobian.T @ jacobian + np.eye(pull.size)
-        slope = jacobian.T @ residual - pull
+        with np.errstate(over="ignore", invalid="ignore"):
+            normal = np.nan_to_num(jacobian.T @ jacobian) + np.eye(pull.size)
+            slope = np.nan_to_num(jacobian.T @ residual) - pull
         return [self._step(pull, normal, slope, damping) for damping in dampings]
 
     def _step(self, pull: Array, normal: Array, slope: Array, damping: float) -> Array:

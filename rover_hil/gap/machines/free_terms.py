@@ -120,6 +120,8 @@ def search_terms(
         terms: Candidates.
         at: Where the terms are ranked.
     """
+    known = {card.name for card in machine.effects}
+    terms = [one for one in terms if one.effect.build(_units(machine)).name not in known]
     effects = [*machine.port_effects, *(one.effect for one in terms)]
     wider = machine.with_effects(effects)
     own = Problem(wider, problem.observations)

@@ -17,7 +17,7 @@ from rover_hil.gap.machines.reach import Reach, signal_ranges, threshold_reaches
 from rover_hil.gap.statistics.fit import Fit, whitened_jacobian
 from rover_hil.gap.statistics.score import Score, cosine, score_all
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
-from sim_backends.models.interface import Array, EffectCard, Parameter, Run
+from sim_backends.models.interface import EffectCard, Parameter, Run
 from sim_backends.state_model.model import StateModel
 
 LEAST_CHANGE = 1e-3
@@ -177,11 +177,10 @@ def lint(model: StateModel, runs: Sequence[Run]) -> LintReport:
 
 
 class _Bench:
-    """The model on its runs without their measured values."""
+    """The model on its runs; of their measured values it uses where they are and where states start."""
 
     def __init__(self, model: StateModel, runs: Sequence[Run]) -> None:
-        starts = {one.channel for one in model.run_parameters}
-        self.problem = Problem(model, observe(model, [_blinded(run, starts) for run in runs]))
+        self.problem = Problem(model, observe(model, runs))
         self._noise: SensorNoise = declared_noise(self.problem.observations)
         free = tuple(self.problem.base_free())
         nominal: dict[Key, float] = {item.key: item.start for item in free}
@@ -243,21 +242,6 @@ def natural(parameter: Parameter) -> float:
     if value > parameter.upper:
         value = parameter.nominal - parameter.prior_sd
     return max(value, parameter.lower)
-
-
-def _blinded(run: Run, starts: set[str]) -> Run:
-    """Return a run whose measured values are 0, but for the first of channels that unknowns start from."""
-    return replace(
-        run, measured={name: _zeros(values, name in starts) for name, values in run.measured.items()}
-    )
-
-
-def _zeros(values: Array, is_start: bool) -> Array:
-    blind = np.where(np.isfinite(values), 0.0, np.nan)
-    good = np.flatnonzero(np.isfinite(values))
-    if is_start and good.size:
-        blind[good[0]] = values[good[0]]
-    return blind
 
 
 def _nominal_shapes(card: EffectCard) -> dict[str, float]:

@@ -18,6 +18,8 @@ Names: TypeAlias = tuple[str, ...]
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to the shapes that its fit starts from."""
 
+FAR = 1e9
+"""Error of a start from which the machine runs away."""
 START_DRAWS = 64
 BEGINNING = 0.25
 """Share of a run that its unknowns are started from."""
@@ -157,7 +159,7 @@ class MachineFits:
                 owners.append(names)
         best: dict[Names, tuple[float, Fit, SensorNoise]] = {}
         for names, (found, noise) in zip(owners, descend_together(self.problem, descents), strict=True):
-            square = self._square(found.point)
+            square = self._square(found, noise)
             if names not in best or square < best[names][0]:
                 best[names] = (square, found, noise)
         declared = declared_noise(self.problem.observations).channel_sd
@@ -171,10 +173,10 @@ class MachineFits:
             )
         return [self._known[tuple(sorted(names))] for names, *_ in options]
 
-    def _square(self, point: Point) -> float:
-        observations = self.problem.observations
-        error = (observations.values - self.problem.predict(point)) / declared_noise(observations).row_sd
-        return float(np.nansum(error**2))
+    def _square(self, found: Fit, noise: SensorNoise) -> float:
+        declared = declared_noise(self.problem.observations).channel_sd
+        errors = found.residual * (noise.channel_sd / declared)[noise.channel]
+        return float(errors @ errors)
 
 
 def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
@@ -225,7 +227,8 @@ def _drawn(free: Sequence[Free], pulls: Mapping[str, float]) -> Point:
 
 def _cost(problem: Problem, point: Point, weight: Array) -> float:
     error = problem.observations.values - problem.predict(point)
-    return float(np.sum(weight * np.where(np.isfinite(error), error, 1e3) ** 2))
+    size = np.clip(np.where(np.isfinite(error), error, FAR), -FAR, FAR)
+    return float(np.sum(weight * size**2))
 
 
 def _beginning(problem: Problem) -> Array:

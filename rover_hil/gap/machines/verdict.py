@@ -78,10 +78,9 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
     found, holdout = findings.found, findings.holdout
     if found is None or not findings.best.names or holdout is None:
         return Answer.UNNAMED, []
-    if findings.share < HALF:
-        return Answer.UNNAMED, [
-            f"the best, {_join(findings.best.names)}, explains {findings.share:.0%} of it"
-        ]
+    share = findings.share if holdout.closure is None else holdout.closure
+    if share < HALF:
+        return Answer.UNNAMED, [f"the best, {_join(findings.best.names)}, explains {share:.0%} of it"]
     reasons = _reservations(findings)
     if len(found.alternatives) + 1 > MOST_MEMBERS:
         return Answer.NOT_IDENTIFIABLE, ["more than four explanations fit the runs equally well"]

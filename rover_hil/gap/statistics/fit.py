@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.problem import Free, Key, Point, Problem
 from rover_hil.gap.statistics.noise import Noise
-from sim_backends.models.interface import Array, MachineModel
+from sim_backends.models.interface import Array
 
 MOST_ROUNDS = 8
 MOST_STEPS = 7
@@ -17,7 +17,6 @@ GOOD_SHARE = 0.5
 """Share of the predicted gain that a step must reach; otherwise the derivatives are recomputed."""
 FINE = 0.05
 """Share of the usual step for derivatives where the usual step makes no progress."""
-TRIAL_DAMPINGS = (0.0, 0.3, 3.0)
 SETTLED = 0.05
 """Gain of minus two log-likelihood below which the fit ends."""
 
@@ -162,11 +161,6 @@ class _Search:
         normal = jacobian.T @ jacobian + np.eye(pull.size)
         cost = float(residual @ residual + pull @ pull)
         damping = 0.0
-        if isinstance(self._problem.model, MachineModel):
-            # A machine is integrated for several trials in the time of one.
-            steps = [self._step(pull, residual, jacobian, normal, one)[0] for one in TRIAL_DAMPINGS]
-            trials = [np.clip(pull + step, self.lower, self.upper) for step in steps]
-            self._problem.prepare_points([self.point(trial) for trial in trials])
         for _ in range(MOST_STEPS):
             step, predicted_gain = self._step(pull, residual, jacobian, normal, damping)
             if predicted_gain < SETTLED:

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from rover_hil.gap.data.problem import Indices, Observations, cells
-from rover_hil.gap.statistics.random_force import RandomForceNoise, for_these_runs
 from rover_hil.gap.statistics.replicates import Scatter
 from rover_hil.gap.statistics.run_scatter import RunScatter, likeliest, run_scatter, series_starts
-from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
 from sim_backends.models.interface import Array, Channel
 
 MOST_LAGS = 8
@@ -259,10 +257,6 @@ def _weigh(innovations: Array, channel: Channel, least: float, *, is_final: bool
 
 def for_other_runs(noise: Noise, scatter: Scatter | None, observations: Observations) -> Noise:
     """Return the same noise model for other observations."""
-    if isinstance(noise, RandomForceNoise):
-        return for_these_runs(noise, observations)
-    if isinstance(noise, SensorNoise):
-        return declared_noise(observations, noise.channel_sd)
     if isinstance(noise, SeriesNoise):
         present = np.isfinite(observations.values)
         keep = _with_past(observations, present, noise.lags)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Indices, Observations, Point, Problem, split_point
+from rover_hil.gap.data.problem import Indices, Point, Problem, split_point
 from rover_hil.gap.statistics.sensor_noise import blocks
 from sim_backends.models.interface import Array, MachineModel, Run
 
@@ -32,21 +32,6 @@ EXCESS = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 SWEEPS = 3
 FLAT = 1e-4
 """Least relative size of a direction that the force reaches."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ForceSize:
-    """Random force at one port.
-
-    Attributes:
-        port: Its name.
-        sd: Standard deviation, in the unit of the port.
-        correlation_s: Correlation time.
-    """
-
-    port: str
-    sd: float
-    correlation_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +63,6 @@ class RandomForceNoise:
         basis: The responses.
         sizes: Size of the force at each port, in natural sizes, and correlation in distances of knots.
         excess: Factor on the declared noise of the sensors, at least 1.
-        gain: Reduction of minus two log-likelihood by the random force.
         keep: Rows with a measured value.
         scale: One over the deviation of the sensor, of each kept row.
         directions: By run: orthonormal directions of the errors.
@@ -90,7 +74,6 @@ class RandomForceNoise:
     basis: ForceBasis
     sizes: tuple[tuple[float, float], ...]
     excess: float
-    gain: float
     keep: Indices
     scale: Array
     directions: tuple[Array, ...]
@@ -132,19 +115,6 @@ class RandomForceNoise:
             found.append((mean, prior - gain.T @ together))
         return found
 
-    def force_sizes(self, step_s: float) -> list[ForceSize]:
-        """Return the force at each port in its unit.
-
-        Args:
-            step_s: Time between samples.
-        """
-        return [
-            ForceSize(port=port, sd=size * scale, correlation_s=length * self.basis.spacing * step_s)
-            for port, scale, (size, length) in zip(
-                self.basis.ports, self.basis.scales, self.sizes, strict=True
-            )
-        ]
-
 
 def random_force_noise(
     problem: Problem, machine: MachineModel, point: Point, residual: Array, basis: ForceBasis | None = None
@@ -164,19 +134,7 @@ def random_force_noise(
     basis = basis or force_basis(problem, machine, point, keep, scale)
     errors = [(residual[keep] * scale)[observations.site[keep] == run] for run in range(len(problem.sites))]
     likelihood = _Likelihood(basis, errors)
-    sizes, excess, gain = likelihood.best()
-    return _noise(problem, point, basis, (sizes, excess, gain), keep, scale)
-
-
-def for_these_runs(noise: RandomForceNoise, observations: Observations) -> RandomForceNoise:
-    """Return the same errors for other runs."""
-    problem = Problem(noise.problem.model, observations)
-    if not isinstance(problem.model, MachineModel):
-        raise AssertionError("only machines have random forces")
-    keep = np.flatnonzero(np.isfinite(observations.values)).astype(np.intp)
-    scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
-    basis = force_basis(problem, problem.model, noise.point, keep, scale, spacing=noise.basis.spacing)
-    return _noise(problem, noise.point, basis, (noise.sizes, noise.excess, noise.gain), keep, scale)
+    return _noise(problem, point, basis, likelihood.best(), keep, scale)
 
 
 def force_basis(
@@ -238,10 +196,9 @@ class _Likelihood:
         self._grams = [matrix.T @ matrix for matrix in basis.responses]
         self._moments = [matrix.T @ one for matrix, one in zip(basis.responses, errors, strict=True)]
 
-    def best(self) -> tuple[tuple[tuple[float, float], ...], float, float]:
-        """Return the likeliest sizes, the excess noise, and the gain over noise alone."""
+    def best(self) -> tuple[tuple[tuple[float, float], ...], float]:
+        """Return the likeliest sizes and the excess noise."""
         none = tuple((0.0, LENGTHS[0]) for _ in self._basis.ports)
-        alone = min(self.cost(none, excess) for excess in EXCESS)
         sizes, excess = list(none), 1.0
         for _ in range(SWEEPS):
             before = (tuple(sizes), excess)
@@ -250,7 +207,7 @@ class _Likelihood:
             excess = min(EXCESS, key=lambda one: self.cost(sizes, one))
             if before == (tuple(sizes), excess):
                 break
-        return tuple(sizes), excess, max(alone - self.cost(sizes, excess), 0.0)
+        return tuple(sizes), excess
 
     def _best_size(
         self, sizes: Sequence[tuple[float, float]], index: int, excess: float
@@ -278,11 +235,11 @@ def _noise(
     problem: Problem,
     point: Point,
     basis: ForceBasis,
-    found: tuple[tuple[tuple[float, float], ...], float, float],
+    found: tuple[tuple[tuple[float, float], ...], float],
     keep: Indices,
     scale: Array,
 ) -> RandomForceNoise:
-    sizes, excess, gain = found
+    sizes, excess = found
     observations = problem.observations
     root = np.linalg.cholesky(prior_covariance(basis, sizes) + 1e-12 * np.eye(basis.knots * len(basis.ports)))
     row_sd = np.array([one.noise_sd for one in observations.channels])[observations.channel] * excess
@@ -301,7 +258,6 @@ def _noise(
         basis=basis,
         sizes=sizes,
         excess=excess,
-        gain=gain,
         keep=keep,
         scale=scale / excess,
         directions=tuple(directions),

@@ -107,6 +107,18 @@ def test_a_channel_without_a_scale_of_noise_is_refused_by_name(command: Command,
     assert not out.exists()
 
 
+def test_a_gap_in_an_input_is_bad_data(command: Command, tmp_path: Path) -> None:
+    data, out = _data(tmp_path), tmp_path / "out"
+    lines = data.read_text().splitlines()
+    cells = lines[20].split(",")
+    lines[20] = ",".join([*cells[:2], "", *cells[3:]])
+    data.write_text("\n".join(lines))
+    assert command("gap", _model(tmp_path, "return MODEL"), str(data), "--out", str(out)) == 1
+    assert command.out.startswith("BAD_DATA")
+    assert "1 of 60 values of power are missing" in command.out
+    assert not out.exists()
+
+
 def test_one_record_is_cut_into_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data, model = _data(tmp_path, samples=200, count=1), _model(tmp_path, "return MODEL")
     short = Shortening(cut_s=5.0)
@@ -155,6 +167,8 @@ def test_long_steps_are_lines_where_there_is_no_terminal() -> None:
         stream.written.clear()
         advance("fitting")
         assert stream.written.wait(2.0)
+        # A step that goes on has no second line.
+        threading.Event().wait(0.1)
     first, second = stream.getvalue().splitlines()
     assert first.endswith(" s  reading")
     assert second.endswith(" s  fitting")

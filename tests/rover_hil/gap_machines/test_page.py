@@ -172,6 +172,23 @@ def test_a_source_needs_two_runs(followers: int, expected: str | None) -> None:
         assert found.count == 3
 
 
+def test_one_run_that_follows_a_weaker_one_is_not_enough() -> None:
+    rng = np.random.default_rng(2)
+    strong, weak = rng.normal(0.0, 2.0, (2, 300)).astype(np.float64)
+    errors = [np.sign(strong), 0.3 * np.sign(weak) + rng.normal(0.0, 0.7, 300)]
+    sources = [{"speed": strong}, {"speed": weak}]
+    assert find_source("y", errors, [0.0, 0.0], sources, {"speed": "rad/s"}) is None
+    again = find_source("y", [errors[0], errors[0]], [0.0, 0.0], [sources[0]] * 2, {"speed": "rad/s"})
+    assert again is not None
+    assert again.sentence().startswith("y: 94% of the energy above the noise follows speed, in 2 of 2 runs")
+
+
+def test_an_offset_is_called_a_constant() -> None:
+    found = _find(3, lambda _, times: np.full(times.size, 0.5))
+    assert found is not None
+    assert "above the noise is a constant, in 3 of 3 runs." in found.sentence()
+
+
 def test_a_source_is_the_one_that_explains_most() -> None:
     found = _find(3, lambda _, times: np.where(times > 4.0, 1.0, 0.0))
     assert found is not None

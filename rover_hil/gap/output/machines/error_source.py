@@ -33,6 +33,7 @@ class ErrorSource:
         count: All runs.
         low: Where the error is largest, lower end.
         high: Upper end.
+        is_constant: It is about the same over the whole range of the source.
     """
 
     error: str
@@ -43,9 +44,15 @@ class ErrorSource:
     count: int
     low: float
     high: float
+    is_constant: bool
 
     def sentence(self) -> str:
         """Return it in words."""
+        if self.is_constant:
+            return (
+                f"{self.error}: {min(self.share, 1.0):.0%} of the energy above the noise is a constant, in "
+                f"{self.agreeing} of {self.count} runs."
+            )
         return (
             f"{self.error}: {min(self.share, 1.0):.0%} of the energy above the noise follows "
             f"{self.source}, in {self.agreeing} of {self.count} runs; it is largest from {self.low:.3g} to "
@@ -167,6 +174,7 @@ def _explained(
         count=len(errors),
         low=low,
         high=high,
+        is_constant=low == edges[0] and high == edges[-1],
     )
 
 
