@@ -18,6 +18,9 @@ Names: TypeAlias = tuple[str, ...]
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to the shapes that its fit starts from."""
 
+LEFT_OUT = 0.9
+"""Share of the information of a run that leaving it out removes. What only this run informs would else be left
+to the priors alone, far outside the range of a linearisation."""
 FAR = 1e9
 """Error of a start from which the machine runs away."""
 START_DRAWS = 64
@@ -255,7 +258,7 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array) -> Lef
     scale = (noise.channel_sd / declared_sd)[noise.channel]
     moved, squares, informed = [], [], []
     for run, (error, matrix, rows) in zip(runs, parts, strict=True):
-        change = -np.linalg.solve(normal - matrix.T @ matrix, matrix.T @ error)
+        change = -np.linalg.solve(normal - LEFT_OUT * matrix.T @ matrix, matrix.T @ error)
         outside = (error - matrix @ change)[:rows] * scale[noise.site == run]
         moved.append(change)
         squares.append(float(outside @ outside))
