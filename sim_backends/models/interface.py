@@ -60,8 +60,9 @@ class Channel:
             replicates.
         quantum: Step of the sensor; 0 where there is none.
         is_optional: Data without this channel is compared without it.
-        tolerance: Standard deviation of what the base model is known to be wrong by (formula, solver), the
-            same whenever the conditions are the same. Steady experiments only.
+        tolerance: Steady experiments: standard deviation of what the base model is known to be wrong by
+            (formula, solver), the same whenever the conditions are the same. Machines: greatest model error
+            that counts as agreement; 0 for the noise of the sensor.
     """
 
     name: str
