@@ -19,8 +19,8 @@ Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to the shapes that its fit starts from."""
 
 LEFT_OUT = 0.9
-"""Share of the information of a run that leaving it out removes. What only this run informs would else be left
-to the priors alone, far outside the range of a linearisation."""
+"""Share of the information of a run that leaving it out removes. What only this run informs would else be
+left to the priors alone, far outside the range of a linearisation."""
 FAR = 1e9
 """Error of a start from which the machine runs away."""
 START_DRAWS = 64
