@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Port, RunParameter
-from sim_backends.state_model.port_effect import PortEffect
+from sim_backends.state_model.port_effect import Action, PortEffect
 
 Signal: TypeAlias = Callable[[str, Array], Array]
 """Name of a port and its signal -> the signal with effects and forces."""
@@ -86,7 +86,22 @@ class Equations:
                         f"model {self.name}: an effect refers to '{name}', which is no port, input, channel, "
                         f"state or parameter; there are {', '.join(known)}"
                     )
+            self._require_port(effect)
         self._require_different("effects", [card.name for card in self.effects])
+
+    def _require_port(self, effect: PortEffect) -> None:
+        """Raise ConfigError where an effect cannot act at the kind of signal that it is attached to."""
+        is_inside = effect.port in {one.name for one in self.ports}
+        if effect.states and effect.action is Action.CHANGE and not is_inside:
+            raise ConfigError(
+                f"model {self.name}: an effect at '{effect.port}' depends on {', '.join(effect.states)}: "
+                "attach it to a port inside the equations"
+            )
+        if effect.action in (Action.DELAY, Action.LAG) and is_inside:
+            raise ConfigError(
+                f"model {self.name}: a {effect.action.value} cannot act at the port '{effect.port}': attach "
+                "it to an input or a channel"
+            )
 
     def _require_different(self, what: str, names: Sequence[str]) -> None:
         twice = sorted({name for name in names if names.count(name) > 1})

@@ -227,7 +227,7 @@ class Simulation:
     ) -> Array:
         names = self._model.states
         machine = SimpleNamespace(**vars(parameters), **vars(inputs), **dict(zip(names, state, strict=False)))
-        rates = np.empty(state.shape)
+        rates = np.zeros(state.shape)
 
         def port(name: str, value: Array) -> Array:
             self._model.require_port(name)

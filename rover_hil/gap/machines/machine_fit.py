@@ -18,6 +18,7 @@ Names: TypeAlias = tuple[str, ...]
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to the shapes that its fit starts from."""
 
+RIDGE = 1e-12
 LEFT_OUT = 0.9
 """Share of the information of a run that leaving it out removes. What only this run informs would else be
 left to the priors alone, far outside the range of a linearisation."""
@@ -254,6 +255,8 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array) -> Lef
     runs = np.unique(noise.site)
     parts = [_without_own(found, noise.site == run, shared) for run in runs]
     normal = np.eye(len(shared)) + sum(matrix.T @ matrix for _, matrix, _ in parts)
+    # Derivatives of very different size leave rounding errors in the normal matrix.
+    normal += np.diag(np.full(len(shared), RIDGE * float(np.diag(normal).max(initial=1.0))))
     covariance = np.linalg.inv(normal)
     scale = (noise.channel_sd / declared_sd)[noise.channel]
     moved, squares, informed = [], [], []

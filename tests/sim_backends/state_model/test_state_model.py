@@ -176,3 +176,10 @@ def test_times_of_a_run_give_its_step() -> None:
     run = replace(run_of(np.ones(WAVE.size)), inputs={"push": np.ones(WAVE.size), "t_s": times})
     found = mass(step_s=None).predict([run], {}, {})[0]
     np.testing.assert_allclose(found["seen_speed"], times / 2.0, atol=1e-12)
+
+
+def test_an_effect_at_the_wrong_kind_of_signal_is_refused_with_the_right_one() -> None:
+    with pytest.raises(ConfigError, match="'push' depends on speed: attach it to a port inside"):
+        mass(effects.coulomb_friction("push", velocity="speed", size=1.0, slow=0.01))
+    with pytest.raises(ConfigError, match="a delay cannot act at the port 'force': attach it to an input"):
+        mass(effects.delay("force", size=0.1, longest=1.0))
