@@ -193,7 +193,7 @@ class Simulation:
     def _integrate(self) -> Array:
         """Return the states, states x points x runs x samples; memories of effects come last."""
         parameters = SimpleNamespace(**self._parameters)
-        first = SimpleNamespace(**{name: series[..., 0] for name, series in self._inputs.items()})
+        first = SimpleNamespace(**{name: self._input_at_samples(name)[..., 0] for name in self._inputs})
         start = self._model.start(parameters, first)
         state = np.zeros((len(self._model.states) + self._memories, *self._shape))
         for index, name in enumerate(self._model.states):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.machines.descent import residual_of
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
 from rover_hil.gap.machines.free_terms import DraftTerm, FreeTerm, free_terms, search_terms, strength_of
 from rover_hil.gap.machines.gap_tests import GAP_ALPHA, gap_p
@@ -14,6 +15,7 @@ from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
 from rover_hil.gap.machines.search import Found, MachineSearch, explained, is_equal, is_within_noise
 from rover_hil.gap.machines.sizes import Size, size_of
 from rover_hil.gap.machines.tracking import Tracked, track
+from rover_hil.gap.statistics.score import Score
 from sim_backends.models.interface import Run
 from sim_backends.state_model.model import StateModel
 
@@ -31,6 +33,7 @@ class MachineFindings:
         base: The fit without effects.
         budget_before: Error budget of it.
         p_gap: Probability of its misfit if only the sensors err.
+        scores: First-order score of every effect at the base fit, at each of its shapes.
         found: Result of the search; None where there is no gap.
         best: The explanation after validation; the base where there is none.
         budget_after: Error budget with it.
@@ -47,6 +50,7 @@ class MachineFindings:
     base: MachineFit
     budget_before: tuple[ChannelError, ...]
     p_gap: float
+    scores: tuple[Score, ...]
     found: Found | None = None
     best: MachineFit
     budget_after: tuple[ChannelError, ...]
@@ -96,6 +100,7 @@ def analyse_machine(
         base=base,
         budget_before=budget,
         p_gap=gap_p(base, problem, search.scores(base), rng),
+        scores=tuple(search.scores(base)),
         best=base,
         budget_after=budget,
     )
@@ -118,7 +123,7 @@ def analyse_machine(
 
 
 def _budget(problem: Problem, found: MachineFit) -> tuple[ChannelError, ...]:
-    residual = problem.observations.values - problem.predict(found.fit.point)
+    residual = residual_of(problem.observations, problem.predict(found.fit.point))
     return error_budget(problem.observations, residual, len(found.fit.free))
 
 

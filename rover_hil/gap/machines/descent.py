@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rover_hil.gap.data.problem import DerivativeRequest, Free, Point, Problem, predict_points
+from rover_hil.gap.data.problem import DerivativeRequest, Free, Observations, Point, Problem, predict_points
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
 from sim_backends.models.interface import Array
@@ -108,13 +108,21 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
     return fit, noise
 
 
+def residual_of(observations: Observations, predicted: Array) -> Array:
+    """Return measured minus predicted; NaN where nothing was measured, very large without prediction."""
+    far = FAR * declared_noise(observations).row_sd
+    residual = observations.values - predicted
+    found = np.where(np.isfinite(observations.values) & ~np.isfinite(predicted), far, residual)
+    # A machine that runs away is finite for a while; its squares are not.
+    return np.clip(found, -far, far)
+
+
 class _Descent:
     def __init__(self, problem: Problem, free: Sequence[Free], fixed: Point) -> None:
         self._problem = problem
         self._free = free
         self._fixed = fixed
         self._missing = ~np.isfinite(problem.observations.values)
-        self._far = FAR * declared_noise(problem.observations).row_sd
         self._sizes = np.array([item.sd for item in free])
         self._lower = np.array([(item.lower - item.mean) / item.sd for item in free])
         self._upper = np.array([(item.upper - item.mean) / item.sd for item in free])
@@ -137,10 +145,7 @@ class _Descent:
 
     def residual(self, predicted: Array) -> Array:
         """Return measured minus predicted; NaN where nothing was measured."""
-        residual = self._problem.observations.values - predicted
-        found: Array = np.where(~np.isfinite(predicted) & ~self._missing, self._far, residual)
-        # A machine that runs away is finite for a while; its squares are not.
-        return np.clip(found, -self._far, self._far)
+        return residual_of(self._problem.observations, predicted)
 
     def jacobian(self, noise: SensorNoise, change: Array) -> Array:
         """Return derivatives per prior deviation, in units of the errors; none is too large to be squared."""

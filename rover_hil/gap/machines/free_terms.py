@@ -94,9 +94,10 @@ def free_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[Fr
 
 def _of_source(port: str, force_sd: float, name: str, values: Array) -> list[FreeTerm]:
     scale = _rms(values)
+    is_one_sided = bool(values.min() >= 0.0 or values.max() <= 0.0)
     found = []
     for form, (_, _, function) in FORMS.items():
-        if form in ("square", "size") and (values.min() >= 0.0 or values.max() <= 0.0) and form == "size":
+        if is_one_sided and form in ("sign", "signed_square", "size"):
             continue
         size = force_sd / max(_rms(function(values, scale)), 1e-300)
         code = f'effects.term("{port}", source="{name}", form="{form}", size={size:.3g}, scale={scale:.3g})'

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.machine_fit import MachineFit
-from rover_hil.gap.statistics.random_force import force_basis
+from rover_hil.gap.statistics.random_force import SAMPLES_PER_KNOT, force_basis
 from rover_hil.gap.statistics.score import Projection, Score, family_draws, family_p, one_sided_z
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, MachineModel
@@ -18,6 +19,8 @@ SIGMA_UNCERTAINTY = 0.1
 """Relative uncertainty of a declared sensor noise."""
 KNOT_COUNTS = (8, 40)
 """Knots of the random force in the longest run: slow errors, and faster ones."""
+COARSE = 3.0
+"""Step of a sensor, in its noise, from which rounding is no independent error of each sample."""
 REACHED = 1e-3
 """Least relative response of a direction that a force reaches."""
 
@@ -50,32 +53,41 @@ def _size_p(residual: Array, fitted: int) -> float:
 
 
 def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: int) -> float:
-    """Return the probability of as much misfit along the responses to slow forces, against the rest."""
+    """Return the probability of as much misfit along the responses to slow forces, against the rest.
+
+    Each channel is measured by its own misfit, so that a sensor that is better than declared makes the
+    ordinary noise of another channel no structure. Rounding to steps much larger than the noise is slow
+    itself; such channels are not tested.
+    """
     machine = problem.model
-    if not isinstance(machine, MachineModel) or not machine.ports:
+    is_coarse = any(one.quantum > COARSE * (one.sigma or 0.0) for one in problem.observations.channels)
+    if not isinstance(machine, MachineModel) or not machine.ports or is_coarse:
         return 1.0
     noise = declared_noise(problem.observations)
+    size = np.ones(residual.size)
+    for channel in np.unique(noise.channel):
+        here = noise.channel == channel
+        size[here] = max(math.sqrt(float(np.mean(residual[here] ** 2))), 1e-12)
+    assumed = (found.noise.channel_sd / noise.channel_sd)[noise.channel] / size
+    scaled = residual / size
+    fit = replace(found.fit, residual=scaled, jacobian=found.fit.jacobian * assumed[:, None])
     longest = max(site.measured[one].size for site in problem.sites for one in site.measured)
-    spacing = max((longest - 1) / knots, 1.0)
-    basis = force_basis(
-        problem, machine, found.fit.point, noise.keep, 1.0 / noise.row_sd[noise.keep], spacing=spacing
-    )
-    projection = Projection(found.fit)
+    spacing = max((longest - 1) / knots, float(SAMPLES_PER_KNOT))
+    weight = 1.0 / (noise.row_sd[noise.keep] * size)
+    basis = force_basis(problem, machine, found.fit.point, noise.keep, weight, spacing=spacing)
+    projection = Projection(fit)
     along, freedom = 0.0, 0
     for run, responses in enumerate(basis.responses):
-        here = noise.site == run
         full = np.zeros((noise.keep.size, responses.shape[1]))
-        full[here] = responses
+        full[noise.site == run] = responses
         free = np.stack([projection.apply(column) for column in full.T], axis=1)
         vectors, sizes, _ = np.linalg.svd(free, full_matrices=False)
         used = vectors[:, sizes > REACHED * max(float(sizes[0]), 1e-300)]
-        parts = used[: residual.size].T @ residual
+        parts = used[: scaled.size].T @ scaled
         along += float(parts @ parts)
         freedom += used.shape[1]
-    rest = max(float(residual @ residual) - along, 0.0)
-    left = max(residual.size - len(found.fit.free) - freedom, 1)
-    if freedom == 0:
+    remaining = scaled.size - len(found.fit.free) - freedom
+    if freedom == 0 or remaining <= 0:
         return 1.0
-    level = max(rest / left, 1e-12)
-    # A sensor that is better than declared still shows a structure.
-    return float(stats.f.sf(along / freedom / level, freedom, left))
+    level = max(float(scaled @ scaled) - along, 1e-12) / remaining
+    return float(stats.f.sf(along / freedom / level, freedom, remaining))

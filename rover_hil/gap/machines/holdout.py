@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Point, Problem, observe, run_of
-from rover_hil.gap.machines.descent import descend, descend_together
+from rover_hil.gap.machines.descent import descend, descend_together, residual_of
 from rover_hil.gap.machines.machine_fit import MachineFit, start_of_runs
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, Model, Run
@@ -73,13 +73,14 @@ def hold_out(
     residuals = []
     for one in (base, best):
         point = with_own_unknowns(problem, one.fit.point)
-        residuals.append(observations.values - problem.predict(point))
+        residuals.append(residual_of(observations, problem.predict(point)))
     noise = declared_noise(observations).row_sd
     by_run = [_by_run(problem, residual / noise) for residual in residuals]
     count = _by_run(problem, np.where(np.isfinite(observations.values), 1.0, np.nan))
     channels = {
         channel.name: _channel(problem, residuals, index, rng)
         for index, channel in enumerate(observations.channels)
+        if np.isfinite(residuals[0][observations.channel == index]).any()
     }
     excess = float(by_run[0].sum() - count.sum())
     return Holdout(

@@ -208,8 +208,7 @@ def _next_run(findings: MachineFindings) -> str:
 
 
 def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
-    found = findings.found
-    scores = [] if found is None else best_shapes(found.scores)
+    scores = best_shapes(findings.scores)
     return [
         {"name": one.direction.name, "size": POWER_Z * one.standard_error, "unit": one.direction.unit}
         for one in sorted(scores, key=one_sided_z, reverse=True)

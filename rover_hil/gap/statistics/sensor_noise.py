@@ -56,10 +56,11 @@ def declared_noise(observations: Observations, channel_sd: Array | None = None) 
 
 def noise_of_residual(observations: Observations, residual: Array) -> SensorNoise:
     """Return errors as large as a residual, and not smaller than declared."""
-    sd = [
-        max(channel.noise_sd, math.sqrt(float(np.nanmean(residual[observations.channel == index] ** 2))))
-        for index, channel in enumerate(observations.channels)
-    ]
+    sd = []
+    for index, channel in enumerate(observations.channels):
+        errors = residual[(observations.channel == index) & np.isfinite(residual)]
+        size = math.sqrt(float(np.mean(errors**2))) if errors.size else 0.0
+        sd.append(max(channel.noise_sd, size))
     return declared_noise(observations, np.array(sd))
 
 

@@ -12,14 +12,14 @@ from sim_backends.state_model.port_effect import PortEffect
 SHARP = 0.02
 """Width of a smoothed sign, as a share of the scale of its argument."""
 
-FORMS: Mapping[str, tuple[str, int, Callable[[Array, float], Array]]] = {
+FORMS: Mapping[str, tuple[str, float, Callable[[Array, float], Array]]] = {
     "constant": ("1", 0, lambda x, _: np.ones_like(x)),
     "linear": ("{x}", 1, lambda x, _: x),
     "sign": ("sign({x})", 0, lambda x, scale: np.tanh(x / (SHARP * scale))),
     "square": ("{x}^2", 2, lambda x, _: x**2),
     "signed_square": ("{x} |{x}|", 2, lambda x, _: x * np.abs(x)),
     "cube": ("{x}^3", 3, lambda x, _: x**3),
-    "root": ("sign({x}) sqrt|{x}|", 0, lambda x, scale: np.sign(x) * np.sqrt(np.abs(x))),
+    "root": ("sign({x}) sqrt|{x}|", 0.5, lambda x, scale: np.sign(x) * np.sqrt(np.abs(x))),
     "size": ("|{x}|", 1, lambda x, _: np.abs(x)),
 }
 """Form to its text, the power of the unit of its argument, and its value."""
@@ -40,7 +40,7 @@ def term(port: str, *, source: str, form: str, size: float, scale: float, name: 
 
     def build(units: Mapping[str, str]) -> EffectCard:
         unit = units[source]
-        below = "1" if order == 0 else unit if order == 1 else f"({unit})^{order}"
+        below = "1" if order == 0 else unit if order == 1 else f"({unit})^{order:g}"
         return card(
             name or f"{port} += c {text.format(x=source)}",
             f"A term {text.format(x=source)} is missing in {port}.",
