@@ -1,7 +1,7 @@
 """A machine as a right-hand side with named ports."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import TypeAlias
 
@@ -142,4 +142,16 @@ class Equations:
     def effects(self) -> tuple[EffectCard, ...]:
         """The cards of its effects."""
         units = {**self.states, **{one.name: one.unit for one in self.parameters}, **self._signal_units}
-        return tuple(effect.build(units) for effect in self.port_effects)
+        return tuple(
+            self._within_bounds(effect.build(units))
+            if effect.action is Action.RELEASE
+            else effect.build(units)
+            for effect in self.port_effects
+        )
+
+    def _within_bounds(self, card: EffectCard) -> EffectCard:
+        """Return the card of a wrong parameter whose error keeps the parameter inside its bounds."""
+        base = next(one for one in self.parameters if one.name == card.releases)
+        error = card.parameters[0]
+        inside = replace(error, lower=base.lower - base.nominal, upper=base.upper - base.nominal)
+        return replace(card, parameters=(inside, *card.parameters[1:]))

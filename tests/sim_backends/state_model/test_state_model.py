@@ -183,3 +183,14 @@ def test_an_effect_at_the_wrong_kind_of_signal_is_refused_with_the_right_one() -
         mass(effects.coulomb_friction("push", velocity="speed", size=1.0, slow=0.01))
     with pytest.raises(ConfigError, match="a delay cannot act at the port 'force': attach it to an input"):
         mass(effects.delay("force", size=0.1, longest=1.0))
+
+
+def test_a_wrong_parameter_stays_inside_its_bounds() -> None:
+    model = mass()
+    released = model.parameters[0]
+    (card,) = replace(model, port_effects=(effects.wrong_parameter(released.name, size=1.0),)).effects
+    error = card.parameters[0]
+    assert (error.lower, error.upper) == (
+        released.lower - released.nominal,
+        released.upper - released.nominal,
+    )
