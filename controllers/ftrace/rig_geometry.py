@@ -145,5 +145,5 @@ def _require_rotation(rotation: Floats) -> None:
     error = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if error > ORTHONORMAL_TOLERANCE or np.linalg.det(rotation) < 0:
         raise ConfigError(
-            "R_vehicle_camera is no rotation: its rows must be orthonormal and its determinant +1"
+            "R_vehicle_camera is not a rotation: its rows must be orthonormal and its determinant +1"
         )

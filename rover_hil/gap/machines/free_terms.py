@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Point, Problem
+from rover_hil.datasets.arrays import rms
+from rover_hil.gap.data.problem import Point, Problem, split_point
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
 from rover_hil.gap.machines.search import MachineSearch, best_shapes
 from rover_hil.gap.statistics.score import Score, one_sided_z
@@ -18,7 +19,7 @@ from sim_backends.state_model.port_effect import PortEffect
 MOST_FITTED = 5
 """Terms that are fitted, the best to first order."""
 THRESHOLD = 0.6
-"""Place of a threshold, as a share of the range of its source."""
+"""Place of a threshold, as a share of the largest and of the smallest value of its source."""
 STILL = 1e-9
 
 
@@ -61,12 +62,7 @@ def free_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[Fr
         problem: Its runs.
         at: Fit whose trajectories give the usual size of each source.
     """
-    parameters = {name: value for (effect, name), value in at.fit.point.items() if not effect}
-    effects: dict[str, dict[str, float]] = {}
-    for (effect, name), value in at.fit.point.items():
-        if effect:
-            effects.setdefault(effect, {})[name] = value
-    series = machine.trajectories(problem.sites, parameters, effects)
+    series = machine.trajectories(problem.sites, *split_point(at.fit.point))
     sources = {
         name: np.concatenate([one[name] for one in series]) for name in (*machine.states, *machine.inputs)
     }
@@ -76,30 +72,28 @@ def free_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[Fr
         for name, values in sources.items():
             found += _of_source(port.name, port.force_sd, name, values)
         for one, other in itertools.combinations(sources, 2):
-            size = port.force_sd / max(_rms(sources[one] * sources[other]), 1e-300)
+            size = port.force_sd / max(rms(sources[one] * sources[other]), 1e-300)
             found.append(
                 FreeTerm(
                     effect=product(port.name, sources=(one, other), size=size),
                     code=f'effects.product("{port.name}", sources=("{one}", "{other}"), size={size:.3g})',
                 )
             )
-    constants = {f"{port.name} += c 1" for port in machine.ports}
     unique: dict[str, FreeTerm] = {}
     for candidate in found:
-        unit_free = candidate.effect.build(_units(machine)).name
-        if unit_free not in unique or unit_free not in constants:
-            unique[unit_free] = candidate
+        # Every source has the same constant.
+        unique.setdefault(strength_of(machine, candidate)[0], candidate)
     return list(unique.values())
 
 
 def _of_source(port: str, force_sd: float, name: str, values: Array) -> list[FreeTerm]:
-    scale = _rms(values)
+    scale = rms(values)
     is_one_sided = bool(values.min() >= 0.0 or values.max() <= 0.0)
     found = []
     for form, (_, _, function) in FORMS.items():
         if is_one_sided and form in ("sign", "signed_square", "size"):
             continue
-        size = force_sd / max(_rms(function(values, scale)), 1e-300)
+        size = force_sd / max(rms(function(values, scale)), 1e-300)
         code = f'effects.term("{port}", source="{name}", form="{form}", size={size:.3g}, scale={scale:.3g})'
         found.append(FreeTerm(effect=term(port, source=name, form=form, size=size, scale=scale), code=code))
     for place in (THRESHOLD * float(values.max()), THRESHOLD * float(values.min())):
@@ -122,13 +116,13 @@ def search_terms(
         at: Where the terms are ranked.
     """
     known = {card.name for card in machine.effects}
-    terms = [one for one in terms if one.effect.build(_units(machine)).name not in known]
+    terms = [one for one in terms if strength_of(machine, one)[0] not in known]
     effects = [*machine.port_effects, *(one.effect for one in terms)]
     wider = machine.with_effects(effects)
     own = Problem(wider, problem.observations)
     cards = {card.name: card for card in wider.effects}
     kept = [cards[name] for name in at.names]
-    names = [one.effect.build(_units(machine)).name for one in terms]
+    names = [strength_of(machine, one)[0] for one in terms]
     fits = MachineFits(own, [*kept, *(cards[name] for name in names)])
     search = MachineSearch(fits, lambda _: None)
     ranked = sorted(best_shapes(search.scores(at)), key=one_sided_z, reverse=True)[:MOST_FITTED]
@@ -168,7 +162,3 @@ def _moves(values: Array) -> bool:
     return bool(
         np.isfinite(values).all() and np.ptp(values) > STILL * max(float(np.abs(values).max()), 1e-300)
     )
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -13,7 +13,6 @@ from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, Model, Run
 
 RESAMPLES = 1000
-HARM = 1.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +25,6 @@ class HoldoutChannel:
         floor: Noise of the sensor.
         closure: Share of the error energy above the floor that is closed; None where there is none.
         ci95: Its interval over locked runs; None where there are too few.
-        is_worse: The error grew by more than 2 %.
     """
 
     before: float
@@ -34,7 +32,6 @@ class HoldoutChannel:
     floor: float
     closure: float | None
     ci95: tuple[float, float] | None
-    is_worse: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,5 +140,4 @@ def _channel(
         floor=floor,
         closure=closure,
         ci95=interval,
-        is_worse=bool(after > HARM**2 * max(before, floor**2)),
     )

@@ -66,19 +66,15 @@ class Found:
     """Result of a search.
 
     Attributes:
-        base: The fit without effects.
-        best: The chosen explanation; the base where there is none.
+        best: The chosen explanation; the fit without effects where there is none.
         evidence: Of each effect of the best.
         alternatives: Other explanations that the runs do not distinguish from it.
-        scores: First-order score of every effect at the base fit.
         objections: Effects that were fitted and not accepted, and why.
     """
 
-    base: MachineFit
     best: MachineFit
     evidence: tuple[Evidence, ...]
     alternatives: tuple[MachineFit, ...]
-    scores: tuple[Score, ...]
     objections: Mapping[str, str]
 
 
@@ -108,11 +104,9 @@ class MachineSearch:
                 break
             best = better
         return Found(
-            base=base,
             best=best,
             evidence=tuple(self.evidence(best)),
             alternatives=tuple(self._alternatives(base, best)),
-            scores=tuple(self.scores(base)),
             objections=self._objections,
         )
 
@@ -153,7 +147,7 @@ class MachineSearch:
         accepted = [
             one
             for one in sorted(better, key=lambda one: one.merit)
-            if len(one.names) > len(best.names) or self._is_clearly_better(one, best)
+            if len(one.names) > len(best.names) or not is_equal(one, best)
         ]
         return next((one for one in accepted if self._is_accepted(one)), None)
 
@@ -219,9 +213,6 @@ class MachineSearch:
         else:
             objection = _at_bound(found, card)
         return Evidence(name=name, z=z, share=share, agreeing=agreeing, objection=objection)
-
-    def _is_clearly_better(self, one: MachineFit, other: MachineFit) -> bool:
-        return not is_equal(one, other)
 
     def _alternatives(self, base: MachineFit, best: MachineFit) -> list[MachineFit]:
         """Return the explanations of the same size that left-out runs do not find worse than the best."""

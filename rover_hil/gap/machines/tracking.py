@@ -7,7 +7,7 @@ force has to do is nearly linear in the missing effects. This is weak-constraint
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -141,7 +141,7 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
     shift, noise = np.zeros(len(free)), None
     for _ in range(2):
         without = np.where(np.isfinite(observations.values), residual - columns @ shift, np.nan)
-        noise = random_force_noise(here, machine, point, without, basis)
+        noise = random_force_noise(here.observations, without, basis)
         jacobian, errors = noise.whiten(columns), noise.whiten(residual)
         normal = jacobian.T @ jacobian + np.eye(len(free))
         shift = np.linalg.solve(normal, jacobian.T @ errors - pull)
@@ -209,6 +209,6 @@ def _objective(
     if not np.isfinite(scaled).all():
         return float("inf")
     sizes = tuple((max(size, 1e-6), length) for size, length in noise.sizes)
-    precision = np.linalg.inv(prior_covariance(replace(basis), sizes) + 1e-12 * np.eye(forces[0].size))
+    precision = np.linalg.inv(prior_covariance(basis, sizes) + 1e-12 * np.eye(forces[0].size))
     pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
     return float(scaled @ scaled + pull @ pull + sum(force @ precision @ force for force in forces))

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.error_budget import ChannelError
 from rover_hil.gap.machines.gap_tests import GAP_ALPHA
@@ -22,7 +23,7 @@ SEPARATED = 4.0
 """Distance of two explanations, in standard deviations, that decides between them."""
 MOST_REPEATS = 20
 POWER_Z = 4.0
-"""Score that a search finds with 90 % probability."""
+"""Score of an effect by the noise of the samples that counts as detectable; a convention, not calibrated."""
 
 
 def decide_machine(findings: MachineFindings) -> Verdict:
@@ -104,7 +105,7 @@ def _reservations(findings: MachineFindings) -> list[str]:
         reasons.append(f"a model error remains, {rest.sentence()}")
     released = {card.releases for card in findings.machine.effects if card.name in findings.best.names}
     for item, pull in zip(findings.best.fit.free, findings.best.fit.pull, strict=True):
-        is_base = not item.key[0] and "@" not in item.key[1]
+        is_base = not item.key[0] and not run_of(item.key)
         if is_base and abs(pull) > FAR_SD and item.key[1] not in released:
             reasons.append(f"{item.key[1]} is {abs(pull):.1f} prior deviations from its nominal value")
     reasons += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
@@ -174,7 +175,7 @@ def _rejected(findings: MachineFindings) -> list[dict[str, str]]:
         return [{"name": card.name, "why": "there is no gap to explain"} for card in findings.machine.effects]
     kept |= {name for one in findings.found.alternatives for name in one.names}
     objections = findings.found.objections
-    scored = {one.direction.name for one in findings.found.scores}
+    scored = {one.direction.name for one in findings.scores}
     return [
         {"name": card.name, "why": objections.get(card.name, _unscored(card.name, scored))}
         for card in findings.machine.effects

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Indices, Point, Problem, split_point
+from rover_hil.gap.data.problem import Indices, Observations, Point, Problem, split_point
 from rover_hil.gap.statistics.sensor_noise import blocks
 from sim_backends.models.interface import Array, MachineModel, Run
 
@@ -58,9 +58,7 @@ class RandomForceNoise:
     """Errors of a machine's runs; a `Noise`.
 
     Attributes:
-        problem: Model and observations.
-        point: Where the responses were linearised.
-        basis: The responses.
+        basis: Responses, linearised at a fitted point.
         sizes: Size of the force at each port, in natural sizes, and correlation in distances of knots.
         excess: Factor on the declared noise of the sensors, at least 1.
         keep: Rows with a measured value.
@@ -69,8 +67,6 @@ class RandomForceNoise:
         shrink: By run: share of each direction that whitening removes.
     """
 
-    problem: Problem
-    point: Point
     basis: ForceBasis
     sizes: tuple[tuple[float, float], ...]
     excess: float
@@ -116,25 +112,18 @@ class RandomForceNoise:
         return found
 
 
-def random_force_noise(
-    problem: Problem, machine: MachineModel, point: Point, residual: Array, basis: ForceBasis | None = None
-) -> RandomForceNoise:
-    """Estimate the errors of a machine's runs.
+def random_force_noise(observations: Observations, residual: Array, basis: ForceBasis) -> RandomForceNoise:
+    """Return the errors of a machine's runs, with the likeliest size of the force at each port.
 
     Args:
-        problem: Model and observations; every channel has a declared noise.
-        machine: The same model.
-        point: Where to linearise.
+        observations: The observations; every channel has a declared noise.
         residual: Measured minus predicted; NaN where missing.
-        basis: Responses at this point, where they are known.
+        basis: Responses of the rows with a value.
     """
-    observations = problem.observations
     keep = np.flatnonzero(np.isfinite(residual)).astype(np.intp)
     scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
-    basis = basis or force_basis(problem, machine, point, keep, scale)
-    errors = [(residual[keep] * scale)[observations.site[keep] == run] for run in range(len(problem.sites))]
-    likelihood = _Likelihood(basis, errors)
-    return _noise(problem, point, basis, likelihood.best(), keep, scale)
+    errors = [(residual[keep] * scale)[observations.site[keep] == run] for run in range(len(basis.responses))]
+    return _noise(observations, basis, _Likelihood(basis, errors).best(), keep, scale)
 
 
 def force_basis(
@@ -232,15 +221,13 @@ class _Likelihood:
 
 
 def _noise(
-    problem: Problem,
-    point: Point,
+    observations: Observations,
     basis: ForceBasis,
     found: tuple[tuple[tuple[float, float], ...], float],
     keep: Indices,
     scale: Array,
 ) -> RandomForceNoise:
     sizes, excess = found
-    observations = problem.observations
     root = np.linalg.cholesky(prior_covariance(basis, sizes) + 1e-12 * np.eye(basis.knots * len(basis.ports)))
     row_sd = np.array([one.noise_sd for one in observations.channels])[observations.channel] * excess
     directions, shrink = [], []
@@ -253,8 +240,6 @@ def _noise(
         rows = keep[observations.site[keep] == run]
         row_sd[rows] *= np.sqrt(1.0 + (shaped**2).sum(axis=1))
     return RandomForceNoise(
-        problem=problem,
-        point=point,
         basis=basis,
         sizes=sizes,
         excess=excess,

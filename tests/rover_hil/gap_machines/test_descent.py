@@ -33,6 +33,7 @@ def test_a_machine_that_runs_away_spoils_no_other_fit() -> None:
         port_effects=(growing, effects.offset("level", size=0.1)),
     )
     problem = Problem(model, observe(model, runs))
-    found = MachineSearch(MachineFits(problem, model.effects), lambda _: None).run()
+    fits = MachineFits(problem, model.effects)
+    found = MachineSearch(fits, lambda _: None).run()
     assert found.best.names == ()
-    assert np.isfinite(found.base.left_out.squares).all()
+    assert np.isfinite(fits.base().left_out.squares).all()
