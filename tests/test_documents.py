@@ -45,6 +45,26 @@ def test_every_document_that_the_code_names_exists() -> None:
     assert sorted(name for name in names if not (ROOT / name).is_file()) == []
 
 
+def test_every_benchmark_that_is_named_can_be_run() -> None:
+    files = [path for path in ROOT.rglob("*.*") if path.suffix in (".md", ".py", ".toml")]
+    files = [
+        path for path in files if path.relative_to(ROOT).parts[0] in (*CODE, "docs") or path in DOCUMENTS
+    ]
+    names = {
+        name
+        for path in files
+        for name in re.findall(r"python -m benchmarks\.([\w.]*\w)", path.read_text("utf-8"))
+    }
+    assert len(names) > 30
+    modules = {name: ROOT / "benchmarks" / name.replace(".", "/") for name in names}
+    missing = [
+        name
+        for name, path in modules.items()
+        if not (path.with_suffix(".py").is_file() or (path / "__main__.py").is_file())
+    ]
+    assert sorted(missing) == []
+
+
 def test_every_page_is_of_one_kind() -> None:
     assert {path.parent.name for path in DOCS.rglob("*.md")} <= {*KINDS, "docs"}
 

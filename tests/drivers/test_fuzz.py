@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from benchmarks.fuzz_parsers import BLOCK, PARSERS, Report, fuzz, held_bytes
+from benchmarks.program.fuzz_parsers import BLOCK, PARSERS, Report, fuzz, held_bytes
 from drivers.driver import Rejection
 from drivers.link import Received
 from drivers.samples import RateSample, Sample

@@ -8,11 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import field_drives
-from benchmarks.field_crab import crab_drive, distances
-from benchmarks.field_drives import SIDEWAYS, FieldDrive, Rover, compass_error_deg, draw_rover, field_drive
-from benchmarks.field_pictures import draw_test
-from benchmarks.field_tests import ODOMETRIES, path_of, score, see, trace_quality, with_traces
+from benchmarks.four_wheels import field_drives
+from benchmarks.four_wheels.field_crab import crab_drive, distances
+from benchmarks.four_wheels.field_drives import (
+    SIDEWAYS,
+    FieldDrive,
+    Rover,
+    compass_error_deg,
+    draw_rover,
+    field_drive,
+)
+from benchmarks.four_wheels.field_pictures import draw_test
+from benchmarks.four_wheels.field_tests import ODOMETRIES, path_of, score, see, trace_quality, with_traces
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.scomp.columns import drive_of
 from sim_backends.plants.el_dorado.plant import table_of

@@ -1,4 +1,4 @@
-"""A handful of the battery of `benchmarks/gap_battery_side_slope.py`: hidden effects on a side slope."""
+"""A handful of the battery of `benchmarks/gap/battery_side_slope.py`: hidden effects on a side slope."""
 
 from pathlib import Path
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.gap_models import MODELS, card_lines
+from benchmarks.gap.models import MODELS, card_lines
 
 PAGE = Path(__file__).parents[2] / "docs/reference/gap_models.md"
 
@@ -13,4 +13,4 @@ PAGE = Path(__file__).parents[2] / "docs/reference/gap_models.md"
 def test_the_page_has_the_tables_of_the_cards(name: str) -> None:
     lines = set(PAGE.read_text().splitlines())
     missing = [line for line in card_lines(name) if line not in lines]
-    assert not missing, "print them again: python -m benchmarks.gap_models cards"
+    assert not missing, "print them again: python -m benchmarks.gap.models cards"

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.robotino_cells import measured_cells, simulated
+from benchmarks.robotino.cells import measured_cells, simulated
 from sim_backends.plants.robotino.dynamics import _contact_coefficients
 from sim_backends.plants.robotino.site import Site
 from sim_backends.plants.robotino.surfaces import shipped_surfaces

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.adaptive_wheel import AdaptiveWheel
+from benchmarks.terrain.adaptive_wheel import AdaptiveWheel
 from drivers.errors import ModelError
 from sim_backends.terramechanics.slope.load_transfer import demand
 from sim_backends.terramechanics.slope.rover import Conditions, Effects, SlopeRover, paper_rover

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import pytest
 
-from benchmarks.adaptive_wheel import AdaptiveWheel
+from benchmarks.terrain.adaptive_wheel import AdaptiveWheel
 from drivers.errors import ModelError
 from sim_backends.terramechanics.slope.rover import Conditions, paper_rover
 from sim_backends.terramechanics.slope.steady_state import solve_steady_state

@@ -1,5 +1,5 @@
 """The estimators on rendered drives with exact truth. How good they are in general is measured in
-`benchmarks/ftrace.py`; here is tested that each rule works at all."""
+`benchmarks/ftrace/rendered_drives.py`; here is tested that each rule works at all."""
 
 from collections.abc import Callable
 from functools import cache

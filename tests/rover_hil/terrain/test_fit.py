@@ -141,7 +141,7 @@ def test_the_shipped_soil_predicts_the_smooth_wheel_better_than_published_models
     sinkage, forces = any_angle_at_load(WHEEL, load_any_angle_soil("cmu_sand"), cells.motion, cells.load_n)
     drawbar = np.sqrt(np.mean((forces.drawbar_n - cells.drawbar_n) ** 2))
     side = np.sqrt(np.mean((forces.side_n - cells.side_n) ** 2))
-    # Pavlov and Johnson's: 6.2 and 5.0 N at their best on the held-out half (benchmarks.cmu_wheel).
+    # Pavlov and Johnson's: 6.2 and 5.0 N at their best on the held-out half (benchmarks.terrain.cmu_wheel).
     assert drawbar < 3.5
     assert side < 4.0
     assert np.sqrt(np.mean((sinkage - cells.sinkage_m) ** 2)) < 0.006

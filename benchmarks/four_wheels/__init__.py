@@ -1,0 +1,1 @@
+"""The rover with four wheels: the field tests of the sComp paper, and its loop with the camera."""

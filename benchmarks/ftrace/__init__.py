@@ -1,0 +1,1 @@
+"""FTrace and its peers on rendered drives, and the scene that renders them."""

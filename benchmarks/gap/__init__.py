@@ -1,0 +1,1 @@
+"""The battery of hidden effects, and what the models of `rover-hil gap` find in measured data."""

@@ -1,0 +1,249 @@
+"""Feed device parsers random and mutated input; they must stay quick, small and silent.
+
+`python -m benchmarks.program.fuzz_parsers --inputs 1000000` prints JSON; exit code 1 when a parser failed.
+"""
+
+import argparse
+import dataclasses
+import json
+import math
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from time import thread_time_ns
+
+import numpy as np
+
+from drivers.clock import NANOSECONDS_PER_SECOND, stopwatch_ns
+from drivers.driver import Codec, Rejection
+from drivers.link import Received
+from drivers.samples import Sample
+
+BLOCK = 4096
+FLOOD_BYTES = 65_536
+LONGEST_NOISE = 64
+SLOWEST_ALLOWED_S = 1.0
+HELD_ALLOWED_BYTES = 4096
+GROWTH_ALLOWED_MB = 16.0
+
+MakeTarget = Callable[[], tuple[Codec[bytes], tuple[bytes, ...]]]
+
+
+@dataclasses.dataclass(kw_only=True)
+class Report:
+    """What happened to one parser; `failures` is empty when all is well."""
+
+    inputs: int = 0
+    inputs_per_s: float = 0.0
+    accepted: int = 0
+    rejected: Counter[str] = dataclasses.field(default_factory=Counter)
+    slowest_input_ms: float = 0.0
+    most_held_bytes: int = 0
+    rss_growth_mb: float = 0.0
+    failures: list[str] = dataclasses.field(default_factory=list)
+
+
+def nmea_compass() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.nmea_compass.codec import NmeaCompassCodec, encode_sentence
+
+    bodies = (
+        "HCHDG,98.3,0.0,E,12.6,W",
+        "HCHDM,238.4,M,",
+        "HEHDT,274.07,T",
+        "GNTHS,244.28,A",
+        "TIROT,-12.5,A",
+        "PASHR,130533.620,0.311,T,-80.467,-1.395,,0.066,0.067,0.215,2,3",
+        "IIXDR,C,,C,AIRTEMP,A,-1.0,D,HEEL,A,2.9,D,TRIM,P,,B,BARO,A,-3.9,D,RUDDER",
+        "GPGGA,094736,5251.0094,N,00518.8172,E,1,12,0.60,-4,M,46.8,M,,",
+    )
+    # Without checksums, or hardly a mutated sentence would get past them to the fields.
+    lines = [line for body in bodies for line in (encode_sentence(body), f"${body}\r\n".encode("ascii"))]
+    return NmeaCompassCodec("fuzz", require_checksum=False), tuple(lines)
+
+
+def witmotion() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.witmotion.codec import WitMotionCodec, encode_frame
+
+    frames = tuple(encode_frame(kind, 0x55, -0x5355, 17895) for kind in (0x50, 0x51, 0x52, 0x53, 0x54, 0x59))
+    return WitMotionCodec("fuzz"), frames
+
+
+def robotino_board() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.robotino_board.codec import BoardReply, RobotinoBoardCodec, build_reply
+    from drivers.robotino_board.settings import RobotinoBoardSettings
+
+    replies = [
+        BoardReply(
+            ticks=(index * 40, -index * 30, index),
+            speed_steps=(12, -9, 0),
+            current_raw=(60, 1023, 0),
+            battery_raw=880,
+            system_current_raw=100,
+            bumper_pressed=index % 2 == 1,
+            time_ms=index * 20,
+            board="EA09" if index == 7 else "EA05",
+            motor_fault=index == 5,
+        )
+        for index in range(8)
+    ]
+    settings = RobotinoBoardSettings(type="robotino_board", port="fuzz")
+    return RobotinoBoardCodec("fuzz", settings), tuple(map(build_reply, replies))
+
+
+def can_wheels(mapping: str) -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.can_frame import CanFrame, pack_can_frame
+    from drivers.can_wheels.codec import CanWheelsCodec
+    from drivers.can_wheels.mapping_file import load_mapping
+    from drivers.can_wheels.messages import MessageWriter
+
+    bus = load_mapping(mapping)
+    frames = [
+        pack_can_frame(CanFrame(0x7FF, b"", is_remote=True)),
+        pack_can_frame(CanFrame(0x40, bytes(8), is_error=True)),
+    ]
+    for message in bus.database.messages:
+        frames += [
+            pack_can_frame(CanFrame(message.frame_id, data, message.is_extended_frame))
+            for data in (bytes(8), b"\xff" * 8, b"\x00\x00\x80\x7f" * 2)  # zero, NaN and infinity in float32
+        ]
+        if message.signals and not message.is_multiplexed():
+            writer = MessageWriter(message, bus.protection(message.name))
+            frames += [writer.write({}) for _ in range(4)]  # with a counter that runs on
+    return CanWheelsCodec("fuzz", bus), tuple(frames)
+
+
+PARSERS: dict[str, MakeTarget] = {
+    "nmea_compass": nmea_compass,
+    "witmotion": witmotion,
+    "robotino_board": robotino_board,
+    "can_wheels": partial(can_wheels, "generic_wheel"),
+    "can_wheels_float": partial(can_wheels, "odrive_0_6"),
+}
+
+
+def mutated_inputs(seeds: Sequence[bytes], rng: np.random.Generator) -> Iterator[bytes]:
+    """Yield inputs without end: valid, random, with flipped bits, cut, with doubled parts, spliced.
+
+    One in each block is a flood of 64 KiB. Numbers are drawn a block at a time, so that an input costs a
+    microsecond.
+    """
+    while True:
+        noise = rng.bytes(BLOCK + FLOOD_BYTES)
+        yield noise[:FLOOD_BYTES] if rng.random() < 0.5 else (noise[:97] + seeds[0]) * (FLOOD_BYTES // 128)
+        kinds = rng.integers(0, 6, BLOCK).tolist()
+        picks = rng.integers(0, len(seeds), (BLOCK, 2)).tolist()
+        places = rng.random((BLOCK, 3)).tolist()
+        for kind, (first, second), (start, end, where) in zip(kinds, picks, places, strict=True):
+            seed, other = seeds[first], seeds[second]
+            left, right = int(start * len(seed)), int(end * len(other))
+            if kind == 0:
+                yield seed
+            elif kind == 1:
+                offset = int(where * BLOCK)
+                yield noise[offset : offset + int(end * LONGEST_NOISE)]
+            elif kind == 2:
+                flipped = bytearray(seed)
+                flipped[left] ^= 1 << int(where * 8)
+                flipped[int(end * len(seed))] ^= 1 << int(where * 64) % 8
+                yield bytes(flipped)
+            elif kind == 3:
+                yield seed[:left]
+            elif kind == 4:
+                yield seed + seed[left:]
+            elif len(seed) == len(other) and where < 0.5:
+                yield seed[:left] + other[left:]
+            else:
+                yield seed[:left] + other[right:]
+
+
+def fuzz(codec: Codec[bytes], seeds: Sequence[bytes], inputs: int, rng: np.random.Generator) -> Report:
+    """Feed `inputs` inputs to a parser and report; stops at the first exception."""
+    report = Report()
+    slowest_ns = 0
+    rss_before_mb = 0.0
+    started_ns = stopwatch_ns()
+    for payload in mutated_inputs(seeds, rng):
+        if report.inputs == inputs:
+            break
+        before_ns = thread_time_ns()  # of this parser alone, however busy the machine is
+        try:
+            results = codec.decode(Received(20_000_000 * report.inputs, payload))
+        except Exception as error:  # noqa: BLE001 - any exception at all is what is looked for
+            report.failures.append(f"{error!r} on input {report.inputs}: {payload[:200].hex()}")
+            break
+        slowest_ns = max(slowest_ns, thread_time_ns() - before_ns)
+        report.inputs += 1
+        _note_results(report, results)
+        if report.inputs % BLOCK == 0 or report.inputs == inputs:
+            report.most_held_bytes = max(report.most_held_bytes, held_bytes(codec))
+        if report.inputs == min(4 * BLOCK, inputs // 2):  # warm by now
+            rss_before_mb = _rss_mb()
+    report.inputs_per_s = round(report.inputs * NANOSECONDS_PER_SECOND / (stopwatch_ns() - started_ns))
+    report.slowest_input_ms = slowest_ns / 1e6
+    report.rss_growth_mb = round(_rss_mb() - rss_before_mb, 2)
+    _judge(report)
+    return report
+
+
+def held_bytes(thing: object) -> int:
+    """Return how many bytes and elements an object and the parts of its own keep in buffers."""
+    if isinstance(thing, bytes | bytearray | str):
+        return len(thing)
+    if isinstance(thing, list | dict | set):
+        return len(thing)
+    if type(thing).__module__.startswith("drivers.") and hasattr(thing, "__dict__"):
+        return sum(held_bytes(part) for part in vars(thing).values())
+    return 0
+
+
+def _note_results(report: Report, results: Sequence[Sample | Rejection]) -> None:
+    for result in results:
+        if isinstance(result, Rejection):
+            report.rejected[result.reason] += 1
+            continue
+        report.accepted += 1
+        for field in dataclasses.fields(result):
+            value = getattr(result, field.name)
+            if isinstance(value, float) and not math.isfinite(value) and len(report.failures) < 10:
+                report.failures.append(f"{field.name} is not finite in {result}")
+
+
+def _judge(report: Report) -> None:
+    if report.slowest_input_ms > 1e3 * SLOWEST_ALLOWED_S:
+        report.failures.append(f"one input took {report.slowest_input_ms:.1f} ms")
+    if report.most_held_bytes > HELD_ALLOWED_BYTES:
+        report.failures.append(f"the parser holds {report.most_held_bytes} bytes")
+    if report.rss_growth_mb > GROWTH_ALLOWED_MB:
+        report.failures.append(f"memory grew by {report.rss_growth_mb} MB")
+    if len(report.rejected) > 100:
+        report.failures.append(
+            f"{len(report.rejected)} different reasons of rejection: they cannot be counted"
+        )
+
+
+def _rss_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--inputs", type=int, default=100_000, help="inputs per parser")
+    parser.add_argument("--parser", choices=sorted(PARSERS), help="one parser; all of them when left out")
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    names = [arguments.parser] if arguments.parser else list(PARSERS)
+    reports = {}
+    for name in names:
+        codec, seeds = PARSERS[name]()
+        report = fuzz(codec, seeds, arguments.inputs, np.random.default_rng(arguments.seed))
+        reports[name] = vars(report)
+    print(json.dumps({"seed": arguments.seed, "parsers": reports}, indent=2))
+    return 1 if any(report["failures"] for report in reports.values()) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

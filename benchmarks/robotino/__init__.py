@@ -1,0 +1,1 @@
+"""The Robotino: its simulator, slip maps and motors against measured runs."""
