@@ -9,6 +9,7 @@ from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.vectornav.settings import VectorNavSettings
 from drivers.witmotion.settings import WitMotionSettings
 
 AnyDeviceSettings: TypeAlias = Annotated[
@@ -17,6 +18,7 @@ AnyDeviceSettings: TypeAlias = Annotated[
     | NmeaCompassSettings
     | OverheadCameraSettings
     | RobotinoBoardSettings
+    | VectorNavSettings
     | WitMotionSettings,
     Field(discriminator="type"),
 ]

@@ -15,12 +15,14 @@ from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
+from drivers.vectornav.settings import VectorNavSettings
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
 from sim_backends.devices.overhead_camera import make_overhead_camera
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
+from sim_backends.devices.vectornav import VectorNavEmulatorSettings, make_vectornav
 from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
@@ -32,7 +34,9 @@ from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice, World
 
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
-ByteDevice: TypeAlias = CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | WitMotionSettings
+ByteDevice: TypeAlias = (
+    CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | VectorNavSettings | WitMotionSettings
+)
 EmulatorT = TypeVar("EmulatorT", bound=Settings)
 
 
@@ -145,6 +149,9 @@ def _make_byte_device(
         case RobotinoBoardSettings():
             board = _errors_of(RobotinoBoardEmulatorSettings, name, device, simulation)
             return make_robotino_board(name, device, board, plant, rng, start_ns)
+        case VectorNavSettings():
+            vectornav = _errors_of(VectorNavEmulatorSettings, name, device, simulation)
+            return make_vectornav(name, device, vectornav, plant, rng, start_ns)
         case WitMotionSettings():
             imu = _errors_of(ImuEmulatorSettings, name, device, simulation)
             return make_imu(name, device, imu, plant, rng, start_ns)

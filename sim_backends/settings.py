@@ -8,6 +8,7 @@ from drivers.settings import Settings
 from sim_backends.devices.can_wheels import CanNodeSettings
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
+from sim_backends.devices.vectornav import VectorNavEmulatorSettings
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
@@ -24,7 +25,8 @@ EmulatorSettings: TypeAlias = Annotated[
     | CompassEmulatorSettings
     | ImuEmulatorSettings
     | OverheadCameraEmulatorSettings
-    | RobotinoBoardEmulatorSettings,
+    | RobotinoBoardEmulatorSettings
+    | VectorNavEmulatorSettings,
     Field(discriminator="type"),
 ]
 

@@ -11,7 +11,8 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import partial, reduce
+from operator import xor
 from pathlib import Path
 from time import thread_time_ns
 
@@ -115,9 +116,19 @@ def can_wheels(mapping: str) -> tuple[Codec[bytes], tuple[bytes, ...]]:
     return CanWheelsCodec("fuzz", bus), tuple(frames)
 
 
+def vectornav() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.vectornav.codec import VectorNavCodec
+
+    angles, vector = ",+100.949,-007.330,+000.715", ",-00.000018,+00.001122,-00.000551"
+    bodies = (f"VNYMR{angles}{3 * vector}", f"VNYPR{angles},S0000", f"VNGYR{vector}", "VNERR,03")
+    lines = [f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode() for body in bodies]
+    return VectorNavCodec("fuzz"), tuple(lines)
+
+
 PARSERS: dict[str, MakeTarget] = {
     "nmea_compass": nmea_compass,
     "witmotion": witmotion,
+    "vectornav": vectornav,
     "robotino_board": robotino_board,
     "can_wheels": partial(can_wheels, "generic_wheel"),
     "can_wheels_float": partial(can_wheels, "odrive_0_6"),

@@ -41,7 +41,8 @@ class WitMotionSettings(SerialDeviceSettings):
             ConfigError: The calibration file is missing or wrong.
         """
         from drivers.heading_calibration import MagnetometerCalibration, load_calibration
-        from drivers.witmotion.codec import Mounting, WitMotionCodec
+        from drivers.mounting import Mounting
+        from drivers.witmotion.codec import WitMotionCodec
 
         mounting = Mounting.from_degrees(self.mounting_yaw_deg, self.yaw_zero_deg)
         if self.calibration is None:

@@ -60,7 +60,7 @@ def _explain_rejection(reception: Reception) -> tuple[str, str]:
             f"in [devices.{name}] set baud_rate to the device's own, e.g. 4800, 9600, 38400 or 115200 "
             f"(now {settings.baud_rate}), or set port to the right one",
         )
-    advice = advice_for(reason)
+    advice = advice_for(reason, settings.type)
     return advice.cause, advice.fix.format(device=name)
 
 

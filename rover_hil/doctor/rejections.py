@@ -136,6 +136,27 @@ _ADVICE = {
     "stamp_not_moving": _STANDING_CAMERA,
     "stamp_backwards": _STANDING_CAMERA,
 }
+_ADVICE_OF_TYPE = {
+    "vectornav": {
+        "other_message": Advice(
+            Level.OK,
+            "the device sends messages, but none with rates, angles or accelerations",
+            "set the asynchronous output to YMR: send $VNWRG,06,14*59, and $VNWNV*57 to keep it",
+        ),
+        "format": Advice(
+            Level.WARNING,
+            "the messages have other fields than the manual gives",
+            "update the firmware of the sensor, or set the asynchronous output to YMR",
+        ),
+        "device_error": Advice(
+            Level.PROBLEM,
+            "the sensor reports an error: its output does not fit through the line, or it refuses a command",
+            "raise baud_rate in [devices.{device}] and in the sensor (register 5), or lower its output rate "
+            "(register 7); end other programs that send to it",
+        ),
+    },
+}
+"""Advice where a reason means something else for a type of device than in `_ADVICE`."""
 _UNKNOWN = Advice(
     Level.WARNING,
     "the device sends data that its codec rejects",
@@ -143,9 +164,10 @@ _UNKNOWN = Advice(
 )
 
 
-def advice_for(reason: str) -> Advice:
-    """Return what a reason means and what to do about it."""
-    return _ADVICE.get(reason, _UNKNOWN)
+def advice_for(reason: str, device_type: str) -> Advice:
+    """Return what a reason means for a type of device, and what to do about it."""
+    of_type = _ADVICE_OF_TYPE.get(device_type, {})
+    return of_type.get(reason) or _ADVICE.get(reason, _UNKNOWN)
 
 
 def list_reasons(reception: Reception) -> str:
@@ -160,7 +182,7 @@ def check_rejections(reception: Reception) -> list[Finding]:
         return []
     findings: list[Finding] = []
     for reason, count in sorted(reception.health.rejected.items()):
-        advice = advice_for(reason)
+        advice = advice_for(reason, reception.settings.type)
         tolerated = max(TOLERATED, TOLERATED_SHARE * accepted) if advice.level is Level.WARNING else 0
         if advice.level is not Level.OK and count > tolerated:
             what = f"{count} x '{reason}' with {accepted} good samples"

@@ -4,7 +4,6 @@ Not modelled: temperature drift, scale and cross-axis errors, vibration, magneti
 frames, coupling of tilt and turning in the x and y rates, and commands from the host, which are ignored.
 """
 
-import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,50 +11,26 @@ from pydantic import Field
 
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
-from drivers.heading_calibration import Vector
-from drivers.settings import Settings
-from drivers.units import STANDARD_GRAVITY_M_S2
-from drivers.witmotion.codec import (
-    FRAME_SIZE,
-    Mounting,
-    encode_acceleration,
-    encode_angle,
-    encode_rate,
-)
+from drivers.mounting import Mounting
+from drivers.witmotion.codec import FRAME_SIZE, encode_acceleration, encode_angle, encode_rate
 from drivers.witmotion.settings import WitMotionSettings
+from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
-from sim_backends.world.plant import Plant, Truth
-from sim_backends.world.sensor_errors import DirectionLag, standard_normals
+from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice
 
 FrameKind = Literal["acceleration", "rate", "angle"]
 
 
-class ImuEmulatorSettings(Settings):
+class ImuEmulatorSettings(InertialErrorSettings):
     """Errors of a low-cost inertial sensor.
 
     Attributes:
-        rate_hz: Sets of frames per second.
         frames: Frames in each set; always sent in the order acceleration, rate, angle.
-        gyro_bias_deg_s: Bias of each axis at the start.
-        gyro_walk_deg_s: Standard deviation of the bias' random walk after one second.
-        gyro_noise_deg_s: Standard deviation of the white noise of each rate.
-        acceleration_noise_m_s2: Standard deviation of the white noise of each acceleration.
-        angle_lag_s: Time constant of the device's own attitude filter, first order.
-        angle_noise_deg: Standard deviation of the white noise of each angle.
-        yaw_bias_deg: Constant error of the yaw, counter-clockwise.
     """
 
     type: Literal["witmotion"] = "witmotion"
-    rate_hz: Annotated[float, Field(gt=0, le=200)] = 50.0
     frames: Annotated[tuple[FrameKind, ...], Field(min_length=1)] = ("rate", "angle")
-    gyro_bias_deg_s: Annotated[float, Field(ge=-10, le=10)] = 0.15
-    gyro_walk_deg_s: Annotated[float, Field(ge=0, le=10)] = 0.003
-    gyro_noise_deg_s: Annotated[float, Field(ge=0, le=10)] = 0.08
-    acceleration_noise_m_s2: Annotated[float, Field(ge=0, le=10)] = 0.03
-    angle_lag_s: Annotated[float, Field(ge=0, le=10)] = 0.03
-    angle_noise_deg: Annotated[float, Field(ge=0, le=10)] = 0.05
-    yaw_bias_deg: Annotated[float, Field(ge=-90, le=90)] = 0.5
 
 
 class ImuEmulator:
@@ -63,101 +38,44 @@ class ImuEmulator:
 
     Args:
         settings: Errors of the sensor.
-        mounting: Orientation on the rover.
+        sensor: What it measures.
         plant: Source of the true motion.
         to_host: Line to the host.
-        rng: Source of the noise.
         start_ns: Time of power-on; the first set follows one period later.
     """
 
     def __init__(
         self,
         settings: ImuEmulatorSettings,
-        mounting: Mounting,
+        sensor: InertialSensor,
         plant: Plant,
         to_host: Line[bytes],
-        rng: np.random.Generator,
         start_ns: int,
     ) -> None:
-        self._settings = settings
-        self._to_sensor = Mounting(yaw_rad=-mounting.yaw_rad)
-        self._yaw_offset_rad = math.radians(settings.yaw_bias_deg) - mounting.yaw_zero_rad
+        self._frames = settings.frames
+        self._sensor = sensor
         self._plant = plant
         self._to_host = to_host
-        self._noise = standard_normals(rng)
-        self._period_s = 1.0 / settings.rate_hz
-        self._period_ns = nanoseconds(self._period_s)
-        self._gyro_noise_rad_s = math.radians(settings.gyro_noise_deg_s)
-        self._walk_step_rad_s = math.radians(settings.gyro_walk_deg_s) * math.sqrt(self._period_s)
-        self._angle_noise_rad = math.radians(settings.angle_noise_deg)
-        self._bias_rad_s = [math.radians(settings.gyro_bias_deg_s)] * 3
-        self._before = plant.truth()
-        self._lags = [DirectionLag(settings.angle_lag_s, self._period_s) for _ in range(3)]
-        for lag, angle_rad in zip(self._lags, _angles(self._before), strict=True):
-            lag.settle(angle_rad)
+        self._period_ns = nanoseconds(1.0 / settings.rate_hz)
         self.next_event_ns = start_ns + self._period_ns
 
     def act(self, t_ns: int) -> None:
         """Measure and start to send the frames."""
         self.next_event_ns += self._period_ns
         truth = self._plant.truth()
-        frames = self._settings.frames
+        sensor, frames = self._sensor, self._frames
         burst = b""
         if "acceleration" in frames:
-            burst += encode_acceleration(*self._acceleration(truth))
+            burst += encode_acceleration(*sensor.acceleration(truth))
         if "rate" in frames:
-            burst += encode_rate(*self._rate(truth))
+            burst += encode_rate(*sensor.rate(truth))
         if "angle" in frames:
-            burst += encode_angle(*self._angle(truth))
+            burst += encode_angle(*sensor.angle(truth))
         self._to_host.put(t_ns, burst)
-        self._before = truth
+        sensor.remember(truth)
 
     def receive(self, t_ns: int, payload: bytes) -> None:
         """Ignore the payload."""
-
-    def _acceleration(self, truth: Truth) -> Vector:
-        before = self._before
-        change_x_m_s2 = (truth.velocity_x_m_s - before.velocity_x_m_s) / self._period_s
-        change_y_m_s2 = (truth.velocity_y_m_s - before.velocity_y_m_s) / self._period_s
-        cos_pitch = math.cos(truth.pitch_rad)
-        x, y, z = self._to_sensor.vector_to_rover(
-            (
-                change_x_m_s2
-                - truth.yaw_rate_rad_s * truth.velocity_y_m_s
-                - STANDARD_GRAVITY_M_S2 * math.sin(truth.pitch_rad),
-                change_y_m_s2
-                + truth.yaw_rate_rad_s * truth.velocity_x_m_s
-                + STANDARD_GRAVITY_M_S2 * cos_pitch * math.sin(truth.roll_rad),
-                STANDARD_GRAVITY_M_S2 * cos_pitch * math.cos(truth.roll_rad),
-            )
-        )
-        scale, noise = self._settings.acceleration_noise_m_s2, self._noise
-        return x + scale * next(noise), y + scale * next(noise), z + scale * next(noise)
-
-    def _rate(self, truth: Truth) -> Vector:
-        noise, bias = self._noise, self._bias_rad_s
-        for axis in range(3):
-            bias[axis] += self._walk_step_rad_s * next(noise)
-        x, y, z = self._to_sensor.vector_to_rover(
-            (
-                (truth.roll_rad - self._before.roll_rad) / self._period_s,
-                (truth.pitch_rad - self._before.pitch_rad) / self._period_s,
-                truth.yaw_rate_rad_s,
-            )
-        )
-        scale = self._gyro_noise_rad_s
-        return (
-            x + bias[0] + scale * next(noise),
-            y + bias[1] + scale * next(noise),
-            z + bias[2] + scale * next(noise),
-        )
-
-    def _angle(self, truth: Truth) -> Vector:
-        roll, pitch, yaw = (lag.step(angle) for lag, angle in zip(self._lags, _angles(truth), strict=True))
-        roll, pitch, yaw = self._to_sensor.attitude_to_rover(roll, pitch, yaw)
-        scale, noise = self._angle_noise_rad, self._noise
-        yaw += self._yaw_offset_rad
-        return roll + scale * next(noise), pitch + scale * next(noise), yaw + scale * next(noise)
 
 
 def make_imu(
@@ -182,9 +100,6 @@ def make_imu(
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
     mounting = Mounting.from_degrees(device.mounting_yaw_deg, device.yaw_zero_deg)
-    sensor = ImuEmulator(emulator, mounting, plant, to_host, rng, start_ns)
-    return EmulatedDevice(name, sensor, to_host, to_device)
-
-
-def _angles(truth: Truth) -> Vector:
-    return truth.roll_rad, truth.pitch_rad, truth.yaw_rad
+    sensor = InertialSensor(emulator, mounting, plant, rng)
+    imu = ImuEmulator(emulator, sensor, plant, to_host, start_ns)
+    return EmulatedDevice(name, imu, to_host, to_device)

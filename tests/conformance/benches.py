@@ -74,6 +74,13 @@ CASES = (
     ),
     Case("witmotion", "el_dorado", lambda folder: {"port": str(folder / "port")}, (RateSample,), bytes(11)),
     Case(
+        "vectornav",
+        "el_dorado",
+        lambda folder: {"port": str(folder / "port")},
+        (RateSample, HeadingSample),
+        b"$VNYMR,1*00\r\n",
+    ),
+    Case(
         "camera",
         "el_dorado",
         lambda folder: {

@@ -15,6 +15,7 @@ from drivers.angles import wrap_rad
 from drivers.driver import Rejection
 from drivers.heading_calibration import MagnetometerCalibration, Vector
 from drivers.link import Received
+from drivers.mounting import Mounting
 from drivers.samples import (
     AccelerationSample,
     AttitudeSample,
@@ -30,7 +31,6 @@ from drivers.witmotion.codec import (
     FRAME_SIZE,
     MAGNETIC,
     RATE_STEP_RAD_S,
-    Mounting,
     WitMotionCodec,
     encode_acceleration,
     encode_angle,
