@@ -21,7 +21,7 @@ from rover_hil.app.options import (
     number_option,
     out_option,
 )
-from rover_hil.app.terrain_app import terrain_app
+from rover_hil.app.terrain.commands import terrain_app
 
 app = typer.Typer(
     help="Drive a slipping rover and know where it really is.",
@@ -348,7 +348,7 @@ def identify_slip(
 
     Data: the folders in `datasets` of github.com/BrOleg5/research-wheel-slippage.
     """
-    from rover_hil.app.identify_slip import identify_slip as identify
+    from rover_hil.app.identify.slip import identify_slip as identify
 
     sys.exit(identify(train, test=test or [], force=force, as_json=json, out=out))
 
@@ -372,7 +372,7 @@ def identify_probe(
     Data: your logs with a yaw excitation and an overhead camera; docs/how-to/fit_slip_maps.md gives the
     settings.
     """
-    from rover_hil.app.identify_probe import identify_probe as identify
+    from rover_hil.app.identify.probe import identify_probe as identify
 
     sys.exit(
         identify(
@@ -402,7 +402,7 @@ def identify_motor(
 
     Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
     """
-    from rover_hil.app.identify_motor import identify_motor as identify
+    from rover_hil.app.identify.motor import identify_motor as identify
 
     sys.exit(identify(logs, out=out, force=force, as_json=json))
 
@@ -429,7 +429,7 @@ def identify_scomp(
 
     Data: your recorded drive and its tracked path; docs/reference/scomp_files.md names the columns.
     """
-    from rover_hil.app.identify_scomp import identify_scomp as identify
+    from rover_hil.app.identify.scomp import identify_scomp as identify
 
     sys.exit(identify(log, truth=truth, out=out, pictures=pictures, force=force, as_json=json))
 

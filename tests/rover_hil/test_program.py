@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.rover_hil.command import Command, assert_one_sentence
-from tests.rover_hil.gap_data import cart_rows, write_cart
+from tests.rover_hil.gap.gap_data import cart_rows, write_cart
 
 INTERRUPTED_IMPORT = """
 import sys
@@ -56,14 +56,14 @@ def test_the_installed_program_is_the_one_that_takes_ctrl_c() -> None:
         ("def make(:\n", 1, "SyntaxError"),
         ("import sys\ndef make():\n    sys.exit(0)\n", 3, "SystemExit: 0"),
         (
-            "from tests.rover_hil.gap_models import Cart\nclass Model(Cart):\n"
+            "from tests.rover_hil.gap.gap_models import Cart\nclass Model(Cart):\n"
             "    def predict(self, runs, parameters, effects):\n        return {}['slip']\ndef make():\n"
             "    return Model()\n",
             4,
             "KeyError: 'slip'",
         ),
         (
-            "from tests.rover_hil.gap_models import Cart\nclass Model(Cart):\n"
+            "from tests.rover_hil.gap.gap_models import Cart\nclass Model(Cart):\n"
             "    def read_runs(self, path):\n        return 1 / 0\ndef make():\n    return Model()\n",
             4,
             "ZeroDivisionError",

@@ -10,10 +10,10 @@ import rover_hil.app.run as run_command
 from drivers.errors import ConfigError
 from rover_hil.pages.atomic_write import unfinished, write_file, write_files
 from tests.rover_hil.command import Command, assert_one_sentence
-from tests.rover_hil.gap_data import cart_rows, write_cart
-from tests.rover_hil.tuning import write_config
+from tests.rover_hil.gap.gap_data import cart_rows, write_cart
+from tests.rover_hil.tune.tuning import write_config
 
-CART = f"{Path(__file__).parent / 'gap_models.py'}:make_cart"
+CART = f"{Path(__file__).parent / 'gap' / 'gap_models.py'}:make_cart"
 CALIBRATE = (
     *("calibrate", "camera", "pictures", "--ground", "g.png", "--rover", "r.json", "--columns", "8"),
     *("--rows", "6", "--square", "0.04", "--ground-x", "-0.7", "--ground-y", "0.1", "--out", "a.json"),

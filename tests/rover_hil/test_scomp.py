@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ConfigError, LogError, ModelError
 from rover_hil.app.app import app
-from rover_hil.app.identify_scomp import identify_scomp
+from rover_hil.app.identify.scomp import identify_scomp
 from rover_hil.app.scomp import run_scomp
 from rover_hil.identify.scomp.pictures import model_pictures
 from rover_hil.pages.atomic_write import write_file

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.errors import ConfigError, LogError
 from drivers.samples import AttitudeSample, PoseFixSample, RateSample, Sample, WheelSample
-from rover_hil.app.identify_scomp import identify_scomp
+from rover_hil.app.identify.scomp import identify_scomp
 from rover_hil.config import Config, load_config
 from rover_hil.recording.writer import LogWriter
 from rover_hil.scomp.files import read_drive

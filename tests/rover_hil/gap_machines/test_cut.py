@@ -10,8 +10,8 @@ from drivers.errors import ConfigError
 from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.cut import cut_runs, without_warm_up
 from sim_backends.models.interface import Array
+from tests.rover_hil.gap.gap_models import Cart
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
-from tests.rover_hil.gap_models import Cart
 
 
 def test_a_record_is_cut_into_runs_and_a_long_remainder_is_a_run() -> None:

@@ -8,8 +8,8 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.gap.data.load import check_model
 from sim_backends.models.interface import Array, Run, Values
-from tests.rover_hil.gap_data import cart_runs
-from tests.rover_hil.gap_models import Cart
+from tests.rover_hil.gap.gap_data import cart_runs
+from tests.rover_hil.gap.gap_models import Cart
 
 RUNS = cart_runs(1)[:3]
 CHANNEL = Cart().channels[0].name

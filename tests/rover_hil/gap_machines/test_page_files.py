@@ -23,8 +23,8 @@ from rover_hil.gap.output.model_file import (
 from rover_hil.gap.output.results import RESULT_NAMES, write_results
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
+from tests.rover_hil.gap.gap_models import Cart
 from tests.rover_hil.gap_machines.page_motor import make_motor, measure_motor
-from tests.rover_hil.gap_models import Cart
 
 EQUATION = "torque += c sign(speed)"
 

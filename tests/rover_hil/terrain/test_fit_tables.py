@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import LogError
-from rover_hil.app.terrain_fit import fit
+from rover_hil.app.terrain.fit import fit
 from rover_hil.terrain.fit_tables import (
     PLATE_COLUMNS,
     WHEEL_COLUMNS,
