@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Iterator, Mapping
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar, cast
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from drivers.settings import Settings
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.devices.camera import make_camera
@@ -28,7 +27,7 @@ from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
-from sim_backends.settings import SimulationSettings
+from sim_backends.settings import EmulatorSettings, SimulationSettings
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
 from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice, World
@@ -37,7 +36,8 @@ Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
 ByteDevice: TypeAlias = (
     CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | VectorNavSettings | WitMotionSettings
 )
-EmulatorT = TypeVar("EmulatorT", bound=Settings)
+EmulatorT = TypeVar("EmulatorT", bound=EmulatorSettings)
+"""A device whose settings are missing in `EmulatorSettings` is an error of types at its `_errors_of`."""
 
 
 def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int) -> World:
@@ -161,7 +161,7 @@ def _errors_of(
     kind: type[EmulatorT], name: str, device: AnyDeviceSettings, simulation: SimulationSettings
 ) -> EmulatorT:
     """Return the errors of a device, the default ones when the configuration has none."""
-    return kind.model_validate(simulation.devices.get(name) or {"type": device.type})
+    return cast("EmulatorT", kind.model_validate(simulation.devices.get(name) or {"type": device.type}))
 
 
 def _generator(seed: int, name: str) -> np.random.Generator:

@@ -7,6 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from pydantic import ValidationError
 
+from controllers.settings import ControlSettings
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config, describe_validation_error
 from rover_hil.recording.reader import LogReader
@@ -62,19 +63,12 @@ def restore_config(log: LogReader) -> Iterator[Config]:
 
 
 def with_controller_of(logged: Config, other: Config) -> Config:
-    """Return the configuration of a log with rover, filter, limits, safety and slips of another one.
+    """Return the configuration of a log with every section of `ControlSettings` of another one.
 
     Devices and their roles stay: the log holds the data of these very devices. The mission changes only
     where the log has one.
     """
-    update: dict[str, object] = {
-        "rover": other.rover,
-        "filter": other.filter,
-        "limits": other.limits,
-        "safety": other.safety,
-        "slip": other.slip,
-        "scomp": other.scomp,
-    }
-    if logged.mission is not None and other.mission is not None:
-        update["mission"] = other.mission
-    return logged.model_copy(update=update)
+    sections = set(ControlSettings.model_fields)
+    if logged.mission is None or other.mission is None:
+        sections.remove("mission")
+    return logged.model_copy(update={name: getattr(other, name) for name in sections})
