@@ -57,7 +57,7 @@ class Verdict:
         default_factory=lambda: {"retuned": None, "placebo": None, "rival": None}
     )
     missing: Sequence[Mapping[str, str | int]] = ()
-    error_budget: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
+    error_budget: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
     draft: Sequence[Mapping[str, float | str]] = ()
     weightings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     warnings: Sequence[str] = ()

@@ -15,6 +15,8 @@ Values: TypeAlias = Mapping[str, float]
 
 RUN_SEPARATOR = "@"
 """Between the name of a parameter and that of its run."""
+DEVIATION = "~"
+"""After the name of a parameter: the deviation of single runs or units from its value for all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +31,10 @@ class Parameter:
         lower: Least possible value.
         upper: Greatest possible value.
         meaning: One sentence.
+        scatter_sd: Machines: standard deviation between runs, or between the units under test. Each then has
+            a deviation of its own from the value for all; 0 where all runs have one value. Of an effect only
+            the strength may scatter.
+        scatter_by: Condition that tells which unit was under test; empty where every run deviates by itself.
     """
 
     name: str
@@ -38,6 +44,12 @@ class Parameter:
     lower: float
     upper: float
     meaning: str = ""
+    scatter_sd: float = 0.0
+    scatter_by: str = ""
+
+    def owner_in(self, run: "Run") -> str:
+        """Return whose deviation acts in a run: the name of the run, or `CONDITION=VALUE` of the unit."""
+        return f"{self.scatter_by}={run.conditions[self.scatter_by]:g}" if self.scatter_by else run.name
 
 
 def parameter(

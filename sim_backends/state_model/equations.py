@@ -88,6 +88,25 @@ class Equations:
                     )
             self._require_port(effect)
         self._require_different("effects", [card.name for card in self.effects])
+        self._require_scatter()
+
+    def _require_scatter(self) -> None:
+        """Raise ConfigError where a parameter cannot scatter as it declares."""
+        strengths = [card.parameters[0] for card in self.effects]
+        for one in (*self.parameters, *strengths):
+            if one.scatter_by and one.scatter_by not in self.condition_units:
+                raise ConfigError(
+                    f"model {self.name}: {one.name} scatters by '{one.scatter_by}', not a condition: "
+                    f"there are {', '.join(self.condition_units) or 'none'}"
+                )
+        for effect, card in zip(self.port_effects, self.effects, strict=True):
+            if any(one.scatter_sd for one in card.parameters[1:]):
+                raise ConfigError(f"model {self.name}: of effect {card.name} only the strength may scatter")
+            if card.parameters[0].scatter_sd and effect.action is not Action.CHANGE:
+                raise ConfigError(
+                    f"model {self.name}: {card.name} cannot scatter: a {effect.action.value} has one size in "
+                    "all runs"
+                )
 
     def _require_port(self, effect: PortEffect) -> None:
         """Raise ConfigError where an effect cannot act at the kind of signal that it is attached to."""

@@ -7,7 +7,15 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import RUN_SEPARATOR, Array, Parameter, Run, RunParameter, Values
+from sim_backends.models.interface import (
+    DEVIATION,
+    RUN_SEPARATOR,
+    Array,
+    Parameter,
+    Run,
+    RunParameter,
+    Values,
+)
 from sim_backends.state_model.equations import Equations
 from sim_backends.state_model.held_input import delayed, lagged, lagged_samples, mean_over_steps, played
 from sim_backends.state_model.port_effect import Action, Change, PortEffect
@@ -104,6 +112,9 @@ class Simulation:
             }
             strength = card.parameters[0]
             if np.any(values[strength.name] != strength.nominal):
+                values[strength.name] = self._with_deviations(
+                    values[strength.name], strength, f"{card.name}."
+                )
                 ordered = {f"v{index}": values[one.name] for index, one in enumerate(card.parameters)}
                 numbers, memory = SimpleNamespace(**values, **ordered), self._new_memory(effect)
                 for port, change in {effect.port: effect.change, **effect.elsewhere}.items():
@@ -125,7 +136,10 @@ class Simulation:
 
     def _parameter_values(self) -> dict[str, Array]:
         tables = [point.parameters for point in self._points]
-        values = {item.name: self._column(tables, item) for item in self._model.parameters}
+        values = {
+            item.name: self._with_deviations(self._column(tables, item), item)
+            for item in self._model.parameters
+        }
         for name, active in self._active.items():
             for one in active:
                 if one.effect.action is Action.RELEASE:
@@ -135,6 +149,18 @@ class Simulation:
         for name in self._model.condition_units:
             values[name] = np.array([[run.conditions[name] for run in self._runs]])
         return values
+
+    def _with_deviations(self, values: Array, parameter: Parameter, owner: str = "") -> Array:
+        """Return a parameter at each point and, where runs deviate from it, in each run."""
+        keys = [
+            f"{owner}{parameter.name}{DEVIATION}{RUN_SEPARATOR}{parameter.owner_in(run)}"
+            for run in self._runs
+        ]
+        if not any(key in point.parameters for point in self._points for key in keys):
+            return values
+        moved = np.array([[point.parameters.get(key, 0.0) for key in keys] for point in self._points])
+        inside: Array = np.clip(values + moved, parameter.lower, parameter.upper)
+        return inside
 
     def _run_parameter(self, parameter: RunParameter) -> Array:
         values = np.empty(self._shape)

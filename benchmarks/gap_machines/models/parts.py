@@ -1,6 +1,5 @@
 """Parts that the models have in common."""
 
-import math
 from types import SimpleNamespace
 
 from rover_hil.gap import Array, Channel, Parameter, Run, RunParameter
@@ -13,7 +12,8 @@ def constant(name: str, unit: str, nominal: float, spread: float, scatter: float
         name=name,
         unit=unit,
         nominal=nominal,
-        prior_sd=nominal * math.hypot(spread, scatter),
+        prior_sd=nominal * spread,
+        scatter_sd=nominal * scatter,
         lower=0.1 * nominal,
         upper=10.0 * nominal,
     )

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backends.models.interface import (
+    DEVIATION,
     RUN_SEPARATOR,
     Array,
     Channel,
     EffectCard,
     MachineModel,
     Model,
+    Parameter,
     Run,
 )
 
@@ -156,6 +158,20 @@ class Problem:
         self.evaluations = 0
         self.sites = [group.site for group in observations.groups]
         self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
+        self._rows: dict[str, NDArray[np.bool_]] = {}
+
+    @property
+    def owner(self) -> Indices:
+        """The number of the unit under test of each row where units differ, else of its run."""
+        cards = [card.parameters[0] for card in self.model.effects]
+        scattering = [
+            one for one in (*self.model.parameters, *cards) if one.scatter_sd > 0.0 and one.scatter_by
+        ]
+        if not scattering:
+            return self.observations.site
+        labels = [scattering[0].owner_in(site) for site in self.sites]
+        numbers: Indices = np.unique(labels, return_inverse=True)[1].astype(np.intp)
+        return numbers[self.observations.site]
 
     def predict(self, point: Point) -> Array:
         """Return the prediction of every row; NaN where the model has no solution."""
@@ -192,8 +208,16 @@ class Problem:
         column: Array = self.derivatives(point, [free])[:, 0]
         return column
 
-    def base_free(self, widening: float = 1.0, leave_out: Sequence[str] = ()) -> list[Free]:
-        """Return the uncertain base parameters and those of each run; priors of the former may be widened."""
+    def base_free(
+        self, widening: float = 1.0, leave_out: Sequence[str] = (), names: Sequence[str] = ()
+    ) -> list[Free]:
+        """Return the uncertain base parameters and those of each run; priors of the former may be widened.
+
+        Args:
+            widening: Factor on the priors.
+            leave_out: Base parameters that are not free.
+            names: Active effects, whose strengths may scatter between runs.
+        """
         found = [
             Free(
                 key=("", item.name),
@@ -207,12 +231,64 @@ class Problem:
             for item in self.model.parameters
             if item.prior_sd > 0.0 and item.lower < item.upper and item.name not in leave_out
         ]
-        return [*found, *self.run_free()]
+        return [*found, *self.run_free(names)]
 
-    def run_free(self) -> list[Free]:
-        """Return the unknowns of each run."""
+    def run_free(self, names: Sequence[str] = ()) -> list[Free]:
+        """Return the unknowns of each run, and its deviations from parameters that scatter.
+
+        Args:
+            names: Active effects, whose strengths may scatter too.
+        """
         if not isinstance(self.model, MachineModel):
             return []
+        strengths = [(card.name, card.parameters[0]) for card in self.model.effects if card.name in names]
+        scattering = [("", item) for item in self.model.parameters] + strengths
+        return [
+            *self._run_unknowns(self.model),
+            *(
+                one
+                for effect, item in scattering
+                if item.scatter_sd > 0.0
+                for one in self.deviations(item, item.scatter_sd, effect)
+            ),
+        ]
+
+    def deviations(self, parameter: Parameter, sd: float, effect: str = "") -> list[Free]:
+        """Return the deviation of each run, or each unit under test, from a parameter.
+
+        Args:
+            parameter: Of the model, or the strength of an effect.
+            sd: Their standard deviation.
+            effect: The effect; empty for a base parameter.
+        """
+        name = f"{effect}.{parameter.name}" if effect else parameter.name
+        owners = dict.fromkeys(parameter.owner_in(site) for site in self.sites)
+        return [
+            Free(
+                key=("", f"{name}{DEVIATION}{RUN_SEPARATOR}{owner}"),
+                mean=0.0,
+                sd=sd,
+                lower=-np.inf,
+                upper=np.inf,
+                start=0.0,
+                step=STEP_SHARE * (parameter.prior_sd or sd),
+            )
+            for owner in owners
+        ]
+
+    def rows_of(self, owner: str) -> "NDArray[np.bool_]":
+        """Return which rows belong to a run, or to the runs of a unit under test."""
+        if owner not in self._rows:
+            condition, _, value = owner.partition("=")
+            is_own = [
+                site.name == owner
+                or (condition in site.conditions and f"{site.conditions[condition]:g}" == value)
+                for site in self.sites
+            ]
+            self._rows[owner] = np.array(is_own)[self.observations.site]
+        return self._rows[owner]
+
+    def _run_unknowns(self, model: MachineModel) -> list[Free]:
         return [
             Free(
                 key=("", f"{item.name}{RUN_SEPARATOR}{site.name}"),
@@ -223,7 +299,7 @@ class Problem:
                 start=item.nominal_in(site),
                 step=STEP_SHARE * item.prior_sd,
             )
-            for item in self.model.run_parameters
+            for item in model.run_parameters
             for site in self.sites
         ]
 
@@ -254,19 +330,18 @@ class DerivativeRequest:
     def matrix(self, rows: Sequence[Array]) -> Array:
         """Return rows x parameters, given the predictions at `points`."""
         observations = self._problem.observations
-        names = np.array([site.name for site in self._problem.sites])[observations.site]
         columns = np.zeros((observations.values.size, len(self._free)))
         for index, item in enumerate(self._free):
             place = 2 * self._order[_shared_name(item.key)]
             change = (rows[place + 1] - rows[place]) / self._widths[index]
             run = run_of(item.key)
-            here = np.isfinite(change) & ((names == run) if run else True)
+            here = np.isfinite(change) & (self._problem.rows_of(run) if run else True)
             columns[here, index] = change[here]
         return columns
 
 
 def run_of(key: Key) -> str:
-    """Return the run that a parameter belongs to; empty for one of all runs."""
+    """Return the run or unit under test that a parameter belongs to; empty for one of all runs."""
     return key[1].partition(RUN_SEPARATOR)[2] if not key[0] else ""
 
 

@@ -8,11 +8,19 @@ import numpy as np
 from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.descent import residual_of
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
-from rover_hil.gap.machines.free_terms import DraftTerm, FreeTerm, free_terms, search_terms, strength_of
+from rover_hil.gap.machines.free_terms import DraftTerm, FittedTerm, free_terms, search_terms, strength_of
 from rover_hil.gap.machines.gap_tests import GAP_ALPHA, gap_p
 from rover_hil.gap.machines.holdout import Holdout, hold_out
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
-from rover_hil.gap.machines.search import Found, MachineSearch, explained, is_equal, is_within_noise
+from rover_hil.gap.machines.run_scatter import RunScatter, run_scatter
+from rover_hil.gap.machines.search import (
+    Found,
+    MachineSearch,
+    explained,
+    is_equal,
+    is_within_noise,
+    score_effects,
+)
 from rover_hil.gap.machines.sizes import Size, size_of
 from rover_hil.gap.machines.tracking import Tracked, track
 from rover_hil.gap.statistics.score import Score
@@ -38,6 +46,8 @@ class MachineFindings:
         best: The explanation after validation; the base where there is none.
         budget_after: Error budget with it.
         p_remaining: Probability of what it leaves if only the sensors err.
+        scatter: What base parameters of each run's own explain of the misfit of the best explanation.
+        p_within_runs: Probability of what these leave if only the sensors err; 1 where effects are named.
         holdout: Result on the locked runs; None without explanation.
         rival_terms: Free-form terms that the runs do not distinguish from the explanation.
         drafts: Terms that are missing, where no effect explains the gap.
@@ -55,6 +65,8 @@ class MachineFindings:
     best: MachineFit
     budget_after: tuple[ChannelError, ...]
     p_remaining: float = 1.0
+    scatter: RunScatter
+    p_within_runs: float = 1.0
     holdout: Holdout | None = None
     rival_terms: tuple[str, ...] = ()
     drafts: tuple[DraftTerm, ...] = ()
@@ -93,7 +105,8 @@ def analyse_machine(
     advance("fitting the base model")
     base = fits.base()
     search = MachineSearch(fits, advance)
-    budget = _budget(problem, base)
+    scatter = run_scatter(fits, base)
+    budget = _budget(problem, base, scatter)
     findings = MachineFindings(
         machine=machine,
         problem=problem,
@@ -103,14 +116,18 @@ def analyse_machine(
         scores=tuple(search.scores(base)),
         best=base,
         budget_after=budget,
+        scatter=scatter,
     )
     if findings.p_gap > GAP_ALPHA:
         return findings
     found = search.run()
-    findings = replace(findings, found=found, best=found.best, budget_after=_budget(problem, found.best))
+    findings = _with_best(replace(findings, found=found), fits, found.best)
     if found.best.names:
         advance("opening the locked runs")
-        findings = _validated(findings, locked, rng)
+        findings = _validated(findings, fits, locked, rng)
+    if not findings.best.names:
+        own = findings.scatter.fit
+        findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
         advance("comparing with free-form terms")
         findings = replace(findings, rival_terms=_rivals(findings))
     findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng))
@@ -122,16 +139,25 @@ def analyse_machine(
     return findings
 
 
-def _budget(problem: Problem, found: MachineFit) -> tuple[ChannelError, ...]:
+def _budget(problem: Problem, found: MachineFit, scatter: RunScatter) -> tuple[ChannelError, ...]:
     residual = residual_of(problem.observations, problem.predict(found.fit.point))
-    return error_budget(problem.observations, residual, len(found.fit.free))
+    return error_budget(problem.observations, residual, len(found.fit.free), scatter.channel_rms)
 
 
-def _validated(findings: MachineFindings, locked: Sequence[Run], rng: np.random.Generator) -> MachineFindings:
+def _with_best(findings: MachineFindings, fits: MachineFits, best: MachineFit) -> MachineFindings:
+    scatter = run_scatter(fits, best)
+    return replace(
+        findings, best=best, scatter=scatter, budget_after=_budget(findings.problem, best, scatter)
+    )
+
+
+def _validated(
+    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+) -> MachineFindings:
     holdout = hold_out(findings.machine, locked, findings.base, findings.best, rng)
     is_contradicted = holdout.improved < 0.5 or (holdout.closure is not None and holdout.closure < 0.0)
     best = findings.base if is_contradicted else findings.best
-    return replace(findings, holdout=holdout, best=best, budget_after=_budget(findings.problem, best))
+    return _with_best(replace(findings, holdout=holdout), fits, best)
 
 
 def _rivals(findings: MachineFindings) -> tuple[str, ...]:
@@ -141,13 +167,11 @@ def _rivals(findings: MachineFindings) -> tuple[str, ...]:
     base, best = findings.base, findings.best
     terms = free_terms(findings.machine, findings.problem, base)
     rivals = []
-    for candidate, fitted, objection in search_terms(findings.machine, findings.problem, terms, base):
-        name = strength_of(findings.machine, candidate)[0]
-        alike = _likeness(fitted, best, base)
-        if objection or alike > SAME_LAW:
+    for one in search_terms(findings.machine, findings.problem, terms, base):
+        if one.objection or _likeness(one.fit, best, base) > SAME_LAW:
             continue
-        if is_within_noise(fitted) or (fitted.merit <= best.merit and is_equal(fitted, best)):
-            rivals.append(name)
+        if is_within_noise(one.fit) or (one.fit.merit <= best.merit and is_equal(one.fit, best)):
+            rivals.append(strength_of(findings.machine, one.term)[0])
     return tuple(rivals)
 
 
@@ -177,25 +201,21 @@ def _drafts(findings: MachineFindings) -> tuple[DraftTerm, ...]:
     if not findings.machine.ports:
         return ()
     terms = free_terms(findings.machine, findings.problem, findings.best)
-    found = []
-    for candidate, fitted, objection in search_terms(
-        findings.machine, findings.problem, terms, findings.best
-    ):
-        if objection:
-            continue
-        found.append(_draft(findings.machine, candidate, fitted))
-    return tuple(found[:3])
+    found = search_terms(findings.machine, findings.problem, terms, findings.best)
+    return tuple(_draft(findings.machine, one) for one in found if not one.objection)[:3]
 
 
-def _draft(machine: StateModel, candidate: FreeTerm, fitted: MachineFit) -> DraftTerm:
-    name, coefficient = strength_of(machine, candidate)
-    size = size_of(fitted, (name, coefficient.name))
+def _draft(machine: StateModel, found: FittedTerm) -> DraftTerm:
+    name, coefficient = strength_of(machine, found.term)
+    size = size_of(found.fit, (name, coefficient.name))
     return DraftTerm(
         equation=name,
-        port=candidate.effect.port,
+        port=found.term.effect.port,
         coefficient=size.value,
         low=size.low,
         high=size.high,
         unit=coefficient.unit,
-        code=candidate.code,
+        code=found.term.code,
+        closest=found.closest,
+        cosine=found.cosine,
     )

@@ -27,6 +27,8 @@ class ChannelError:
         misfit: Root mean square of measured minus simulated.
         sensor_noise: Standard deviation that the channel declares, with its steps.
         model_error: Root mean square of what is left without the sensor's variance.
+        run_scatter: The part of it that base parameters of each run's own explain, to first order; None
+            where it is not known.
         upper: Upper 95 % bound of it, over runs.
         tolerance: Greatest model error that counts as agreement.
     """
@@ -36,6 +38,7 @@ class ChannelError:
     misfit: float
     sensor_noise: float
     model_error: float
+    run_scatter: float | None
     upper: float
     tolerance: float
 
@@ -53,13 +56,16 @@ class ChannelError:
         )
 
 
-def error_budget(observations: Observations, residual: Array, parameters: int) -> tuple[ChannelError, ...]:
+def error_budget(
+    observations: Observations, residual: Array, parameters: int, run_scatter: Array | None = None
+) -> tuple[ChannelError, ...]:
     """Return the budget of every channel.
 
     Args:
         observations: The observations; every channel declares its noise.
         residual: Measured minus simulated; NaN where missing.
         parameters: Number of fitted parameters.
+        run_scatter: By channel, in its unit; None where it is not known.
     """
     count = int(np.isfinite(residual).sum())
     factor = count / max(count - parameters, 1)
@@ -86,6 +92,7 @@ def error_budget(observations: Observations, residual: Array, parameters: int) -
                 misfit=math.sqrt(float(np.mean(values**2))),
                 sensor_noise=noise,
                 model_error=math.sqrt(max(float(squares.mean()), 0.0)),
+                run_scatter=None if run_scatter is None else float(run_scatter[index]),
                 upper=math.sqrt(max(upper, 0.0)),
                 tolerance=channel.tolerance or TOLERANCE * noise,
             )

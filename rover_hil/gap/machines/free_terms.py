@@ -9,8 +9,8 @@ import numpy as np
 from rover_hil.datasets.arrays import rms
 from rover_hil.gap.data.problem import Point, Problem, split_point
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
-from rover_hil.gap.machines.search import MachineSearch, best_shapes
-from rover_hil.gap.statistics.score import Score, one_sided_z
+from rover_hil.gap.machines.search import MachineSearch, best_shapes, score_effects
+from rover_hil.gap.statistics.score import Score, cosine, one_sided_z
 from sim_backends.models.interface import Array, Parameter
 from sim_backends.state_model.effects.terms import FORMS, product, term, threshold
 from sim_backends.state_model.model import StateModel
@@ -35,6 +35,8 @@ class DraftTerm:
         high: Upper end.
         unit: Of the coefficient.
         code: Line that adds it to a model as an effect.
+        closest: The most similar effect of the model; empty where it has none.
+        cosine: Their similarity, 0..1, in what they change and the base parameters do not.
     """
 
     equation: str
@@ -44,6 +46,8 @@ class DraftTerm:
     high: float
     unit: str
     code: str
+    closest: str
+    cosine: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +56,25 @@ class FreeTerm:
 
     effect: PortEffect
     code: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedTerm:
+    """A candidate that was fitted.
+
+    Attributes:
+        term: The candidate.
+        fit: The machine with it.
+        objection: Why it is not accepted; empty where it is.
+        closest: The most similar effect of the model; empty where it has none.
+        cosine: Their similarity, 0..1.
+    """
+
+    term: FreeTerm
+    fit: MachineFit
+    objection: str
+    closest: str
+    cosine: float
 
 
 def free_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[FreeTerm]:
@@ -106,8 +129,8 @@ def _of_source(port: str, force_sd: float, name: str, values: Array) -> list[Fre
 
 def search_terms(
     machine: StateModel, problem: Problem, terms: Sequence[FreeTerm], at: MachineFit
-) -> list[tuple[FreeTerm, MachineFit, str]]:
-    """Return the terms that explain most, the best first, each with why it is not accepted.
+) -> list[FittedTerm]:
+    """Return the terms that explain most, the best first.
 
     Args:
         machine: The model with the effects that are taken as known.
@@ -134,11 +157,19 @@ def search_terms(
     )
     fits.fit_all([(at.names, {}, at.fit.point)])
     by_name = dict(zip(names, terms, strict=True))
+    effects_scores = score_effects(MachineFits(problem, machine.effects), at)
     found = []
     for score, one in zip(chosen, fitted, strict=True):
-        evidence = next(item for item in search.evidence(one) if item.name == score.direction.name)
-        found.append((by_name[score.direction.name], one, evidence.objection))
-    return sorted(found, key=lambda item: item[1].merit)
+        name = score.direction.name
+        evidence = next(item for item in search.evidence(one) if item.name == name)
+        similar = [(abs(cosine(score, other)), other.direction.name) for other in effects_scores]
+        alike, closest = max(similar, default=(0.0, ""))
+        found.append(
+            FittedTerm(
+                term=by_name[name], fit=one, objection=evidence.objection, closest=closest, cosine=alike
+            )
+        )
+    return sorted(found, key=lambda item: item.fit.merit)
 
 
 def _with_strength(point: Point, machine: StateModel, score: Score) -> Point:

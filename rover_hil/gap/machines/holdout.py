@@ -94,11 +94,11 @@ def hold_out(
 def with_own_unknowns(problem: Problem, point: Point) -> Point:
     """Return a point with the unknowns of each run of a problem fitted, and nothing else."""
     shared = {key: value for key, value in point.items() if not run_of(key)}
-    free = problem.run_free()
+    free = problem.run_free([effect for effect, _ in point if effect])
     if not free:
         return shared
     # A fit reads the start of its base parameters from the model; here they are all fixed.
-    start = start_of_runs(problem, shared)
+    start = {**{item.key: item.start for item in free}, **start_of_runs(problem, shared)}
     ((found, _),) = descend_together(problem, [descend(problem, free, start, shared)])
     return found.point
 

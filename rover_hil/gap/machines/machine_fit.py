@@ -8,11 +8,11 @@ from typing import TypeAlias
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.data.problem import WEAK, Free, Key, Point, Problem, cells, effect_free, run_of
+from rover_hil.gap.data.problem import WEAK, Free, Indices, Key, Point, Problem, cells, effect_free, run_of
 from rover_hil.gap.machines.descent import descend, descend_together
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
-from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
+from sim_backends.models.interface import DEVIATION, RUN_SEPARATOR, Array, EffectCard
 
 Names: TypeAlias = tuple[str, ...]
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
@@ -63,15 +63,20 @@ class MachineFit:
         names: The effects, sorted.
         fit: Parameters, residual and derivatives.
         noise: Size of the errors that the fit assumed.
-        errors: Measured minus simulated, in units of the declared noise.
+        declared_sd: Declared noise by channel.
         left_out: Leave-one-run-out results.
     """
 
     names: Names
     fit: Fit
     noise: SensorNoise
-    errors: Array
+    declared_sd: Array
     left_out: LeftOut
+
+    @property
+    def errors(self) -> Array:
+        """Measured minus simulated, in units of the declared noise."""
+        return in_declared_units(self.fit, self.noise, self.declared_sd)
 
     @property
     def error(self) -> float:
@@ -129,7 +134,7 @@ class MachineFits:
         """Return the parameters that are fitted with some effects."""
         cards = [self.cards[name] for name in names]
         released = [card.releases for card in cards if card.releases is not None]
-        found = self.problem.base_free(leave_out=released)
+        found = self.problem.base_free(leave_out=released, names=names)
         for card in cards:
             found += [
                 replace(item, step=FINE_STEP * item.step) for item in effect_free(card, shapes.get(card.name))
@@ -162,25 +167,27 @@ class MachineFits:
                 descents.append(descend(self.problem, free, start, fixed))
                 owners.append(names)
         best: dict[Names, tuple[float, Fit, SensorNoise]] = {}
+        declared = declared_noise(self.problem.observations).channel_sd
         for names, (found, noise) in zip(owners, descend_together(self.problem, descents), strict=True):
-            square = self._square(found, noise)
+            errors = in_declared_units(found, noise, declared)
+            square = float(errors @ errors)
             if names not in best or square < best[names][0]:
                 best[names] = (square, found, noise)
-        declared = declared_noise(self.problem.observations).channel_sd
         for names, (_, found, noise) in best.items():
             self._known[names] = MachineFit(
                 names=names,
                 fit=found,
                 noise=noise,
-                errors=found.residual * (noise.channel_sd / declared)[noise.channel],
-                left_out=leave_one_run_out(found, noise, declared),
+                declared_sd=declared,
+                left_out=leave_one_run_out(found, noise, declared, self.problem.owner[noise.keep]),
             )
         return [self._known[tuple(sorted(names))] for names, *_ in options]
 
-    def _square(self, found: Fit, noise: SensorNoise) -> float:
-        declared = declared_noise(self.problem.observations).channel_sd
-        errors = found.residual * (noise.channel_sd / declared)[noise.channel]
-        return float(errors @ errors)
+
+def in_declared_units(fit: Fit, noise: SensorNoise, declared_sd: Array) -> Array:
+    """Return measured minus simulated of a fit in units of the declared noise of each channel."""
+    errors: Array = fit.residual * (noise.channel_sd / declared_sd)[noise.channel]
+    return errors
 
 
 def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
@@ -201,7 +208,7 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
         problem: Model and observations.
         shared: Parameters of all runs; nominal where left out.
     """
-    free = problem.run_free()
+    free = [item for item in problem.run_free() if DEVIATION not in item.key[1]]
     if not free:
         return {}
     names = list(dict.fromkeys(item.key[1].partition(RUN_SEPARATOR)[0] for item in free))
@@ -243,26 +250,33 @@ def _beginning(problem: Problem) -> Array:
     return mask
 
 
-def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array) -> LeftOut:
+def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner: Indices) -> LeftOut:
     """Return how the other runs predict each run, and how its absence moves the parameters.
+
+    Where units under test differ, all runs of one unit are left out together.
 
     Args:
         found: With derivatives at the fitted point.
         noise: The errors that it assumed.
         declared_sd: Declared noise by channel.
+        owner: Number of the run, or of the unit under test, of each row with a value.
     """
     shared = [index for index, item in enumerate(found.free) if not run_of(item.key)]
-    runs = np.unique(noise.site)
-    parts = [_without_own(found, noise.site == run, shared) for run in runs]
+    runs = np.unique(owner)
+    parts = [_without_own(found, owner == run, shared) for run in runs]
     normal = np.eye(len(shared)) + sum(matrix.T @ matrix for _, matrix, _ in parts)
     # Derivatives of very different size leave rounding errors in the normal matrix.
     normal += np.diag(np.full(len(shared), RIDGE * float(np.diag(normal).max(initial=1.0))))
     covariance = np.linalg.inv(normal)
     scale = (noise.channel_sd / declared_sd)[noise.channel]
+    # A bound that holds a parameter with all runs holds it without one of them too.
+    is_free = np.array([not _is_held(found, index) for index in shared], dtype=np.float64)
     moved, squares, informed = [], [], []
     for run, (error, matrix, rows) in zip(runs, parts, strict=True):
-        change = -np.linalg.solve(normal - LEFT_OUT * matrix.T @ matrix, matrix.T @ error)
-        outside = (error - matrix @ change)[:rows] * scale[noise.site == run]
+        without = normal - LEFT_OUT * matrix.T @ matrix
+        without = np.where(np.outer(is_free, is_free) > 0.0, without, np.diag(np.diag(normal)))
+        change = -np.linalg.solve(without, is_free * (matrix.T @ error))
+        outside = (error - matrix @ change)[:rows] * scale[owner == run]
         moved.append(change)
         squares.append(float(outside @ outside))
         informed.append(np.sum((matrix @ covariance) ** 2, axis=0))
@@ -274,6 +288,13 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array) -> Lef
         informed=np.array(informed),
         keys=tuple(found.free[index].key for index in shared),
     )
+
+
+def _is_held(found: Fit, index: int) -> bool:
+    """Return True where a bound keeps a parameter from a better value."""
+    item, value = found.free[index], found.point[found.free[index].key]
+    slope = float(found.jacobian[:, index] @ found.residual - found.pull[index])
+    return (value <= item.lower and slope < 0.0) or (value >= item.upper and slope > 0.0)
 
 
 def _without_own(

@@ -113,11 +113,7 @@ class MachineSearch:
     def scores(self, at: MachineFit) -> list[Score]:
         """Return the first-order score of every further effect, at each of its shapes."""
         if at.names not in self._scores:
-            others = [card for name, card in self._fits.cards.items() if name not in at.names]
-            problem = self._fits.problem
-            changes = card_changes(problem, at.fit.point, others)
-            whitened = [replace(one, change=at.noise.whiten(one.change)) for one in changes]
-            self._scores[at.names] = score_all(at.fit, at.noise, whitened, is_steady=True)
+            self._scores[at.names] = score_effects(self._fits, at)
         return self._scores[at.names]
 
     def evidence(self, found: MachineFit) -> list[Evidence]:
@@ -260,6 +256,14 @@ class MachineSearch:
 def _extended(best: MachineFit, scores: Sequence[Score]) -> tuple[Names, Shapes, MachineFit]:
     names = (*best.names, *(score.direction.name for score in scores))
     return names, {score.direction.name: score.direction.shapes for score in scores}, best
+
+
+def score_effects(fits: MachineFits, at: MachineFit) -> list[Score]:
+    """Return the first-order score of every effect that a fit is without, at each of its shapes."""
+    others = [card for name, card in fits.cards.items() if name not in at.names]
+    changes = card_changes(fits.problem, at.fit.point, others)
+    whitened = [replace(one, change=at.noise.whiten(one.change)) for one in changes]
+    return score_all(at.fit, at.noise, whitened, is_steady=True)
 
 
 def strength_z(found: MachineFit, key: Key) -> float:

@@ -40,13 +40,13 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         p_gap=findings.p_gap,
         effects=_effects(findings) if is_named else [],
         confidence_set=[list(names) for names in members],
-        rejected=_rejected(findings),
+        rejected=_rejected(findings, answer),
         unnamed=[
             {
                 "equation": _equation(one.equation, one.coefficient, one.unit),
                 "unit": one.unit,
-                "closest": "",
-                "cosine": 0.0,
+                "closest": one.closest,
+                "cosine": round(one.cosine, 3),
             }
             for one in findings.drafts
         ],
@@ -78,8 +78,8 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
         return Answer.NO_GAP, []
     found, holdout = findings.found, findings.holdout
     if found is None or not findings.best.names or holdout is None:
-        return Answer.UNNAMED, []
-    share = findings.share if holdout.closure is None else holdout.closure
+        return _without_name(findings)
+    share = _explained(findings)
     if share < HALF:
         return Answer.UNNAMED, [f"the best, {_join(findings.best.names)}, explains {share:.0%} of it"]
     reasons = _reservations(findings)
@@ -90,15 +90,40 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
     return (Answer.NAMED_SET if found.alternatives else Answer.NAMED), []
 
 
+def _explained(findings: MachineFindings) -> float:
+    """Return the share of the gap that the best explains, on locked runs where that is defined."""
+    closure = None if findings.holdout is None else findings.holdout.closure
+    return findings.share if closure is None else closure
+
+
+def _without_name(findings: MachineFindings) -> tuple[Answer, list[str]]:
+    """Return the answer where no effect is named, with the reason."""
+    if findings.p_within_runs > GAP_ALPHA:
+        units = {one.name: one.unit for one in findings.machine.parameters}
+        differ = f"parameters differ between runs ({findings.scatter.sentence(units)})"
+        if all(one.is_good_enough for one in findings.budget_before):
+            return Answer.NO_GAP, [differ]
+        return Answer.UNNAMED, [f"{differ}, which explains it: give them a `scatter_sd`"]
+    withdrawn = () if findings.found is None else findings.found.best.names
+    if withdrawn:
+        return Answer.UNNAMED, [f"the best, {_join(withdrawn)}, {_on_locked_runs(findings)}"]
+    return Answer.UNNAMED, []
+
+
+def _on_locked_runs(findings: MachineFindings) -> str:
+    improved = 0.0 if findings.holdout is None else findings.holdout.improved
+    return f"improves {improved:.0%} of the locked runs only"
+
+
 def _reservations(findings: MachineFindings) -> list[str]:
     """Return why the names are not certain or not complete."""
     reasons = []
     holdout = findings.holdout
     is_rest_small = all(one.is_good_enough for one in findings.budget_after)
     closure = None if holdout is None else holdout.closure
-    if closure is None and not is_rest_small:
-        reasons.append("the locked runs cannot prove it")
-    elif closure is not None and closure < WHOLE and not is_rest_small:
+    if closure is None:
+        reasons.append("the gap on the locked runs is too small to prove it")
+    elif closure < WHOLE and not is_rest_small:
         reasons.append(f"it closes {closure:.0%} of the gap on locked runs only")
     elif findings.p_remaining <= GAP_ALPHA and not is_rest_small:
         rest = max(findings.budget_after, key=lambda one: one.model_error / one.sensor_noise)
@@ -115,10 +140,7 @@ def _reservations(findings: MachineFindings) -> list[str]:
 def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str]) -> str:
     before = _errors(findings.budget_before)
     if answer is Answer.NO_GAP:
-        return (
-            f"No gap: {findings.machine.name} agrees with {findings.problem.observations.run_count} runs "
-            f"within the noise of the sensors ({before}; p = {findings.p_gap:.2g})."
-        )
+        return _agreement(findings, before, reasons)
     if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
         return f"No gap was found, but these runs cannot exclude one: {'; '.join(reasons)}."
     head = f"There is a gap ({before})"
@@ -141,6 +163,16 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
     rest = f" Afterwards {_errors(findings.budget_after)}."
     but = f" But {'; '.join(reasons)}." if reasons else ""
     return f"{verb}: {names} ({sizes}).{closed} Before, {before}.{rest}{but}"
+
+
+def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -> str:
+    name = findings.machine.name
+    if reasons:
+        return f"No common gap: {reasons[0]}, and the error of {name} is below its tolerance ({before})."
+    return (
+        f"No gap: {name} agrees with {findings.problem.observations.run_count} runs within the noise of the "
+        f"sensors ({before}; p = {findings.p_gap:.2g})."
+    )
 
 
 def _errors(budget: Sequence[ChannelError]) -> str:
@@ -169,12 +201,20 @@ def _size_text(effect: FoundEffect) -> str:
     return f"{effect.name}: {'; '.join(parts)}"
 
 
-def _rejected(findings: MachineFindings) -> list[dict[str, str]]:
+def _rejected(findings: MachineFindings, answer: Answer) -> list[dict[str, str]]:
     kept = set(findings.best.names)
     if findings.found is None:
         return [{"name": card.name, "why": "there is no gap to explain"} for card in findings.machine.effects]
     kept |= {name for one in findings.found.alternatives for name in one.names}
-    objections = findings.found.objections
+    withdrawn = set(findings.found.best.names) - kept
+    objections = {
+        **findings.found.objections,
+        **dict.fromkeys(withdrawn, f"withdrawn: {_on_locked_runs(findings)}"),
+    }
+    if answer is Answer.UNNAMED:
+        weak = f"explains only a part of the gap: {_explained(findings):.0%}"
+        objections |= dict.fromkeys(kept, weak)
+        kept = set()
     scored = {one.direction.name for one in findings.scores}
     return [
         {"name": card.name, "why": objections.get(card.name, _unscored(card.name, scored))}
@@ -231,12 +271,13 @@ def _gap(findings: MachineFindings) -> dict[str, Mapping[str, float | Sequence[f
     }
 
 
-def _budget(findings: MachineFindings) -> dict[str, dict[str, float | str]]:
+def _budget(findings: MachineFindings) -> dict[str, dict[str, float | str | None]]:
     return {
         before.channel: {
             "unit": before.unit,
             "sensor_noise": before.sensor_noise,
             "tolerance": before.tolerance,
+            "run_scatter": after.run_scatter,
             "model_error_before": before.model_error,
             "upper_before": before.upper,
             "model_error_after": after.model_error,

@@ -16,6 +16,7 @@ from sim_backends.state_model.effects.forces import (
     stribeck_friction,
     viscous_friction,
 )
+from sim_backends.state_model.effects.scatter import scattering
 from sim_backends.state_model.effects.signals import (
     backlash,
     dead_zone,
@@ -51,6 +52,7 @@ __all__ = [
     "quadratic_drag",
     "quantisation",
     "saturation",
+    "scattering",
     "stribeck_friction",
     "supply_sag",
     "term",

@@ -87,7 +87,7 @@ def test_a_large_wheel_hides_more_ground_than_a_small_one() -> None:
     ids=["scaled", "mirrored", "zero"],
 )
 def test_a_matrix_that_is_no_rotation(rotation: np.ndarray) -> None:
-    with pytest.raises(ConfigError, match="no rotation"):
+    with pytest.raises(ConfigError, match="not a rotation"):
         GroundPatch(replace(geometry(), rotation=rotation))
 
 

@@ -1,0 +1,94 @@
+"""Do the runs differ in the base parameters of the model?
+
+Without a missing effect, parameters may still change from run to run: another warm-up, another unit. Each run
+then gets base parameters of its own, within their priors. What they explain is no common effect.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_hil.gap.data.problem import Free
+from rover_hil.gap.machines.descent import descend, descend_together
+from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from sim_backends.models.interface import DEVIATION, Array
+
+MENTIONED = 3
+"""Parameters that are reported, those that matter most."""
+NOTABLE = 0.1
+"""Least share of the scatter, in squared changes of the predictions, for a parameter to be reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunScatter:
+    """What differs between runs.
+
+    Attributes:
+        fit: Each run with base parameters of its own.
+        channel_rms: Root mean square change of the predictions by these, by channel in its unit, without the
+            share that noise alone causes.
+        parameter_sd: Base parameter to its standard deviation over runs, in its unit; those that matter most.
+    """
+
+    fit: MachineFit
+    channel_rms: Array
+    parameter_sd: Mapping[str, float]
+
+    def sentence(self, units: Mapping[str, str]) -> str:
+        """Return the parameters that differ between runs, and by how much.
+
+        Args:
+            units: Of the base parameters.
+        """
+        parts = [
+            f"{name} by {sd:.2g}{'' if units[name] == '1' else f' {units[name]}'}"
+            for name, sd in self.parameter_sd.items()
+        ]
+        return ", ".join(parts)
+
+
+def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
+    """Return what own base parameters of each run explain, and how much they differ."""
+    problem = fits.problem
+    own = [
+        one
+        for item in problem.model.parameters
+        if any(free.key == ("", item.name) for free in found.fit.free) and item.scatter_sd == 0.0
+        for one in problem.deviations(item, item.prior_sd)
+    ]
+    start = {**found.fit.point, **{item.key: item.start for item in own}}
+    free = [*found.fit.free, *own]
+    ((fit, noise),) = descend_together(problem, [descend(problem, free, start, fits.fixed(found.names))])
+    first = len(found.fit.free)
+    covariance = fit.covariance
+    by_noise: Array = (covariance - covariance @ covariance)[first:, first:]
+    shared = {key: value for key, value in fit.point.items() if DEVIATION not in key[1]}
+    moved = noise.whiten(problem.predict(fit.point) - problem.predict(shared))
+    columns = fit.jacobian[:, first:]
+    expected = np.sum((columns @ by_noise) * columns, axis=1)
+    count = noise.channel_sd.size
+    rows = np.maximum(np.bincount(noise.channel, minlength=count), 1)
+    excess = np.bincount(noise.channel, weights=moved**2 - expected, minlength=count) / rows
+    return RunScatter(
+        fit=replace(found, fit=fit, noise=noise),
+        channel_rms=noise.channel_sd * np.sqrt(np.maximum(excess, 0.0)),
+        parameter_sd=_parameter_sd(own, columns, fit.pull[first:], np.diag(by_noise)),
+    )
+
+
+def _parameter_sd(own: Sequence[Free], columns: Array, pull: Array, noise: Array) -> dict[str, float]:
+    """Return the standard deviations of the parameters whose deviations change the predictions most."""
+    weight = (columns**2).sum(axis=0)
+    excess = pull**2 - noise
+    found: dict[str, tuple[float, float]] = {}
+    names = np.array([item.key[1].partition(DEVIATION)[0] for item in own])
+    for name in dict.fromkeys(names.tolist()):
+        here = names == name
+        sd = own[int(np.argmax(here))].sd
+        found[name] = (float(weight[here] @ excess[here]), sd**2 * float(excess[here].mean()))
+    most = max((energy for energy, _ in found.values()), default=0.0)
+    notable = [name for name, (energy, size) in found.items() if size > 0.0 and energy > NOTABLE * most]
+    notable.sort(key=lambda name: -found[name][0])
+    return {name: math.sqrt(found[name][1]) for name in notable[:MENTIONED]}

@@ -1,0 +1,86 @@
+"""Strengths and parameters that differ between the units under test share one prior."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigError
+from rover_hil.gap import Run, StateModel, effects, parameter
+from rover_hil.gap.verdict import Verdict
+from rover_hil.gap.workflow import analyse
+from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
+
+SAMPLES, SIGMA, UNITS, EACH = 160, 0.02, 5, 3
+DRAGS = np.array([0.08, 0.14, 0.20, 0.26, 0.32])
+DRAG = effects.quadratic_drag("heat", velocity="warmth", size=0.2)
+
+
+def runs_of_units() -> list[Run]:
+    """Return three runs of each of five units with different drag, by Heun's method with small steps."""
+    rng = np.random.default_rng(21)
+    runs = []
+    for number, run in enumerate(small_runs(samples=SAMPLES, count=UNITS * EACH)):
+        drag = DRAGS[number % UNITS]
+        warmth, value = np.empty(SAMPLES), 0.3
+        for index, power in enumerate(run.inputs["power"]):
+            warmth[index] = value
+            for _ in range(10):
+                first = power - 0.5 * value - drag * value * abs(value)
+                ahead = value + 0.01 * first
+                value += 0.005 * (first + power - 0.5 * ahead - drag * ahead * abs(ahead))
+        runs.append(
+            replace(
+                run,
+                conditions={"serial_number": float(number % UNITS)},
+                measured={"reading": warmth + rng.normal(0.0, SIGMA, SAMPLES)},
+            )
+        )
+    return runs
+
+
+def model(*, is_scattering: bool) -> StateModel:
+    drag = effects.scattering(DRAG, sd=0.1, by="serial_number") if is_scattering else DRAG
+    return replace(MODEL, condition_units={"serial_number": "1"}, port_effects=(drag, MODEL.port_effects[1]))
+
+
+@pytest.fixture(scope="module")
+def verdicts() -> dict[bool, Verdict]:
+    return {kind: analyse(model(is_scattering=kind), runs_of_units()).verdict for kind in (False, True)}
+
+
+def test_the_mean_strength_has_an_interval_for_further_units(verdicts: dict[bool, Verdict]) -> None:
+    size = {one.name: one for one in verdicts[True].effects}["quadratic_drag"].parameters["coefficient"]
+    assert size.ci95[0] <= DRAGS.mean() <= size.ci95[1]
+    by_units = 2.0 * DRAGS.std(ddof=1) / np.sqrt(UNITS)
+    assert by_units < size.ci95[1] - size.ci95[0] < 8.0 * by_units
+
+
+def test_deviations_of_the_units_close_what_one_strength_leaves(verdicts: dict[bool, Verdict]) -> None:
+    left = {kind: one.error_budget["reading"]["model_error_after"] for kind, one in verdicts.items()}
+    assert isinstance(left[True], float)
+    assert isinstance(left[False], float)
+    assert left[False] > 2.0 * SIGMA
+    assert left[True] < 0.5 * SIGMA
+
+
+def test_an_unknown_condition_is_refused() -> None:
+    with pytest.raises(ConfigError, match="scatters by 'serial_number', not a condition"):
+        replace(MODEL, port_effects=(effects.scattering(DRAG, sd=0.1, by="serial_number"),))
+
+
+def test_a_delay_cannot_scatter() -> None:
+    late = effects.delay("power", size=0.1, longest=0.5)
+    with pytest.raises(ConfigError, match="a delay has one size in all runs"):
+        replace(MODEL, port_effects=(effects.scattering(late, sd=0.1),))
+
+
+def test_a_parameter_that_scatters_has_a_value_in_each_run() -> None:
+    gain = replace(parameter("gain", "K/s/W", 1.0, 0.05, 0.5, 2.0), scatter_sd=0.1)
+    machine = replace(MODEL, parameters=(gain, *MODEL.parameters[1:]))
+    runs = small_runs(count=2)
+    key = f"gain~@{runs[1].name}"
+    plain, moved = machine.predict_points(runs, [({}, {}), ({key: 0.2}, {})])
+    whole = machine.predict(runs, {"gain": 1.2}, {})
+    assert np.array_equal(moved[0]["reading"], plain[0]["reading"])
+    assert np.allclose(moved[1]["reading"], whole[1]["reading"])
