@@ -11,11 +11,15 @@ from benchmarks.gap_machines.models import MODELS
 from benchmarks.gap_machines.models.parts import to_runs
 from benchmarks.gap_machines.truth import hidden_cards
 from drivers.clock import SystemClock, seconds
+from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
 from tests.nature.machines import make_case
+from tests.nature.machines.case import Case
 
 Record = dict[str, Any]
+NORMAL_95 = 1.96
 
 
 def judge_case(family: str, number: int, version: str) -> Record:
@@ -39,11 +43,28 @@ def judge_case(family: str, number: int, version: str) -> Record:
     start_ns = clock.now_ns()
     try:
         record |= _answer(analyse(MODELS[family](), to_runs(case)).verdict)
+        record["oracle"] = _oracle(family, case) if case.kind == "single" else {}
     except Exception as error:  # noqa: BLE001 (a crash is a result of the benchmark)
         record["error"] = f"{type(error).__name__}: {error}"
     record["seconds"] = round(seconds(clock.now_ns() - start_ns), 2)
     finite: Record = plain(record)
     return finite
+
+
+def _oracle(family: str, case: Case) -> dict[str, float]:
+    """Return the width of the 95 % interval by somebody who knows the law: its fit to all runs of a case."""
+    runs = to_runs(case)
+    model = MODELS[family]().refined(runs)
+    fits = MachineFits(Problem(model, observe(model, runs)), model.effects)
+    cards = hidden_cards(case)
+    found = fits.best(tuple(cards), {}, fits.base().fit.point)
+    widths = {}
+    for name, parameters in cards.items():
+        key = (name, next(iter(parameters)))
+        index = found.left_out.keys.index(key)
+        sd = next(item.sd for item in found.fit.free if item.key == key)
+        widths[name] = 2.0 * NORMAL_95 * sd * float(found.left_out.by_samples[index])
+    return widths
 
 
 def _answer(verdict: Verdict) -> Record:

@@ -58,6 +58,8 @@ def _rows(records: Sequence[Record]) -> list[tuple[str, str]]:
         ("single, snr >= 3: coverage of sizes", _share(sizes, lambda one: one["is_covered"])),
         ("single, snr >= 3: median error of size", _median([one["error"] for one in sizes])),
         ("single, snr >= 3: median interval / size", _median([one["width"] for one in sizes])),
+        ("single, snr >= 3: median width / oracle", _median(_ratios(sizes))),
+        ("single, snr >= 3: mean interval score / size", _mean([one["score"] for one in sizes])),
         ("median closure", _median([one for record in answered for one in _closures(record)])),
         ("median seconds", _median([record["seconds"] for record in records], "{:.1f}")),
         ("longest seconds", f"{max((record['seconds'] for record in records), default=0.0):.1f}"),
@@ -74,6 +76,10 @@ def _share(records: Sequence[Record], test: Test) -> str:
 
 def _median(values: Sequence[float], form: str = "{:.3f}") -> str:
     return form.format(statistics.median(values)) if values else "-"
+
+
+def _mean(values: Sequence[float]) -> str:
+    return f"{statistics.fmean(values):.3f}" if values else "-"
 
 
 def _is_no_gap(record: Record) -> bool:
@@ -133,7 +139,18 @@ def _sizes(record: Record) -> Iterator[Record]:
             "is_covered": low <= true <= high,
             "error": abs(found["value"] - true) / abs(true),
             "width": (high - low) / abs(true),
+            "score": _interval_score(low, high, true) / abs(true),
+            "oracle": record.get("oracle", {}).get(name, 0.0) / abs(true),
         }
+
+
+def _interval_score(low: float, high: float, true: float) -> float:
+    """Return the score of a 95 % interval (Gneiting and Raftery 2007): width, and 40 times what it misses."""
+    return high - low + 2.0 / 0.05 * max(low - true, true - high, 0.0)
+
+
+def _ratios(sizes: Sequence[Record]) -> list[float]:
+    return [one["width"] / one["oracle"] for one in sizes if one["oracle"] > 0.0]
 
 
 def _closures(record: Record) -> Iterator[float]:

@@ -15,7 +15,7 @@ def test_without_a_hidden_effect_there_is_no_gap() -> None:
     assert verdict.verdict is Answer.NO_GAP
     assert not verdict.effects
     budget = verdict.error_budget["speed_sensor"]
-    assert float(budget["upper_before"]) <= float(budget["tolerance"]) == SENSOR_RAD_S
+    assert float(str(budget["upper_before"])) <= float(str(budget["tolerance"])) == SENSOR_RAD_S
 
 
 def test_dry_friction_is_named_with_its_size_and_closes_the_gap() -> None:
@@ -43,7 +43,7 @@ def test_a_force_that_differs_between_runs_is_a_gap_without_a_name_in_units_of_t
     assert verdict.verdict is Answer.UNNAMED
     assert "times the sensor noise" in verdict.sentence
     assert "the runs do not agree on a cause" in verdict.sentence
-    assert float(verdict.error_budget["speed_sensor"]["model_error_before"]) > 3.0 * SENSOR_RAD_S
+    assert float(str(verdict.error_budget["speed_sensor"]["model_error_before"])) > 3.0 * SENSOR_RAD_S
 
 
 def test_the_model_error_is_the_misfit_without_the_sensor() -> None:
