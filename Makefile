@@ -41,7 +41,7 @@ check: setup
 	$(BIN)/lint-imports
 
 reference: setup
-	$(BIN)/python -m rover_hil.reference docs/reference
+	$(BIN)/python -m docs.generate docs/reference
 
 wheel: setup
 	rm -rf build dist

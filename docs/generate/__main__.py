@@ -1,10 +1,10 @@
-"""`python -m rover_hil.reference FOLDER`: write the generated reference pages into a folder."""
+"""`python -m docs.generate FOLDER`: write the generated reference pages into a folder."""
 
 import sys
 from pathlib import Path
 
-from rover_hil.reference.commands_page import commands_page
-from rover_hil.reference.configuration_page import configuration_page
+from docs.generate.commands_page import commands_page
+from docs.generate.configuration_page import configuration_page
 
 PAGES = {"configuration.md": configuration_page, "commands.md": commands_page}
 

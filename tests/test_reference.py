@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.reference.__main__ import PAGES, write_pages
+from docs.generate.__main__ import PAGES, write_pages
 
-REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
+REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
 
 
 @pytest.mark.parametrize("name", PAGES)
