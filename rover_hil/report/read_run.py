@@ -1,6 +1,8 @@
 """Reads a log into arrays."""
 
+from array import array
 from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +67,7 @@ class _Collector:
         self._last_ns = start_ns
         self._readings = LogRows(config)
         self._rows: defaultdict[tuple[str, str], list[tuple[float, ...]]] = defaultdict(list)
+        self._computed: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))
         self._slips: list[tuple[float, schema.SlipRecord]] = []
         self._drift_reasons: list[str] = []
         self._uncompared: Counter[str] = Counter()
@@ -116,6 +119,7 @@ class _Collector:
         if not (self._rows["cycle", ""] and len(estimates) and len(odometry)):
             raise LogError(f"log {log.path} holds no complete cycle: there is nothing to report")
         encoders = Track.of(odometry)
+        computed = self._series_computed()
         truth = self._true_poses()
         first_motion_s = encoders.first_motion_s()
         rates = self._readings_of("gyro_z_rad_s")
@@ -133,14 +137,14 @@ class _Collector:
             covariance=estimates[:, 4:],
             encoders=encoders,
             truth=Track.of(truth).from_first_pose() if len(truth) else None,
-            cross_track=self._series("cross_track"),
+            computed=computed,
             headings=self._headings(first_motion_s),
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
             innovations=self._innovations(),
             uncompared=dict(self._uncompared),
             wheels=self._wheels(),
             slip=self._slip(),
-            drift=self._drift(),
+            drift=self._drift(computed),
             health=self._health,
             link_events=self._link_events,
             watchdog_s=self._watchdog_s,
@@ -161,13 +165,13 @@ class _Collector:
             (pose_s, pose["x_m"], pose["y_m"], pose["yaw_rad"], *pose["covariance"])
         )
         self._rows["odometry", ""].append((pose_s, odometry["x_m"], odometry["y_m"], odometry["yaw_rad"]))
-        cross_track_m, slip, drift = output["cross_track_m"], output.get("slip"), output.get("drift")
-        if cross_track_m is not None:
-            self._rows["cross_track", ""].append((t_s, cross_track_m))
+        for key, value in _numbers_in(output):
+            self._computed[key].extend((t_s, value))
+        slip, drift = output.get("slip"), output.get("drift")
         if slip is not None:
             self._slips.append((t_s, slip))
         if drift is not None:
-            self._take_drift(t_s, drift)
+            self._take_drift(drift)
         for innovation in output["innovations"]:
             residual, variance = innovation["residual"], innovation["variance"]
             if residual is not None and variance is not None:
@@ -176,9 +180,7 @@ class _Collector:
             else:
                 self._uncompared[innovation["name"]] += 1
 
-    def _take_drift(self, t_s: float, drift: schema.DriftRecord) -> None:
-        self._rows["drift_slip", ""].append((t_s, drift["slip"]))
-        self._rows["drift_angle", ""].append((t_s, drift["slip_angle_rad"]))
+    def _take_drift(self, drift: schema.DriftRecord) -> None:
         self._drift_reasons.append(drift["reason"])
         trace = drift["trace"]
         if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
@@ -213,9 +215,8 @@ class _Collector:
         elapsed: Array = (readings.t_ns - self._start_ns) / 1e9
         return elapsed
 
-    def _series(self, kind: str) -> Series | None:
-        series = Series.of(self._rows[kind, ""])
-        return series if len(series.t_s) else None
+    def _series_computed(self) -> dict[str, Series]:
+        return {key: Series.of(np.array(rows).reshape(-1, 2)) for key, rows in self._computed.items()}
 
     def _cycles(self) -> Cycles:
         times_us = np.array(self._rows["cycle", ""])
@@ -265,14 +266,13 @@ class _Collector:
             ],
         )
 
-    def _drift(self) -> DriftData | None:
-        slip, angle = self._series("drift_slip"), self._series("drift_angle")
-        if slip is None or angle is None:
+    def _drift(self, computed: Mapping[str, Series]) -> DriftData | None:
+        if "drift.slip" not in computed:
             return None
         true_slip, true_angle = self._true_slip()
         return DriftData(
-            slip=slip,
-            angle=angle,
+            slip=computed["drift.slip"],
+            angle=computed["drift.slip_angle_rad"],
             reasons=self._drift_reasons,
             trace=Series.of(self._rows["trace", ""]),
             true_slip=true_slip,
@@ -300,3 +300,16 @@ class _Collector:
                 )
             )
         return wheels
+
+
+def _numbers_in(record: object, key: str = "") -> Iterator[tuple[str, float]]:
+    """Yield key and value of every number in a record; times, and lists of plain numbers, are left out."""
+    if isinstance(record, float | int):
+        yield key, record
+    elif isinstance(record, dict):
+        for name, value in record.items():
+            if not name.endswith("_ns"):
+                yield from _numbers_in(value, f"{key}.{name}" if key else name)
+    elif isinstance(record, tuple) and record and isinstance(record[0], dict) and key != "innovations":
+        for index, value in enumerate(record):
+            yield from _numbers_in(value, f"{key}.{index}")

@@ -132,7 +132,8 @@ class RunData:
         covariance: Its covariance, in rows xx, xy, x yaw, yy, y yaw, yaw yaw.
         encoders: The pose of the wheels alone.
         truth: The true pose as seen from its own first one; None where it was not recorded.
-        cross_track: Distance to the left of the path in m; None without a mission.
+        computed: Every number of a cycle's record on `/estimate` over time, by its key; the keys of records
+            inside it and the index of a wheel are joined by dots: `cross_track_m`, `slip.wheels.0.slip`.
         headings: Yaw in the local frame, by device and reference.
         gyro: The integrated gyro, its bias taken off; None without one.
         uncompared: How many measurements could not be compared with the estimate, by name.
@@ -154,7 +155,7 @@ class RunData:
     covariance: Array
     encoders: Track
     truth: Track | None
-    cross_track: Series | None
+    computed: Mapping[str, Series]
     headings: Mapping[str, Series]
     gyro: Series | None
     innovations: Mapping[str, InnovationData]

@@ -166,7 +166,8 @@ def summarise(run: RunData) -> Summary:
     truth_m = None if truth is None else float(truth.distance_m()[-1])
     period_us = 1e6 / run.config.loop.rate_hz
     is_timed = bool(cycles.work_us.any())
-    cross_m = None if run.cross_track is None else np.abs(run.cross_track.value)
+    cross_track = run.computed.get("cross_track_m")
+    cross_m = None if cross_track is None else np.abs(cross_track.value)
     return Summary(
         log=str(run.path),
         origin=run.origin,

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 
@@ -20,7 +21,7 @@ from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.recording.schema import end_record
+from rover_hil.recording.schema import EstimateRecord, PoseRecord, end_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
@@ -190,6 +191,21 @@ def test_slip_of_a_wheel_is_its_mean_over_the_angle_turned(tmp_path: Path) -> No
     first, second, third = summary_of(tmp_path, Drive()).wheel_slip
     assert (first, third) == pytest.approx((SLIP, SLIP))
     assert second is None
+
+
+def test_every_number_that_a_cycle_computes_is_read_under_its_key(tmp_path: Path) -> None:
+    computed = read_run(write_log(tmp_path / "run.mcap", Drive())).computed
+    plain = {
+        name for name, kind in get_type_hints(EstimateRecord).items() if kind in (int, float, float | None)
+    }
+    assert plain - {"t_ns"} == {name for name in computed if "." not in name}
+    assert {name for name in computed if name.startswith("odometry.")} == {
+        f"odometry.{name}" for name in PoseRecord.__annotations__
+    }
+    assert set(computed["estimate.velocity_x_m_s"].value) == {SPEED_M_S}
+    running = computed["cross_track_m"]
+    assert running.t_s[0] > WAIT_S
+    assert set(running.value) == {0.003}
 
 
 def test_cycles_limits_and_cross_track(tmp_path: Path) -> None:
