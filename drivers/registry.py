@@ -10,6 +10,7 @@ from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
+from drivers.vesc.settings import VescSettings
 from drivers.witmotion.settings import WitMotionSettings
 
 AnyDeviceSettings: TypeAlias = Annotated[
@@ -19,6 +20,7 @@ AnyDeviceSettings: TypeAlias = Annotated[
     | OverheadCameraSettings
     | RobotinoBoardSettings
     | VectorNavSettings
+    | VescSettings
     | WitMotionSettings,
     Field(discriminator="type"),
 ]

@@ -15,6 +15,7 @@ from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
+from drivers.vesc.settings import VescSettings
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
@@ -22,6 +23,7 @@ from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_comp
 from sim_backends.devices.overhead_camera import make_overhead_camera
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
 from sim_backends.devices.vectornav import VectorNavEmulatorSettings, make_vectornav
+from sim_backends.devices.vesc import VescEmulatorSettings, make_vesc
 from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
@@ -34,7 +36,12 @@ from sim_backends.world.world import EmulatedDevice, World
 
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
 ByteDevice: TypeAlias = (
-    CanWheelsSettings | NmeaCompassSettings | RobotinoBoardSettings | VectorNavSettings | WitMotionSettings
+    CanWheelsSettings
+    | NmeaCompassSettings
+    | RobotinoBoardSettings
+    | VectorNavSettings
+    | VescSettings
+    | WitMotionSettings
 )
 EmulatorT = TypeVar("EmulatorT", bound=EmulatorSettings)
 """A device whose settings are missing in `EmulatorSettings` is an error of types at its `_errors_of`."""
@@ -152,6 +159,9 @@ def _make_byte_device(
         case VectorNavSettings():
             vectornav = _errors_of(VectorNavEmulatorSettings, name, device, simulation)
             return make_vectornav(name, device, vectornav, plant, rng, start_ns)
+        case VescSettings():
+            vesc = _errors_of(VescEmulatorSettings, name, device, simulation)
+            return make_vesc(name, device, vesc, plant, rng, start_ns)
         case WitMotionSettings():
             imu = _errors_of(ImuEmulatorSettings, name, device, simulation)
             return make_imu(name, device, imu, plant, rng, start_ns)

@@ -9,6 +9,7 @@ from sim_backends.devices.can_wheels import CanNodeSettings
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
 from sim_backends.devices.vectornav import VectorNavEmulatorSettings
+from sim_backends.devices.vesc import VescEmulatorSettings
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
@@ -26,7 +27,8 @@ EmulatorSettings: TypeAlias = Annotated[
     | ImuEmulatorSettings
     | OverheadCameraEmulatorSettings
     | RobotinoBoardEmulatorSettings
-    | VectorNavEmulatorSettings,
+    | VectorNavEmulatorSettings
+    | VescEmulatorSettings,
     Field(discriminator="type"),
 ]
 

@@ -125,10 +125,33 @@ def vectornav() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     return VectorNavCodec("fuzz"), tuple(lines)
 
 
+def vesc() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.can_frame import CanFrame, pack_can_frame
+    from drivers.vesc.codec import VescCodec
+    from drivers.vesc.settings import VescSettings
+
+    settings = VescSettings.model_validate(
+        {
+            "interface": "virtual",
+            "channel": "fuzz",
+            "wheel": [{"node": 4}, {"node": 5, "sign": -1}],
+            "pole_pairs": 7,
+            "gear_ratio": 20.0,
+        }
+    )
+    statuses = [(command << 8 | node, bytes(8)) for command in (9, 14, 15, 16, 27, 58) for node in (4, 5, 6)]
+    turned = [(0x1B04, bytes((0, 0, 0, index, 0, 239, 0, 0))) for index in range(4)]
+    answers = [(0x8FE, bytes((4, 1, 50, 0, 0, 128, 0, code))) for code in (0, 4, 200)]
+    frames = [CanFrame(can_id, data, is_extended=True) for can_id, data in (*statuses, *turned, *answers)]
+    frames += [CanFrame(0x905, bytes(4), is_extended=True), CanFrame(0x40, bytes(8), is_error=True)]
+    return VescCodec("fuzz", settings), tuple(map(pack_can_frame, frames))
+
+
 PARSERS: dict[str, MakeTarget] = {
     "nmea_compass": nmea_compass,
     "witmotion": witmotion,
     "vectornav": vectornav,
+    "vesc": vesc,
     "robotino_board": robotino_board,
     "can_wheels": partial(can_wheels, "generic_wheel"),
     "can_wheels_float": partial(can_wheels, "odrive_0_6"),

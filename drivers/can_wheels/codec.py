@@ -3,22 +3,18 @@
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-from drivers.can_frame import EXTENDED_FLAG, CanFrame, unpack_can_frame
-from drivers.can_wheels.faults import BUS, FaultBoard, fault_text, read_error_frame
+from drivers.can_faults import BusMonitor, FaultBoard, fault_text
+from drivers.can_frame import EXTENDED_FLAG, unpack_can_frame
 from drivers.can_wheels.mapping import FixedFrame, SignalName
 from drivers.can_wheels.mapping_file import BusDescription
 from drivers.can_wheels.messages import MessageReader, MessageWriter, bus_id, raw_values
 from drivers.can_wheels.signals import Scale
-from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.link import Received
-from drivers.samples import FaultSample, PowerSample, Sample, WheelSample
+from drivers.samples import PowerSample, Sample, WheelSample
 
 NOT_A_FRAME = (Rejection("not_a_frame"),)
 OTHER_TRAFFIC = (Rejection("other_traffic"),)
-
-BUS_RECOVERY_NS = NANOSECONDS_PER_SECOND
-"""A bus fault is over when frames, which lower the error counters, but no error frames arrive for so long."""
 
 
 class Unwrapper:
@@ -163,7 +159,7 @@ class CanWheelsCodec:
         self.wheel_count = len(bus.mapping.wheel)
         self._bus = bus
         self._board = FaultBoard(device)
-        self._bus_error_ns: int | None = None
+        self._bus_monitor = BusMonitor(self._board)
         self._inboxes: dict[int, tuple[MessageReader, tuple[_Part, ...]]] = {}
         for name, parts in self._parts_by_message(device).items():
             message = bus.message(name)
@@ -187,14 +183,14 @@ class CanWheelsCodec:
         if frame is None:
             return NOT_A_FRAME
         if frame.is_error:
-            return self._decode_error(item.t_ns, frame)
-        recovered = self._check_recovery(item.t_ns)
+            return self._bus_monitor.note_error(item.t_ns, frame)
+        recovered = self._bus_monitor.note_frame(item.t_ns)
         inbox = self._inboxes.get(frame.can_id | EXTENDED_FLAG if frame.is_extended else frame.can_id)
         if inbox is None or frame.is_remote:
-            return OTHER_TRAFFIC if recovered is None else (recovered, *OTHER_TRAFFIC)
+            return (*recovered, *OTHER_TRAFFIC)
         reader, parts = inbox
         values, rejection = reader.read(frame.data)
-        results: list[Sample | Rejection] = [] if recovered is None else [recovered]
+        results: list[Sample | Rejection] = [*recovered]
         if rejection is not None:
             results.append(rejection)
         if values is not None:
@@ -271,18 +267,3 @@ class CanWheelsCodec:
             self._writer(frame.message).write(raw_values(self._bus.message(frame.message), frame.signals))
             for frame in frames
         ]
-
-    def _decode_error(self, t_ns: int, frame: CanFrame) -> Sequence[Sample | Rejection]:
-        report = read_error_frame(frame)
-        if isinstance(report, Rejection):
-            return (report,)
-        code, text = report
-        self._bus_error_ns = t_ns if code else None
-        fault = self._board.report(t_ns, None, BUS, code, text)
-        return () if fault is None else (fault,)
-
-    def _check_recovery(self, t_ns: int) -> FaultSample | None:
-        if self._bus_error_ns is None or t_ns - self._bus_error_ns < BUS_RECOVERY_NS:
-            return None
-        self._bus_error_ns = None
-        return self._board.report(t_ns, None, BUS, 0, "")

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 from typing import TypeGuard
 
-from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.device_settings import CanDeviceSettings
 from rover_hil.doctor.finding import CAN_WIRING, Finding, ok, problem, read_text, warning
 
 CHECK = "CAN interface"
@@ -35,7 +35,7 @@ def read_ip_details(channel: str) -> str:
     return run.stdout
 
 
-def check_interface(device: str, settings: CanWheelsSettings, sys: Path, ip_details: str) -> list[Finding]:
+def check_interface(device: str, settings: CanDeviceSettings, sys: Path, ip_details: str) -> list[Finding]:
     """Check the network interface of a CAN bus.
 
     Args:
@@ -87,7 +87,7 @@ def _can_interfaces(sys: Path) -> str:
     return ", ".join(folder.name for folder in folders if read_text(folder / "type") == CAN_LINK_TYPE)
 
 
-def _check_state(device: str, settings: CanWheelsSettings, data: dict[str, object]) -> list[Finding]:
+def _check_state(device: str, settings: CanDeviceSettings, data: dict[str, object]) -> list[Finding]:
     state, channel = data.get("state"), settings.channel
     if state == "BUS-OFF":
         return [
@@ -112,7 +112,7 @@ def _check_state(device: str, settings: CanWheelsSettings, data: dict[str, objec
     return []
 
 
-def _check_bit_rate(device: str, settings: CanWheelsSettings, data: dict[str, object]) -> list[Finding]:
+def _check_bit_rate(device: str, settings: CanDeviceSettings, data: dict[str, object]) -> list[Finding]:
     bit_rate = _table(data.get("bittiming")).get("bitrate")
     if not _is_number(bit_rate) or bit_rate == settings.bit_rate:
         return []
@@ -129,7 +129,7 @@ def _check_bit_rate(device: str, settings: CanWheelsSettings, data: dict[str, ob
     ]
 
 
-def _check_restart(device: str, settings: CanWheelsSettings, data: dict[str, object]) -> list[Finding]:
+def _check_restart(device: str, settings: CanDeviceSettings, data: dict[str, object]) -> list[Finding]:
     if data.get("restart_ms") != 0:
         return []
     channel = settings.channel
@@ -159,7 +159,7 @@ def _check_queue(device: str, channel: str, details: dict[str, object]) -> list[
     ]
 
 
-def _bring_up(settings: CanWheelsSettings) -> str:
+def _bring_up(settings: CanDeviceSettings) -> str:
     return (
         f"sudo ip link set {settings.channel} up type can bitrate {settings.bit_rate} restart-ms {RESTART_MS}"
     )

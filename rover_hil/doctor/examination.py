@@ -7,6 +7,7 @@ from importlib.metadata import packages_distributions, requires
 from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import Clock
+from drivers.device_settings import CanDeviceSettings
 from drivers.errors import NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from rover_hil.config import Config
@@ -102,7 +103,7 @@ def _check_port(name: str, settings: AnyDeviceSettings, paths: SystemPaths) -> S
     port = port_of(settings)
     if port is not None:
         return check_port(name, port, paths)
-    if not isinstance(settings, CanWheelsSettings):
+    if not isinstance(settings, CanDeviceSettings):
         return ()
     if settings.interface == "socketcan":
         return check_interface(name, settings, paths.sys, read_ip_details(settings.channel))

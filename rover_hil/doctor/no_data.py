@@ -2,10 +2,10 @@
 
 import re
 
-from drivers.can_wheels.settings import CanWheelsSettings
-from drivers.device_settings import SerialDeviceSettings
+from drivers.device_settings import CanDeviceSettings, SerialDeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.vesc.settings import VescSettings
 from rover_hil.doctor.finding import Finding, problem
 from rover_hil.doctor.listening import Reception
 from rover_hil.doctor.rejections import advice_for, list_reasons
@@ -37,7 +37,13 @@ def _nothing_arrives(reception: Reception) -> Finding:
     elif isinstance(settings, SerialDeviceSettings):
         cause = "the device is off, its transmit line is not connected, or it only answers requests"
         fix = f"check its power and that its TX goes to our RX; check with `xxd {settings.port} | head`"
-    elif isinstance(settings, CanWheelsSettings):
+    elif isinstance(settings, VescSettings):
+        cause = "the controllers are off, send no status messages, or the bit rate is wrong"
+        fix = (
+            "in VESC Tool, App Settings, General, enable CAN Status Messages 1 and 5 at 50 Hz; "
+            f"in [devices.{name}] check channel and bit_rate = {settings.bit_rate}"
+        )
+    elif isinstance(settings, CanDeviceSettings):
         cause = "the drives are off, the bus is not connected, or its bit rate is wrong"
         fix = f"switch the drives on; in [devices.{name}] check channel and bit_rate = {settings.bit_rate}"
     else:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers.camera.settings import FrameSourceSettings
-from drivers.can_wheels.settings import CanWheelsSettings
-from drivers.device_settings import SerialDeviceSettings
+from drivers.device_settings import CanDeviceSettings, SerialDeviceSettings
 from drivers.registry import AnyDeviceSettings
 from rover_hil.doctor.finding import Finding, SystemPaths, ok, problem, read_text, warning
 from rover_hil.doctor.port_users import describe, find_users
@@ -49,7 +48,7 @@ def port_of(settings: AnyDeviceSettings) -> Port | None:
     """Return the device file that a device needs, or None when it needs none."""
     if isinstance(settings, SerialDeviceSettings):
         return Port(SERIAL, "port", Path(settings.port))
-    if isinstance(settings, CanWheelsSettings) and settings.interface == "slcan":
+    if isinstance(settings, CanDeviceSettings) and settings.interface == "slcan":
         return Port(SERIAL, "channel", Path(settings.channel))
     if isinstance(settings, FrameSourceSettings) and settings.source == "v4l2":
         return Port(CAMERA, "path", Path(settings.path))

@@ -137,6 +137,34 @@ _ADVICE = {
     "stamp_backwards": _STANDING_CAMERA,
 }
 _ADVICE_OF_TYPE = {
+    "vesc": {
+        "other_traffic": Advice(
+            Level.OK,
+            "frames arrive, but no status messages of a VESC",
+            'set the CAN mode of the controllers to "VESC" (VESC Tool, App Settings, General)',
+        ),
+        "other_node": Advice(
+            Level.PROBLEM,
+            "a VESC sends whose ID no wheel has",
+            "set node of each wheel in [devices.{device}] to the VESC ID of its controller",
+        ),
+        "too_short": Advice(
+            Level.PROBLEM,
+            "status messages are shorter than those of a VESC: other devices use the same identifiers",
+            "give the other devices other identifiers, or a bus of their own",
+        ),
+        "implausible_jump": Advice(
+            Level.WARNING,
+            "the tachometer jumped further than the motor can turn: the controller has restarted",
+            "check the supply of the controllers for dips, and erpm_limit in [devices.{device}]",
+        ),
+        "no_fault_report": Advice(
+            Level.WARNING,
+            "a controller does not answer when asked for its fault, so faults do not show",
+            "update its firmware (5.02 or later), and choose a host_id in [devices.{device}] that no other "
+            "node on the bus has",
+        ),
+    },
     "vectornav": {
         "other_message": Advice(
             Level.OK,

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Generic, Self, TypeAlias
 
 from drivers.camera.settings import FrameSourceSettings
-from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import Clock, nanoseconds
+from drivers.device_settings import CanDeviceSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage, PayloadT
 from drivers.registry import AnyDeviceSettings
@@ -133,7 +133,7 @@ def put_on_ports(world: World, settings: Mapping[str, AnyDeviceSettings]) -> lis
     for name, device in settings.items():
         if isinstance(device, FrameSourceSettings):
             served.append(ServedDevice(world.image_devices[name], FramePort(device.path)))
-        elif isinstance(device, CanWheelsSettings):
+        elif isinstance(device, CanDeviceSettings):
             served.append(ServedDevice(world.byte_devices[name], _can_port(device)))
         else:
             served.append(ServedDevice(world.byte_devices[name], PtyPort(device.port)))
@@ -145,11 +145,11 @@ def find_unservable(settings: Mapping[str, AnyDeviceSettings]) -> Iterator[str]:
     for name, device in settings.items():
         if isinstance(device, FrameSourceSettings) and device.source != "live_folder":
             yield f"devices.{name}.source: a simulated camera is served as source = 'live_folder'; set that"
-        if isinstance(device, CanWheelsSettings) and device.interface == "virtual":
+        if isinstance(device, CanDeviceSettings) and device.interface == "virtual":
             yield (
                 f"devices.{name}.interface: no other process can reach a virtual bus; use slcan or socketcan"
             )
 
 
-def _can_port(bus: CanWheelsSettings) -> Port[bytes]:
+def _can_port(bus: CanDeviceSettings) -> Port[bytes]:
     return SlcanPort(bus.channel) if bus.interface == "slcan" else CanBusPort(bus.interface, bus.channel)

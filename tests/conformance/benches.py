@@ -66,6 +66,19 @@ CASES = (
         pack_can_frame(CanFrame(0x7FF, b"\x01")),
     ),
     Case(
+        "vesc",
+        "el_dorado",
+        lambda folder: {
+            "interface": "slcan",
+            "channel": str(folder / "port"),
+            "wheel": [{"node": node} for node in (1, 2, 3, 4)],
+            "pole_pairs": 7,
+            "gear_ratio": 20.0,
+        },
+        (WheelSample,),
+        pack_can_frame(CanFrame(0x909, bytes(8), is_extended=True)),
+    ),
+    Case(
         "nmea_compass",
         "el_dorado",
         lambda folder: {"port": str(folder / "port")},

@@ -18,51 +18,11 @@ from drivers.link import Received
 from drivers.samples import FaultSample, PowerSample, Sample, WheelCommand, WheelSample
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
 from sim_backends.world.loopback import LoopbackLink
-from sim_backends.world.plant import Truth
 from sim_backends.world.world import EmulatedDevice, World
+from tests.sim_backends.obedient_plant import START_NS, ObedientPlant
 
 SHIPPED = ("generic_wheel", "odrive_0_5", "odrive_0_6")
-START_NS = 1_000_000_000
 EXACT = CanNodeSettings(speed_noise_rad_s=0, current_noise_a=0, current_step_a=0, voltage_noise_v=0)
-
-
-class ObedientPlant:
-    """Wheels that turn at once as they are told, from `position_rad` on."""
-
-    def __init__(self, position_rad: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
-        self.wheel_count = len(position_rad)
-        self.position_rad = list(position_rad)
-        self.speed_rad_s = [0.0] * self.wheel_count
-        self.battery_v = 24.1
-        self._t_ns = START_NS
-
-    def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        assert len(speed_rad_s) == self.wheel_count
-        self.speed_rad_s = list(speed_rad_s)
-
-    def advance(self, t_ns: int) -> None:
-        for wheel, speed in enumerate(self.speed_rad_s):
-            self.position_rad[wheel] += speed * seconds(t_ns - self._t_ns)
-        self._t_ns = t_ns
-
-    def truth(self) -> Truth:
-        return Truth(
-            t_ns=self._t_ns,
-            x_m=0.0,
-            y_m=0.0,
-            yaw_rad=0.0,
-            roll_rad=0.0,
-            pitch_rad=0.0,
-            velocity_x_m_s=0.0,
-            velocity_y_m_s=0.0,
-            yaw_rate_rad_s=0.0,
-            wheel_position_rad=tuple(self.position_rad),
-            wheel_speed_rad_s=tuple(self.speed_rad_s),
-            motor_current_a=tuple(0.5 * speed for speed in self.speed_rad_s),
-            slip=(0.0,) * self.wheel_count,
-            battery_v=self.battery_v,
-            bumper_pressed=False,
-        )
 
 
 class Bench:

@@ -1,8 +1,9 @@
-"""Keeps track of the active faults that drives and bus report."""
+"""Keeps track of the active faults that drives on a CAN bus, and the bus itself, report."""
 
 from collections.abc import Mapping
 
 from drivers.can_frame import CanFrame
+from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.samples import FaultSample
 
@@ -10,6 +11,8 @@ LOST_ARBITRATION = Rejection("bus_lost_arbitration")
 BUS_WARNING = Rejection("bus_warning")
 
 BUS = "CAN bus"
+BUS_RECOVERY_NS = NANOSECONDS_PER_SECOND
+"""A bus fault is over when frames, which lower the error counters, but no error frames arrive for so long."""
 
 _CONTROLLER = 0x004
 _LOST_ARBITRATION = 0x002
@@ -71,6 +74,36 @@ class FaultBoard:
         first_code, _ = next(iter(faults.values()))
         texts = "; ".join(f"{name}: {fault_text}" for name, (_, fault_text) in faults.items())
         return FaultSample(device=self._device, t_ns=t_ns, wheel=wheel, code=first_code, text=texts)
+
+
+class BusMonitor:
+    """Turns error frames of the CAN controller into faults of the bus.
+
+    Args:
+        board: Where the fault of the bus is noted beside those of the drives.
+    """
+
+    def __init__(self, board: FaultBoard) -> None:
+        self._board = board
+        self._error_ns: int | None = None
+
+    def note_error(self, t_ns: int, frame: CanFrame) -> tuple[FaultSample | Rejection, ...]:
+        """Return what a frame means in which the controller reports an error."""
+        report = read_error_frame(frame)
+        if isinstance(report, Rejection):
+            return (report,)
+        code, text = report
+        self._error_ns = t_ns if code else None
+        fault = self._board.report(t_ns, None, BUS, code, text)
+        return () if fault is None else (fault,)
+
+    def note_frame(self, t_ns: int) -> tuple[FaultSample, ...]:
+        """Return the end of a bus fault, when a frame of a device shows that it is over."""
+        if self._error_ns is None or t_ns - self._error_ns < BUS_RECOVERY_NS:
+            return ()
+        self._error_ns = None
+        fault = self._board.report(t_ns, None, BUS, 0, "")
+        return () if fault is None else (fault,)
 
 
 def fault_text(code: int, names: Mapping[int, str]) -> str:
