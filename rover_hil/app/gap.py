@@ -33,8 +33,7 @@ from rover_hil.gap.plan import Plan, TooFewRunsError, require_runs
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
-from sim_backends.models.interface import Model, Run
-from sim_backends.state_model.model import StateModel
+from sim_backends.models.interface import Machine, Model, Run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +74,7 @@ def find_gap(
     """Analyse data against a model and write the results, unless the data is bad; returns the exit code.
 
     Args:
-        model_name: A shipped model, or `file.py:factory`.
+        model_name: A shipped model, `file.py:factory`, or the TOML file of a functional mock-up unit.
         data: File or folder of measured runs.
         out: Folder for the results.
         extended: Model file of an earlier analysis, or None.
@@ -109,7 +108,7 @@ def check_effects(model_name: str, data: Path, *, as_json: bool, shortening: Sho
     """Print what the inputs of the runs can show of each effect; returns the exit code.
 
     Args:
-        model_name: `file.py:factory` of a machine.
+        model_name: `file.py:factory` of a machine, or the TOML file of a functional mock-up unit.
         data: File or folder of measured runs.
         as_json: Print the report as JSON.
         shortening: How records become runs.
@@ -120,14 +119,16 @@ def check_effects(model_name: str, data: Path, *, as_json: bool, shortening: Sho
     check_inputs(data)
     with name_model_errors(_file_of(model_name)):
         model = load_model(model_name)
-        if not isinstance(model, StateModel):
-            raise ConfigError(f"--check: {model_name} is no StateModel; leave out --check")
+        if not isinstance(model, Machine):
+            raise ConfigError(
+                f"--check: {model_name} is no StateModel and no functional mock-up unit; leave out --check"
+            )
         report = _lint(model, data, shortening or Shortening())
     _print_report(report, as_json=as_json)
     return EXIT_NO if report.problems else EXIT_OK
 
 
-def _lint(model: StateModel, data: Path, shortening: Shortening) -> LintReport:
+def _lint(model: Machine, data: Path, shortening: Shortening) -> LintReport:
     try:
         runs = read_runs(model, data)
     except (ConfigError, LogError) as error:
@@ -211,7 +212,7 @@ def _check(model: Model, runs: Sequence[Run]) -> None:
     Raises:
         ConfigError: The model has an error.
     """
-    if not isinstance(model, StateModel):
+    if not isinstance(model, Machine):
         check_model(model, runs)
     # The verdict names what is wrong with runs; a model cannot be tried on them.
     elif not _objection(model, runs):

@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_hil.gap.data.problem import LEAST_SAMPLES, Group, group_runs, is_steady
 from rover_hil.gap.statistics.replicates import LEAST_FREEDOM, pooled_freedom
-from sim_backends.models.interface import Array, DrivenModel, MachineModel, Model, Run
+from sim_backends.models.interface import Array, DrivenModel, Machine, Model, Run
 
 MISSING_SHARE = 0.05
 CONTRADICTION_SD = 15.0
@@ -71,7 +71,7 @@ def _gaps_of(model: Model, run: Run) -> Iterator[MissingValues]:
         if channel.name in run.measured:
             values = run.measured[channel.name]
             values = values[first : values.size - last]
-            if isinstance(model, MachineModel):
+            if isinstance(model, Machine):
                 values = _expected(values)
             count = int(np.sum(~np.isfinite(values)))
             yield MissingValues(run=run.name, series=channel.name, count=count, total=values.size)
@@ -101,7 +101,7 @@ def _expected(values: Array) -> Array:
 
 def slower_channels(model: Model, runs: Sequence[Run]) -> list[str]:
     """Return a sentence for each channel of a machine that is measured less often than its inputs."""
-    if not isinstance(model, MachineModel):
+    if not isinstance(model, Machine):
         return []
     sentences = []
     for channel in model.channels:
@@ -298,7 +298,7 @@ def _conditions_vary(model: Model, runs: Sequence[Run]) -> str:
 
 def _separable(model: Model, runs: Sequence[Run]) -> str:
     """Return which channel of a machine has no scale that its misfit can be compared with."""
-    if not isinstance(model, MachineModel):
+    if not isinstance(model, Machine):
         return ""
     for channel in model.channels:
         if channel.noise_sd <= 0.0 and any(channel.name in run.measured for run in runs):

@@ -26,8 +26,7 @@ from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.score import score_all
 from rover_hil.gap.verdict import Answer
-from sim_backends.models.interface import Model, Run
-from sim_backends.state_model.model import StateModel
+from sim_backends.models.interface import Machine, Model, Run
 
 ALPHAS = {"gap": GAP_ALPHA, "first name": NAME_ALPHA, "further name": MORE_ALPHA}
 
@@ -56,7 +55,7 @@ def analyse(
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
-    if not isinstance(model, StateModel):
+    if not isinstance(model, Machine):
         model = ObservedModel(model, runs)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
     missing: list[dict[str, str | int]] = [
@@ -98,7 +97,7 @@ def _analyse(
     if objection is not None:
         return refused(Answer.BAD_DATA, f"without the locked runs, {objection.reason}", plan)
     locked_runs = [run for run in runs if run.name in locked]
-    if isinstance(model, StateModel):
+    if isinstance(model, Machine):
         advance("choosing the integration steps")
         model = model.refined(runs)
         found = analyse_machine(model, open_runs, locked_runs, seed, advance)

@@ -51,6 +51,14 @@ class Parameter:
         """Return whose deviation acts in a run: the name of the run, or `CONDITION=VALUE` of the unit."""
         return f"{self.scatter_by}={run.conditions[self.scatter_by]:g}" if self.scatter_by else run.name
 
+    @property
+    def natural(self) -> float:
+        """The value one standard deviation from the nominal one, to the side that the bounds allow."""
+        value = self.nominal + self.prior_sd
+        if value > self.upper:
+            value = self.nominal - self.prior_sd
+        return max(value, self.lower)
+
 
 def parameter(
     name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str = ""
@@ -267,12 +275,24 @@ class EitherDriven(Protocol):
 
 
 @runtime_checkable
-class MachineModel(Protocol):
-    """A model of a machine that moves, made of equations with named ports."""
+class Machine(Model, Protocol):
+    """A model of a machine that moves; nothing of its inside needs to be known."""
 
     @property
-    def ports(self) -> tuple[Port, ...]:
-        """Where effects and unknown forces may act."""
+    def states(self) -> Mapping[str, str]:
+        """Signals inside that `trajectories` returns, and their units."""
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """The inputs that drive it, and their units."""
+
+    @property
+    def input_units(self) -> Mapping[str, str]:
+        """The same, with the time where the runs must have it."""
+
+    @property
+    def step_s(self) -> float | None:
+        """Time between samples; None where the runs have an input `t_s`."""
 
     @property
     def run_parameters(self) -> tuple[RunParameter, ...]:
@@ -283,6 +303,25 @@ class MachineModel(Protocol):
     ) -> list[list[dict[str, Array]]]:
         """Predict at several points at once; base parameters `NAME@RUN` are those of one run."""
         ...
+
+    def trajectories(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Return the signals inside and the inputs of each run over its samples."""
+        ...
+
+    def refined(self, runs: Sequence[Run]) -> "Machine":
+        """Return the same model with steps that are small enough for these runs."""
+        ...
+
+
+@runtime_checkable
+class MachineModel(Machine, Protocol):
+    """A machine made of equations with named ports."""
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """Where effects and unknown forces may act."""
 
     def force_responses(
         self,
@@ -297,8 +336,4 @@ class MachineModel(Protocol):
 
     def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "MachineModel":
         """Return the same model with forces by run and port that act besides its equations."""
-        ...
-
-    def refined(self, runs: Sequence[Run]) -> "MachineModel":
-        """Return the same model with integration steps that are small enough for these runs."""
         ...

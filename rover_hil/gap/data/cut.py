@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.gap.data.problem import LEAST_SAMPLES
-from sim_backends.models.interface import Array, Model, Run
+from sim_backends.models.interface import Array, Machine, Model, Run
 from sim_backends.state_model.model import StateModel, uniform_step_s
 
 
@@ -47,17 +47,17 @@ def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> lis
     Raises:
         ConfigError: The model is no machine, or too little of a record is left.
     """
-    if not isinstance(model, StateModel):
-        raise ConfigError("--warm-up: only records of a StateModel can be shortened; leave out --warm-up")
+    if not isinstance(model, Machine):
+        raise ConfigError("--warm-up: only records of a machine can be shortened; leave out --warm-up")
     starts = {one.channel for one in model.run_parameters}
     return [_without_beginning(run, _count(model, run, duration_s), starts) for run in runs]
 
 
-def _count(model: StateModel, run: Run, duration_s: float) -> int:
+def _count(model: Machine, run: Run, duration_s: float) -> int:
     return round(duration_s / _step_s(model, run))
 
 
-def _step_s(model: StateModel, run: Run) -> float:
+def _step_s(model: Machine, run: Run) -> float:
     return uniform_step_s(run) if model.step_s is None else model.step_s
 
 

@@ -22,6 +22,7 @@ from rover_hil.gap.data.problem import LEAST_RUNS
 from rover_hil.gap.data.reader import Reader
 from rover_hil.gap.data.table import read_table
 from sim_backends import models
+from sim_backends.fmu.read import read_unit_model
 from sim_backends.models.interface import Array, Model, Run, RunReader, StretchReader
 
 SHIPPED = tuple(one.name.replace("_", "-") for one in pkgutil.iter_modules(models.__path__) if one.ispkg)
@@ -31,18 +32,22 @@ NULL_TOLERANCE = 1e-9
 
 
 def load_model(name: str) -> Model:
-    """Return a shipped model, or the result of `file.py:factory`.
+    """Return a shipped model, that of a functional mock-up unit, or the result of `file.py:factory`.
 
     Raises:
         ConfigError: There is no such model, or it lacks a part.
     """
+    if name.endswith(".toml"):
+        return read_unit_model(Path(name))
     if name in SHIPPED:
         factory_name = FACTORY
         module: object = importlib.import_module(f"{models.__name__}.{name.replace('-', '_')}.model")
     else:
         file, _, factory_name = name.rpartition(":")
         if not file.endswith(".py"):
-            raise ConfigError(f"there is no model '{name}': use {', '.join(SHIPPED)} or file.py:factory")
+            raise ConfigError(
+                f"there is no model '{name}': use {', '.join(SHIPPED)}, file.py:factory or unit.toml"
+            )
         module = _load_file(Path(file))
     factory = getattr(module, factory_name, None)
     if not callable(factory):

@@ -13,7 +13,7 @@ from sim_backends.models.interface import (
     Array,
     Channel,
     EffectCard,
-    MachineModel,
+    Machine,
     Model,
     Parameter,
     Run,
@@ -239,7 +239,7 @@ class Problem:
         Args:
             names: Active effects, whose strengths may scatter too.
         """
-        if not isinstance(self.model, MachineModel):
+        if not isinstance(self.model, Machine):
             return []
         strengths = [(card.name, card.parameters[0]) for card in self.model.effects if card.name in names]
         scattering = [("", item) for item in self.model.parameters] + strengths
@@ -288,7 +288,7 @@ class Problem:
             self._rows[owner] = np.array(is_own)[self.observations.site]
         return self._rows[owner]
 
-    def _run_unknowns(self, model: MachineModel) -> list[Free]:
+    def _run_unknowns(self, model: Machine) -> list[Free]:
         return [
             Free(
                 key=("", f"{item.name}{RUN_SEPARATOR}{site.name}"),
@@ -368,7 +368,7 @@ def predict_rows(model: Model, sites: Sequence[Run], point: Point) -> Array:
 def predict_points(model: Model, sites: Sequence[Run], points: Sequence[Point]) -> list[Array]:
     """Return the predictions for `sites` at several points, each in the order of `observe`."""
     values = [split_point(point) for point in points]
-    if isinstance(model, MachineModel):
+    if isinstance(model, Machine):
         found = model.predict_points(sites, values) if values else []
     else:
         found = [model.predict(sites, parameters, effects) for parameters, effects in values]

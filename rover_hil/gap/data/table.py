@@ -14,8 +14,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import CsvTable, read_csv
-from sim_backends.models.interface import Array, DrivenModel, Model, Run
-from sim_backends.state_model.model import StateModel
+from sim_backends.models.interface import Array, DrivenModel, Machine, Model, Run
 
 TIME = "t_s"
 STEP_SHARE = 0.01
@@ -45,7 +44,7 @@ def _read_file(model: Model, path: Path) -> list[Run]:
     units = {channel.name: channel.unit for channel in model.channels} | dict(model.condition_units)
     if isinstance(model, DrivenModel):
         units |= dict(model.input_units)
-    if isinstance(model, StateModel):
+    if isinstance(model, Machine):
         units.setdefault(TIME, "s")
     for name in cells.names:
         if name in units:
@@ -77,7 +76,7 @@ def _run(
             )
         conditions[condition] = float(values[0])
     inputs = _input_names(model)
-    if isinstance(model, StateModel) and TIME in table:
+    if isinstance(model, Machine) and TIME in table:
         even = _even_times(table[TIME][index], f"{path}, run {name}", model.step_s)
         table = {**table, TIME: table[TIME].copy()}
         table[TIME][index] = even

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from rover_hil.gap.machines.search import (
 from rover_hil.gap.machines.sizes import Size, size_of
 from rover_hil.gap.machines.tracking import Tracked, track
 from rover_hil.gap.statistics.score import Score
-from sim_backends.models.interface import Run
+from sim_backends.models.interface import Machine, Run
 from sim_backends.state_model.model import StateModel
 
 SAME_LAW = 0.97
@@ -55,7 +56,7 @@ class MachineFindings:
         other_weighting: Sizes of the effects by the other weighting, random forces at the ports.
     """
 
-    machine: StateModel
+    machine: Machine
     problem: Problem
     base: MachineFit
     budget_before: tuple[ChannelError, ...]
@@ -84,7 +85,7 @@ class MachineFindings:
 
 
 def analyse_machine(
-    machine: StateModel,
+    machine: Machine,
     runs: Sequence[Run],
     locked: Sequence[Run],
     seed: int,
@@ -162,17 +163,23 @@ def _validated(
 
 def _rivals(findings: MachineFindings) -> tuple[str, ...]:
     """Return free-form terms that replace the only effect of an explanation as well as it explains."""
-    if len(findings.best.names) != 1 or not findings.machine.ports:
+    machine = findings.machine
+    if len(findings.best.names) != 1 or not _has_ports(machine):
         return ()
     base, best = findings.base, findings.best
-    terms = free_terms(findings.machine, findings.problem, base)
+    terms = free_terms(machine, findings.problem, base)
     rivals = []
-    for one in search_terms(findings.machine, findings.problem, terms, base):
+    for one in search_terms(machine, findings.problem, terms, base):
         if one.objection or _likeness(one.fit, best, base) > SAME_LAW:
             continue
         if is_within_noise(one.fit) or (one.fit.merit <= best.merit and is_equal(one.fit, best)):
-            rivals.append(strength_of(findings.machine, one.term)[0])
+            rivals.append(strength_of(machine, one.term)[0])
     return tuple(rivals)
+
+
+def _has_ports(machine: Machine) -> TypeGuard[StateModel]:
+    """Return True where forces and free-form terms can act inside."""
+    return isinstance(machine, StateModel) and bool(machine.ports)
 
 
 def _likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
@@ -184,7 +191,7 @@ def _likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
 
 def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     machine = findings.machine
-    if not machine.ports:
+    if not _has_ports(machine):
         return findings
     best = findings.best
     free = fits.free(best.names, {})
@@ -198,11 +205,12 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
 
 
 def _drafts(findings: MachineFindings) -> tuple[DraftTerm, ...]:
-    if not findings.machine.ports:
+    machine = findings.machine
+    if not _has_ports(machine):
         return ()
-    terms = free_terms(findings.machine, findings.problem, findings.best)
-    found = search_terms(findings.machine, findings.problem, terms, findings.best)
-    return tuple(_draft(findings.machine, one) for one in found if not one.objection)[:3]
+    terms = free_terms(machine, findings.problem, findings.best)
+    found = search_terms(machine, findings.problem, terms, findings.best)
+    return tuple(_draft(machine, one) for one in found if not one.objection)[:3]
 
 
 def _draft(machine: StateModel, found: FittedTerm) -> DraftTerm:

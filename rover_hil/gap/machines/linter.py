@@ -17,7 +17,7 @@ from rover_hil.gap.machines.reach import Reach, signal_ranges, threshold_reaches
 from rover_hil.gap.statistics.fit import Fit, whitened_jacobian
 from rover_hil.gap.statistics.score import Score, cosine, score_all
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
-from sim_backends.models.interface import EffectCard, Parameter, Run
+from sim_backends.models.interface import EffectCard, Machine, Run
 from sim_backends.state_model.model import StateModel
 
 LEAST_CHANGE = 1e-3
@@ -122,7 +122,7 @@ class LintReport:
         return [*lines, *(f"Similar: {one.sentence()}" for one in self.pairs)]
 
 
-def require_changes(model: StateModel, runs: Sequence[Run]) -> None:
+def require_changes(model: Machine, runs: Sequence[Run]) -> None:
     """Check that each effect of natural size changes some prediction.
 
     Raises:
@@ -132,12 +132,11 @@ def require_changes(model: StateModel, runs: Sequence[Run]) -> None:
     silent = [card for card in model.effects if bench.greatest(card, [_nominal_shapes(card)]) < LEAST_CHANGE]
     silent = [card for card in silent if bench.greatest(card, shape_points(card)) < LEAST_CHANGE]
     if silent:
-        reaches = threshold_reaches(model, signal_ranges(model, bench.problem.sites))
-        reach = reaches.get(silent[0].name)
+        reach = _reaches(model, bench).get(silent[0].name)
         raise ConfigError(f"model {model.name}: {_silence(bench, silent[0], reach)}")
 
 
-def lint(model: StateModel, runs: Sequence[Run]) -> LintReport:
+def lint(model: Machine, runs: Sequence[Run]) -> LintReport:
     """Return what the inputs and initial conditions of runs can show of each effect.
 
     Args:
@@ -147,7 +146,7 @@ def lint(model: StateModel, runs: Sequence[Run]) -> LintReport:
     bench = _Bench(model, runs)
     changes = {card.name: bench.greatest(card, shape_points(card)) for card in model.effects}
     scores = bench.scores([card for card in model.effects if math.isfinite(changes[card.name])])
-    reaches = threshold_reaches(model, signal_ranges(model, bench.problem.sites))
+    reaches = _reaches(model, bench)
     problems: list[str] = []
     cards, thresholds = [], []
     for card in model.effects:
@@ -179,7 +178,7 @@ def lint(model: StateModel, runs: Sequence[Run]) -> LintReport:
 class _Bench:
     """The model on its runs; of their measured values it uses where they are and where states start."""
 
-    def __init__(self, model: StateModel, runs: Sequence[Run]) -> None:
+    def __init__(self, model: Machine, runs: Sequence[Run]) -> None:
         self.problem = Problem(model, observe(model, runs))
         self._noise: SensorNoise = declared_noise(self.problem.observations)
         free = tuple(self.problem.base_free())
@@ -200,7 +199,7 @@ class _Bench:
         points = [
             {
                 **self._fit.point,
-                (card.name, strength.name): natural(strength),
+                (card.name, strength.name): strength.natural,
                 **{(card.name, name): value for name, value in one.items()},
             }
             for one in shapes
@@ -236,12 +235,11 @@ class _Bench:
         )
 
 
-def natural(parameter: Parameter) -> float:
-    """Return a parameter one natural size from its null, to the side that its bounds allow."""
-    value = parameter.nominal + parameter.prior_sd
-    if value > parameter.upper:
-        value = parameter.nominal - parameter.prior_sd
-    return max(value, parameter.lower)
+def _reaches(model: Machine, bench: _Bench) -> dict[str, Reach]:
+    """Return, by card, the signal that its threshold is compared with, where the model's ports are known."""
+    if not isinstance(model, StateModel):
+        return {}
+    return threshold_reaches(model, signal_ranges(model, bench.problem.sites))
 
 
 def _nominal_shapes(card: EffectCard) -> dict[str, float]:
@@ -284,7 +282,7 @@ def _unreached(bench: _Bench, card: EffectCard, reach: Reach | None) -> list[str
     if reach is None:
         return []
     if not reach.shape:
-        width = natural(card.parameters[0])
+        width = card.parameters[0].natural
         return (
             [f"{card.name}: {card.parameters[0].name} {width:g} {reach.unit} covers all; {reach.sentence()}"]
             if reach.is_beyond(width)

@@ -11,21 +11,24 @@ import numpy as np
 
 from drivers.clock import Clock, SystemClock, seconds
 from drivers.errors import ConfigError, RoverHilError
-from sim_backends.models.interface import Array, Channel, Run
+from sim_backends.fmu.model import UnitModel
+from sim_backends.models.interface import Array, Channel, Machine, Run
 from sim_backends.state_model.model import StateModel
 
 POINTS, RUNS, SAMPLES = 2, 3, 5
 """Numbers of the trial, all different, so that axes cannot be mistaken."""
 INTEGRATIONS = 300
 """Of a usual analysis."""
+SIMULATIONS = 20
+"""Of each run in a usual analysis, for each parameter and each effect."""
 LONG_S = 1.0
 SAME_SHARE = 0.1
 """Greatest difference between predictions that must be equal, as a share of the sensor noise."""
 MINUTE_S = 60.0
 
 
-def try_model(model: StateModel, runs: Sequence[Run], clock: Clock | None = None) -> list[str]:
-    """Check the equations of a machine, and integrate its runs twice.
+def try_model(model: Machine, runs: Sequence[Run], clock: Clock | None = None) -> list[str]:
+    """Check the equations of a machine, where they are known, and simulate its runs twice.
 
     Args:
         model: The machine.
@@ -39,7 +42,8 @@ def try_model(model: StateModel, runs: Sequence[Run], clock: Clock | None = None
         ConfigError: An equation raises, returns the wrong names, shapes or NaN, is not deterministic, or uses
             ports that are not declared, or leaves a declared one out.
     """
-    _try_equations(model, runs)
+    if isinstance(model, StateModel):
+        _try_equations(model, runs)
     clock = clock or SystemClock()
     with _located(model):
         first = model.predict(runs, {}, {})
@@ -56,19 +60,35 @@ def try_model(model: StateModel, runs: Sequence[Run], clock: Clock | None = None
         alone,
         "mixes runs: a run alone is predicted differently than among others",
     )
+    if isinstance(model, UnitModel):
+        return [_duration_of_unit(model, len(runs), duration_s)]
     return _warnings(len(runs), duration_s)
+
+
+def _duration_of_unit(model: UnitModel, count: int, duration_s: float) -> str:
+    unknowns = len(model.parameters) + len(model.run_parameters)
+    simulations = SIMULATIONS * (unknowns + 1) * (len(model.effects) + 1)
+    return (
+        f"one simulation of all {count} runs takes {duration_s:.2g} s; an analysis needs about "
+        f"{simulations}: about {_in_words(simulations * duration_s)} in all"
+    )
 
 
 def _warnings(count: int, duration_s: float) -> list[str]:
     if duration_s <= LONG_S:
         return []
     total_s = INTEGRATIONS * duration_s
-    total = f"{total_s / MINUTE_S:.0f} min" if total_s >= 2.0 * MINUTE_S else f"{total_s:.0f} s"
     return [
         f"one integration of all {count} runs takes {duration_s:.1f} s; an analysis needs about "
-        f"{INTEGRATIONS}: about {total} in all, more where the steps must be halved. Fewer samples, or numpy "
-        "functions in place of loops, are faster"
+        f"{INTEGRATIONS}: about {_in_words(total_s)} in all, more where the steps must be halved. Fewer "
+        "samples, or numpy functions in place of loops, are faster"
     ]
+
+
+def _in_words(duration_s: float) -> str:
+    if duration_s >= 2.0 * MINUTE_S:
+        return f"{duration_s / MINUTE_S:.0f} min"
+    return f"{duration_s:.0f} s"
 
 
 def _try_equations(model: StateModel, runs: Sequence[Run]) -> None:
@@ -165,7 +185,7 @@ def _words(error: Exception) -> str:
 
 
 @contextmanager
-def _located(model: StateModel) -> Iterator[None]:
+def _located(model: Machine) -> Iterator[None]:
     """Name the equation that an exception comes from.
 
     Raises:
@@ -176,6 +196,8 @@ def _located(model: StateModel) -> Iterator[None]:
     except RoverHilError:
         raise
     except Exception as error:
+        if not isinstance(model, StateModel):
+            raise
         codes = {frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)}
         for role in ("derivative", "output", "start"):
             function = _function(model, role)
@@ -241,21 +263,30 @@ def _in_shape(who: str, what: str, name: str, value: object, shape: tuple[int, .
         ) from error
 
 
-def _require_numbers(model: StateModel, runs: Sequence[Run], tables: Sequence[Mapping[str, Array]]) -> None:
+def _require_numbers(model: Machine, runs: Sequence[Run], tables: Sequence[Mapping[str, Array]]) -> None:
     for run, table in zip(runs, tables, strict=True):
         for channel in model.channels:
             bad = np.flatnonzero(~np.isfinite(table[channel.name]))
             if bad.size:
                 raise ConfigError(
-                    f"{_place(model.derivative)}model {model.name} predicts no number for {channel.name} in "
+                    f"{_place_of(model)}model {model.name} predicts no number for {channel.name} in "
                     f"run {run.name} from sample {bad[0] + 1} of {table[channel.name].size} on, at nominal "
-                    "parameters: look for a division by zero, a root of a negative number, or a motion that "
-                    "grows without limit"
+                    f"parameters: {_reason(model, run)}"
                 )
 
 
+def _reason(model: Machine, run: Run) -> str:
+    if isinstance(model, UnitModel):
+        return model.failure(run)
+    return "look for a division by zero, a root of a negative number, or a motion that grows without limit"
+
+
+def _place_of(model: Machine) -> str:
+    return _place(model.derivative) if isinstance(model, StateModel) else ""
+
+
 def _require_equal(
-    model: StateModel,
+    model: Machine,
     runs: Sequence[Run],
     first: Sequence[Mapping[str, Array]],
     second: Sequence[Mapping[str, Array]],
@@ -266,10 +297,15 @@ def _require_equal(
             difference = float(np.max(np.abs(one[channel.name] - other[channel.name]), initial=0.0))
             if not difference <= _same(channel, one[channel.name]):
                 raise ConfigError(
-                    f"{_place(model.derivative)}model {model.name} {what} by {difference:.3g} "
-                    f"{channel.unit} in {channel.name}, run {run.name}: use no random numbers, no memory "
-                    "between calls, and no sums over the arguments"
+                    f"{_place_of(model)}model {model.name} {what} by {difference:.3g} "
+                    f"{channel.unit} in {channel.name}, run {run.name}: {_remedy(model)}"
                 )
+
+
+def _remedy(model: Machine) -> str:
+    if isinstance(model, UnitModel):
+        return "reset = false in its file makes a new instance for each run"
+    return "use no random numbers, no memory between calls, and no sums over the arguments"
 
 
 def _same(channel: Channel, values: Array) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 from rover_hil.gap.output.model_file import ExtendedModel, ModelFile, extended_parameters, joined_name
+from sim_backends.fmu.model import UnitModel
 from sim_backends.models.interface import Array, EffectCard, Model, Run, Values
 from sim_backends.state_model.integrate import Point
 from sim_backends.state_model.model import StateModel
@@ -78,6 +79,8 @@ def extend_model(base: Model, file: ModelFile) -> Model:
     Raises:
         ConfigError: The file names parameters or effects that the model does not have.
     """
+    if isinstance(base, UnitModel):
+        return base.with_active(extended_parameters(base, file), tuple(file.effects))
     if not isinstance(base, StateModel):
         return ExtendedModel(base, file)
     parameters = extended_parameters(base, file)

@@ -8,7 +8,7 @@ import numpy as np
 from rover_hil.gap.data.problem import Problem, split_point
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.tracking import force_series
-from sim_backends.models.interface import Array, Channel, Run
+from sim_backends.models.interface import Array, Channel, Machine, Run
 from sim_backends.state_model.model import StateModel
 
 
@@ -58,7 +58,7 @@ class ForceTrace:
     sources: dict[str, Array]
 
 
-def sample_times_s(machine: StateModel, run: Run) -> Array:
+def sample_times_s(machine: Machine, run: Run) -> Array:
     """Return the times of the samples of a run since its start, s."""
     if machine.step_s is None:
         times: Array = run.inputs["t_s"] - run.inputs["t_s"][0]
@@ -83,7 +83,7 @@ def traces(findings: MachineFindings) -> list[Trace]:
 
 
 def _traces_of(
-    machine: StateModel, problem: Problem, residuals: Sequence[Array], *, has_effects: bool, is_locked: bool
+    machine: Machine, problem: Problem, residuals: Sequence[Array], *, has_effects: bool, is_locked: bool
 ) -> list[Trace]:
     observations = problem.observations
     found = []
@@ -120,7 +120,7 @@ def trajectories(findings: MachineFindings) -> list[dict[str, Array]]:
 def forces(findings: MachineFindings) -> list[ForceTrace]:
     """Return the unknown force at every port in every run; nothing where there is no gap."""
     tracked, machine = findings.tracked, findings.machine
-    if tracked is None:
+    if tracked is None or not isinstance(machine, StateModel):
         return []
     basis = tracked.noise.basis
     series = trajectories(findings)

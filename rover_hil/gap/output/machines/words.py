@@ -82,6 +82,8 @@ def _without_names(findings: MachineFindings, verdict: Verdict) -> list[str]:
             "Measure more or longer runs: the bound of the model error falls with their number. Or declare "
             "the `tolerance` of the channel that you need."
         ]
+    if findings.tracked is None:
+        return ["Look at what the error follows below: add an effect of the model that acts there."]
     return [
         "Look at the unknown force below: add an effect that acts where it is large, or a port where none is "
         "declared."
