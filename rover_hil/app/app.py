@@ -210,7 +210,7 @@ def gap(
         str,
         typer.Argument(
             help="`side-slope`, `single-wheel`, `robotino-motor`, `robotino-drive`, `four-wheel-drive`, or "
-            "`file.py:factory` for a model of your own."
+            "`file.py:factory` for a model of your own, `unit.toml` for a functional mock-up unit."
         ),
     ],
     data: Annotated[Path, typer.Argument(help="Measured runs: a folder, CSV or log.")],
@@ -232,7 +232,7 @@ def gap(
     warm_up: Annotated[
         float,
         number_option(
-            "Do not compare this many seconds at the start of each record of a StateModel.",
+            "Do not compare this many seconds at the start of each record of a StateModel or unit.",
             "s",
             0.0,
             LONGEST_S,
@@ -241,7 +241,8 @@ def gap(
     check: Annotated[
         bool,
         typer.Option(
-            "--check", help="Only print what the inputs of the runs can show of each effect of a StateModel."
+            "--check",
+            help="Only print what the inputs of the runs can show of each effect of a StateModel or unit.",
         ),
     ] = False,
     seed: Annotated[int, number_option("Of all random numbers.", "", 0, 2**32 - 1)] = 0,
@@ -250,7 +251,8 @@ def gap(
 ) -> None:
     """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
 
-    A model file is Python code, and it is run: use only files that you trust.
+    A model file is Python code, a functional mock-up unit is native code. Both are run with your rights: use
+    only files that you trust.
 
     Exit code 1: the data cannot be used; the verdict gives the reason, and nothing is written. With --check
     also: an effect of the model changes no prediction of any run.

@@ -1,11 +1,14 @@
 """A functional mock-up unit, unpacked, and what its model description declares."""
 
 import difflib
+import re
+import shutil
+import weakref
 import zipfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from types import ModuleType
 from typing import Any
 
@@ -66,6 +69,18 @@ class Place:
     token: str
 
 
+class Folder:
+    """A temporary folder, removed when it is closed, at the latest when the program ends."""
+
+    def __init__(self) -> None:
+        self.path = Path(mkdtemp(prefix="rover-hil-fmu-"))
+        self._remove = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+    def close(self) -> None:
+        """Remove it."""
+        self._remove()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Unit:
     """An unpacked unit; its folder is removed with it.
@@ -75,14 +90,14 @@ class Unit:
         place: What a process needs to load it.
         variables: By name.
         fixed_step_s: Its only step for communication, s; None where it takes others.
-        folder: Removed when the unit is closed, at the latest when the program ends.
+        folder: Where it is unpacked.
     """
 
     path: Path
     place: Place
     variables: Mapping[str, Variable]
     fixed_step_s: float | None
-    folder: "TemporaryDirectory[str]" = field(repr=False)
+    folder: Folder
 
     def variable(self, name: str) -> Variable:
         """Return a variable.
@@ -96,7 +111,7 @@ class Unit:
 
     def close(self) -> None:
         """Remove the folder."""
-        self.folder.cleanup()
+        self.folder.close()
 
 
 def open_unit(path: Path) -> Unit:
@@ -111,18 +126,18 @@ def open_unit(path: Path) -> Unit:
     library = fmpy()
     if not path.is_file():
         raise ConfigError(f"cannot read the unit {path}: there is no such file")
-    folder = TemporaryDirectory(prefix="rover-hil-fmu-", ignore_cleanup_errors=True)
+    folder = Folder()
     try:
         return _unpacked(library, path, folder)
     except BaseException:
-        folder.cleanup()
+        folder.close()
         raise
 
 
-def _unpacked(library: ModuleType, path: Path, folder: "TemporaryDirectory[str]") -> Unit:
-    names = _unzip(path, Path(folder.name))
-    description = _description(path, folder.name)
-    version = _version(path, description.fmiVersion)
+def _unpacked(library: ModuleType, path: Path, folder: Folder) -> Unit:
+    names = _unzip(path, folder.path)
+    version = _version(path, folder.path / "modelDescription.xml")
+    description = _description(path, folder.path)
     if description.coSimulation is None:
         raise ConfigError(f"{path} is a unit for model exchange only: export it for co-simulation")
     interface = description.coSimulation
@@ -130,8 +145,8 @@ def _unpacked(library: ModuleType, path: Path, folder: "TemporaryDirectory[str]"
     return Unit(
         path=path,
         place=Place(
-            folder=folder.name,
-            library=_library_file(library, path, Path(folder.name), interface.modelIdentifier, names),
+            folder=str(folder.path),
+            library=_library_file(library, path, folder.path, interface.modelIdentifier, names),
             version=version,
             identifier=str(interface.modelIdentifier),
             token=str(description.guid or description.instantiationToken),
@@ -158,7 +173,7 @@ def _unzip(path: Path, folder: Path) -> list[str]:
     return names
 
 
-def _description(path: Path, folder: str) -> Any:
+def _description(path: Path, folder: Path) -> Any:
     try:
         return fmpy("model_description").read_model_description(folder, validate=False)
     except Exception as error:
@@ -166,10 +181,15 @@ def _description(path: Path, folder: str) -> Any:
         raise ConfigError(f"the model description of {path} cannot be read: {words}") from error
 
 
-def _version(path: Path, version: str) -> int:
+def _version(path: Path, description: Path) -> int:
+    # FMPy reads no other versions, or fails in them.
+    found = re.search(rb"""fmiVersion\s*=\s*["']([^"']*)["']""", description.read_bytes())
+    version = "" if found is None else found[1].decode("utf-8", "replace")
     major = version.partition(".")[0]
     if major not in {"2", "3"}:
-        raise ConfigError(f"{path} is a unit of FMI {version}: export it as FMI 2 or 3")
+        raise ConfigError(
+            f"{path} is a unit of FMI {version or 'without a version'}: export it as FMI 2 or 3"
+        )
     return int(major)
 
 

@@ -33,7 +33,7 @@ class Workers:
     """
 
     def __init__(self, unit: Unit, layout: Layout) -> None:
-        self._unit = unit
+        self.unit = unit
         self._layout = layout
         self._count = len(os.sched_getaffinity(0))
         self._pool: ProcessPoolExecutor | None = None
@@ -49,7 +49,7 @@ class Workers:
                 self._count,
                 mp_context=get_context("spawn"),
                 initializer=_begin,
-                initargs=(self._unit.place, self._layout),
+                initargs=(self.unit.place, self._layout),
             )
         size = max(1, len(jobs) // (CHUNKS * self._count))
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -62,7 +62,7 @@ class Workers:
         except BrokenProcessPool as error:
             self.close()
             raise ConfigError(
-                f"the native code of {self._unit.path.name} crashed: use parameters that it accepts, or ask "
+                f"the native code of {self.unit.path.name} crashed: use parameters that it accepts, or ask "
                 "its supplier"
             ) from error
 
@@ -71,7 +71,7 @@ class Workers:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
-        self._unit.close()
+        self.unit.close()
 
 
 def _begin(place: Place, layout: Layout) -> None:
