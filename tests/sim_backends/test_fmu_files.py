@@ -1,5 +1,6 @@
 """Units and files beside them that cannot be used: one sentence each, and nothing is left behind."""
 
+import importlib
 import zipfile
 from pathlib import Path
 from tempfile import gettempdir
@@ -7,7 +8,6 @@ from tempfile import gettempdir
 import pytest
 
 from drivers.errors import ConfigError
-from sim_backends.fmu import library
 from sim_backends.fmu.example.__main__ import main
 from sim_backends.fmu.example.build import HERE
 from sim_backends.fmu.read import read_unit_model
@@ -202,7 +202,7 @@ def test_without_fmpy_the_extra_is_named(folder: Path, monkeypatch: pytest.Monke
     def missing(name: str) -> None:
         raise ModuleNotFoundError(name)
 
-    monkeypatch.setattr(library.importlib, "import_module", missing)
+    monkeypatch.setattr(importlib, "import_module", missing)
     assert sentence(folder / "axis.toml").endswith("install rover-hil[fmi]")
 
 
