@@ -251,8 +251,8 @@ def gap(
 ) -> None:
     """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
 
-    A model file is Python code, and it is run: use only files that you trust. So is a functional mock-up unit,
-    which is native code and has your rights.
+    A model file is Python code, and it is run: use only files that you trust. So is a functional mock-up
+    unit, which is native code and has your rights.
 
     Exit code 1: the data cannot be used; the verdict gives the reason, and nothing is written. With --check
     also: an effect of the model changes no prediction of any run.

@@ -1,6 +1,6 @@
 """A functional mock-up unit as a model of a machine."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from drivers.errors import ConfigError
 from sim_backends.fmu.instance import Job, Result
 from sim_backends.fmu.workers import Workers
 from sim_backends.models.interface import (
+    DEVIATION,
     RUN_SEPARATOR,
     Array,
     Channel,
@@ -226,14 +227,26 @@ class UnitModel:
             given = effects.get(card.name, {})
             for one in card.parameters:
                 values[joined_name(card.name, one.name)] = given.get(one.name, one.nominal)
-        for error, parameter in self.errors.items():
-            values[parameter] += values[error]
         return values
+
+    def _deviating(
+        self, run: Run, parameters: Values, shared: Mapping[str, float]
+    ) -> Iterator[tuple[str, float]]:
+        """Yield the parameters that deviate in a run from their value in all runs."""
+        strengths = [
+            (joined_name(card.name, card.parameters[0].name), card.parameters[0]) for card in self.effects
+        ]
+        for name, item in [*((one.name, one) for one in self.parameters), *strengths]:
+            moved = parameters.get(f"{name}{DEVIATION}{RUN_SEPARATOR}{item.owner_in(run)}")
+            if moved is not None:
+                yield name, min(max(shared[name] + moved, item.lower), item.upper)
 
     def _settings_of(self, run: Run, parameters: Values, shared: Mapping[str, float]) -> tuple[float, ...]:
         own = {
             one.name: parameters.get(f"{one.name}{RUN_SEPARATOR}{run.name}", one.nominal_in(run))
             for one in self.run_parameters
         }
-        values = {**shared, **own, **run.conditions}
+        values = {**shared, **own, **run.conditions, **dict(self._deviating(run, parameters, shared))}
+        for error, parameter in self.errors.items():
+            values[parameter] += values[error]
         return tuple(float(values[name]) for name in self.settings)

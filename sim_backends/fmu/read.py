@@ -200,6 +200,8 @@ class _Assembly:
             lower=lower,
             upper=upper,
             meaning=entry.meaning,
+            scatter_sd=entry.scatter_sd,
+            scatter_by=self._condition(key, entry.scatter_by),
         )
 
     def _run_parameter(self, name: str, entry: RunParameterEntry) -> RunParameter:
@@ -261,6 +263,8 @@ class _Assembly:
             prior_sd=one.size,
             lower=lower,
             upper=upper,
+            scatter_sd=one.scatter_sd,
+            scatter_by=self._condition(key, one.scatter_by),
         )
 
     def _error(self, effect: str, entry: EffectEntry, base: Mapping[str, Parameter]) -> Parameter:
@@ -270,10 +274,10 @@ class _Assembly:
                 f"{self._path}, effects.{effect}.releases: there is no parameter '{entry.releases}'; "
                 f"there are {', '.join(base) or 'none'}"
             )
-        if entry.strength.variable or entry.shapes:
+        if entry.strength.variable or entry.shapes or entry.strength.scatter_sd:
             raise ConfigError(
-                f"{self._path}, effects.{effect}: what releases a parameter has no variable and no "
-                "shapes of its own"
+                f"{self._path}, effects.{effect}: what releases a parameter has no variable, no shapes "
+                "and no scatter of its own"
             )
         parameter, name = base[entry.releases], entry.strength.name or "error"
         self._errors[joined_name(effect, name)] = parameter.name
@@ -285,6 +289,14 @@ class _Assembly:
             lower=parameter.lower - parameter.nominal,
             upper=parameter.upper - parameter.nominal,
         )
+
+    def _condition(self, key: str, name: str) -> str:
+        if name and name not in self._file.conditions:
+            raise ConfigError(
+                f"{self._path}, {key}.scatter_by: there is no condition '{name}'; there are "
+                f"{', '.join(self._file.conditions) or 'none'}"
+            )
+        return name
 
     def _bounds(
         self, key: str, found: Variable, lower: float | None, upper: float | None

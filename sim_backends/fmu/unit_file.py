@@ -37,6 +37,8 @@ class ParameterEntry(Quantity):
     lower: float | None = None
     upper: float | None = None
     meaning: str = ""
+    scatter_sd: NotNegative = 0.0
+    scatter_by: str = ""
 
 
 class RunParameterEntry(Quantity):
@@ -59,6 +61,8 @@ class StrengthEntry(Settings):
     null: float = 0.0
     lower: float | None = None
     upper: float | None = None
+    scatter_sd: NotNegative = 0.0
+    scatter_by: str = ""
 
 
 class ShapeEntry(Quantity):

@@ -95,6 +95,11 @@ def sentence(path: Path) -> str:
         ),
         ("step_s = 0.04", "step_ms = 40", "step_ms is no key of this file"),
         (
+            "lower = 0.001, upper = 0.1",
+            'lower = 0.001, upper = 0.1, scatter_by = "unit"',
+            "parameters.damping.scatter_by: there is no condition 'unit'; there are none",
+        ),
+        (
             "[signals]\nspeed",
             '[signals]\n"my speed"',
             "signals.my speed is no name: use letters, digits and _",

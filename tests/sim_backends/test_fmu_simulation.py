@@ -81,6 +81,16 @@ def test_the_first_reading_is_where_a_run_starts(model: UnitModel) -> None:
     assert encoder(model, run, {"first_angle@run0": 0.8})[0] == 0.8
 
 
+def test_runs_may_deviate_from_a_parameter_and_from_a_strength(model: UnitModel) -> None:
+    runs = [a_run("run0"), a_run("run1")]
+    point = {"damping": 0.02, "damping~@run1": 0.003, "coulomb_friction.level~@run0": 0.004}
+    first, second = model.predict(runs, point, {"coulomb_friction": {"level": 0.01}})
+    assert np.array_equal(first["encoder"], encoder(model, a_run(), {}, level=0.014))
+    assert np.array_equal(second["encoder"], encoder(model, a_run(), {"damping": 0.023}, level=0.01))
+    (held,) = model.predict(runs[:1], {"damping~@run0": -1.0}, {})
+    assert np.array_equal(held["encoder"], encoder(model, a_run(), {"damping": 0.001}))
+
+
 def test_an_effect_may_be_the_error_of_a_base_parameter(model: UnitModel) -> None:
     error = model.predict([a_run()], {"inertia": 0.0055}, {"wrong_inertia": {"error": 0.0005}})
     assert np.allclose(error[0]["encoder"], encoder(model, a_run(), {"inertia": 0.006}))

@@ -48,7 +48,9 @@ def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> lis
         ConfigError: The model is no machine, or too little of a record is left.
     """
     if not isinstance(model, Machine):
-        raise ConfigError("--warm-up: only records of a machine can be shortened; leave out --warm-up")
+        raise ConfigError(
+            "--warm-up: only records of a StateModel or a unit can be shortened; leave out --warm-up"
+        )
     starts = {one.channel for one in model.run_parameters}
     return [_without_beginning(run, _count(model, run, duration_s), starts) for run in runs]
 
