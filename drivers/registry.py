@@ -12,6 +12,7 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.vesc.settings import VescSettings
 from drivers.witmotion.settings import WitMotionSettings
+from drivers.xsens.settings import XsensSettings
 
 AnyDeviceSettings: TypeAlias = Annotated[
     CameraSettings
@@ -21,6 +22,7 @@ AnyDeviceSettings: TypeAlias = Annotated[
     | RobotinoBoardSettings
     | VectorNavSettings
     | VescSettings
-    | WitMotionSettings,
+    | WitMotionSettings
+    | XsensSettings,
     Field(discriminator="type"),
 ]

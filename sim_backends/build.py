@@ -17,6 +17,7 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.vesc.settings import VescSettings
 from drivers.witmotion.settings import WitMotionSettings
+from drivers.xsens.settings import XsensSettings
 from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
@@ -25,6 +26,7 @@ from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, m
 from sim_backends.devices.vectornav import VectorNavEmulatorSettings, make_vectornav
 from sim_backends.devices.vesc import VescEmulatorSettings, make_vesc
 from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
+from sim_backends.devices.xsens import XsensEmulatorSettings, make_xsens
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
@@ -42,6 +44,7 @@ ByteDevice: TypeAlias = (
     | VectorNavSettings
     | VescSettings
     | WitMotionSettings
+    | XsensSettings
 )
 EmulatorT = TypeVar("EmulatorT", bound=EmulatorSettings)
 """A device whose settings are missing in `EmulatorSettings` is an error of types at its `_errors_of`."""
@@ -165,6 +168,9 @@ def _make_byte_device(
         case WitMotionSettings():
             imu = _errors_of(ImuEmulatorSettings, name, device, simulation)
             return make_imu(name, device, imu, plant, rng, start_ns)
+        case XsensSettings():
+            xsens = _errors_of(XsensEmulatorSettings, name, device, simulation)
+            return make_xsens(name, device, xsens, plant, rng, start_ns)
 
 
 def _errors_of(

@@ -11,6 +11,7 @@ from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
 from sim_backends.devices.vectornav import VectorNavEmulatorSettings
 from sim_backends.devices.vesc import VescEmulatorSettings
 from sim_backends.devices.witmotion import ImuEmulatorSettings
+from sim_backends.devices.xsens import XsensEmulatorSettings
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
@@ -28,7 +29,8 @@ EmulatorSettings: TypeAlias = Annotated[
     | OverheadCameraEmulatorSettings
     | RobotinoBoardEmulatorSettings
     | VectorNavEmulatorSettings
-    | VescEmulatorSettings,
+    | VescEmulatorSettings
+    | XsensEmulatorSettings,
     Field(discriminator="type"),
 ]
 

@@ -8,6 +8,7 @@ import dataclasses
 import json
 import math
 import os
+import struct
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -125,6 +126,33 @@ def vectornav() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     return VectorNavCodec("fuzz"), tuple(lines)
 
 
+def xsens() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.xsens.codec import XsensCodec
+
+    vector, unit = struct.pack(">3f", 0.1, -0.2, 9.8), struct.pack(">4f", 1.0, 0.0, 0.0, 0.0)
+    items = {
+        0x1020: bytes((0, 5)),
+        0x1060: bytes(4),
+        0x2010: unit,
+        0x2034: vector,
+        0x4020: vector,
+        0x4022: bytes(18),
+        0x8021: bytes(12),
+        0x802B: struct.pack(">3d", 0.1, -0.2, 0.3),
+        0xE020: bytes((0, 0x40, 0, 3)),
+    }
+    packed = {kind: struct.pack(">HB", kind, len(data)) + data for kind, data in items.items()}
+    clipped = b"\xe0\x20\x04\x00\x08\x14\x01"
+    bodies = [b"\x36" + packed[kind] for kind in items]
+    bodies += [b"\x36" + b"".join(packed.values()), b"\x36" + packed[0x4020] + packed[0x2010] + clipped]
+    bodies += [b"\x42\x1e", b"\x32" + bytes(50), b"\x3e"]
+    framed = [b"\xff" + body[:1] + bytes((len(body) - 1,)) + body[1:] for body in bodies]
+    long = b"\xff\x36\xff\x01\x04" + 20 * packed[0x802B][:13]
+    return XsensCodec("fuzz"), tuple(
+        b"\xfa" + message + bytes((-sum(message) % 256,)) for message in (*framed, long)
+    )
+
+
 def vesc() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     from drivers.can_frame import CanFrame, pack_can_frame
     from drivers.vesc.codec import VescCodec
@@ -152,6 +180,7 @@ PARSERS: dict[str, MakeTarget] = {
     "witmotion": witmotion,
     "vectornav": vectornav,
     "vesc": vesc,
+    "xsens": xsens,
     "robotino_board": robotino_board,
     "can_wheels": partial(can_wheels, "generic_wheel"),
     "can_wheels_float": partial(can_wheels, "odrive_0_6"),

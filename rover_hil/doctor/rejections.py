@@ -136,7 +136,47 @@ _ADVICE = {
     "stamp_not_moving": _STANDING_CAMERA,
     "stamp_backwards": _STANDING_CAMERA,
 }
+_XSENS_OUTPUT = "set the output with MT Manager: rate of turn, acceleration, quaternion, as float, frame ENU"
 _ADVICE_OF_TYPE = {
+    "xsens": {
+        "other_message": Advice(
+            Level.OK,
+            "the sensor sends messages, but no measurements: it may be in its configuration state",
+            "switch it off and on; if nothing comes, " + _XSENS_OUTPUT,
+        ),
+        "legacy_output": Advice(
+            Level.PROBLEM, "the sensor sends MTData messages of an old output mode", _XSENS_OUTPUT
+        ),
+        "layout": Advice(
+            Level.WARNING, "the items of a message do not have the sizes of the manual", _XSENS_OUTPUT
+        ),
+        "number_format": Advice(
+            Level.PROBLEM, "the sensor sends fixed-point numbers of 48 bits", _XSENS_OUTPUT
+        ),
+        "ned_frame": Advice(
+            Level.PROBLEM, "the sensor sends its orientation in the north-east-down frame", _XSENS_OUTPUT
+        ),
+        "clipped": Advice(
+            Level.WARNING,
+            "the sensor is shaken beyond its range, so its values are wrong",
+            "mount it on something soft, away from motors and edges of the frame",
+        ),
+        "filter_invalid": Advice(
+            Level.WARNING,
+            "the sensor does not trust its own orientation",
+            "let it rest for some seconds after it is switched on; keep iron and magnets away from it",
+        ),
+        "messages_lost": Advice(
+            Level.WARNING,
+            "messages were lost: the line is too slow for the output, or this computer is too busy",
+            "raise baud_rate in [devices.{device}] and in the sensor, or lower its output rate",
+        ),
+        "device_error": Advice(
+            Level.PROBLEM,
+            "the sensor reports an error, e.g. that its output does not fit through the line",
+            "raise baud_rate in [devices.{device}] and in the sensor, or lower its output rate",
+        ),
+    },
     "vesc": {
         "other_traffic": Advice(
             Level.OK,

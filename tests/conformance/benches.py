@@ -94,6 +94,13 @@ CASES = (
         b"$VNYMR,1*00\r\n",
     ),
     Case(
+        "xsens",
+        "el_dorado",
+        lambda folder: {"port": str(folder / "port")},
+        (RateSample, HeadingSample),
+        bytes.fromhex("fa ff 36 03 80 20 0c 55"),
+    ),
+    Case(
         "camera",
         "el_dorado",
         lambda folder: {

@@ -1,0 +1,1 @@
+"""Xsens MTi inertial sensors with MTData2 messages."""
