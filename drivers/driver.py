@@ -12,15 +12,22 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Generic, Protocol, Self, TypeVar
 
-from drivers.clock import Clock, nanoseconds, seconds
+from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds, seconds
 from drivers.errors import LinkTimeoutError, NotConnectedError, StaleSampleError
-from drivers.link import CameraImage, Link, LinkChange, NoTap, PayloadT, RawTap, Received
-from drivers.samples import LinkSample, Sample, SentCommand, WheelCommand
+from drivers.link import CameraImage, Link, LinkChange, LinkItem, NoTap, PayloadT, RawTap, Received
+from drivers.samples import FaultSample, LinkSample, Sample, SentCommand, WheelCommand
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
 WAIT_STEP_NS = 1_000_000
 RATE_WINDOW_NS = 2_000_000_000
+MOST_BYTES_PER_POLL = 32_768
+"""What a poll decodes at most, the newest: 0.25 s of a full CAN bus at 1 Mbit/s, 2.8 s of a serial port at
+115 200 baud. More comes from a stalled program or from a device that floods, and would stall every cycle."""
+RESTARTS = 3
+"""How often a drive with a fault is started again."""
+RESTART_AFTER_NS = NANOSECONDS_PER_SECOND
+"""Wait after a fault, so that its cause can end and the rover stands still."""
 
 
 class DeviceState(StrEnum):
@@ -60,6 +67,7 @@ class Health:
         age_s: Age of the newest sample, or None before the first since the link came up.
         rejected: How often the codec rejected wire data, by reason.
         breaks: How often the link broke; giving up afterwards does not count again.
+        lost: Payloads that arrived and were not decoded: more than one poll takes, or a full queue.
     """
 
     device: str
@@ -72,6 +80,7 @@ class Health:
     sent: int
     send_failures: int
     last_link_reason: str
+    lost: int = 0
 
 
 class Codec(Protocol[PayloadT]):
@@ -149,6 +158,7 @@ class Driver(Generic[PayloadT]):
         self._breaks = 0
         self._sent = 0
         self._send_failures = 0
+        self._lost = 0
         self._last_link_reason = ""
 
     def connect(self, timeout_s: float = 2.0) -> None:
@@ -188,7 +198,7 @@ class Driver(Generic[PayloadT]):
         """
         self._require_open("poll")
         samples: list[Sample] = []
-        for item in self._link.receive():
+        for item in self._newest(self._link.receive()):
             self._tap.received(self.name, item)
             if isinstance(item, LinkChange):
                 samples.append(self._note_link_change(item))
@@ -200,6 +210,21 @@ class Driver(Generic[PayloadT]):
                         self._note_sample(decoded)
                         samples.append(decoded)
         return samples
+
+    def _newest(self, items: Sequence[LinkItem[PayloadT]]) -> Sequence[LinkItem[PayloadT]]:
+        """Return the newest bytes that one poll takes, with every break; count the rest as lost."""
+        sizes = [_byte_count(item) for item in items]
+        surplus = sum(sizes) - MOST_BYTES_PER_POLL
+        if surplus <= 0:
+            return items
+        kept: list[LinkItem[PayloadT]] = []
+        for item, size in zip(items, sizes, strict=True):
+            if size and surplus > 0:
+                surplus -= size
+                self._lost += 1
+            else:
+                kept.append(item)
+        return kept
 
     def latest(self, kind: type[SampleT], max_age_s: float) -> SampleT:
         """Return the newest sample of a kind since the link came up.
@@ -248,6 +273,7 @@ class Driver(Generic[PayloadT]):
             sent=self._sent,
             send_failures=self._send_failures,
             last_link_reason=self._last_link_reason,
+            lost=self._lost + self._link.dropped,
         )
 
     def _state(self, now_ns: int) -> DeviceState:
@@ -307,6 +333,10 @@ class WheelDrive(Driver[bytes]):
 
     A command and a stop from another thread follow each other, they never mix. Only sending is locked; the
     tap is called afterwards, so that a recorder that hangs cannot block a stop.
+
+    A drive whose wheels report a fault is started again, at most three times, a second after the fault and
+    only while zero speeds are commanded: what starts it may clear the fault, as that of a watchdog which
+    expired while a cable was out. Without effect the fault stays, and with it the stop.
     """
 
     def __init__(
@@ -324,6 +354,8 @@ class WheelDrive(Driver[bytes]):
         self.wheel_count = codec.wheel_count
         self._started = False
         self._turn = threading.Lock()
+        self._fault_ns: dict[int, int] = {}
+        self._restarts = 0
 
     def close(self) -> None:
         """Close the link; may be called again. A drive that was commanded last is stopped first."""
@@ -350,6 +382,8 @@ class WheelDrive(Driver[bytes]):
             is_valid = len(speeds) == self.wheel_count and all(map(math.isfinite, speeds))
             if not is_valid or now_ns >= command.expires_ns:
                 speeds = (0.0,) * self.wheel_count
+            if self._needs_restart(now_ns, speeds):
+                self._started = False
             if not self._started:
                 self._started = self._send(self._drive_codec.encode_start(), sent)
             payloads, really = self._drive_codec.encode_speeds(speeds)
@@ -370,6 +404,23 @@ class WheelDrive(Driver[bytes]):
             self._started = False
         self._note_sent(now_ns, sent)
 
+    def _needs_restart(self, now_ns: int, speeds: Sequence[float]) -> bool:
+        """Return True where a fault is old enough and the rover stands; count the restart."""
+        is_due = any(now_ns - t_ns >= RESTART_AFTER_NS for t_ns in self._fault_ns.values())
+        if not is_due or any(speeds) or self._restarts >= RESTARTS:
+            return False
+        self._restarts += 1
+        self._fault_ns = dict.fromkeys(self._fault_ns, now_ns)
+        return True
+
+    def _note_sample(self, sample: Sample) -> None:
+        if isinstance(sample, FaultSample) and sample.wheel is not None:
+            if sample.code:
+                self._fault_ns.setdefault(sample.wheel, sample.t_ns)
+            else:
+                self._fault_ns.pop(sample.wheel, None)
+        super()._note_sample(sample)
+
     def _send(self, payloads: Sequence[bytes], sent: list[tuple[bytes, bool]]) -> bool:
         """Send payloads, append each with its outcome to `sent`, and return whether all went out."""
         outcomes = [self._link.send(payload) for payload in payloads]
@@ -388,3 +439,8 @@ class WheelDrive(Driver[bytes]):
 
 
 AnyDriver = Driver[bytes] | Driver[CameraImage]
+
+
+def _byte_count(item: LinkItem[bytes] | LinkItem[CameraImage]) -> int:
+    payload = item.payload if isinstance(item, Received) else b""
+    return len(payload) if isinstance(payload, bytes) else 0

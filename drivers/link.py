@@ -43,7 +43,12 @@ class Link(Protocol[PayloadT]):
 
     A link reconnects by itself with back-off after a break, and reports each break and each recovery
     once as a `LinkChange` in the stream.
+
+    Attributes:
+        dropped: Payloads that were lost because they were not received in time.
     """
+
+    dropped: int
 
     def open(self, timeout_s: float) -> None:
         """Open the port.

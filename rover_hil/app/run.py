@@ -16,7 +16,7 @@ from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK
 from rover_hil.config import Config, load_config
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.data_files import collect_data_files
@@ -70,10 +70,15 @@ def run_rover(
         def show(output: StepOutput) -> None:
             live.update(_status_line(output), refresh=True)
 
-        if virtual:
-            result = run_virtual(config, log_path, limit_s, show)
-        else:
-            result = _run_real(config, log_path, limit_s, show, realtime=realtime)
+        try:
+            if virtual:
+                result = run_virtual(config, log_path, limit_s, show)
+            else:
+                result = _run_real(config, log_path, limit_s, show, realtime=realtime)
+        except KeyboardInterrupt:
+            kept = f"; the log so far is {log_path}" if log_path.exists() else ""
+            messages.print(f"interrupted: the drive was commanded to stop{kept}", soft_wrap=True)
+            return EXIT_INTERRUPTED
     for path in reports:
         path.unlink(missing_ok=True)
     try:
@@ -176,7 +181,7 @@ def _open_log(part: Path, path: Path, config: Config, start_ns: int, origin: str
 
 def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
     def on_signal(signal_number: int, frame: FrameType | None) -> None:
-        executive.request_stop()
+        executive.request_stop(signal_number)
 
     previous = {number: signal.signal(number, on_signal) for number in _end_signals()}
     try:
@@ -202,6 +207,9 @@ def _result_line(result: RunResult, stops: int) -> str:
     parts = [result.reason, f"{result.duration_s:.1f} s"]
     if stops:
         parts.append(f"{stops} safety stop{'s' if stops > 1 else ''}")
+    if result.watchdog_interventions:
+        times = result.watchdog_interventions
+        parts.append(f"{times} stop{'s' if times > 1 else ''} by the watchdog")
     if result.skipped:
         parts.append(f"{result.skipped} of {result.cycles + result.skipped} cycles skipped")
     return ", ".join(parts)

@@ -56,6 +56,8 @@ class RoleSettings(Settings):
         require_fixes: The rover also stops when one of them sends nothing, e.g. because it does not see the
             rover any more.
         camera: The camera that looks back at the trace of the rear left wheel, for [scomp].
+        require_camera: The rover also stops when this camera sends nothing or breaks. Otherwise slip is then
+            not compensated, and the estimate is less certain.
     """
 
     wheels: str
@@ -64,10 +66,17 @@ class RoleSettings(Settings):
     fixes: tuple[str, ...] = ()
     require_fixes: bool = False
     camera: str | None = None
+    require_camera: bool = False
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all devices that the rover needs for moving, each once."""
-        candidates = (self.wheels, self.gyro, *self.headings, *(self.fixes if self.require_fixes else ()))
+        candidates = (
+            self.wheels,
+            self.gyro,
+            *self.headings,
+            *(self.fixes if self.require_fixes else ()),
+            self.camera if self.require_camera else None,
+        )
         return tuple(dict.fromkeys(name for name in candidates if name is not None))
 
     def assignments(self) -> Iterator[tuple[str, str]]:

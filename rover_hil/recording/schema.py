@@ -322,4 +322,5 @@ def health_record(health: Health) -> dict[str, object]:
         "sent": health.sent,
         "send_failures": health.send_failures,
         "last_link_reason": health.last_link_reason,
+        "lost": health.lost,
     }

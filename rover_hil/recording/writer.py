@@ -5,6 +5,7 @@ a killed run loses at most the last tenth of a second. The layout is described i
 `docs/reference/log_format.md`.
 """
 
+import os
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -108,6 +109,18 @@ class LogWriter:
                 self._stream.close()
             except OSError as error:
                 raise self._give_up(error) from error
+
+    def require_file(self) -> None:
+        """Check that the file is still in a folder.
+
+        Raises:
+            LogError: It has been deleted; what is written to it is lost.
+        """
+        with self._lock:
+            if self._stream.closed or os.fstat(self._stream.fileno()).st_nlink > 0:
+                return
+            self._failure = f"log {self._path} was deleted during the run: start again, with another --out"
+            raise LogError(self._failure)
 
     def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
         """Note what arrived from a device."""

@@ -39,7 +39,7 @@ def grade(summary: Summary) -> Grade:
     if summary.end in (End.EMERGENCY_STOP, End.DEVICE_FAILED) or _is_abandoned(summary):
         return Grade.BAD
     is_disturbed = bool(summary.stops or summary.watchdog_interventions or not summary.is_complete)
-    if is_disturbed or summary.end in (End.TIME_OVER, End.STOPPED_BY_USER):
+    if is_disturbed or summary.end in (End.TIME_OVER, End.STOPPED_BY_USER, End.TERMINATED):
         return Grade.ATTENTION
     return Grade.NEUTRAL if summary.mode is Mode.OBSERVING else Grade.GOOD
 

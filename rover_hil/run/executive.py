@@ -1,5 +1,6 @@
 """The cyclic executive: poll, step, command, record, at absolute deadlines."""
 
+import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -23,6 +24,7 @@ class End(StrEnum):
     FINISHED = "mission finished"
     TIME_OVER = "time over"
     STOPPED_BY_USER = "stopped by user"
+    TERMINATED = "terminated"
     EMERGENCY_STOP = "emergency stop"
     DEVICE_FAILED = "device failed"
 
@@ -79,8 +81,11 @@ class Executive:
         self._stop_request: tuple[End, str] | None = None
         self._is_stopping = False
 
-    def request_stop(self) -> None:
-        """End the run after the present cycle at the user's request; for signal handlers.
+    def request_stop(self, number: int) -> None:
+        """End the run after the present cycle; for signal handlers.
+
+        Args:
+            number: The signal: ctrl-C is the user's request, any other comes from outside.
 
         Raises:
             KeyboardInterrupt: At the second request, so that a cycle that hangs ends too; never while the
@@ -88,7 +93,12 @@ class Executive:
         """
         if self._stop_request is not None and not self._is_stopping:
             raise KeyboardInterrupt
-        self._stop_request = (End.STOPPED_BY_USER, "stopped by the user")
+        if number == signal.SIGINT:
+            self._stop_request = (End.STOPPED_BY_USER, "stopped by the user")
+        else:
+            name = signal.Signals(number).name
+            what = "the terminal or connection was lost" if number == signal.SIGHUP else "ended from outside"
+            self._stop_request = (End.TERMINATED, f"{what} ({name})")
 
     def now_ns(self) -> int:
         """Return the time on the rig's clock."""
@@ -148,6 +158,7 @@ class Executive:
         return output
 
     def _check_health(self, now_ns: int) -> None:
+        self._log.require_file()
         healths = self._rig.healths()
         self._log.health(now_ns, healths)
         for health in healths:

@@ -14,6 +14,8 @@ class ReplayLink(Generic[PayloadT]):
         outcomes: Whether each next `send` counts as delivered; delivered when empty.
     """
 
+    dropped = 0
+
     def __init__(self) -> None:
         self._pending: deque[LinkItem[PayloadT]] = deque()
         self.sent: list[bytes] = []

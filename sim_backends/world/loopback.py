@@ -16,6 +16,8 @@ class LoopbackLink(Generic[PayloadT]):
         clock: The clock of the control loop.
     """
 
+    dropped = 0
+
     def __init__(self, world: World, device: EmulatedDevice[PayloadT], clock: Clock) -> None:
         self._world = world
         self._device: EmulatedDevice[PayloadT] = device

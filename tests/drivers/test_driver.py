@@ -7,14 +7,16 @@ from collections.abc import Sequence
 import pytest
 
 from drivers.clock import VirtualClock, nanoseconds
-from drivers.driver import DeviceState, Driver, Rejection, WheelDrive
+from drivers.driver import MOST_BYTES_PER_POLL, DeviceState, Driver, Rejection, WheelDrive
 from drivers.errors import LinkTimeoutError, NotConnectedError, StaleSampleError
 from drivers.link import LinkChange, LinkItem, NoTap, Received
-from drivers.samples import BumperSample, LinkSample, PowerSample, Sample, WheelCommand
+from drivers.samples import BumperSample, FaultSample, LinkSample, PowerSample, Sample, WheelCommand
 
 
 class ScriptedLink:
     """Delivers what the test put in; keeps what was sent."""
+
+    dropped = 0
 
     def __init__(self) -> None:
         self.items: list[LinkItem[bytes]] = []
@@ -369,3 +371,74 @@ def test_plain_driver_is_a_context_manager() -> None:
     with Driver("toy", link, LetterCodec(), VirtualClock(), max_age_s=1.0) as driver:
         assert driver.health().state is DeviceState.CONNECTED
     assert link.closed == 1
+
+
+def test_a_flood_costs_one_poll_and_the_rest_is_counted_as_lost(toy: Toy) -> None:
+    toy.drive.connect()
+    for _ in range(100):
+        toy.arrive(b"p" * 4096)
+    toy.link.items.append(LinkChange(toy.clock.now_ns(), up=True, reason="reopened"))
+    toy.link.dropped = 7
+    samples = toy.drive.poll()
+    health = toy.drive.health()
+    assert health.accepted == len(samples) - 1 == MOST_BYTES_PER_POLL
+    assert health.lost == 100 - MOST_BYTES_PER_POLL // 4096 + 7
+    assert isinstance(samples[-1], LinkSample)
+    assert toy.drive.poll() == []
+
+
+def test_what_a_poll_takes_is_the_newest(toy: Toy) -> None:
+    toy.drive.connect()
+    for _ in range(2):
+        toy.arrive(b"p" * MOST_BYTES_PER_POLL)
+        toy.forward(0.01)
+    now_ns = toy.clock.now_ns()
+    assert {now_ns - sample.t_ns for sample in toy.drive.poll()} == {nanoseconds(0.01)}
+
+
+def faulty(toy: Toy, *, wheel: int | None = 1, code: int = 4) -> None:
+    """Let the device report a fault, or that it has cleared."""
+    fault = FaultSample(device="toy", t_ns=toy.clock.now_ns(), wheel=wheel, code=code, text="expired")
+    toy.codec.decode = lambda item: [fault]  # type: ignore[method-assign]
+    toy.arrive(b"f")
+    toy.drive.poll()
+
+
+def starts_after(toy: Toy, duration_s: float, speed: float = 0.0) -> int:
+    """Return how often the drive is started while it is commanded at 50 Hz."""
+    before = toy.link.sent.count(b"start")
+    for _ in range(round(50.0 * duration_s)):
+        toy.forward(0.02)
+        toy.drive.command(toy.command(speed, speed))
+    return toy.link.sent.count(b"start") - before
+
+
+def test_a_drive_with_a_fault_is_started_again_after_a_second_and_at_most_three_times(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.command(toy.command(0, 0))
+    faulty(toy)
+    assert starts_after(toy, 0.9) == 0
+    assert starts_after(toy, 0.2) == 1
+    assert starts_after(toy, 30.0) == 2
+
+
+def test_a_fault_that_has_cleared_starts_nothing(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.command(toy.command(0, 0))
+    faulty(toy)
+    faulty(toy, code=0)
+    assert starts_after(toy, 5.0) == 0
+
+
+def test_nothing_is_started_again_while_the_rover_is_driven(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.command(toy.command(1, 1))
+    faulty(toy)
+    assert starts_after(toy, 5.0, speed=1.0) == 0
+
+
+def test_a_fault_of_the_bus_starts_nothing(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.command(toy.command(0, 0))
+    faulty(toy, wheel=None)
+    assert starts_after(toy, 5.0) == 0

@@ -113,3 +113,12 @@ def test_folder_and_binary_are_said_so(tmp_path: Path) -> None:
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="cannot read configuration"):
         load_config(str(path))
+
+
+def test_the_rear_camera_is_required_only_where_the_configuration_says_so() -> None:
+    config = load_config("el-dorado-rear-camera")
+    required = config.roles.model_copy(update={"require_camera": True})
+    assert config.roles.camera is not None
+    assert config.roles.camera not in config.device_roles().required
+    changed = config.model_copy(update={"roles": required})
+    assert config.roles.camera in changed.device_roles().required

@@ -69,12 +69,21 @@ def interrupt() -> None:
     os.kill(os.getpid(), signal.SIGINT)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_the_run_after_the_cycle(bench: Bench, number: signal.Signals) -> None:
+@pytest.mark.parametrize(
+    ("number", "end", "reason"),
+    [
+        (signal.SIGINT, End.STOPPED_BY_USER, "stopped by the user"),
+        (signal.SIGTERM, End.TERMINATED, "ended from outside (SIGTERM)"),
+        (signal.SIGHUP, End.TERMINATED, "the terminal or connection was lost (SIGHUP)"),
+    ],
+)
+def test_a_signal_ends_the_run_after_the_cycle(
+    bench: Bench, number: signal.Signals, end: End, reason: str
+) -> None:
     handler = signal.getsignal(number)
     bench.before_sending({THIRD_CYCLE: lambda: os.kill(os.getpid(), number)})
     result = _execute(bench.executive, bench.log, 5.0)
-    assert (result.end, result.cycles) == (End.STOPPED_BY_USER, 3)
+    assert (result.end, result.reason, result.cycles) == (end, reason, 3)
     assert tuple(bench.identifiers()) == SET_POINTS * 6
     assert signal.getsignal(number) is handler
 
@@ -113,6 +122,13 @@ def test_when_the_log_cannot_be_written_all_wheels_are_stopped(
     with pytest.raises(LogError, match="No space left"):
         bench.executive.run(5.0)
     assert tuple(bench.identifiers()) == SET_POINTS * 6
+
+
+def test_a_log_that_is_deleted_while_the_rover_drives_stops_all_wheels(bench: Bench, tmp_path: Path) -> None:
+    bench.before_sending({THIRD_CYCLE: (tmp_path / "run.mcap").unlink})
+    with pytest.raises(LogError, match="was deleted during the run"):
+        bench.executive.run(5.0)
+    assert tuple(bench.identifiers()[-12:]) == SET_POINTS * 3
 
 
 def test_an_error_inside_the_loop_stops_all_wheels(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
