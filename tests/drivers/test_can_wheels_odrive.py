@@ -47,9 +47,11 @@ def test_odrive_set_point() -> None:
 
 
 @pytest.mark.parametrize("bus", ["odrive_0_5", "odrive_0_6"])
-def test_odrive_starts_in_velocity_mode_and_closed_loop_and_stops_in_idle(bus: str) -> None:
+def test_odrive_clears_errors_and_starts_in_velocity_mode_and_closed_loop_and_stops_in_idle(bus: str) -> None:
     codec = CanWheelsCodec("wheels", load_mapping(bus))
+    clear = {"odrive_0_5": "", "odrive_0_6": "00"}[bus]
     assert list(codec.encode_start()) == [
+        *(frame(node << 5 | 0x18, clear) for node in range(4)),
         *(frame(node << 5 | 0x0B, "0200000001000000") for node in range(4)),
         *(frame(node << 5 | 0x07, "08000000") for node in range(4)),
     ]

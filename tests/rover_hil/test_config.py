@@ -116,7 +116,7 @@ def test_folder_and_binary_are_said_so(tmp_path: Path) -> None:
 
 
 def test_the_rear_camera_is_required_only_where_the_configuration_says_so() -> None:
-    config = load_config("el-dorado-rear-camera")
+    config = load_config("el-dorado")
     required = config.roles.model_copy(update={"require_camera": True})
     assert config.roles.camera is not None
     assert config.roles.camera not in config.device_roles().required
