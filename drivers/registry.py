@@ -8,6 +8,7 @@ from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
+from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.vesc.settings import VescSettings
@@ -19,6 +20,7 @@ AnyDeviceSettings: TypeAlias = Annotated[
     | CanWheelsSettings
     | NmeaCompassSettings
     | OverheadCameraSettings
+    | Robotino3BoardSettings
     | RobotinoBoardSettings
     | VectorNavSettings
     | VescSettings

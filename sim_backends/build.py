@@ -13,6 +13,7 @@ from drivers.link import CameraImage
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
+from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.vesc.settings import VescSettings
@@ -22,6 +23,7 @@ from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
 from sim_backends.devices.overhead_camera import make_overhead_camera
+from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings, make_robotino3_board
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
 from sim_backends.devices.vectornav import VectorNavEmulatorSettings, make_vectornav
 from sim_backends.devices.vesc import VescEmulatorSettings, make_vesc
@@ -40,6 +42,7 @@ Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
 ByteDevice: TypeAlias = (
     CanWheelsSettings
     | NmeaCompassSettings
+    | Robotino3BoardSettings
     | RobotinoBoardSettings
     | VectorNavSettings
     | VescSettings
@@ -156,6 +159,9 @@ def _make_byte_device(
         case NmeaCompassSettings():
             compass = _errors_of(CompassEmulatorSettings, name, device, simulation)
             return make_compass(name, device, compass, plant, rng, start_ns)
+        case Robotino3BoardSettings():
+            board_3 = _errors_of(Robotino3BoardEmulatorSettings, name, device, simulation)
+            return make_robotino3_board(name, device, board_3, plant, rng)
         case RobotinoBoardSettings():
             board = _errors_of(RobotinoBoardEmulatorSettings, name, device, simulation)
             return make_robotino_board(name, device, board, plant, rng, start_ns)

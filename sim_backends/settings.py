@@ -7,6 +7,7 @@ from pydantic import Field
 from drivers.settings import Settings
 from sim_backends.devices.can_wheels import CanNodeSettings
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings
+from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
 from sim_backends.devices.vectornav import VectorNavEmulatorSettings
 from sim_backends.devices.vesc import VescEmulatorSettings
@@ -27,6 +28,7 @@ EmulatorSettings: TypeAlias = Annotated[
     | CompassEmulatorSettings
     | ImuEmulatorSettings
     | OverheadCameraEmulatorSettings
+    | Robotino3BoardEmulatorSettings
     | RobotinoBoardEmulatorSettings
     | VectorNavEmulatorSettings
     | VescEmulatorSettings

@@ -126,6 +126,26 @@ def vectornav() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     return VectorNavCodec("fuzz"), tuple(lines)
 
 
+def robotino3_board() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.robotino3_board.codec import Robotino3BoardCodec, build_message
+    from drivers.robotino3_board.frames import build_frame
+    from drivers.robotino3_board.settings import Robotino3BoardSettings
+
+    def readings(ticks: int, current_a: float) -> bytes:
+        return struct.pack("<4h4i4f", 30, -30, 0, 0, ticks, -ticks, 0, 0, current_a, 0.1, 0.0, 0.0)
+
+    bodies = [build_message(53, readings(index * 40, 0.5)) for index in range(4)]
+    bodies += [
+        build_message(53, readings(0, math.nan)) + build_message(37, b"\x01"),
+        build_message(65, struct.pack("<2f4BI", 24.0, 1.0, 0, 0, 1, 0, 0)) + build_message(39, b"\x00"),
+        build_message(252, b"motor") + build_message(251, b"\xaa\x55"),
+        build_message(53, bytes(39)),
+        b"\x35\x28\x00",
+    ]
+    settings = Robotino3BoardSettings(port="fuzz")
+    return Robotino3BoardCodec("fuzz", settings), tuple(map(build_frame, bodies))
+
+
 def xsens() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     from drivers.xsens.codec import XsensCodec
 
@@ -181,6 +201,7 @@ PARSERS: dict[str, MakeTarget] = {
     "vectornav": vectornav,
     "vesc": vesc,
     "xsens": xsens,
+    "robotino3_board": robotino3_board,
     "robotino_board": robotino_board,
     "can_wheels": partial(can_wheels, "generic_wheel"),
     "can_wheels_float": partial(can_wheels, "odrive_0_6"),

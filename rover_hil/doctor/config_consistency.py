@@ -1,5 +1,6 @@
 """Check settings that are valid one by one but do not fit each other."""
 
+from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.config import Config
 from rover_hil.doctor.finding import Finding, ok, problem, warning
@@ -23,7 +24,8 @@ def check_consistency(config: Config) -> list[Finding]:
             )
         )
     for name, settings in config.devices.items():
-        if isinstance(settings, RobotinoBoardSettings) and settings.max_age_s * rate_hz < 2:
+        is_board = isinstance(settings, RobotinoBoardSettings | Robotino3BoardSettings)
+        if is_board and settings.max_age_s * rate_hz < 2:
             findings.append(
                 problem(
                     CHECK,

@@ -11,6 +11,7 @@ from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver, Health
 from drivers.link import CameraImage, Link, LinkItem, Received
 from drivers.registry import AnyDeviceSettings
+from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import FrameSample, Sample
 
@@ -84,7 +85,7 @@ def open_device(name: str, settings: AnyDeviceSettings, clock: Clock) -> OpenDev
     else:
         link = settings.make_link(clock)
         driver = settings.make_driver(name, link, clock, recorder)
-        if isinstance(settings, RobotinoBoardSettings):
+        if isinstance(settings, RobotinoBoardSettings | Robotino3BoardSettings):
             request = partial(_send, link, settings.make_codec(name).encode_stop())
     driver.connect(timeout_s=0.0)
     return OpenDevice(settings, driver, request, recorder)

@@ -4,6 +4,7 @@ import re
 
 from drivers.device_settings import CanDeviceSettings, SerialDeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vesc.settings import VescSettings
 from rover_hil.doctor.finding import Finding, problem
@@ -34,6 +35,12 @@ def _nothing_arrives(reception: Reception) -> Finding:
     if isinstance(settings, RobotinoBoardSettings):
         cause = "the board does not answer: it is off, or it is not on this port"
         fix = f"switch the rover on; in [devices.{name}] check port and baud_rate = {settings.baud_rate}"
+    elif isinstance(settings, Robotino3BoardSettings):
+        cause = "the board does not answer: it is off, or the daemon of the Robotino uses it"
+        fix = (
+            "switch the rover on; stop the daemon (`sudo systemctl stop controld3`); "
+            f"check port in [devices.{name}]"
+        )
     elif isinstance(settings, SerialDeviceSettings):
         cause = "the device is off, its transmit line is not connected, or it only answers requests"
         fix = f"check its power and that its TX goes to our RX; check with `xxd {settings.port} | head`"

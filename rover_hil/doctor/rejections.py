@@ -138,6 +138,24 @@ _ADVICE = {
 }
 _XSENS_OUTPUT = "set the output with MT Manager: rate of turn, acceleration, quaternion, as float, frame ENU"
 _ADVICE_OF_TYPE = {
+    "robotino3_board": {
+        "layout": Advice(
+            Level.PROBLEM,
+            "the messages of the board have other sizes than those of Robotino 3 and 4",
+            'for a Robotino 1, 2 or XT set type = "robotino_board" in [devices.{device}]',
+        ),
+        "board_warning": Advice(
+            Level.WARNING,
+            "the board sends a warning",
+            "charge the battery; switch the rover off and on",
+        ),
+        "board_error": Advice(
+            Level.PROBLEM,
+            "the board reports an error in what it received or measured",
+            "end other programs that use the board (`sudo systemctl stop controld3`); switch the rover off "
+            "and on",
+        ),
+    },
     "xsens": {
         "other_message": Advice(
             Level.OK,

@@ -15,9 +15,11 @@ from drivers.driver import AnyDriver, WheelDrive
 from drivers.link import CameraImage, LinkItem, NoTap
 from drivers.registry import AnyDeviceSettings
 from drivers.samples import (
+    BumperSample,
     FrameSample,
     HeadingSample,
     PoseFixSample,
+    PowerSample,
     RateSample,
     Sample,
     WheelCommand,
@@ -57,6 +59,13 @@ CASES = (
         lambda folder: {"port": str(folder / "port")},
         (WheelSample,),
         b"RECxxxxrec",
+    ),
+    Case(
+        "robotino3_board",
+        "robotino",
+        lambda folder: {"port": str(folder / "port")},
+        (WheelSample, BumperSample, PowerSample),
+        bytes.fromhex("aa 02 00 34 00 cb ff"),
     ),
     Case(
         "can_wheels",

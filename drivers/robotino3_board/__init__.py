@@ -1,0 +1,1 @@
+"""Input-output board of Robotino 3 and 4 on USB."""
