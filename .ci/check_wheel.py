@@ -15,6 +15,8 @@ DATA_FILES = {
     "rover_hil/terrain/report.html",
     "rover_hil/tune/report.html",
     "sim_backends/rear_scene/photographs/grass.png",
+    "sim_backends/fmu/example/axis.c",
+    "sim_backends/fmu/example/axis_fmi2.xml",
     "sim_backends/plants/robotino/surfaces.toml",
     "sim_backends/terramechanics/soil/library/any_angle/cmu_sand.toml",
     "sim_backends/terramechanics/soil/library/soils/toyoura.toml",

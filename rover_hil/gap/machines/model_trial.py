@@ -19,7 +19,7 @@ POINTS, RUNS, SAMPLES = 2, 3, 5
 """Numbers of the trial, all different, so that axes cannot be mistaken."""
 INTEGRATIONS = 300
 """Of a usual analysis."""
-SIMULATIONS = 20
+SIMULATIONS = 25
 """Of each run in a usual analysis, for each parameter and each effect."""
 LONG_S = 1.0
 SAME_SHARE = 0.1

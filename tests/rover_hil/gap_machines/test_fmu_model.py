@@ -79,7 +79,7 @@ def test_the_linter_shows_what_the_inputs_can_show(model: UnitModel) -> None:
 def test_the_time_of_a_simulation_is_reported(model: UnitModel) -> None:
     (note,) = try_model(model, runs_of(model))
     assert note.startswith("one simulation of all 6 runs takes ")
-    assert "an analysis needs about 400: about " in note
+    assert "an analysis needs about 500: about " in note
 
 
 def test_an_effect_becomes_a_part_of_the_model(model: UnitModel) -> None:

@@ -83,6 +83,7 @@ def test_the_page_has_what_a_unit_can_show(folder: Path) -> None:
     assert "encoder in run run" in page
     assert "speed" in page
     assert "Unknown force at" not in page
+    assert "other weighting" not in page
 
 
 def test_with_the_friction_in_the_model_nothing_is_left(folder: Path) -> None:
