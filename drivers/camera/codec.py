@@ -4,17 +4,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.link import CameraImage, Received
 from drivers.samples import FrameSample
+
+BLACK = 16
+"""A frame that is darker everywhere shows nothing: a covered lens, or a camera that sends empty frames."""
+STRIDE = 8
+OLDEST_NS = NANOSECONDS_PER_SECOND
 
 
 class CameraCodec:
     """Turns the images of one camera into numbered frames.
 
-    An image is rejected when it is "empty" (it could not be decoded), has another "size" or "dtype" than
-    8-bit grey or BGR of the configured size, or when its stamp is that of the frame before
-    ("stamp_not_moving") or older ("stamp_backwards"). Images without a stamp pass.
+    An image is rejected when it is "empty" (it could not be decoded whole), has another "size" or "dtype"
+    than 8-bit grey or BGR of the configured size, is "black", or when its stamp is that of the frame before
+    ("stamp_not_moving"), older ("stamp_backwards"), or a second old on arrival ("stamp_old"). Images without
+    a stamp pass.
 
     Args:
         name: Name of the device.
@@ -30,7 +37,7 @@ class CameraCodec:
 
     def decode(self, item: Received[CameraImage]) -> Sequence[FrameSample | Rejection]:
         """Return the frame, or the reason for its rejection."""
-        reason = self._find_fault(item.payload)
+        reason = self._find_fault(item.payload) or self._find_stamp_fault(item)
         if reason is not None:
             return (Rejection(reason),)
         stamp_ns = item.payload.t_capture_ns
@@ -57,8 +64,14 @@ class CameraCodec:
             return "dtype"
         if payload.image.shape not in self._shapes:
             return "size"
-        if payload.t_capture_ns is None or self._newest_stamp_ns is None:
+        return "black" if payload.image[::STRIDE, ::STRIDE].max() < BLACK else None
+
+    def _find_stamp_fault(self, item: Received[CameraImage]) -> str | None:
+        stamp_ns = item.payload.t_capture_ns
+        if stamp_ns is None:
             return None
-        if payload.t_capture_ns == self._newest_stamp_ns:
-            return "stamp_not_moving"
-        return "stamp_backwards" if payload.t_capture_ns < self._newest_stamp_ns else None
+        if item.t_ns - stamp_ns > OLDEST_NS:
+            return "stamp_old"
+        if self._newest_stamp_ns is None or stamp_ns > self._newest_stamp_ns:
+            return None
+        return "stamp_not_moving" if stamp_ns == self._newest_stamp_ns else "stamp_backwards"

@@ -1,10 +1,11 @@
 """Pixels and formats from OpenCV."""
 
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple, Protocol, cast
 
 import cv2
 import numpy as np
+import simplejpeg
 from cv2.typing import MatLike
 
 from drivers.camera.parameters import FrameSourceParameters
@@ -47,6 +48,29 @@ def retrieve(capture: cv2.VideoCapture) -> Image:
     """Return the pixels of the frame grabbed last; `NO_PIXELS` when it is corrupt."""
     ok, decoded = capture.retrieve()
     return _pixels_of(decoded if ok else None)
+
+
+class Capture(Protocol):
+    """The part of `cv2.VideoCapture` that gives a frame."""
+
+    def retrieve(self) -> tuple[bool, MatLike | None]:
+        """Return whether there is a frame, and the frame."""
+        ...
+
+
+def retrieve_jpeg(capture: Capture) -> Image:
+    """Return the pixels of the compressed frame grabbed last; `NO_PIXELS` when any part of it is damaged.
+
+    A frame that was cut off or overwritten on its way still decodes in OpenCV, with old or grey pixels in the
+    place of what is missing; libjpeg-turbo reports it. Damage that leaves a valid bit stream is not noticed.
+    """
+    ok, data = capture.retrieve()
+    compressed = _pixels_of(data if ok else None)
+    try:
+        pixels: Image = simplejpeg.decode_jpeg(compressed.tobytes(), colorspace="BGR", strict=True)
+    except ValueError:
+        return NO_PIXELS
+    return pixels
 
 
 def read_image(path: Path) -> Image:

@@ -13,7 +13,7 @@ os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 import cv2
 
-from drivers.camera.images import FrameFormat, format_of, retrieve
+from drivers.camera.images import FrameFormat, format_of, retrieve, retrieve_jpeg
 from drivers.camera.parameters import FrameSourceParameters
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds
 from drivers.errors import NotConnectedError
@@ -22,6 +22,7 @@ from drivers.threaded_link import ThreadedLink
 
 NANOSECONDS_PER_MILLISECOND = 1_000_000
 BUFFER_COUNT = 2
+JPEG_FOURCC = "MJPG"
 FIRST_GRAB_TRIES = 3
 CHECKED_STAMPS = 3
 STANDSTILL_PERIODS = 3
@@ -95,6 +96,8 @@ class V4l2Link(ThreadedLink[CameraImage]):
                 f"it gives {name} {found} instead of {settings.fourcc} {wanted}: configure one of "
                 f"`v4l2-ctl --list-formats-ext -d {settings.path}`"
             )
+        if settings.fourcc == JPEG_FOURCC:
+            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # frames as the camera sent them, to check them whole
         self._set_exposure(capture)
 
     def _set_exposure(self, capture: cv2.VideoCapture) -> None:
@@ -136,7 +139,9 @@ class V4l2Link(ThreadedLink[CameraImage]):
         self._stamp_ns = stamp_ns
         self._moved_ns = t_ns
         t_capture_ns = stamp_ns if self._stamps_are_captures else None
-        return Received(t_ns, CameraImage(retrieve(capture), t_capture_ns))
+        is_jpeg = self._settings.fourcc == JPEG_FOURCC
+        pixels = retrieve_jpeg(capture) if is_jpeg else retrieve(capture)
+        return Received(t_ns, CameraImage(pixels, t_capture_ns))
 
     def _write(self, payload: bytes) -> bool:
         return False

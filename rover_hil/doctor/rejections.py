@@ -80,8 +80,8 @@ _ADVICE = {
     ),
     "empty": Advice(
         Level.WARNING,
-        "the device has no heading yet, or an image could not be decoded",
-        "wait until the device has settled (a GNSS compass needs the sky); for images check the files",
+        "the device has no heading yet, or an image was damaged",
+        "wait until the device has settled (a GNSS compass needs the sky); for images check cable and files",
     ),
     "invalid_mode": Advice(
         Level.WARNING,
@@ -135,6 +135,16 @@ _ADVICE = {
     "dtype": _OTHER_IMAGES,
     "stamp_not_moving": _STANDING_CAMERA,
     "stamp_backwards": _STANDING_CAMERA,
+    "stamp_old": Advice(
+        Level.WARNING,
+        "frames arrive a second after they were taken",
+        "lower frame_rate_hz, or end the programs that use the processor",
+    ),
+    "black": Advice(
+        Level.WARNING,
+        "the camera sends black frames",
+        "uncover the lens, or raise exposure_100us",
+    ),
 }
 _XSENS_OUTPUT = "set the output with MT Manager: rate of turn, acceleration, quaternion, as float, frame ENU"
 _ADVICE_OF_TYPE = {

@@ -16,7 +16,7 @@ from drivers.driver import Rejection
 from drivers.link import CameraImage, Received
 from drivers.samples import FrameSample, Image
 
-GREY: Image = np.full((48, 64), 7, np.uint8)
+GREY: Image = np.full((48, 64), 77, np.uint8)
 
 
 def decode_one(
@@ -34,7 +34,7 @@ def accept(codec: CameraCodec, image: Image = GREY, t_capture_ns: int | None = N
 
 @pytest.mark.parametrize("shape", [(48, 64), (48, 64, 3)])
 def test_grey_and_bgr_images_of_the_configured_size_are_frames(shape: tuple[int, ...]) -> None:
-    image = np.zeros(shape, np.uint8)
+    image = np.full(shape, 77, np.uint8)
     frame = decode_one(CameraCodec("camera", 64, 48), image, 5)
     assert isinstance(frame, FrameSample)
     assert (frame.device, frame.t_ns, frame.t_capture_ns, frame.index) == ("camera", 9, 5, 0)
@@ -52,6 +52,8 @@ def test_grey_and_bgr_images_of_the_configured_size_are_frames(shape: tuple[int,
         (np.zeros((48,), np.uint8), "size"),
         (np.zeros((48, 64), np.uint16), "dtype"),
         (np.zeros((48, 64), np.float64), "dtype"),
+        (np.zeros((48, 64), np.uint8), "black"),
+        (np.full((48, 64, 3), 15, np.uint8), "black"),
     ],
 )
 def test_wrong_images_are_rejected_by_name(image: Image, reason: str) -> None:
@@ -160,3 +162,10 @@ def test_settings_survive_being_written_out_with_their_defaults() -> None:
 def test_reading_a_configuration_does_not_load_opencv() -> None:
     code = "import sys, drivers.camera.settings, sim_backends.devices.camera; sys.exit('cv2' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_frame_whose_stamp_is_a_second_old_on_arrival_is_not_used() -> None:
+    codec = CameraCodec("camera", 64, 48)
+    late = decode_one(codec, GREY, t_capture_ns=1_000_000_000, t_ns=2_000_000_001)
+    assert late == Rejection("stamp_old")
+    assert isinstance(decode_one(codec, GREY, t_capture_ns=1_000_000_000, t_ns=2_000_000_000), FrameSample)
