@@ -6,6 +6,7 @@ from pydantic import Field
 
 from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
@@ -18,6 +19,7 @@ from drivers.xsens.settings import XsensSettings
 AnyDeviceSettings: TypeAlias = Annotated[
     CameraSettings
     | CanWheelsSettings
+    | CanopenWheelsSettings
     | NmeaCompassSettings
     | OverheadCameraSettings
     | Robotino3BoardSettings

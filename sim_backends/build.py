@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.nmea_compass.settings import NmeaCompassSettings
@@ -21,6 +22,7 @@ from drivers.witmotion.settings import WitMotionSettings
 from drivers.xsens.settings import XsensSettings
 from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
+from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings, make_canopen_wheels
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
 from sim_backends.devices.overhead_camera import make_overhead_camera
 from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings, make_robotino3_board
@@ -41,6 +43,7 @@ from sim_backends.world.world import EmulatedDevice, World
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
 ByteDevice: TypeAlias = (
     CanWheelsSettings
+    | CanopenWheelsSettings
     | NmeaCompassSettings
     | Robotino3BoardSettings
     | RobotinoBoardSettings
@@ -156,6 +159,9 @@ def _make_byte_device(
         case CanWheelsSettings():
             node = _errors_of(CanNodeSettings, name, device, simulation)
             return make_can_node(name, device, node, plant, rng, start_ns)
+        case CanopenWheelsSettings():
+            drives = _errors_of(CanopenWheelsEmulatorSettings, name, device, simulation)
+            return make_canopen_wheels(name, device, drives, plant, rng, start_ns)
         case NmeaCompassSettings():
             compass = _errors_of(CompassEmulatorSettings, name, device, simulation)
             return make_compass(name, device, compass, plant, rng, start_ns)

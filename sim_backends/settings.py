@@ -6,6 +6,7 @@ from pydantic import Field
 
 from drivers.settings import Settings
 from sim_backends.devices.can_wheels import CanNodeSettings
+from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings
 from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
@@ -25,6 +26,7 @@ PlantSettings: TypeAlias = Annotated[
 EmulatorSettings: TypeAlias = Annotated[
     CameraEmulatorSettings
     | CanNodeSettings
+    | CanopenWheelsEmulatorSettings
     | CompassEmulatorSettings
     | ImuEmulatorSettings
     | OverheadCameraEmulatorSettings

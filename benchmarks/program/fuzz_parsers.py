@@ -173,6 +173,35 @@ def xsens() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     )
 
 
+def canopen_wheels() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.can_frame import CanFrame, pack_can_frame
+    from drivers.canopen_wheels.codec import CanopenWheelsCodec
+    from drivers.canopen_wheels.settings import CanopenWheelsSettings
+
+    settings = CanopenWheelsSettings.model_validate(
+        {
+            "interface": "virtual",
+            "channel": "fuzz",
+            "wheel": [{"node": 4}, {"node": 5, "sign": -1}],
+            "counts_per_motor_turn": 4096,
+            "gear_ratio": 50.0,
+            "rated_current_a": 3.0,
+        }
+    )
+    frames = [
+        CanFrame(base + node, bytes((index, 6)) + bytes(6))
+        for base in (0x080, 0x180, 0x280, 0x580, 0x700)
+        for node in (4, 5, 6)
+        for index in (0, 0x27, 0x60, 0x80)
+    ]
+    frames += [
+        CanFrame(0x000, b"\x01\x04"),
+        CanFrame(0x40, bytes(8), is_error=True),
+        CanFrame(0x184, b"\x27"),
+    ]
+    return CanopenWheelsCodec("fuzz", settings), tuple(map(pack_can_frame, frames))
+
+
 def vesc() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     from drivers.can_frame import CanFrame, pack_can_frame
     from drivers.vesc.codec import VescCodec
@@ -199,6 +228,7 @@ PARSERS: dict[str, MakeTarget] = {
     "nmea_compass": nmea_compass,
     "witmotion": witmotion,
     "vectornav": vectornav,
+    "canopen_wheels": canopen_wheels,
     "vesc": vesc,
     "xsens": xsens,
     "robotino3_board": robotino3_board,

@@ -2,6 +2,7 @@
 
 import re
 
+from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.device_settings import CanDeviceSettings, SerialDeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
@@ -49,6 +50,12 @@ def _nothing_arrives(reception: Reception) -> Finding:
         fix = (
             "in VESC Tool, App Settings, General, enable CAN Status Messages 1 and 5 at 50 Hz; "
             f"in [devices.{name}] check channel and bit_rate = {settings.bit_rate}"
+        )
+    elif isinstance(settings, CanopenWheelsSettings):
+        cause = "the drives are off, the bus is not connected, or its bit rate is wrong"
+        fix = (
+            f"switch the drives on; in [devices.{name}] check channel and bit_rate = {settings.bit_rate}; "
+            "drives that were never configured send nothing but a heartbeat until the first run"
         )
     elif isinstance(settings, CanDeviceSettings):
         cause = "the drives are off, the bus is not connected, or its bit rate is wrong"

@@ -148,6 +148,28 @@ _ADVICE = {
 }
 _XSENS_OUTPUT = "set the output with MT Manager: rate of turn, acceleration, quaternion, as float, frame ENU"
 _ADVICE_OF_TYPE = {
+    "canopen_wheels": {
+        "other_traffic": Advice(
+            Level.OK,
+            "frames arrive, but no CANopen messages of the drives",
+            "switch the drives on; in [devices.{device}] set node of each wheel to that of its drive",
+        ),
+        "other_node": Advice(
+            Level.WARNING,
+            "a CANopen node sends that no wheel has",
+            "set node of each wheel in [devices.{device}] to that of its drive",
+        ),
+        "too_short": Advice(
+            Level.PROBLEM,
+            "PDOs are shorter than configured: another CANopen master maps them otherwise",
+            "end the other master; switch the drives off and on",
+        ),
+        "implausible_jump": Advice(
+            Level.WARNING,
+            "a position jumped further than the motor can turn: the drive has restarted, or was homed",
+            "check the supply of the drives for dips, and rpm_limit in [devices.{device}]",
+        ),
+    },
     "robotino3_board": {
         "layout": Advice(
             Level.PROBLEM,

@@ -75,6 +75,19 @@ CASES = (
         pack_can_frame(CanFrame(0x7FF, b"\x01")),
     ),
     Case(
+        "canopen_wheels",
+        "el_dorado",
+        lambda folder: {
+            "interface": "slcan",
+            "channel": str(folder / "port"),
+            "wheel": [{"node": node} for node in (1, 2, 3, 4)],
+            "counts_per_motor_turn": 4096,
+            "gear_ratio": 50.0,
+        },
+        (WheelSample,),
+        pack_can_frame(CanFrame(0x189, bytes(6))),
+    ),
+    Case(
         "vesc",
         "el_dorado",
         lambda folder: {

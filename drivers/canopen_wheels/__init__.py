@@ -1,0 +1,1 @@
+"""CANopen drives with the profile CiA 402, one for each wheel."""
