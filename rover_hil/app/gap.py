@@ -168,6 +168,10 @@ def _note(words: str) -> None:
     Console(stderr=True, highlight=False, soft_wrap=True).print(f"Note: {words}.", markup=False)
 
 
+def _announce(words: str) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True).print(f"{words}.", markup=False)
+
+
 def _objection(model: Model, runs: Sequence[Run]) -> str:
     """Return why runs cannot be used; empty where they can."""
     try:
@@ -203,7 +207,9 @@ def _analyse(
 
     with show_steps("checking the model") as advance:
         _check(model, runs)
-        return analyse(model, runs, seed=seed, confirm=confirm, on_plan=on_plan, advance=advance)
+        return analyse(
+            model, runs, seed=seed, confirm=confirm, on_plan=on_plan, advance=advance, announce=_announce
+        )
 
 
 def _check(model: Model, runs: Sequence[Run]) -> None:

@@ -39,6 +39,7 @@ def analyse(
     confirm: str = "",
     on_plan: Callable[[Plan], None] = lambda _: None,
     advance: Callable[[str], None] = lambda _: None,
+    announce: Callable[[str], None] = lambda _: None,
 ) -> Analysis:
     """Find where model and runs disagree, name the missing effects, and validate them.
 
@@ -49,6 +50,7 @@ def analyse(
         confirm: Expression that selects the runs to lock; empty for a random choice.
         on_plan: Called with the plan before anything is computed from measured values.
         advance: Called with the current step.
+        announce: Called with a first answer on a machine, long before the verdict.
 
     Raises:
         ConfigError: `confirm` is not an expression.
@@ -57,7 +59,7 @@ def analyse(
     start_ns = clock.now_ns()
     if not isinstance(model, Machine):
         model = ObservedModel(model, runs)
-    analysis = _analyse(model, runs, seed, confirm, on_plan, advance)
+    analysis = _analyse(model, runs, seed, confirm, on_plan, advance, announce)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
         for one in missing_values(model, runs)
@@ -73,6 +75,7 @@ def _analyse(
     confirm: str,
     on_plan: Callable[[Plan], None],
     advance: Callable[[str], None],
+    announce: Callable[[str], None],
 ) -> Analysis:
     def refused(answer: Answer, reason: str, plan: Plan | None = None) -> Analysis:
         verdict = verdict_rules.refuse(answer, reason)
@@ -100,7 +103,7 @@ def _analyse(
     if isinstance(model, Machine):
         advance("choosing the integration steps")
         model = model.refined(runs)
-        found = analyse_machine(model, open_runs, locked_runs, seed, advance)
+        found = analyse_machine(model, open_runs, locked_runs, seed, advance, announce)
         verdict = decide_machine(found)
         return Analysis(
             model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=None, machine=found

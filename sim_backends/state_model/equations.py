@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import SimpleNamespace
 from typing import TypeAlias
 
@@ -157,7 +158,7 @@ class Equations:
         """The inputs it needs and their units."""
         return self.inputs if self.step_s is not None else {"t_s": "s", **self.inputs}
 
-    @property
+    @cached_property
     def effects(self) -> tuple[EffectCard, ...]:
         """The cards of its effects."""
         units = {**self.states, **{one.name: one.unit for one in self.parameters}, **self._signal_units}

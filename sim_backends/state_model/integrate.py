@@ -1,9 +1,10 @@
 """Integration of a machine: all runs and all trials of parameters at once, by fourth-order Runge-Kutta."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from sim_backends.models.interface import (
 from sim_backends.state_model.equations import Equations
 from sim_backends.state_model.held_input import delayed, lagged, lagged_samples, mean_over_steps, played
 from sim_backends.state_model.port_effect import Action, Change, PortEffect
+from sim_backends.state_model.recorded import RecordedLanes, are_equal
+from sim_backends.state_model.tape import make_tape
+from sim_backends.state_model.tracing import Graph, Source, Traced, TracedStack
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,53 +222,96 @@ class Simulation:
 
     def _integrate(self) -> Array:
         """Return the states, states x points x runs x samples; memories of effects come last."""
-        parameters = SimpleNamespace(**self._parameters)
+        count = len(self._model.states) + self._memories
+        stored = np.zeros((count, *self._shape, self._samples))
+        if not count:
+            return stored
         first = SimpleNamespace(**{name: self._input_at_samples(name)[..., 0] for name in self._inputs})
-        start = self._model.start(parameters, first)
-        state = np.zeros((len(self._model.states) + self._memories, *self._shape))
+        start = self._model.start(SimpleNamespace(**self._parameters), first)
         for index, name in enumerate(self._model.states):
-            state[index] = start[name]
-        stored = np.empty((*state.shape, self._samples))
-        stored[..., 0] = state
+            stored[index, ..., 0] = start[name]
         substeps, width_s = self._model.substeps, self._step_s / self._model.substeps
+        recorded = self._recorded() if self._samples > 1 else None
+        if recorded is not None:
+            recorded.integrate(stored, substeps, width_s)
+            if self._is_true(recorded, stored):
+                return stored
+        state = stored[..., 0].copy()
         for sample in range(1, self._samples):
             for step in range((sample - 1) * substeps, sample * substeps):
-                state = self._step(state, step, width_s, parameters)
+                state = self._step(state, step, width_s)
             stored[..., sample] = state
         return stored
 
-    def _step(self, state: Array, step: int, width_s: float, parameters: SimpleNamespace) -> Array:
-        inputs = SimpleNamespace(**{name: series[..., step] for name, series in self._inputs.items()})
-        forces = {name: series[..., step] for name, series in self._forces.items()}
-        rate = partial(self._rate, inputs=inputs, parameters=parameters, forces=forces)
-        first = rate(state)
-        second = rate(state + 0.5 * width_s * first)
-        third = rate(state + 0.5 * width_s * second)
-        fourth = rate(state + width_s * third)
+    def _recorded(self) -> RecordedLanes | None:
+        """Return the equations of all lanes without Python; None where they cannot be recorded."""
+        record = _Recording()
+        parameters = record.given(self._parameters, Source.PARAMETER)
+        active = {
+            port: [replace(one, values=record.values(one.values)) for one in some]
+            for port, some in self._active.items()
+        }
+        inputs = record.given(self._inputs, Source.INPUT)
+        forces = record.given(self._forces, Source.INPUT)
+        count = len(self._model.states) + self._memories
+        states = TracedStack([record.graph.given(Source.STATE) for _ in range(count)])
+        rates: list[object] = [0.0] * count
+        try:
+            self._enter_rates(
+                states, rates, SimpleNamespace(**inputs), SimpleNamespace(**parameters), (forces, active)
+            )
+            tape = make_tape(record.graph, [*record.numbers, *states], rates)
+        except Exception:  # noqa: BLE001 (equations may raise anything where a number has no value)
+            return None
+        steps = (self._samples - 1) * self._model.substeps
+        series = [*self._inputs.values(), *self._forces.values()]
+        return RecordedLanes(tape, self._shape, record.parameters, series, steps)
+
+    def _is_true(self, recorded: RecordedLanes, stored: Array) -> bool:
+        """Return True where the recorded rates are those of the equations at the ends of the runs."""
+        last = (self._samples - 1) * self._model.substeps - 1
+        return all(
+            are_equal(recorded.rates(states, step), self._rate(states, step))
+            for states, step in ((stored[..., 0], 0), (stored[..., -1], last))
+        )
+
+    def _step(self, state: Array, step: int, width_s: float) -> Array:
+        first = self._rate(state, step)
+        second = self._rate(state + 0.5 * width_s * first, step)
+        third = self._rate(state + 0.5 * width_s * second, step)
+        fourth = self._rate(state + width_s * third, step)
         after: Array = state + width_s / 6.0 * (first + 2.0 * (second + third) + fourth)
         return after
 
-    def _rate(
+    def _rate(self, state: Array, step: int) -> Array:
+        inputs = SimpleNamespace(**{name: series[..., step] for name, series in self._inputs.items()})
+        forces = {name: series[..., step] for name, series in self._forces.items()}
+        rates = np.zeros(state.shape)
+        self._enter_rates(state, rates, inputs, SimpleNamespace(**self._parameters), (forces, self._active))
+        return rates
+
+    def _enter_rates(
         self,
-        state: Array,
+        state: Any,
+        rates: Any,
         inputs: SimpleNamespace,
         parameters: SimpleNamespace,
-        forces: Mapping[str, Array],
-    ) -> Array:
+        at_ports: tuple[Mapping[str, Any], Mapping[str, Sequence[Active]]],
+    ) -> None:
+        """Enter the rate of each state, of numbers or of recorded ones, given forces and effects at ports."""
         names = self._model.states
         machine = SimpleNamespace(**vars(parameters), **vars(inputs), **dict(zip(names, state, strict=False)))
-        rates = np.zeros(state.shape)
+        forces, active = at_ports
 
         def port(name: str, value: Array) -> Array:
             self._model.require_port(name)
-            for one in self._active.get(name, ()):
+            for one in active.get(name, ()):
                 value = _changed(one, value, machine, state, rates)
             return value + forces[name] if name in forces else value
 
         found = self._model.derivative(machine, inputs, parameters, port)
         for index, name in enumerate(names):
             rates[index] = found[name]
-        return rates
 
     def _outputs(self, states: Array) -> dict[str, Array]:
         model = self._model
@@ -306,7 +353,53 @@ class Simulation:
         return np.broadcast_to(_signal_effects(active, values, lag, states), shape)
 
 
-def _changed(one: Active, value: Array, machine: SimpleNamespace, state: Array, rates: Array) -> Array:
+def is_recordable(model: Equations) -> bool:
+    """Return True where equations without effects can be recorded, so that they run without Python."""
+    record = _Recording()
+
+    def given(names: Iterable[str], source: Source) -> dict[str, Any]:
+        return {name: record.graph.given(source) for name in names}
+
+    unknowns = [one.name for one in model.parameters] + [one.name for one in model.run_parameters]
+    parameters = given([*unknowns, *model.condition_units], Source.PARAMETER)
+    inputs, states = given(model.inputs, Source.INPUT), given(model.states, Source.STATE)
+    machine = SimpleNamespace(**parameters, **inputs, **states)
+    try:
+        found: Mapping[str, object] = model.derivative(
+            machine, SimpleNamespace(**inputs), SimpleNamespace(**parameters), lambda _, value: value
+        )
+        for name in model.states:
+            record.graph.node(found[name])
+    except Exception:  # noqa: BLE001 (equations may raise anything where a number has no value)
+        return False
+    return True
+
+
+class _Recording:
+    """Recorded numbers in place of parameters, inputs and forces."""
+
+    def __init__(self) -> None:
+        self.graph = Graph()
+        self.numbers: list[Traced] = []
+        self.parameters: list[Array] = []
+        self._known: dict[int, Traced] = {}
+
+    def given(self, values: Mapping[str, Array], source: Source) -> dict[str, Traced]:
+        """Return a recorded number for each of the values."""
+        found = {name: self.graph.given(source) for name in values}
+        self.numbers += found.values()
+        if source is Source.PARAMETER:
+            self.parameters += values.values()
+        return found
+
+    def values(self, values: SimpleNamespace) -> SimpleNamespace:
+        """Return recorded numbers for the parameters of an effect; a number under two names is one."""
+        new = {str(id(one)): one for one in vars(values).values() if id(one) not in self._known}
+        self._known |= {int(key): number for key, number in self.given(new, Source.PARAMETER).items()}
+        return SimpleNamespace(**{name: self._known[id(one)] for name, one in vars(values).items()})
+
+
+def _changed(one: Active, value: Array, machine: SimpleNamespace, state: Any, rates: Any) -> Array:
     """Return a signal inside the equations with an effect; enter the rates of the effect's own states."""
     effect, own = one.effect, _own(one, state)
     if effect.memory_rate is not None and own is not None and one.is_first:
@@ -323,7 +416,7 @@ def _delay_s(active: Sequence[Active]) -> Array:
     return found
 
 
-def _own(one: Active, states: Array) -> Array | None:
+def _own(one: Active, states: Any) -> Array | None:
     if one.memory is None:
         return None
     own: Array = states[one.memory]

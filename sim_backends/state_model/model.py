@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import Array, Channel, Parameter, Port, Run, Values
 from sim_backends.state_model.equations import Equations
-from sim_backends.state_model.integrate import Point, Simulation
+from sim_backends.state_model.integrate import Point, Simulation, is_recordable
 from sim_backends.state_model.port_effect import PortEffect
 
 MOST_SUBSTEPS = 32
@@ -158,7 +159,7 @@ class StateModel(Equations):
     def simulate_points(self, runs: Sequence[Run], points: Sequence[Point]) -> list[list[dict[str, Array]]]:
         """Return the channels of each run at each point."""
         found: list[list[dict[str, Array]]] = [[{} for _ in runs] for _ in points]
-        for substeps, places in self._by_substeps(points).items():
+        for (substeps, _), places in self._alike(points).items():
             model = replace(self, substeps=substeps)
             for step_s, members in self._by_step(runs).items():
                 chosen = [runs[index] for index in members]
@@ -168,13 +169,36 @@ class StateModel(Equations):
                         found[place][index] = table
         return found
 
-    def _by_substeps(self, points: Sequence[Point]) -> dict[int, list[int]]:
-        """Return the points by the integration steps that their effects need."""
-        groups: dict[int, list[int]] = {}
+    def _alike(self, points: Sequence[Point]) -> dict[tuple[int, frozenset[str]], list[int]]:
+        """Return the points by the integration steps that their effects need, and by these effects.
+
+        Equations that are called through Python cost nearly the same for one point as for many; there the
+        effects do not separate them.
+        """
+        groups: dict[tuple[int, frozenset[str]], list[int]] = {}
         for place, point in enumerate(points):
             needed = [self.effect_substeps.get(name, self.substeps) for name in point.effects]
-            groups.setdefault(max([self.substeps, *needed]), []).append(place)
+            acting = frozenset(self._acting(point)) if self._is_recordable else frozenset[str]()
+            groups.setdefault((max([self.substeps, *needed]), acting), []).append(place)
         return groups
+
+    def _acting(self, point: Point) -> list[str]:
+        """Return the effects that are not at their null."""
+        strengths = self._strengths
+        return [
+            name
+            for name, values in point.effects.items()
+            if name in strengths
+            and values.get(strengths[name].name, strengths[name].nominal) != strengths[name].nominal
+        ]
+
+    @cached_property
+    def _strengths(self) -> dict[str, Parameter]:
+        return {card.name: card.parameters[0] for card in self.effects}
+
+    @cached_property
+    def _is_recordable(self) -> bool:
+        return is_recordable(self)
 
     def _by_step(self, runs: Sequence[Run]) -> dict[float, list[int]]:
         groups: dict[float, list[int]] = {}

@@ -9,6 +9,7 @@ import numpy as np
 from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.descent import residual_of
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
+from rover_hil.gap.machines.first_answer import first_answer
 from rover_hil.gap.machines.free_terms import DraftTerm, FittedTerm, free_terms, search_terms, strength_of
 from rover_hil.gap.machines.gap_tests import GAP_ALPHA, gap_p
 from rover_hil.gap.machines.holdout import Holdout, hold_out
@@ -90,6 +91,7 @@ def analyse_machine(
     locked: Sequence[Run],
     seed: int,
     advance: Callable[[str], None],
+    announce: Callable[[str], None] = lambda _: None,
 ) -> MachineFindings:
     """Find where a machine and its runs disagree, and which effects are missing.
 
@@ -99,6 +101,7 @@ def analyse_machine(
         locked: Runs for the validation; read only once an explanation is chosen.
         seed: Of all random numbers.
         advance: Called with the current step.
+        announce: Called with a first answer, before the search.
     """
     rng = np.random.default_rng(seed)
     problem = Problem(machine, observe(machine, runs))
@@ -119,6 +122,7 @@ def analyse_machine(
         budget_after=budget,
         scatter=scatter,
     )
+    announce(first_answer(findings.p_gap, budget, findings.scores))
     if findings.p_gap > GAP_ALPHA:
         return findings
     found = search.run()

@@ -60,3 +60,22 @@ def test_the_model_error_is_the_misfit_without_the_sensor() -> None:
 def test_the_same_data_gives_the_same_verdict() -> None:
     first, second = (analyse(axis_model(), measured_runs(dry=DRY)).verdict for _ in range(2))
     assert first.sentence == second.sentence
+
+
+@pytest.mark.parametrize(
+    ("dry", "first", "ratio"),
+    [
+        (DRY, "there is a gap", "coulomb_friction (about 2."),
+        (0.0, "no gap found (p = ", "times the sensor noise"),
+    ],
+)
+def test_a_first_answer_comes_before_the_search(dry: float, first: str, ratio: str) -> None:
+    said: list[str] = []
+    runs = measured_runs(dry=dry)
+    analyse(axis_model(), runs, advance=said.append, announce=lambda words: said.append(f"! {words}"))
+    place = next(index for index, words in enumerate(said) if words.startswith("!"))
+    assert said[place].startswith(f"! First answer: {first}")
+    assert ratio in said[place]
+    assert "rad/s" in said[place]
+    assert said[place - 1] == "fitting the base model"
+    assert len([words for words in said if words.startswith("!")]) == 1

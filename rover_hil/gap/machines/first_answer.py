@@ -1,0 +1,35 @@
+"""What is known before anything is searched: the error of the base model, and effects to first order."""
+
+from collections.abc import Sequence
+
+from rover_hil.gap.machines.error_budget import ChannelError
+from rover_hil.gap.machines.gap_tests import GAP_ALPHA
+from rover_hil.gap.machines.search import best_shapes
+from rover_hil.gap.statistics.score import Score, one_sided_z
+
+CANDIDATES = 3
+"""Effects that are reported."""
+LEAST_Z = 3.0
+"""Score below which an effect is not a candidate."""
+
+
+def first_answer(p_gap: float, budget: Sequence[ChannelError], scores: Sequence[Score]) -> str:
+    """Return the first answer in words.
+
+    Args:
+        p_gap: Probability of the misfit of the base model if only the sensors err.
+        budget: Its error in each channel.
+        scores: First-order score of each effect at each of its shapes.
+    """
+    largest = max(budget, key=lambda one: one.model_error / one.sensor_noise)
+    if p_gap > GAP_ALPHA:
+        return f"First answer: no gap found (p = {p_gap:.2g}). {largest.sentence()}"
+    ranked = sorted(best_shapes(scores), key=one_sided_z, reverse=True)
+    candidates = [one for one in ranked[:CANDIDATES] if one_sided_z(one) >= LEAST_Z]
+    words = ", ".join(
+        f"{one.direction.name} (about {one.strength:.2g} {one.direction.unit})" for one in candidates
+    )
+    return (
+        f"First answer: there is a gap. {largest.sentence()}. Candidates by linearisation, not yet fitted or "
+        f"validated: {words or 'none of the effects'}"
+    )
