@@ -8,7 +8,7 @@ from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vesc.settings import VescSettings
-from rover_hil.doctor.finding import Finding, problem
+from rover_hil.doctor.finding import Finding, problem, warning
 from rover_hil.doctor.listening import Reception
 from rover_hil.doctor.rejections import advice_for, list_reasons
 
@@ -24,11 +24,23 @@ def check_no_data(reception: Reception) -> list[Finding]:
         return []
     if not reception.arrivals and not reception.health.rejected:
         return [_nothing_arrives(reception)]
+    if isinstance(reception.settings, CanopenWheelsSettings) and not reception.health.rejected:
+        return [_only_heartbeats(reception)]
     reasons = list_reasons(reception)
     byte_count = sum(len(arrival.payload) for arrival in reception.arrivals)
     what = f"no usable data arrives; rejected: {reasons}" if reasons else f"{byte_count} undecodable bytes"
     cause, fix = _explain_rejection(reception)
     return [problem(CHECK, reception.device, what + _sentences(reception), cause, fix)]
+
+
+def _only_heartbeats(reception: Reception) -> Finding:
+    return warning(
+        CHECK,
+        reception.device,
+        "heartbeats arrive, but no measurements",
+        "the drives are not configured yet, which is normal: the doctor does not change them",
+        "no fix needed if the next run drives",
+    )
 
 
 def _nothing_arrives(reception: Reception) -> Finding:
@@ -50,12 +62,6 @@ def _nothing_arrives(reception: Reception) -> Finding:
         fix = (
             "in VESC Tool, App Settings, General, enable CAN Status Messages 1 and 5 at 50 Hz; "
             f"in [devices.{name}] check channel and bit_rate = {settings.bit_rate}"
-        )
-    elif isinstance(settings, CanopenWheelsSettings):
-        cause = "the drives are off, the bus is not connected, or its bit rate is wrong"
-        fix = (
-            f"switch the drives on; in [devices.{name}] check channel and bit_rate = {settings.bit_rate}; "
-            "drives that were never configured send nothing but a heartbeat until the first run"
         )
     elif isinstance(settings, CanDeviceSettings):
         cause = "the drives are off, the bus is not connected, or its bit rate is wrong"

@@ -297,7 +297,7 @@ def test_a_controller_that_never_tells_its_fault_is_noticed() -> None:
     codec.encode_speeds((0.0, 0.0))
     assert list(decode(silent, codec))[1:] == [Rejection("no_fault_report")]
     assert len(decode(silent, codec)) == 1  # counted anew
-    for _ in range(2 * MOST_UNANSWERED):
+    for _ in range(4 * MOST_UNANSWERED):
         codec.encode_speeds((0.0, 0.0))
         decode("000008FE#04 01 32 00 00 80 00 00", codec)
     codec.encode_speeds((0.0, 0.0))

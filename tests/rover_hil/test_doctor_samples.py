@@ -2,14 +2,17 @@
 
 import datetime as dt
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import nanoseconds
 from drivers.driver import DeviceState, Health
+from drivers.link import Received
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
@@ -272,3 +275,22 @@ def test_device_clock(speed: float | None, expected: list[Level]) -> None:
         for index in range(15)
     ]
     assert levels(check_device_clock(reception(*samples))) == expected
+
+
+def test_canopen_drives_that_were_never_configured_are_no_problem() -> None:
+    drives = CanopenWheelsSettings.model_validate(
+        {
+            "interface": "socketcan",
+            "channel": "can0",
+            "wheel": [{"node": 1}],
+            "counts_per_motor_turn": 4096,
+            "gear_ratio": 50.0,
+        }
+    )
+    (silent,) = check_no_data(reception(settings=drives))
+    assert silent.level is Level.PROBLEM
+    assert silent.what == "nothing arrives"
+    beating = replace(reception(settings=drives), arrivals=(Received(0, b"heartbeat"),))
+    (finding,) = check_no_data(beating)
+    assert finding.level is Level.WARNING
+    assert finding.what == "heartbeats arrive, but no measurements"
