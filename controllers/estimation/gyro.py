@@ -1,9 +1,7 @@
 """Angle turned, by a gyro."""
 
+from controllers.estimation.parameters import ESTIMATION
 from drivers.clock import nanoseconds, seconds
-
-GREATEST_RATE_RAD_S = 100.0
-"""Greatest plausible reading; chosen by hand."""
 
 
 class GyroIntegrator:
@@ -26,7 +24,8 @@ class GyroIntegrator:
 
     def feed(self, t_ns: int, rate_rad_s: float) -> bool:
         """Take a reading; return False when it is not newer, not finite, or exceeds 100 rad/s."""
-        if not abs(rate_rad_s) <= GREATEST_RATE_RAD_S or (self.t_ns is not None and t_ns <= self.t_ns):
+        is_old = self.t_ns is not None and t_ns <= self.t_ns
+        if is_old or not abs(rate_rad_s) <= ESTIMATION.pose.greatest_rate_rad_s:
             return False
         if self.t_ns is not None and t_ns - self.t_ns <= self._greatest_gap_ns:
             elapsed_s = seconds(t_ns - self.t_ns)

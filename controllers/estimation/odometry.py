@@ -3,17 +3,10 @@
 import math
 from dataclasses import dataclass
 
+from controllers.estimation.parameters import ESTIMATION
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.planar import Pose, move
 from drivers.clock import nanoseconds, seconds
-
-# Chosen by hand.
-VELOCITY_TIME_CONSTANT_S = 0.05
-PLAUSIBLE_SPEED_FACTOR = 1.5
-"""Greatest plausible wheel speed, over the greatest set-point."""
-ARRIVAL_JITTER_S = 0.05
-STILL_RAD = 0.005
-"""A wheel that has turned by less is at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +73,7 @@ class WheelOdometry:
     def __init__(self, kinematics: Kinematics, wheel_speed_limit_rad_s: float) -> None:
         count = kinematics.wheel_count
         self._kinematics = kinematics
-        self._plausible_rad_s = PLAUSIBLE_SPEED_FACTOR * wheel_speed_limit_rad_s
+        self._plausible_rad_s = ESTIMATION.odometry.plausible_speed * wheel_speed_limit_rad_s
         self._tracks: list[_Track | None] = [None] * count
         self._missing = set(range(count))
         self._base_rad = [0.0] * count
@@ -143,7 +136,7 @@ class WheelOdometry:
         return self.t_ns is not None or wheel not in self._missing
 
     def _is_jump(self, track: _Track, t_ns: int, position_rad: float) -> bool:
-        elapsed_s = seconds(t_ns - track.newest_ns) + ARRIVAL_JITTER_S
+        elapsed_s = seconds(t_ns - track.newest_ns) + ESTIMATION.odometry.arrival_jitter_s
         return abs(position_rad - track.newest_rad) > self._plausible_rad_s * elapsed_s
 
     def _integrate(self, turned_rad: list[float], elapsed_s: float) -> BodyIncrement:
@@ -165,7 +158,7 @@ class WheelOdometry:
 
     def _watch_standstill(self, is_new_base: bool) -> None:
         if is_new_base or any(
-            abs(position - still) > STILL_RAD
+            abs(position - still) > ESTIMATION.odometry.still_rad
             for position, still in zip(self._base_rad, self._still_rad, strict=True)
         ):
             self._still_rad = self._base_rad
@@ -175,4 +168,5 @@ class WheelOdometry:
 def _smooth(rate: float, increment: float, elapsed_s: float) -> float:
     # Low-pass fed with the increment, not with increment / time: two messages that arrive in one burst
     # would otherwise divide by almost nothing.
-    return (VELOCITY_TIME_CONSTANT_S * rate + increment) / (VELOCITY_TIME_CONSTANT_S + elapsed_s)
+    time_s = ESTIMATION.odometry.velocity_time_s
+    return (time_s * rate + increment) / (time_s + elapsed_s)

@@ -10,6 +10,7 @@ import numpy as np
 
 from controllers.estimation.guarded_filter import GuardedFilter, Innovation
 from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_fixes import Step, WayBack
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.planar import Pose, move, wrap_angle
@@ -19,7 +20,6 @@ X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
 CERTAIN = 1e-12
 UNKNOWN_ANGLE_RAD2 = 10.0
 UNKNOWN_POSITION_M2 = 1e4
-MOST_REJECTIONS = 2
 
 
 class YawSource(StrEnum):
@@ -213,7 +213,7 @@ class PoseFilter:
         if len(residuals) < len(innovations):
             return innovations
         self._rejections[fix.device] += 1
-        if self._rejections[fix.device] <= MOST_REJECTIONS:
+        if self._rejections[fix.device] <= ESTIMATION.pose.most_rejections:
             return innovations
         # The axes of the floor are not those of the local frame: widen both by the distance.
         distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from controllers.estimation.odometry import ARRIVAL_JITTER_S, PLAUSIBLE_SPEED_FACTOR
+from controllers.estimation.parameters import ESTIMATION
 from rover_hil.datasets.arrays import Array
 
 DISTANCE_STEP_M = 0.02
@@ -140,7 +140,8 @@ def speed_from_positions(position: Series, limit_rad_s: float) -> Series:
         return Series(position.t_s[:0], position.value[:0])
     steps_s, steps_rad = np.diff(position.t_s), np.diff(position.value)
     width = min(len(steps_s), max(1, round(SPEED_WINDOW_S / float(np.median(steps_s)))))
-    jumps = np.abs(steps_rad) > PLAUSIBLE_SPEED_FACTOR * limit_rad_s * (steps_s + ARRIVAL_JITTER_S)
+    tuned = ESTIMATION.odometry
+    jumps = np.abs(steps_rad) > tuned.plausible_speed * limit_rad_s * (steps_s + tuned.arrival_jitter_s)
     jumps_before = np.concatenate(([0], np.cumsum(jumps)))
     elapsed_s = position.t_s[width:] - position.t_s[:-width]
     turned_rad = position.value[width:] - position.value[:-width]

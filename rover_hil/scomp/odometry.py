@@ -8,9 +8,9 @@ import numpy as np
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.motion.planar import wrap_angle
-from controllers.slip.scomp.filter import START_CERTAIN_RAD, FilterStep, ScompFilter, StartHeading
+from controllers.slip.scomp.filter import FilterStep, ScompFilter, StartHeading
 from controllers.slip.scomp.motion_model import ANGLES, FIRST, SECOND, YAW, Motion, X, Y, expected_drift
-from controllers.slip.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import SCOMP, ScompParameters
 from controllers.slip.scomp.slip_laws import PitchLaw, SlipLaw, TwoSegmentLaw
 from drivers.errors import ModelError
 from rover_hil.datasets.arrays import Array
@@ -125,11 +125,11 @@ def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[StartHeadi
     compass = parameters.compass
     reading = _first(drive.compass_rad)
     if reading is None:
-        return StartHeading(heading_rad=0.0, standard_deviation_rad=START_CERTAIN_RAD), ()
+        return StartHeading(heading_rad=0.0, standard_deviation_rad=SCOMP.motion.start_certain_rad), ()
     by_compass = wrap_angle((compass.sign or 1) * reading - (compass.offset_rad or 0.0))
     agrees_rad = START_AGREES_UNCALIBRATED_RAD if compass.offset_rad is None else START_AGREES_RAD
     if parameters.starts_along_x and abs(by_compass) < agrees_rad:
-        return StartHeading(heading_rad=0.0, standard_deviation_rad=START_CERTAIN_RAD), ()
+        return StartHeading(heading_rad=0.0, standard_deviation_rad=SCOMP.motion.start_certain_rad), ()
     words = f"the heading at start is that of the compass, {math.degrees(by_compass):.1f} deg"
     return StartHeading(heading_rad=by_compass, standard_deviation_rad=None), (words,)
 

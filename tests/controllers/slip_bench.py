@@ -9,7 +9,7 @@ import numpy as np
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
-from controllers.slip.effort.motor_model import SLOWEST_RAD_S
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import SlipSettings
 from drivers.samples import WheelSample
 from tests.controllers.simulated import OMNI
@@ -113,7 +113,7 @@ def currents_for(force_n: float, direction_rad: float, speeds: Sequence[float]) 
     angles = np.radians(OMNI.wheel_angles_deg)
     along = np.cos(direction_rad) * -np.sin(angles) + np.sin(direction_rad) * np.cos(angles)
     motor = make_maps().motor
-    dry_nm = motor.coulomb_torque_nm * np.clip(np.array(speeds) / SLOWEST_RAD_S, -1.0, 1.0)
+    dry_nm = motor.coulomb_torque_nm * np.clip(np.array(speeds) / EFFORT.motor.slowest_rad_s, -1.0, 1.0)
     torque_nm = OMNI.wheel_radius_m * 2.0 / 3.0 * force_n * along
     found: list[float] = ((torque_nm / motor.gear_ratio + dry_nm) / motor.torque_constant_nm_a).tolist()
     return found

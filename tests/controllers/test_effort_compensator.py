@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
-from controllers.slip.effort.compensator import HOLD_S, SlipReport
-from controllers.slip.effort.stuck_wheels import STUCK_AFTER_S
+from controllers.slip.effort.compensator import SlipReport
+from controllers.slip.effort.parameters import EFFORT
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES
 from tests.controllers.slip_bench import KINEMATICS, PERIOD_S, PRIOR, Bench, wheel_speeds
@@ -120,7 +120,7 @@ def test_a_slip_that_cannot_be_found_decays_to_that_of_the_surface() -> None:
     for _ in range(100):
         bench.step((3.0, 3.0, 3.0), (1.4, 1.4, 1.4))
     held = []
-    for _ in range(round(HOLD_S / PERIOD_S)):
+    for _ in range(round(EFFORT.hold.hold_s / PERIOD_S)):
         report = bench.step((3.0, 3.0, 3.0), (None, 1.4, 1.4))
         held.append(report.wheels[0].slip)
     assert (report.wheels[0].valid, report.wheels[0].reason) == (False, "no current")
@@ -196,7 +196,7 @@ def test_a_stuck_wheel_slips_by_one() -> None:
     assert report.wheels[0].paper_torque_nm > 0.1  # a stalled wheel does not report "no effort"
     assert [wheel.valid for wheel in report.wheels[1:]] == [True, True]
     # Its filtered speed takes a while to fall to nothing, and then it may still be starting.
-    assert STUCK_AFTER_S < reasons.index("stuck") * PERIOD_S < STUCK_AFTER_S + 0.7
+    assert EFFORT.stuck.after_s < reasons.index("stuck") * PERIOD_S < EFFORT.stuck.after_s + 0.7
     report = bench.step((3.0, 3.0, 3.0), (0.8, 0.8, 0.8))
     assert report.wheels[0].reason != "stuck"
 

@@ -5,8 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.slip.effort.motor_model import (
-    SIGN_SETTLE_S,
-    SLOWEST_RAD_S,
     EffortFlag,
     EffortObserver,
     MotorSettings,
@@ -14,6 +12,7 @@ from controllers.slip.effort.motor_model import (
     paper_torque,
     wheel_torque,
 )
+from controllers.slip.effort.parameters import EFFORT
 
 MOTOR = MotorSettings()
 LOSSY = MotorSettings(gear_efficiency=0.8, coulomb_torque_nm=0.01, viscous_torque_nm_s_rad=1e-5)
@@ -50,7 +49,7 @@ def test_paper_torque_is_bounded_and_takes_the_direction(
     current_a: float, speed_rad_s: float, direction: float
 ) -> None:
     m_nm = paper_torque(MOTOR, current_a, speed_rad_s, direction)
-    worst = MOTOR.resistance_ohm * current_a**2 / (2 * SLOWEST_RAD_S * MOTOR.gear_ratio)
+    worst = MOTOR.resistance_ohm * current_a**2 / (2 * EFFORT.motor.slowest_rad_s * MOTOR.gear_ratio)
     least = MOTOR.torque_constant_nm_a * abs(current_a)
     assert least - 1e-12 <= m_nm * direction <= least + worst + 1e-12
     assert m_nm == -paper_torque(MOTOR, current_a, -speed_rad_s, -direction)
@@ -119,7 +118,7 @@ def test_change_of_direction_is_flagged_for_a_while() -> None:
     observer = EffortObserver(MOTOR, current_is_signed=False)
     settle(observer, 0.5, 3.0)
     flagged = [EffortFlag.SIGN_CHANGE in observer.step(PERIOD_S, 0.5, -3.0).flags for _ in range(10)]
-    assert sum(flagged) == math.ceil(SIGN_SETTLE_S / PERIOD_S)
+    assert sum(flagged) == math.ceil(EFFORT.motor.sign_settle_s / PERIOD_S)
     assert flagged == sorted(flagged, reverse=True)
 
 

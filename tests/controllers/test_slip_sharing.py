@@ -26,7 +26,7 @@ def test_the_gyro_tells_the_drift_of_a_rover_that_goes_ahead(slips: tuple[float,
     assert abs(y_m) > 0.001
     found_x_m, found_y_m, _ = moved(AHEAD_RAD, shared(AHEAD_RAD, 0.5 * (slips[0] + slips[2]), slips))
     assert found_x_m == pytest.approx(x_m, rel=1e-6)
-    # The turn is taken with a grain of salt: see TURN_NOISE_RAD.
+    # The turn is taken with a grain of salt: see EFFORT.sharing.turn_noise_rad.
     assert found_y_m == pytest.approx(y_m, rel=0.15)
     assert found_y_m * y_m > 0.0
 

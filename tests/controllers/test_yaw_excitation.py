@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.yaw_excitation import (
-    WINDOW_S,
     ExcitationResponse,
     YawExcitation,
     YawExcitationMap,
@@ -99,7 +99,7 @@ def test_a_window_begins_where_the_one_before_ended() -> None:
         for step in range(1, 101)
         if probe.step(PERIOD_S, math.sin(math.tau * 5.0 * step * PERIOD_S), 0.0) is not None
     ]
-    assert np.diff(ends) == pytest.approx([WINDOW_S] * (len(ends) - 1), abs=PERIOD_S)
+    assert np.diff(ends) == pytest.approx([EFFORT.excitation.window_s] * (len(ends) - 1), abs=PERIOD_S)
     assert len(ends) >= 3
 
 

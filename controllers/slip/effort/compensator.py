@@ -9,7 +9,8 @@ from typing import NamedTuple
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
-from controllers.slip.effort.motor_model import SLOWEST_RAD_S, EffortFlag, EffortObserver, WheelEffort
+from controllers.slip.effort.motor_model import EffortFlag, EffortObserver, WheelEffort
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_map import wheel_slip
 from controllers.slip.effort.slip_sharing import share_slip
@@ -19,12 +20,6 @@ from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
 from controllers.slip.effort.yaw_excitation import YawExcitation, range_problem, slip_of
 from drivers.samples import Sample, WheelSample
-
-HOLD_S = 1.0
-"""Without a new value the slip of a wheel decays to that of the surface with this time constant."""
-
-LEAST_SPEED_M_S = 0.02
-"""Slower travel has no direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +175,7 @@ class EffortCompensator:
 
     def _is_at_rest(self, wheel: int, set_speed_rad_s: float) -> bool:
         """Return True for a wheel at rest as commanded; wheel maps do not apply to it."""
-        is_commanded = abs(set_speed_rad_s) < SLOWEST_RAD_S
+        is_commanded = abs(set_speed_rad_s) < EFFORT.motor.slowest_rad_s
         return (
             self._wheel_map is not None and is_commanded and self.efforts[wheel].flags == (EffortFlag.SLOW,)
         )
@@ -286,7 +281,7 @@ class EffortCompensator:
             self._held[wheel] = slip
         else:
             prior = self._tracker.prior_slip if self._surface.surface is None else self._surface.slip
-            self._held[wheel] += (prior - self._held[wheel]) * elapsed_s / (HOLD_S + elapsed_s)
+            self._held[wheel] += (prior - self._held[wheel]) * elapsed_s / (EFFORT.hold.hold_s + elapsed_s)
             slip = self._held[wheel]
         return WheelSlip(
             current_a=effort.current_a,
@@ -309,6 +304,6 @@ class EffortCompensator:
     def _direction_problem(self) -> str:
         """Return why a wheel map does not hold for this direction of travel; else empty."""
         x_m_s, y_m_s, _ = self._kinematics.body_motion([effort.speed_rad_s for effort in self.efforts])
-        if math.hypot(x_m_s, y_m_s) < LEAST_SPEED_M_S:
+        if math.hypot(x_m_s, y_m_s) < EFFORT.hold.least_speed_m_s:
             return ""
         return direction_problem(self._settings.maps.surfaces.directions_rad, math.atan2(y_m_s, x_m_s))

@@ -6,19 +6,8 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
+from controllers.slip.effort.parameters import EFFORT, SPEED_STEP_RAD_S
 from drivers.settings import Settings
-
-SPEED_STEP_RAD_S = 27.0 * math.tau / 60.0 / 16.0
-"""One step of a Robotino's speed field at the wheel: 27 rpm at the motor, gear 16."""
-
-SLOWEST_RAD_S = 3.0 * SPEED_STEP_RAD_S
-"""Wheel speed below which slip and M are too uncertain to be used: 0.53 rad/s."""
-
-FILTER_TIME_S = 0.1
-"""Time constant of the low-pass on current and speed; about the delay of the inner speed loop."""
-
-SIGN_SETTLE_S = 0.1
-"""An unsigned current is not used for this long after its wheel has changed direction."""
 
 
 class MotorSettings(Settings):
@@ -53,7 +42,7 @@ def paper_torque(motor: MotorSettings, current_a: float, wheel_speed_rad_s: floa
     """Return the paper's torque-like quantity M in N m at the motor, bounded at every speed.
 
     Paper 003, M = U I / w with U = R I + C_e w, that is M = C_e I + R I^2 / w. The pole at rest is removed:
-    |w| / (w^2 + w_eps^2) replaces 1 / w, with w_eps = `SLOWEST_RAD_S`. C_e is written k_t: the two are one
+    |w| / (w^2 + w_eps^2) replaces 1 / w, with w_eps = `slowest_rad_s`. C_e is written k_t: the two are one
     constant in SI. Most of M at low speed is copper loss, not torque.
 
     Args:
@@ -64,7 +53,7 @@ def paper_torque(motor: MotorSettings, current_a: float, wheel_speed_rad_s: floa
     """
     magnitude_a = abs(current_a)
     speed = abs(wheel_speed_rad_s) * motor.gear_ratio
-    slowest = SLOWEST_RAD_S * motor.gear_ratio
+    slowest = EFFORT.motor.slowest_rad_s * motor.gear_ratio
     copper_nm = motor.resistance_ohm * magnitude_a**2 * speed / (speed**2 + slowest**2)
     return direction * (motor.torque_constant_nm_a * magnitude_a + copper_nm)
 
@@ -78,7 +67,7 @@ def wheel_torque(
     """Return the torque at the wheel in N m: the electric torque less the losses of motor and gear.
 
     tau_w = k_red (eta^sgn k_t I - T_c sgn w - b w - J_m dw/dt); finite everywhere. Dry friction is faded in
-    up to `SLOWEST_RAD_S`: at rest its direction is unknown.
+    up to `slowest_rad_s`: at rest its direction is unknown.
 
     Args:
         motor: The motor.
@@ -90,7 +79,7 @@ def wheel_torque(
     electric_nm = motor.torque_constant_nm_a * current_a
     # Losses in the gear lower the torque while the motor drives the wheel, and raise it in the opposite case.
     electric_nm *= motor.gear_efficiency if electric_nm * speed >= 0.0 else 1.0 / motor.gear_efficiency
-    fade = max(-1.0, min(1.0, wheel_speed_rad_s / SLOWEST_RAD_S))
+    fade = max(-1.0, min(1.0, wheel_speed_rad_s / EFFORT.motor.slowest_rad_s))
     inertia_nm = motor.inertia_kg_m2 * motor.gear_ratio * wheel_acceleration_rad_s2
     losses_nm = motor.coulomb_torque_nm * fade + motor.viscous_torque_nm_s_rad * speed + inertia_nm
     return motor.gear_ratio * (electric_nm - losses_nm)
@@ -197,7 +186,7 @@ class EffortObserver:
         self._find_direction(elapsed_s, speed_rad_s, set_speed_rad_s)
         magnitude_a = min(abs(current_a), self._motor.current_full_scale_a)
         signed_a = math.copysign(magnitude_a, current_a) if self._is_signed else self._direction * magnitude_a
-        share = elapsed_s / (FILTER_TIME_S + elapsed_s)
+        share = elapsed_s / (EFFORT.motor.filter_time_s + elapsed_s)
         if self._current_a is None:
             self._current_a, self._speed_rad_s = signed_a, speed_rad_s
         before_rad_s = self._speed_rad_s
@@ -221,12 +210,12 @@ class EffortObserver:
         flags: list[EffortFlag] = []
         if abs(current_a) >= self._motor.current_full_scale_a:
             flags.append(EffortFlag.SATURATED)
-        if abs(self._speed_rad_s) < SLOWEST_RAD_S:
+        if abs(self._speed_rad_s) < EFFORT.motor.slowest_rad_s:
             flags.append(EffortFlag.SLOW)
         if not self._is_signed:
             if set_speed_rad_s is not None and self._is_braking(set_speed_rad_s):
                 flags.append(EffortFlag.BRAKING)
-            if self._since_change_s < SIGN_SETTLE_S:
+            if self._since_change_s < EFFORT.motor.sign_settle_s:
                 flags.append(EffortFlag.SIGN_CHANGE)
         return tuple(flags)
 

@@ -3,12 +3,7 @@
 from collections.abc import Sequence
 
 from controllers.motion.kinematics import Kinematics
-
-SLIP_SCATTER = 0.1
-"""Scatter of the wheels' slips about that of the rover, as on patchy ground."""
-
-TURN_NOISE_RAD = 0.005
-"""Of the missing turn: wheels and gyro are not read at quite the same time."""
+from controllers.slip.effort.parameters import EFFORT
 
 
 def share_slip(
@@ -31,6 +26,6 @@ def share_slip(
         kinematics.body_motion([angle_rad if other == wheel else 0.0 for other in range(count)])[2]
         for wheel, angle_rad in enumerate(turned_rad)
     ]
-    noise = (TURN_NOISE_RAD / SLIP_SCATTER) ** 2
+    noise = (EFFORT.sharing.turn_noise_rad / EFFORT.sharing.slip_scatter) ** 2
     gain = missing_turn_rad / (sum(turn_rad**2 for turn_rad in turns_rad) + noise)
     return tuple(min(max(slip + gain * turn_rad, -1.0), 1.0) for turn_rad in turns_rad)

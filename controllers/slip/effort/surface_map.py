@@ -13,20 +13,9 @@ from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.travel_range import travel_problem
 from drivers.settings import Settings
-
-WINDOW_S = 0.5
-"""Force is work per distance over this time: over a single cycle it would be noise."""
-
-MEMORY_S = 2.0
-"""The force is averaged over about this time while it stays the same."""
-
-UNKNOWN_DEVIATIONS = 3.0
-"""A force further than this from every surface, in standard deviations, means an unknown surface."""
-
-TURNING_SHARE = 0.35
-"""Rim speed from turning, over travel speed, up to which the curves of straight travel still hold."""
 
 
 class DirectionCurve(Settings):
@@ -175,9 +164,9 @@ class SurfaceTracker:
         self._estimate = SurfaceEstimate(self.prior_slip, 0.0, False, None, "too little way so far")
 
     def step(self, travel: Travel) -> SurfaceEstimate:
-        """Take the travel since the step before; a new estimate comes about every `WINDOW_S`."""
+        """Take the travel since the step before; a new estimate comes about every half second."""
         self._pending = Travel(*(a + b for a, b in zip(self._pending, travel, strict=True)))
-        if self._pending.elapsed_s >= WINDOW_S:
+        if self._pending.elapsed_s >= EFFORT.surface.window_s:
             self._estimate = self._evaluate(self._pending)
             self._pending = NO_TRAVEL
         return self._estimate
@@ -203,7 +192,7 @@ class SurfaceTracker:
         force_n = self._averaged(travel.work_j / distance_m, direction_rad, speed_m_s, travel.elapsed_s)
         estimate = self._classify(force_n, direction_rad, speed_m_s)
         problem = self._map.range_problem(direction_rad, speed_m_s)
-        if abs(travel.yaw_rad) * self._base_radius_m > TURNING_SHARE * distance_m:
+        if abs(travel.yaw_rad) * self._base_radius_m > EFFORT.surface.turning_share * distance_m:
             problem = "turning: the map is one of straight travel"
         return estimate._replace(valid=False, reason=problem) if problem else estimate
 
@@ -214,19 +203,21 @@ class SurfaceTracker:
         forces_n = [s.force_n.at(direction_rad, s.held_speed_m_s(speed_m_s)) for s in surfaces]
         common_n = sum(forces_n) / len(forces_n)
         excess_n = force_n - common_n
-        if self._excess_n is None or abs(excess_n - self._excess_n) > UNKNOWN_DEVIATIONS * self._sd_n:
+        greatest_n = EFFORT.surface.unknown_deviations * self._sd_n
+        if self._excess_n is None or abs(excess_n - self._excess_n) > greatest_n:
             self._excess_n, self._averaged_s = excess_n, elapsed_s
         else:
-            self._averaged_s = min(self._averaged_s, MEMORY_S) + elapsed_s
+            self._averaged_s = min(self._averaged_s, EFFORT.surface.memory_s) + elapsed_s
             self._excess_n += elapsed_s / self._averaged_s * (excess_n - self._excess_n)
         return common_n + self._excess_n
 
     def _classify(self, force_n: float, direction_rad: float, speed_m_s: float) -> SurfaceEstimate:
         """Weigh the surfaces by how well the force fits; between two of them, interpolate."""
         nodes: list[_Node] = []
+        window_s = EFFORT.surface.window_s
         for surface in self._map.surfaces:
             held_m_s = surface.held_speed_m_s(speed_m_s)
-            variance = surface.force_window_sd_n**2 * WINDOW_S / max(self._averaged_s, WINDOW_S)
+            variance = surface.force_window_sd_n**2 * window_s / max(self._averaged_s, window_s)
             nodes.append(
                 _Node(
                     force_n=surface.force_n.at(direction_rad, held_m_s),
@@ -240,7 +231,7 @@ class SurfaceTracker:
         forces = [node.force_n for node in nodes]
         weights = [math.exp(-0.5 * ((force_n - node.force_n) / node.sd_n) ** 2) / node.sd_n for node in nodes]
         mean_sd_n = sum(node.sd_n for node in nodes) / len(nodes)
-        between_weight = math.exp(-0.5 * UNKNOWN_DEVIATIONS**2) / mean_sd_n
+        between_weight = math.exp(-0.5 * EFFORT.surface.unknown_deviations**2) / mean_sd_n
         blended = [
             (sum(map(operator.mul, weights, values)) + between_weight * _between(forces, values, force_n))
             / (sum(weights) + between_weight)

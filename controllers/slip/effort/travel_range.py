@@ -3,11 +3,7 @@
 import math
 from collections.abc import Sequence
 
-DIRECTION_GAP_RAD = math.radians(30.0)
-"""A direction of travel further than this from every trained one is outside the training range."""
-
-SPEED_MARGIN = 0.3
-"""A speed may exceed the trained range by this share of its end."""
+from controllers.slip.effort.parameters import EFFORT
 
 
 def travel_problem(
@@ -21,7 +17,7 @@ def travel_problem(
     if problem:
         return problem
     low, high = speed_range_m_s
-    if not (1.0 - SPEED_MARGIN) * low <= speed_m_s <= (1.0 + SPEED_MARGIN) * high:
+    if not (1.0 - EFFORT.range.speed_margin) * low <= speed_m_s <= (1.0 + EFFORT.range.speed_margin) * high:
         return f"speed {speed_m_s:.3g} m/s is outside the training range"
     return ""
 
@@ -29,6 +25,6 @@ def travel_problem(
 def direction_problem(directions_rad: Sequence[float], direction_rad: float) -> str:
     """Return why a map does not hold for a direction in the body frame; empty where it does."""
     gaps = (abs(math.remainder(direction_rad - known, math.tau)) for known in directions_rad)
-    if all(gap > DIRECTION_GAP_RAD for gap in gaps):
+    if all(gap > EFFORT.range.direction_gap_rad for gap in gaps):
         return f"direction {math.degrees(direction_rad):.0f} deg is outside the training range"
     return ""

@@ -13,24 +13,10 @@ from typing import Annotated, NamedTuple, Self
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.travel_range import travel_problem
 from controllers.slip.interpolation import check_rising, interpolate
 from drivers.settings import Settings
-
-WINDOW_S = 0.5
-"""The amplitudes are compared over this time, at least one period."""
-
-LEAST_AMPLITUDE = 0.3
-"""Least amplitude of the wheels that can be evaluated, over the commanded amplitude."""
-
-LEAST_DISTANCE_M = 0.02
-"""Shorter travel in a window has no direction, and its slip does not matter."""
-
-LEAST_READINGS = 4.0
-"""Readings in a period of the excitation."""
-
-GREATEST_RESIDUAL = 0.7
-"""Greatest residual of the wheels' yaw rate after the fit of sinusoid and trend, over the sinusoid."""
 
 
 class YawExcitationMap(Settings):
@@ -51,7 +37,7 @@ class YawExcitationMap(Settings):
 
     source: str
     amplitude_rad_s: Annotated[float, Field(ge=0.02, le=2.0)]
-    frequency_hz: Annotated[float, Field(ge=1.0 / WINDOW_S, le=10.0)]
+    frequency_hz: Annotated[float, Field(ge=1.0 / EFFORT.excitation.window_s, le=10.0)]
     transmission_losses: Annotated[tuple[float, ...], Field(min_length=2, alias="lost")]
     slips: Annotated[tuple[float, ...], Field(min_length=2)]
     slip_sd: Annotated[float, Field(gt=0.0)]
@@ -110,23 +96,26 @@ class YawExcitation:
         self._t_s += elapsed_s
         if gyro_rate_rad_s is not None:
             self._rows.append((self._t_s, wheel_rate_rad_s, gyro_rate_rad_s))
-        if self._t_s - self._window_start_s < WINDOW_S:
+        if self._t_s - self._window_start_s < EFFORT.excitation.window_s:
             return None
         rows, self._rows, self._window_start_s = self._rows, [], self._t_s
         return self._compare(rows)
 
     def _compare(self, rows: list[tuple[float, float, float]]) -> ExcitationResponse:
-        if len(rows) < LEAST_READINGS * WINDOW_S * self._settings.frequency_hz:
+        if (
+            len(rows)
+            < EFFORT.excitation.least_readings * EFFORT.excitation.window_s * self._settings.frequency_hz
+        ):
             return ExcitationResponse(0.0, 0.0, 0.0, "too few readings of the gyro")
         t_s, wheels, gyro = np.array(rows).T
         phase = math.tau * self._settings.frequency_hz * t_s
         columns = np.column_stack((np.cos(phase), np.sin(phase), np.ones(len(t_s)), t_s - t_s.mean()))
         found, *_ = np.linalg.lstsq(columns, np.column_stack((wheels, gyro)), rcond=None)
         wheel_amplitude, gyro_amplitude = complex(*found[:2, 0]), complex(*found[:2, 1])
-        if abs(wheel_amplitude) < LEAST_AMPLITUDE * self._settings.amplitude_rad_s:
+        if abs(wheel_amplitude) < EFFORT.excitation.least_amplitude * self._settings.amplitude_rad_s:
             return ExcitationResponse(0.0, 0.0, 0.0, "the wheels do not shake as asked")
         residual = math.sqrt(2.0 * float(np.mean((wheels - columns @ found[:, 0]) ** 2)))
-        if residual > GREATEST_RESIDUAL * abs(wheel_amplitude):
+        if residual > EFFORT.excitation.greatest_residual * abs(wheel_amplitude):
             return ExcitationResponse(0.0, 0.0, 0.0, "the yaw rate changes too much besides the shake")
         loss = 1.0 - abs(gyro_amplitude / wheel_amplitude)
         return ExcitationResponse(loss, float(found[2, 0]), float(found[2, 1]), "")
@@ -137,9 +126,9 @@ def range_problem(settings: YawExcitationMap, transmission_loss: float, travelle
     losses = settings.transmission_losses
     if not losses[0] <= transmission_loss <= losses[-1]:
         return f"lost share of {transmission_loss:.2f} is outside the training range"
-    if abs(travelled_m) < LEAST_DISTANCE_M:
+    if abs(travelled_m) < EFFORT.excitation.least_distance_m:
         return ""
-    direction_rad, speed_m_s = cmath.phase(travelled_m), abs(travelled_m) / WINDOW_S
+    direction_rad, speed_m_s = cmath.phase(travelled_m), abs(travelled_m) / EFFORT.excitation.window_s
     return travel_problem(settings.directions_rad, settings.speed_range_m_s, direction_rad, speed_m_s)
 
 

@@ -5,19 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from controllers.estimation.gyro import GREATEST_RATE_RAD_S
 from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.parameters import ESTIMATION
 from controllers.motion.kinematics import BodyMotion, Kinematics
 from controllers.roles import DeviceRoles
-from controllers.slip.scomp.filter import START_CERTAIN_RAD, TILT_MEMORY_S, ScompFilter, StartHeading
+from controllers.slip.scomp.filter import ScompFilter, StartHeading
 from controllers.slip.scomp.motion_model import Motion, expected_drift
+from controllers.slip.scomp.parameters import SCOMP
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.slip_laws import PitchLaw
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
-
-STEP_S = 0.05
-"""Least step of the filter: its states change slowly, and each step costs time."""
 
 Rates = tuple[float, float, float]
 
@@ -94,7 +92,7 @@ class ScompCompensator:
         self._roles = roles
         self._kinematics = kinematics
         self._finder = finder
-        start = StartHeading(heading_rad=0.0, standard_deviation_rad=START_CERTAIN_RAD)
+        start = StartHeading(heading_rad=0.0, standard_deviation_rad=SCOMP.motion.start_certain_rad)
         parameters = settings.parameters
         self._filter = ScompFilter(parameters, PitchLaw(parameters), start, follows_roll=True)
         self._tilt = _Tilt()
@@ -113,6 +111,7 @@ class ScompCompensator:
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take a sample of gyro or camera as of `t_ns`; other samples have no effect."""
+        greatest_rad_s = ESTIMATION.pose.greatest_rate_rad_s
         if isinstance(sample, FrameSample):
             if self._finder is not None and sample.device == self._roles.camera:
                 self._take_frame(sample)
@@ -120,10 +119,10 @@ class ScompCompensator:
             return
         elif isinstance(sample, AttitudeSample):
             self._tilt.feed(sample, t_ns)
-        elif isinstance(sample, RateSample) and abs(sample.rate_z_rad_s) <= GREATEST_RATE_RAD_S:
+        elif isinstance(sample, RateSample) and abs(sample.rate_z_rad_s) <= greatest_rad_s:
             self._readings_rad_s.append(sample.rate_z_rad_s)
             x, y = sample.rate_x_rad_s, sample.rate_y_rad_s
-            known = x is not None and y is not None and abs(x) + abs(y) <= GREATEST_RATE_RAD_S
+            known = x is not None and y is not None and abs(x) + abs(y) <= greatest_rad_s
             self._rates = (x or 0.0, y or 0.0, sample.rate_z_rad_s) if known else None
 
     def report(self) -> ScompReport | None:
@@ -148,7 +147,7 @@ class ScompCompensator:
         """
         trace = None
         self._pending.add(increment)
-        if self._pending.duration_s >= STEP_S:
+        if self._pending.duration_s >= SCOMP.motion.step_s:
             trace = self._step()
         x_m, y_m, _ = self.body_motion(increment.turned_rad)
         reason = self._uncertainty()
@@ -245,7 +244,7 @@ class _Tilt:
             return
         share = 1.0
         if self._t_ns is not None:
-            share = -math.expm1(-max(0.0, seconds(t_ns - self._t_ns)) / TILT_MEMORY_S)
+            share = -math.expm1(-max(0.0, seconds(t_ns - self._t_ns)) / SCOMP.motion.tilt_memory_s)
         self.pitch_rad += share * (pitch_rad - self.pitch_rad)
         self.roll_rad += share * (roll_rad - self.roll_rad)
         self._t_ns = t_ns

@@ -22,40 +22,19 @@ from controllers.slip.scomp.motion_model import (
     STATES,
     TRACE_NOISE,
     TRACE_OFFSET,
-    WHEEL_WALK_RAD_SQRT_S,
     YAW,
     Motion,
     MotionModel,
     X,
     Y,
 )
-from controllers.slip.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import SCOMP, ScompParameters
 from controllers.slip.scomp.slip_laws import SlipLaw
 
 Array = NDArray[np.float64]
 
 CERTAIN = 1e-10
 UNKNOWN_RAD2 = 10.0
-
-# Chosen by hand; what a drive determines is in `parameters`.
-SLOWEST_M_S = 0.01
-"""Below this speed a trace has no direction."""
-STANDSTILL_RAD_S = 0.02
-"""Wheels that turn more slowly are at rest."""
-RATE_MEMORY_S = 0.3
-"""Time constant of the yaw rate that the trace is compared with."""
-TRACE_GRAIN_RAD = math.radians(0.3)
-"""White noise of a trace angle."""
-MOST_TRACE_REJECTIONS = 2
-MOST_COMPASS_REJECTIONS = 20
-WIDENED_BIAS_RAD_S = math.radians(0.1)
-"""Standard deviation added to the gyro's bias after that many rejections of the compass."""
-GATE = 0.9995
-"""A measurement is rejected when its NIS exceeds this quantile of chi-square."""
-TILT_MEMORY_S = 0.5
-"""Time constant of the low-pass on pitch and roll."""
-START_CERTAIN_RAD = math.radians(0.05)
-"""Standard deviation of a heading at start that defines the frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +86,7 @@ class ScompFilter:
         self._velocity_x_m_s = self._yaw_rate_rad_s = 0.0
         self._trace_rejections = self._compass_rejections = 0
         state, variances = self._start(law, start, follows_roll=follows_roll)
-        self._filter = GuardedFilter(state.tolist(), variances.tolist(), ANGLES, GATE)
+        self._filter = GuardedFilter(state.tolist(), variances.tolist(), ANGLES, SCOMP.correction.gate)
         # Heading and lagged heading are equal at start, however uncertain.
         self._transition = np.eye(STATES)
         self._transition[LAGGED, [LAGGED, YAW]] = 0.0, 1.0
@@ -124,7 +103,7 @@ class ScompFilter:
         self.motion = motion
         prediction = self.model.predict(self._filter.state, motion)
         self._velocity_x_m_s = prediction.velocity_x_m_s
-        share = -math.expm1(-motion.duration_s / RATE_MEMORY_S)
+        share = -math.expm1(-motion.duration_s / SCOMP.correction.rate_memory_s)
         self._yaw_rate_rad_s += share * (prediction.yaw_rate_rad_s - self._yaw_rate_rad_s)
         self._filter.predict(motion.duration_s, prediction.state, prediction.transition, prediction.noise)
         self._transition, self._predicted = prediction.transition, self._snapshot()
@@ -132,7 +111,8 @@ class ScompFilter:
     def correct_standstill(self) -> Innovation | None:
         """Correct the gyro's bias by its reading while the wheels are at rest; None while they turn."""
         motion = self.motion
-        if not motion.is_gyro or abs(motion.wheel_rad) > STANDSTILL_RAD_S * motion.duration_s:
+        greatest_rad = SCOMP.correction.standstill_rad_s * motion.duration_s
+        if not motion.is_gyro or abs(motion.wheel_rad) > greatest_rad:
             return None
         row = np.zeros(STATES)
         row[BIAS] = 1.0
@@ -144,7 +124,7 @@ class ScompFilter:
     def correct_compass(self, reading_rad: float) -> Innovation:
         """Correct by a compass reading, in the compass' own sense of rotation.
 
-        After more than `MOST_COMPASS_REJECTIONS` rejections in a row the gyro's bias becomes less certain.
+        After more than `most_compass_rejections` rejections in a row the gyro's bias becomes less certain.
         """
         reading_rad *= self._compass_sign
         if math.isfinite(reading_rad):
@@ -159,18 +139,18 @@ class ScompFilter:
         residual = wrap_angle(reading_rad - heading - state[OFFSET] - deviation)
         innovation = self._filter.update("compass", residual, row, self._parameters.compass.noise_rad**2)
         self._compass_rejections = 0 if innovation.accepted else self._compass_rejections + 1
-        if self._compass_rejections > MOST_COMPASS_REJECTIONS:
-            self._widen(BIAS, WIDENED_BIAS_RAD_S**2)
+        if self._compass_rejections > SCOMP.correction.most_compass_rejections:
+            self._widen(BIAS, SCOMP.correction.widened_bias_rad_s**2)
             self._compass_rejections = 0
         return innovation
 
     def correct_trace(self, angle_rad: float) -> Innovation | None:
         """Correct by a new trace angle; None at a standstill, where a trace has no direction of velocity.
 
-        After more than `MOST_TRACE_REJECTIONS` rejections in a row the ground has changed: the slip angle
+        After more than `most_trace_rejections` rejections in a row the ground has changed: the slip angle
         then becomes as uncertain as its difference from the reading.
         """
-        if abs(self._velocity_x_m_s) < SLOWEST_M_S:
+        if abs(self._velocity_x_m_s) < SCOMP.correction.slowest_m_s:
             return None
         settings, state = self._parameters.trace, self._filter.state
         arm_s = self._parameters.rover.rear_axle_m / self._velocity_x_m_s
@@ -181,14 +161,14 @@ class ScompFilter:
         row = np.zeros(STATES)
         row[[RESIDUAL, TRACE_NOISE, TRACE_OFFSET]] = 1.0
         row[GAIN] = self.motion.expected_drift_rad
-        rate_sd_rad_s = WHEEL_WALK_RAD_SQRT_S
+        rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
         if self.motion.is_gyro:
             row[BIAS] = arm_s
-            rate_sd_rad_s = self._parameters.gyro.walk_rad_sqrt_s / math.sqrt(RATE_MEMORY_S)
-        variance = TRACE_GRAIN_RAD**2 + (arm_s * rate_sd_rad_s) ** 2
+            rate_sd_rad_s = self._parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
+        variance = SCOMP.correction.trace_grain_rad**2 + (arm_s * rate_sd_rad_s) ** 2
         innovation = self._filter.update("trace", residual, row, variance)
         self._trace_rejections = 0 if innovation.accepted else self._trace_rejections + 1
-        if self._trace_rejections > MOST_TRACE_REJECTIONS and math.isfinite(residual):
+        if self._trace_rejections > SCOMP.correction.most_trace_rejections and math.isfinite(residual):
             self._widen(RESIDUAL, residual**2)
             self._trace_rejections = 0
             innovation = self._filter.update("trace", residual, row, variance)

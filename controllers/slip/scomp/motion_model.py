@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.motion.planar import wrap_angle
-from controllers.slip.scomp.parameters import ScompParameters
+from controllers.slip.scomp.parameters import SCOMP, ScompParameters
 from controllers.slip.scomp.slip_laws import SlipLaw, slopes
 
 Array = NDArray[np.float64]
@@ -20,13 +20,6 @@ STATES = 17
 residual of the slip angle beyond the roll's share, and its rate; correlated and constant error of the trace;
 gain of the roll; the two parameters of the slip law."""
 ANGLES = (YAW, LAGGED, OFFSET)
-
-# Chosen by hand.
-WHEEL_WALK_RAD_SQRT_S = math.radians(1.0)
-"""Noise of the yaw by the wheels."""
-FIRST_WALK_SQRT_M = 0.004
-"""Change of the slip law's first parameter per square root of distance."""
-LARGEST_DRIFT_RAD = 1.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +94,7 @@ class MotionModel:
     def drift(self, state: Array | list[float], motion: Motion) -> float:
         """Return the slip angle in rad: the roll's share and the residual."""
         beta = float(state[GAIN]) * motion.expected_drift_rad + float(state[RESIDUAL])
-        return min(max(beta, -LARGEST_DRIFT_RAD), LARGEST_DRIFT_RAD)
+        return min(max(beta, -SCOMP.motion.largest_drift_rad), SCOMP.motion.largest_drift_rad)
 
     def slip(self, state: Array | list[float], motion: Motion) -> float:
         """Return the slip ratio of the rover, eq 3."""
@@ -175,12 +168,12 @@ class MotionModel:
         size, time_s = self._law.fluctuation
         direction = np.array([along.real, along.imag])
         noise[:2, :2] = (rim_m * size) ** 2 * 2.0 * time_s / dt_s * np.outer(direction, direction)
-        walk = parameters.gyro.walk_rad_sqrt_s if motion.is_gyro else WHEEL_WALK_RAD_SQRT_S
+        walk = parameters.gyro.walk_rad_sqrt_s if motion.is_gyro else SCOMP.motion.wheel_walk_rad_sqrt_s
         noise[YAW, YAW] = walk**2 * dt_s
         noise[BIAS, BIAS] = parameters.gyro.bias_walk_rad_s_sqrt_s**2 * dt_s
         spread, residual = np.diag(self.residual_variances()), self._residual_transition(dt_s)
         noise[RESIDUALS, RESIDUALS] = spread - residual @ spread @ residual.T
         trace = parameters.trace
         noise[TRACE_NOISE, TRACE_NOISE] = trace.noise_rad**2 * -math.expm1(-2.0 * dt_s / trace.noise_time_s)
-        noise[FIRST, FIRST] = FIRST_WALK_SQRT_M**2 * abs(rim_m)
+        noise[FIRST, FIRST] = SCOMP.motion.first_walk_sqrt_m**2 * abs(rim_m)
         return noise

@@ -1,6 +1,12 @@
-"""Parameters of rover, ground and sensors; `rover-hil identify scomp` fits them to a drive."""
+"""Parameters of rover, ground and sensors, and every tuned number of the filter.
+
+`rover-hil identify scomp` fits `ScompParameters` to a drive. The numbers of `SCOMP` were chosen by hand, no
+record of the data; a result's sensitivity to each is printed by
+`python -m benchmarks.four_wheels.parameter_sensitivity`.
+"""
 
 import math
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
@@ -162,3 +168,40 @@ class ScompParameters(Settings):
     compass: CompassModel = CompassModel()
     gyro: GyroModel = GyroModel()
     trace: TraceModel = TraceModel()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionParameters:
+    """Steps and noise of the prediction."""
+
+    step_s: float = 0.05  # least step while driving: the states change slowly, and each step costs time
+    wheel_walk_rad_sqrt_s: float = math.radians(1.0)  # noise of the yaw by the wheels
+    first_walk_sqrt_m: float = 0.004  # change of the slip law's first parameter per square root of distance
+    largest_drift_rad: float = 1.3  # bound of the slip angle
+    tilt_memory_s: float = 0.5  # time constant of the low-pass on pitch and roll
+    start_certain_rad: float = math.radians(0.05)  # of a heading at start that defines the frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrectionParameters:
+    """Corrections by gyro, compass and trace."""
+
+    gate: float = 0.9995  # a measurement is rejected when its NIS exceeds this quantile of chi-square
+    standstill_rad_s: float = 0.02  # wheels that turn more slowly are at rest
+    slowest_m_s: float = 0.01  # below this speed a trace has no direction
+    rate_memory_s: float = 0.3  # time constant of the yaw rate that the trace is compared with
+    trace_grain_rad: float = math.radians(0.3)  # white noise of a trace angle
+    most_trace_rejections: int = 2  # in a row, before the slip angle is taken from the trace
+    most_compass_rejections: int = 20  # in a row, before the gyro's bias becomes less certain
+    widened_bias_rad_s: float = math.radians(0.1)  # added to its standard deviation then
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterParameters:
+    """All tuned numbers, by their part of the filter."""
+
+    motion: MotionParameters = MotionParameters()
+    correction: CorrectionParameters = CorrectionParameters()
+
+
+SCOMP = FilterParameters()

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings, paper_torque, wheel_torque
+from controllers.slip.effort.motor_model import MotorSettings, paper_torque, wheel_torque
+from controllers.slip.effort.parameters import EFFORT
 from rover_hil.datasets.arrays import Array, Flags
 from rover_hil.datasets.robotino_csv import (
     AVERAGE_S,
@@ -53,7 +54,7 @@ def _drive(path: Path, surface: str, columns: dict[str, Array], motor: MotorSett
         current_a=current_a,
         paper_torque_nm=np.array(paper_nm).reshape(-1, WHEELS),
         wheel_torque_nm=np.array(wheel_nm).reshape(-1, WHEELS),
-        usable=(np.abs(speeds) >= SLOWEST_RAD_S) & is_known,
+        usable=(np.abs(speeds) >= EFFORT.motor.slowest_rad_s) & is_known,
         work_known=np.logical_and.reduce(is_known, axis=1),
         encoder_velocity=speeds @ np.linalg.inv(to_wheels(ROBOTINO)).T,
         camera_velocity=steps * np.array([1e-3, 1e-3, np.pi / 180.0]) / AVERAGE_S,

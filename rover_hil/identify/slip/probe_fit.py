@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.yaw_excitation import (
-    LEAST_DISTANCE_M,
-    WINDOW_S,
     YawExcitation,
     YawExcitationMap,
     slip_of,
@@ -70,9 +69,9 @@ def probe_windows(run: MeasuredRun, probe: YawExcitationMap) -> tuple[Array, Cou
             wheels_m, body_m = encoder_m[first : index + 1].sum(), true_m[first : index + 1].sum()
             if problem:
                 rejected[problem] += 1
-            elif abs(wheels_m) >= LEAST_DISTANCE_M:
+            elif abs(wheels_m) >= EFFORT.excitation.least_distance_m:
                 slip = 1.0 - float((body_m / wheels_m).real)
-                duration_s = len(losses) * WINDOW_S
+                duration_s = len(losses) * EFFORT.excitation.window_s
                 loss = sum(losses) / len(losses)
                 rows.append((loss, slip, float(wheels_m.real), float(wheels_m.imag), duration_s))
         losses, first = [], index + 1

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.slip.effort.motor_model import SLOWEST_RAD_S, MotorSettings
+from controllers.slip.effort.motor_model import MotorSettings
+from controllers.slip.effort.parameters import EFFORT
 from drivers.errors import LogError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW
@@ -129,7 +130,7 @@ def _read_csv_run(path: Path, surface: str) -> MeasuredRun:
 
 
 def _check_currents(run: MeasuredRun) -> None:
-    turned = np.abs(np.gradient(run.position_rad, run.t_s, axis=0)).max(axis=0) > SLOWEST_RAD_S
+    turned = np.abs(np.gradient(run.position_rad, run.t_s, axis=0)).max(axis=0) > EFFORT.motor.slowest_rad_s
     silent = turned & (np.abs(run.current_a) == 0.0).all(axis=0)
     if silent.any():
         wheel = int(np.argmax(silent))

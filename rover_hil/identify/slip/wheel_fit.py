@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.slip.effort.motor_model import SLOWEST_RAD_S
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_map import Feature, MonotoneMap, PolynomialMap, TractionMap, WheelMap
 from drivers.errors import ConfigError, LogError
 from rover_hil.datasets.arrays import Array
@@ -42,11 +42,11 @@ def collect_samples(runs: Sequence[RunWindows], m_per_px: float) -> WheelSamples
     columns: list[Array] = []
     for run in runs:
         speed, effective = run.wheel_speed_rad_s, run.camera_wheel_speed_rad_s(m_per_px)
-        greatest = np.maximum(np.maximum(np.abs(speed), np.abs(effective)), SLOWEST_RAD_S)
+        greatest = np.maximum(np.maximum(np.abs(speed), np.abs(effective)), EFFORT.motor.slowest_rad_s)
         forward = np.sign(speed)
         # s is the share of the wheel's own motion that is lost: for a wheel that turns backwards too.
         slip = forward * (speed - effective) / greatest
-        usable = run.usable & (np.abs(speed) >= SLOWEST_RAD_S)
+        usable = run.usable & (np.abs(speed) >= EFFORT.motor.slowest_rad_s)
         features = (run.paper_torque_nm, run.current_a, run.wheel_torque_nm)
         columns.append(np.stack([slip[usable], *((forward * values)[usable] for values in features)]))
     table = np.concatenate(columns, axis=1)

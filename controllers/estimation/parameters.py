@@ -1,0 +1,36 @@
+"""Every tuned number of odometry, gyro and pose filter that is not a setting of `[filter]`.
+
+Provenance: chosen by hand, no record of the data. Units are in the names; other numbers are ratios. A
+result's sensitivity to each number is printed by `python -m benchmarks.robotino.parameter_sensitivity`.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OdometryParameters:
+    """Motion of the rover by its wheels."""
+
+    velocity_time_s: float = 0.05  # time constant of the velocities
+    plausible_speed: float = 1.5  # greatest plausible wheel speed, over the greatest set-point
+    arrival_jitter_s: float = 0.05  # between two positions of a wheel
+    still_rad: float = 0.005  # a wheel that has turned by less is at rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseParameters:
+    """Gyro and fixes of the pose."""
+
+    greatest_rate_rad_s: float = 100.0  # a gyro's reading beyond is not plausible
+    most_rejections: int = 2  # pose fixes in a row, before the frame of their device counts as unknown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimationParameters:
+    """All tuned numbers, by their part of the estimate."""
+
+    odometry: OdometryParameters = OdometryParameters()
+    pose: PoseParameters = PoseParameters()
+
+
+ESTIMATION = EstimationParameters()
