@@ -20,27 +20,17 @@ import numpy as np
 
 from benchmarks.ftrace.rendered_drives import run
 from benchmarks.ftrace.scores import figures, judge, together
+from benchmarks.sensitivity import FACTORS, varied
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
 from drivers.samples import Image
 from tests.rear_scene.sequence import FrameSequence
 from tests.rear_scene.sets import make_sequence
 
-FACTORS = (0.8, 1.2)
 NOT_VARIED = ("hough", "fuzzy", "confidence", "most_misses")
 """The paper's method; the confidence, which no angle depends on; a promise to users."""
 FIGURES = {"hold_rms_deg": "rms, deg", "missed_pct": "missed, %", "false_pct": "false, %"}
 
 Drive = tuple[FrameSequence, list[Image]]
-
-
-def varied(value: Any, factor: float) -> Any:
-    """Return a number or a tuple of numbers times a factor."""
-    if isinstance(value, tuple):
-        return tuple(varied(item, factor) for item in value)
-    if isinstance(value, int):
-        step = max(1, round(abs(factor - 1.0) * value))
-        return value + step if factor > 1.0 else value - step
-    return value * factor
 
 
 def numbers(group: str | None) -> Iterator[tuple[str, str, Any]]:

@@ -148,7 +148,7 @@ def _correct(estimator: ScompFilter, drive: Drive, index: int, innovations: list
 
 def _with_smooth_tilt(drive: Drive) -> Drive:
     pitch, roll = (
-        None if values is None else smoothed(drive.t_s, values)
+        None if values is None else smoothed(drive.t_s, values, SCOMP.motion.tilt_memory_s)
         for values in (drive.pitch_rad, drive.roll_rad)
     )
     return replace(drive, pitch_rad=pitch, roll_rad=roll)

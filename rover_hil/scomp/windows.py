@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.slip.scomp.parameters import SCOMP
 from drivers.errors import ModelError
 from rover_hil.datasets.arrays import Array, in_body_frame
 from rover_hil.scomp.drive import Drive, TruePath
@@ -38,7 +37,7 @@ class Windows:
     without_truth: int = 0
 
 
-def smoothed(t_s: Array, values: Array, memory_s: float = SCOMP.motion.tilt_memory_s) -> Array:
+def smoothed(t_s: Array, values: Array, memory_s: float) -> Array:
     """Return values through a first-order low-pass, as on the rover."""
     result = np.empty_like(values)
     state = float(values[0])
