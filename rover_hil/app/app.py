@@ -238,6 +238,10 @@ def gap(
             LONGEST_S,
         ),
     ] = 0.0,
+    allowed: Annotated[
+        Path | None,
+        typer.Option(help="TOML file of the runs that may be made next [default: like those measured]."),
+    ] = None,
     check: Annotated[
         bool,
         typer.Option(
@@ -282,6 +286,7 @@ def gap(
             force=force,
             as_json=json,
             shortening=shortening,
+            allowed=allowed,
         )
     )
 

@@ -19,6 +19,7 @@ from rover_hil.gap.data.load import check_model, load_model, name_model_errors, 
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.linter import LintReport, lint, require_changes
 from rover_hil.gap.machines.model_trial import try_model
+from rover_hil.gap.machines.next_run.allowed import Allowed, read_allowed
 from rover_hil.gap.output.machines.extended_machine import extend_model
 from rover_hil.gap.output.model_file import read_model_file
 from rover_hil.gap.output.results import (
@@ -70,6 +71,7 @@ def find_gap(
     as_json: bool,
     force: bool = False,
     shortening: Shortening | None = None,
+    allowed: Path | None = None,
 ) -> int:
     """Analyse data against a model and write the results, unless the data is bad; returns the exit code.
 
@@ -83,6 +85,7 @@ def find_gap(
         as_json: Print the verdict as JSON.
         force: Replace earlier results.
         shortening: How records become runs.
+        allowed: File of the runs that may be made next, of a machine; None for those made before.
 
     Raises:
         ConfigError: No such model or data, a model with an error, a wrong expression, or a folder that
@@ -90,8 +93,11 @@ def find_gap(
     """
     refuse_overwrite(*(out / name for name in RESULT_NAMES), force=force)
     check_inputs(data)
+    next_runs = None if allowed is None else read_allowed(allowed)
     with name_model_errors(_file_of(model_name)), unfinished(out / PLAN_NAME) as plan_path:
-        analysis = _analyse(model_name, data, extended, seed, confirm, plan_path, shortening or Shortening())
+        analysis = _analyse(
+            model_name, data, extended, seed, confirm, plan_path, shortening or Shortening(), next_runs
+        )
         is_bad = analysis.verdict.verdict is Answer.BAD_DATA
         if is_bad:
             plan_path.unlink(missing_ok=True)
@@ -190,8 +196,16 @@ def _analyse(
     confirm: str,
     plan_path: Path,
     shortening: Shortening,
+    allowed: Allowed | None,
 ) -> Analysis:
     base = load_model(model_name)
+    if allowed is not None:
+        if not isinstance(base, Machine):
+            raise ConfigError(
+                f"--allowed: {model_name} is no StateModel and no functional mock-up unit; "
+                "leave out --allowed"
+            )
+        allowed.require_names(base)
     file = None if extended is None else read_model_file(extended)
     try:
         runs = read_runs(base, data)
@@ -208,7 +222,14 @@ def _analyse(
     with show_steps("checking the model") as advance:
         _check(model, runs)
         return analyse(
-            model, runs, seed=seed, confirm=confirm, on_plan=on_plan, advance=advance, announce=_announce
+            model,
+            runs,
+            seed=seed,
+            confirm=confirm,
+            allowed=allowed,
+            on_plan=on_plan,
+            advance=advance,
+            announce=_announce,
         )
 
 

@@ -11,6 +11,7 @@ from rover_hil.gap.explain.prepare import Prepared
 from rover_hil.gap.explain.residual_equations import Equation
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.next_run.proposal import Proposal
 from rover_hil.gap.plan import Plan
 from rover_hil.gap.verdict import Verdict
 from sim_backends.models.interface import Model, Run
@@ -49,6 +50,7 @@ class Analysis:
 
     Attributes:
         machine: Findings on a machine, in place of `findings`.
+        proposal: The next run of a machine; None where nothing is open.
     """
 
     model: Model
@@ -57,3 +59,4 @@ class Analysis:
     plan: Plan | None
     findings: Findings | None
     machine: MachineFindings | None = None
+    proposal: Proposal | None = None

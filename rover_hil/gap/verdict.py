@@ -51,6 +51,7 @@ class Verdict:
     rejected: Sequence[Mapping[str, str]] = ()
     unnamed: Sequence[Mapping[str, str | float]] = ()
     next_run: str = ""
+    next_runs: Sequence[Mapping[str, object]] = ()
     detectable: Sequence[Mapping[str, str | float]] = ()
     gap: Mapping[str, Mapping[str, float | Sequence[float] | None]] = field(default_factory=dict)
     controls: Mapping[str, float | None] = field(

@@ -21,6 +21,9 @@ from rover_hil.gap.explain.residual_equations import Equation, find_equations
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.machines.analysis import analyse_machine
+from rover_hil.gap.machines.next_run.allowed import Allowed
+from rover_hil.gap.machines.next_run.proposal import propose_run
+from rover_hil.gap.machines.next_run.words import option_table, proposal_sentence
 from rover_hil.gap.machines.verdict import decide_machine
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
@@ -37,6 +40,7 @@ def analyse(
     *,
     seed: int = 0,
     confirm: str = "",
+    allowed: Allowed | None = None,
     on_plan: Callable[[Plan], None] = lambda _: None,
     advance: Callable[[str], None] = lambda _: None,
     announce: Callable[[str], None] = lambda _: None,
@@ -48,24 +52,43 @@ def analyse(
         runs: Measured.
         seed: Of all random numbers.
         confirm: Expression that selects the runs to lock; empty for a random choice.
+        allowed: Runs of a machine that may be made next; by default repetitions of the measured ones.
         on_plan: Called with the plan before anything is computed from measured values.
         advance: Called with the current step.
         announce: Called with a first answer on a machine, long before the verdict.
 
     Raises:
-        ConfigError: `confirm` is not an expression.
+        ConfigError: `confirm` is not an expression, or `allowed` names what the model does not have.
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
     if not isinstance(model, Machine):
         model = ObservedModel(model, runs)
+    elif allowed is not None:
+        allowed.require_names(model)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance, announce)
+    analysis = _with_next_run(analysis, allowed or Allowed(), seed, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
         for one in missing_values(model, runs)
     ]
     duration_s = round(seconds(clock.now_ns() - start_ns), 3)
     return replace(analysis, verdict=replace(analysis.verdict, missing=missing, seconds=duration_s))
+
+
+def _with_next_run(
+    analysis: Analysis, allowed: Allowed, seed: int, advance: Callable[[str], None]
+) -> Analysis:
+    """Return an analysis of a machine with the proposal of its next run."""
+    if analysis.machine is None:
+        return analysis
+    verdict = analysis.verdict
+    proposal = propose_run(analysis.machine, verdict.verdict, allowed, seed, advance)
+    if proposal is None:
+        return analysis
+    tables = [option_table(proposal, one, rank) for rank, one in enumerate(proposal.options)]
+    verdict = replace(verdict, next_run=proposal_sentence(proposal), next_runs=tables)
+    return replace(analysis, verdict=verdict, proposal=proposal)
 
 
 def _analyse(

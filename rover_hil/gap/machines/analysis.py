@@ -31,6 +31,8 @@ from sim_backends.state_model.model import StateModel
 
 SAME_LAW = 0.97
 """Cosine from which a free-form term is the same law as an effect."""
+MOST_DRAFTS = 3
+MOST_RUNNERS_UP = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +57,8 @@ class MachineFindings:
         drafts: Terms that are missing, where no effect explains the gap.
         tracked: The machine on its runs, with the force that keeps it there; None where there is no gap.
         other_weighting: Sizes of the effects by the other weighting, random forces at the ports.
+        runners_up: Further fits of the search with no more effects than the explanation, the best first.
+        unlisted: Fits of free-form terms that are rivals or drafts, each with the model that has the term.
     """
 
     machine: Machine
@@ -74,6 +78,8 @@ class MachineFindings:
     drafts: tuple[DraftTerm, ...] = ()
     tracked: Tracked | None = None
     other_weighting: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    runners_up: tuple[MachineFit, ...] = ()
+    unlisted: tuple[tuple[Machine, MachineFit], ...] = ()
 
     @property
     def share(self) -> float:
@@ -126,22 +132,31 @@ def analyse_machine(
     if findings.p_gap > GAP_ALPHA:
         return findings
     found = search.run()
-    findings = _with_best(replace(findings, found=found), fits, found.best)
+    findings = replace(findings, found=found, runners_up=_runners_up(fits, found))
+    findings = _with_best(findings, fits, found.best)
     if found.best.names:
         advance("opening the locked runs")
         findings = _validated(findings, fits, locked, rng)
     if not findings.best.names:
         own = findings.scatter.fit
         findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
+    else:
         advance("comparing with free-form terms")
-        findings = replace(findings, rival_terms=_rivals(findings))
+        findings = _with_rivals(findings)
     findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng))
     advance("estimating the unknown forces")
     findings = _followed(findings, fits)
     if findings.p_remaining <= GAP_ALPHA:
         advance("searching a missing term")
-        findings = replace(findings, drafts=_drafts(findings))
+        findings = _with_drafts(findings)
     return findings
+
+
+def _runners_up(fits: MachineFits, found: Found) -> tuple[MachineFit, ...]:
+    known = {found.best.names, *(one.names for one in found.alternatives)}
+    most = max(len(found.best.names), 1)
+    others = [one for names, one in fits.tried.items() if 0 < len(names) <= most and names not in known]
+    return tuple(sorted(others, key=lambda one: one.merit)[:MOST_RUNNERS_UP])
 
 
 def _budget(problem: Problem, found: MachineFit, scatter: RunScatter) -> tuple[ChannelError, ...]:
@@ -165,11 +180,11 @@ def _validated(
     return _with_best(replace(findings, holdout=holdout), fits, best)
 
 
-def _rivals(findings: MachineFindings) -> tuple[str, ...]:
-    """Return free-form terms that replace the only effect of an explanation as well as it explains."""
+def _with_rivals(findings: MachineFindings) -> MachineFindings:
+    """Add the free-form terms that replace the only effect of an explanation as well as it explains."""
     machine = findings.machine
     if len(findings.best.names) != 1 or not _has_ports(machine):
-        return ()
+        return findings
     base, best = findings.base, findings.best
     terms = free_terms(machine, findings.problem, base)
     rivals = []
@@ -177,8 +192,14 @@ def _rivals(findings: MachineFindings) -> tuple[str, ...]:
         if one.objection or _likeness(one.fit, best, base) > SAME_LAW:
             continue
         if is_within_noise(one.fit) or (one.fit.merit <= best.merit and is_equal(one.fit, best)):
-            rivals.append(strength_of(machine, one.term)[0])
-    return tuple(rivals)
+            rivals.append(one)
+    names = tuple(strength_of(machine, one.term)[0] for one in rivals)
+    return replace(findings, rival_terms=names, unlisted=_with_terms(machine, rivals))
+
+
+def _with_terms(machine: StateModel, terms: Sequence[FittedTerm]) -> tuple[tuple[Machine, MachineFit], ...]:
+    """Return fits of free-form terms, each with the model that has the term among its effects."""
+    return tuple((machine.with_effects([*machine.port_effects, one.term.effect]), one.fit) for one in terms)
 
 
 def _has_ports(machine: Machine) -> TypeGuard[StateModel]:
@@ -208,13 +229,21 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     return replace(findings, tracked=tracked, other_weighting=moved)
 
 
-def _drafts(findings: MachineFindings) -> tuple[DraftTerm, ...]:
+def _with_drafts(findings: MachineFindings) -> MachineFindings:
+    """Add the free-form terms that explain what is left."""
     machine = findings.machine
     if not _has_ports(machine):
-        return ()
+        return findings
     terms = free_terms(machine, findings.problem, findings.best)
-    found = search_terms(machine, findings.problem, terms, findings.best)
-    return tuple(_draft(machine, one) for one in found if not one.objection)[:3]
+    found = [
+        one for one in search_terms(machine, findings.problem, terms, findings.best) if not one.objection
+    ]
+    drafts = found[:MOST_DRAFTS]
+    return replace(
+        findings,
+        drafts=tuple(_draft(machine, one) for one in drafts),
+        unlisted=(*findings.unlisted, *_with_terms(machine, drafts)),
+    )
 
 
 def _draft(machine: StateModel, found: FittedTerm) -> DraftTerm:

@@ -1,9 +1,6 @@
 """The verdict on a machine and its sentence."""
 
-import math
 from collections.abc import Mapping, Sequence
-
-import numpy as np
 
 from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.machines.analysis import MachineFindings
@@ -19,9 +16,6 @@ HALF = 0.5
 FAR_SD = 3.0
 """Distance of a base parameter from its nominal value, in prior deviations, that contradicts a name."""
 MOST_MEMBERS = 4
-SEPARATED = 4.0
-"""Distance of two explanations, in standard deviations, that decides between them."""
-MOST_REPEATS = 20
 POWER_Z = 4.0
 """Score of an effect by the noise of the samples that counts as detectable; a convention, not calibrated."""
 
@@ -66,7 +60,6 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         ],
         weightings=_weightings(findings) if is_named else {},
         warnings=_warnings(findings) if is_named else [],
-        next_run=_next_run(findings),
     )
 
 
@@ -227,25 +220,6 @@ def _unscored(name: str, scored: set[str]) -> str:
     if name not in scored:
         return "not visible in these runs: it changes no prediction, or base parameters imitate it"
     return "other effects explain more on left-out runs"
-
-
-def _next_run(findings: MachineFindings) -> str:
-    """Return which of the runs, made again, separates the explanations that are left best."""
-    if findings.found is None or not findings.found.alternatives or not findings.best.names:
-        return ""
-    other = findings.found.alternatives[0]
-    site = findings.best.noise.site
-    apart = np.sqrt(np.bincount(site, weights=(other.errors - findings.best.errors) ** 2))
-    best = int(np.argmax(apart))
-    names = f"{_join(findings.best.names)} from {_join(other.names)}"
-    times = math.ceil((SEPARATED / max(float(apart[best]), 1e-9)) ** 2)
-    name = findings.problem.sites[best].name
-    if times > MOST_REPEATS:
-        return f"none of these runs separates {names}: use other inputs or larger amplitudes"
-    return (
-        f"repeat {name}{'' if times == 1 else f' {times} times'}: it separates {names} by "
-        f"{apart[best]:.1f} standard deviations of the sensors each time"
-    )
 
 
 def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:

@@ -8,6 +8,7 @@ from pydantic_core import to_json
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.machines.draft_file import DRAFT_NAME, draft_text
 from rover_hil.gap.output.machines.machine_file import describe_machine
+from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_text
 from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text
 from rover_hil.gap.output.report import report_text
 from rover_hil.gap.plan import Plan
@@ -18,7 +19,7 @@ VERDICT_NAME = "verdict.json"
 MODEL_NAME = "model.toml"
 REPORT_NAME = "report.html"
 PLAN_NAME = "plan.json"
-RESULT_NAMES = (VERDICT_NAME, PLAN_NAME, MODEL_NAME, REPORT_NAME, DRAFT_NAME)
+RESULT_NAMES = (VERDICT_NAME, PLAN_NAME, MODEL_NAME, REPORT_NAME, DRAFT_NAME, NEXT_RUN_NAME)
 
 
 def plan_text(plan: Plan) -> str:
@@ -34,8 +35,8 @@ def verdict_text(analysis: Analysis) -> str:
 def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> None:
     """Write `verdict.json`, `model.toml` and `report.html`, and why there is no plan where there is none.
 
-    Missing terms that were found in the equations of a machine are written to `draft_effects.py`; without
-    them a file of an earlier analysis is removed.
+    Missing terms that were found in the equations of a machine are written to `draft_effects.py`, its next
+    run to `next_run.csv`; without them a file of an earlier analysis is removed.
 
     The plan itself is written before the analysis.
 
@@ -55,11 +56,14 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
     }
     if analysis.verdict.draft:
         texts[DRAFT_NAME] = draft_text(analysis.verdict)
+    if analysis.proposal is not None:
+        texts[NEXT_RUN_NAME] = next_run_text(analysis.proposal)
     if analysis.plan is None:
         texts[PLAN_NAME] = json.dumps({"reason": analysis.verdict.sentence}) + "\n"
     write_files(folder, texts)
-    if DRAFT_NAME not in texts:
-        (folder / DRAFT_NAME).unlink(missing_ok=True)
+    for name in (DRAFT_NAME, NEXT_RUN_NAME):
+        if name not in texts:
+            (folder / name).unlink(missing_ok=True)
 
 
 def _model_text(analysis: Analysis, base: str, date: str) -> str:

@@ -29,6 +29,7 @@ KEYS = {
     "rejected",
     "unnamed",
     "next_run",
+    "next_runs",
     "detectable",
     "gap",
     "controls",

@@ -60,6 +60,7 @@ def test_a_named_effect_fills_the_page(named: Analysis) -> None:
         "Measured and simulated",
         "Where the error is",
         "Unknown force",
+        "The next run",
         "Base parameters",
         "Unknowns of each run",
         "Not named, and why",

@@ -16,6 +16,7 @@ from rover_hil.gap.output.answer_style import GRADES, TAGS
 from rover_hil.gap.output.machines import figures, force_figures
 from rover_hil.gap.output.machines.draft_file import draft_lines
 from rover_hil.gap.output.machines.error_source import channel_sources, force_sources
+from rover_hil.gap.output.machines.next_run_figures import draw_next_run
 from rover_hil.gap.output.machines.series import ForceTrace, Trace, forces, traces
 from rover_hil.gap.output.machines.words import headline, lead, next_steps
 from rover_hil.gap.verdict import Answer, Verdict
@@ -85,6 +86,8 @@ def machine_report_text(analysis: Analysis, findings: MachineFindings) -> str:
         force_pictures=draw_pictures(_force_drawings(findings, pushed)),
         channel_sources=channel_sources(findings, shown) if findings.found is not None else (),
         force_sources=force_sources(findings, pushed),
+        proposal=analysis.proposal,
+        next_run_pictures=draw_pictures(_next_run_drawings(analysis)),
         drafts=list(zip(verdict.draft, draft_lines(verdict), strict=True)),
         plan=analysis.plan.content() if analysis.plan is not None else None,
     )
@@ -207,6 +210,17 @@ def _force_drawings(findings: MachineFindings, pushed: Sequence[ForceTrace]) -> 
             for state, unit in findings.machine.states.items()
         ]
     return drawings
+
+
+def _next_run_drawings(analysis: Analysis) -> list[Drawing]:
+    proposal = analysis.proposal
+    if proposal is None:
+        return []
+    return [
+        _sized(f"{one.name} in the next run", partial(draw_next_run, proposal, one))
+        for one in analysis.model.channels[: figures.MOST_CHANNELS]
+        if one.name in proposal.options[0].planned.run.measured
+    ]
 
 
 def _number(value: float | None) -> str:

@@ -1,0 +1,201 @@
+"""The explanations that are left, each with its weight, and "something else" among them."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from rover_hil.gap.data.problem import Free, Key, Problem, run_of
+from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.gap_tests import GAP_ALPHA
+from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, jackknife_error
+from rover_hil.gap.machines.next_run.discrepancy import Discrepancy, learn_discrepancy, measured_basis
+from rover_hil.gap.machines.search import best_shapes
+from rover_hil.gap.statistics.jackknife import scatter_of_runs
+from rover_hil.gap.statistics.random_force import ForceBasis
+from rover_hil.gap.statistics.score import one_sided_z
+from rover_hil.gap.verdict import Answer
+from sim_backends.models.interface import RUN_SEPARATOR, Array, Machine
+
+SOMETHING_ELSE = "something else"
+NO_EFFECT = "no effect"
+ELSE_WEIGHTS: Mapping[Answer, float] = {
+    Answer.NAMED: 0.1,
+    Answer.NAMED_SET: 0.1,
+    Answer.PARTLY_NAMED: 0.3,
+    Answer.UNNAMED: 0.5,
+    Answer.NOT_IDENTIFIABLE: 0.2,
+}
+"""Probability that the cause is in no list, before the next run; a convention, printed with the result."""
+MOST_NAMED = 5
+TOP_SCORES = 3
+"""Effects to take as explanations where the search accepted none, the best to first order."""
+LEAST_WEIGHT = 0.02
+CLEAR_T = 1.96
+LEAST_SPREAD = 1e-6
+"""Of the logarithm of an error: explanations that predict the same are equally probable."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hypothesis:
+    """One explanation of the measured runs.
+
+    Attributes:
+        name: Its effects, in words.
+        machine: The model that has them.
+        fit: To the measured runs.
+        weight: Probability before the next run.
+        is_else: The cause is none of the others; the fit is that of the base model.
+        shared: Parameters of all runs.
+        pulls: Their values, in prior deviations.
+        covariance: Of the pulls, with the scatter between runs.
+        discrepancy: Model error that it leaves.
+    """
+
+    name: str
+    machine: Machine
+    fit: MachineFit
+    weight: float
+    is_else: bool
+    shared: tuple[Free, ...]
+    pulls: Array
+    covariance: Array
+    discrepancy: Discrepancy
+
+    def point(self) -> dict[Key, float]:
+        """Return its parameters without those of single runs."""
+        return {key: value for key, value in self.fit.fit.point.items() if not run_of(key)}
+
+
+def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypothesis], ForceBasis | None]:
+    """Return the explanations that are left, the best first and "something else" last.
+
+    The weight of an explanation is its odds against the best. Each measured run has one vote.
+
+    Args:
+        findings: Of the machine.
+        answer: The verdict on them.
+    """
+    named = _named(findings)
+    odds = np.array([odds_of(one, named[0][2]) for _, _, one in named])
+    shares = odds / odds.sum()
+    kept = [index for index in np.argsort(-shares, kind="stable") if shares[index] >= LEAST_WEIGHT][
+        :MOST_NAMED
+    ]
+    basis = _basis(findings)
+    unknown = ELSE_WEIGHTS[answer]
+    total = float(shares[kept].sum())
+    found = [
+        _hypothesis(findings, named[index], (1.0 - unknown) * float(shares[index]) / total, basis)
+        for index in kept
+    ]
+    base = (SOMETHING_ELSE, findings.machine, findings.base)
+    return [*found, _hypothesis(findings, base, unknown, basis, is_else=True)], basis
+
+
+def _named(findings: MachineFindings) -> list[tuple[str, Machine, MachineFit]]:
+    machine, best = findings.machine, findings.best
+    found: list[tuple[str, Machine, MachineFit]] = []
+    if best.names:
+        found.append((_words(best), machine, best))
+        found += [
+            (_words(one), machine, one) for one in (findings.found.alternatives if findings.found else ())
+        ]
+    elif findings.p_gap > GAP_ALPHA:
+        found.append((NO_EFFECT, machine, best))
+    found += [(_words(one), wider, one) for wider, one in findings.unlisted]
+    rest = findings.runners_up if findings.found is not None else _scored(findings)
+    found += [(_words(one), machine, one) for one in rest]
+    return found or [(NO_EFFECT, machine, findings.base)]
+
+
+def _words(found: MachineFit) -> str:
+    return " and ".join(found.names) or NO_EFFECT
+
+
+def _scored(findings: MachineFindings) -> list[MachineFit]:
+    """Return the fits of the effects that explain most to first order."""
+    ranked = sorted(best_shapes(findings.scores), key=one_sided_z, reverse=True)[:TOP_SCORES]
+    fits = MachineFits(findings.problem, findings.machine.effects)
+    return fits.fit_all(
+        [
+            ((one.direction.name,), {one.direction.name: one.direction.shapes}, findings.base.fit.point)
+            for one in ranked
+        ],
+        is_near=True,
+    )
+
+
+def odds_of(one: MachineFit, best: MachineFit) -> float:
+    """Return the odds that runs like these prefer an explanation to the best: a paired t test over runs."""
+    differences = np.log(one.left_out.squares / best.left_out.squares)
+    runs = differences.size
+    if one is best or runs < 2:
+        return 1.0
+    spread = float(np.std(differences, ddof=1)) / math.sqrt(runs)
+    better = float(stats.t.sf(float(differences.mean()) / max(spread, LEAST_SPREAD), runs - 1))
+    return min(better / max(1.0 - better, 1e-9), 1.0)
+
+
+def _basis(findings: MachineFindings) -> ForceBasis | None:
+    if findings.tracked is not None:
+        return findings.tracked.noise.basis
+    return measured_basis(findings.problem, findings.best.fit.point)
+
+
+def _hypothesis(
+    findings: MachineFindings,
+    option: tuple[str, Machine, MachineFit],
+    weight: float,
+    basis: ForceBasis | None,
+    *,
+    is_else: bool = False,
+) -> Hypothesis:
+    name, machine, fit = option
+    shared, pulls, covariance = _posterior(fit)
+    problem = findings.problem
+    if machine is not findings.machine:
+        problem = Problem(machine, findings.problem.observations)
+    return Hypothesis(
+        name=name,
+        machine=machine,
+        fit=fit,
+        weight=weight,
+        is_else=is_else,
+        shared=shared,
+        pulls=pulls,
+        covariance=covariance,
+        discrepancy=learn_discrepancy(problem, fit.fit.point, basis),
+    )
+
+
+def _posterior(found: MachineFit) -> tuple[tuple[Free, ...], Array, Array]:
+    """Return the parameters of all runs, their pulls, and their covariance with the scatter of runs."""
+    free, jacobian = found.fit.free, found.fit.jacobian
+    normal = jacobian.T @ jacobian + np.eye(len(free))
+    normal += 1e-12 * float(np.diag(normal).max(initial=1.0)) * np.eye(len(free))
+    covariance = np.linalg.inv(normal)
+    shared = [index for index, item in enumerate(free) if not run_of(item.key)]
+    left_out = found.left_out
+    factors: list[float] = []
+    for index, _ in enumerate(shared):
+        ratio = jackknife_error(left_out, index) / float(left_out.by_samples[index])
+        spread, freedom = scatter_of_runs(ratio, left_out.informed[:, index])
+        factors.append(spread * float(stats.t.ppf(0.975, freedom)) / CLEAR_T)
+    part = covariance[np.ix_(shared, shared)]
+    # Runs that scatter make a parameter no less certain than its prior.
+    wide = np.minimum(factors, 1.0 / np.sqrt(np.diag(part)))
+    part = part * np.outer(wide, wide)
+    return tuple(free[index] for index in shared), found.fit.pull[shared], part
+
+
+def starts_of(found: MachineFit) -> dict[str, dict[str, float]]:
+    """Return the fitted unknowns of each run by name."""
+    starts: dict[str, dict[str, float]] = {}
+    for item in found.fit.free:
+        run = run_of(item.key)
+        if run:
+            starts.setdefault(run, {})[item.key[1].partition(RUN_SEPARATOR)[0]] = found.fit.point[item.key]
+    return starts

@@ -1,0 +1,76 @@
+"""Which explanations the search would keep, given the squared errors of left-out runs.
+
+The rules are those of `MachineSearch`, for many simulated outcomes of new runs at once.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
+from rover_hil.gap.machines.search import SET_LEVEL, SET_SHARE
+from sim_backends.models.interface import Array
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """What the search would answer, for each simulated outcome.
+
+    Attributes:
+        best: Index of the best named explanation.
+        is_alone: By named explanation and outcome: only this one is left.
+        is_within_noise: The best leaves only the noise of the sensors.
+    """
+
+    best: NDArray[np.intp]
+    is_alone: Flags
+    is_within_noise: Flags
+
+
+def kept_by_search(hypotheses: Sequence[Hypothesis], squares: Array, counts: Array) -> Kept:
+    """Return which explanations would be left with new runs.
+
+    Args:
+        hypotheses: The explanations; the last, "something else", has the fit without effects.
+        squares: Squared errors of the new runs when they are left out: explanation x outcome x new run.
+        counts: Values of each new run.
+    """
+    measured = hypotheses[0].fit.left_out.counts
+    outcomes = squares.shape[1]
+    old = np.stack([one.fit.left_out.squares for one in hypotheses])[:, None, :]
+    table = np.concatenate((np.repeat(old, outcomes, axis=1), squares), axis=2)
+    number = np.concatenate((measured, counts))
+    merits = np.sum(number * np.log(table / number), axis=2)
+    total = float(number.sum())
+    within = table.sum(axis=2) <= total * (1.0 + 3.0 * math.sqrt(2.0 / total))
+    named = len(hypotheses) - 1
+    best = np.argmin(merits[:named], axis=0)
+    alone = np.zeros((named, outcomes), dtype=np.bool_)
+    for index in range(named):
+        stays = np.zeros(outcomes, dtype=np.bool_)
+        for other in range(named):
+            if other != index and len(hypotheses[other].fit.names) == len(hypotheses[index].fit.names):
+                gains = merits[-1] - merits[[other, index]]
+                is_as_good = gains[0] >= SET_SHARE * gains[1]
+                stays |= within[other] | (is_as_good & _are_equal(table[other], table[index], number))
+        alone[index] = (best == index) & ~stays
+    return Kept(best=best, is_alone=alone, is_within_noise=within[best, np.arange(outcomes)])
+
+
+def _are_equal(one: Array, other: Array, counts: Array) -> Flags:
+    """Return where left-out runs do not find one clearly worse than the other, nor better."""
+    differences = np.log(one / other) * np.sqrt(counts)
+    runs = differences.shape[1]
+    if runs < 2:
+        return np.ones(differences.shape[0], dtype=np.bool_)
+    spread = np.std(differences, axis=1, ddof=1) / math.sqrt(runs)
+    found: Flags = np.abs(differences.mean(axis=1)) / np.maximum(spread, 1e-12) < float(
+        stats.t.ppf(0.5 + 0.5 * SET_LEVEL, runs - 1)
+    )
+    return found

@@ -1,0 +1,67 @@
+"""The proposed run as a table: its inputs over time, and what each explanation predicts."""
+
+import csv
+import io
+
+import numpy as np
+
+from rover_hil.gap.machines.next_run.proposal import Proposal
+from sim_backends.models.interface import Array, Channel
+
+NEXT_RUN_NAME = "next_run.csv"
+NORMAL_95 = 1.96
+
+
+def next_run_text(proposal: Proposal) -> str:
+    """Return the best run as CSV: run, conditions, time, inputs, and the predictions with their bands.
+
+    With columns of measured values, named like the channels, the file is data like that of the runs.
+    """
+    best, machine = proposal.options[0], proposal.hypotheses[0].machine
+    units = {**machine.condition_units, **machine.inputs}
+    columns: dict[str, Array] = {
+        f"{name} [{units[name]}]": np.full(best.planned.times_s.size, value)
+        for name, value in best.planned.run.conditions.items()
+        if name in units
+    }
+    columns["time [s]"] = best.planned.times_s
+    columns |= {f"{name} [{unit}]": best.planned.run.inputs[name] for name, unit in machine.inputs.items()}
+    for channel in machine.channels:
+        for index, one in enumerate(proposal.hypotheses):
+            mean, half = predicted(proposal, 0, index, channel)
+            label = f"{channel.name} by {one.name}"
+            columns[f"{label} [{channel.unit}]"] = mean
+            columns[f"{label} low [{channel.unit}]"] = mean - half
+            columns[f"{label} high [{channel.unit}]"] = mean + half
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["run", *columns])
+    for row in zip(*columns.values(), strict=True):
+        writer.writerow(["next", *("" if np.isnan(value) else f"{value:.6g}" for value in row)])
+    return stream.getvalue()
+
+
+def predicted(proposal: Proposal, option: int, index: int, channel: Channel) -> tuple[Array, Array]:
+    """Return the prediction of a channel by an explanation and half of its 95 % band; NaN without a channel.
+
+    Args:
+        proposal: The proposal.
+        option: Which of its runs.
+        index: Which of its explanations.
+        channel: The channel.
+    """
+    run = proposal.options[option]
+    sizes = {
+        one.name: run.planned.run.measured.get(one.name) for one in proposal.hypotheses[0].machine.channels
+    }
+    first = 0
+    for name, values in sizes.items():
+        if values is None:
+            continue
+        if name == channel.name:
+            here = slice(first, first + values.size)
+            one = run.predictions[index]
+            return one.mean_rows[here], NORMAL_95 * one.sd_rows[here]
+        first += values.size
+    nothing = np.full(run.planned.times_s.size, np.nan)
+    return nothing, nothing
