@@ -23,6 +23,7 @@ from drivers.threaded_link import ThreadedLink
 NANOSECONDS_PER_MILLISECOND = 1_000_000
 BUFFER_COUNT = 2
 JPEG_FOURCC = "MJPG"
+CONVERTED_FOURCC = "BGR3"
 FIRST_GRAB_TRIES = 3
 CHECKED_STAMPS = 3
 STANDSTILL_PERIODS = 3
@@ -92,9 +93,13 @@ class V4l2Link(ThreadedLink[CameraImage]):
         if found_fourcc != fourcc or not found.matches(settings):
             wanted = FrameFormat(settings.width, settings.height, settings.frame_rate_hz)
             name = (found_fourcc & 0xFFFF_FFFF).to_bytes(4, "little").decode("ascii", "replace")
+            what = (
+                f"it does not offer {settings.fourcc}"  # OpenCV converts another format, and names the result
+                if name == CONVERTED_FOURCC
+                else f"it gives {name} {found} instead of {settings.fourcc} {wanted}"
+            )
             raise NotConnectedError(
-                f"it gives {name} {found} instead of {settings.fourcc} {wanted}: configure one of "
-                f"`v4l2-ctl --list-formats-ext -d {settings.path}`"
+                f"{what}: configure one of `v4l2-ctl --list-formats-ext -d {settings.path}`"
             )
         if settings.fourcc == JPEG_FOURCC:
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # frames as the camera sent them, to check them whole

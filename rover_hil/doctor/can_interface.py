@@ -15,6 +15,7 @@ CAN_LINK_TYPE = "280"
 UP_FLAG = 0x1
 """IFF_UP of linux/if.h."""
 SHORTEST_QUEUE = 100
+SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
 RESTART_MS = 100
 IP_TIMEOUT_S = 2.0
 
@@ -59,11 +60,12 @@ def check_interface(device: str, settings: CanDeviceSettings, sys: Path, ip_deta
                 device,
                 f"{channel} is down",
                 "the interface has not been switched on since it was plugged in",
-                _bring_up(settings),
+                _switch_on(settings, details),
             )
         ]
     findings = [
         *_check_state(device, settings, data),
+        *_check_mode(device, settings, data),
         *_check_bit_rate(device, settings, data),
         *_check_restart(device, settings, data),
         *_check_queue(device, channel, details),
@@ -112,6 +114,23 @@ def _check_state(device: str, settings: CanDeviceSettings, data: dict[str, objec
     return []
 
 
+def _check_mode(device: str, settings: CanDeviceSettings, data: dict[str, object]) -> list[Finding]:
+    modes = data.get("ctrlmode")
+    silent = [mode for mode in SILENT_MODES if isinstance(modes, list) and mode in modes]
+    if not silent:
+        return []
+    channel = settings.channel
+    return [
+        problem(
+            CHECK,
+            device,
+            f"{channel} is in mode {' and '.join(silent)}: nothing that is sent reaches the bus",
+            "the mode was set when the interface was brought up",
+            f"sudo ip link set {channel} down; {_bring_up(settings)} loopback off listen-only off",
+        )
+    ]
+
+
 def _check_bit_rate(device: str, settings: CanDeviceSettings, data: dict[str, object]) -> list[Finding]:
     bit_rate = _table(data.get("bittiming")).get("bitrate")
     if not _is_number(bit_rate) or bit_rate == settings.bit_rate:
@@ -157,6 +176,13 @@ def _check_queue(device: str, channel: str, details: dict[str, object]) -> list[
             f"sudo ip link set {channel} txqueuelen {SHORTEST_QUEUE}",
         )
     ]
+
+
+def _switch_on(settings: CanDeviceSettings, details: dict[str, object]) -> str:
+    """Return the command that brings an interface up; a virtual one has no bit rate."""
+    if _table(details.get("linkinfo")).get("info_kind") in ("vcan", "vxcan"):
+        return f"sudo ip link set {settings.channel} up"
+    return _bring_up(settings)
 
 
 def _bring_up(settings: CanDeviceSettings) -> str:

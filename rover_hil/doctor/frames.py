@@ -11,6 +11,17 @@ CHECK = "frames"
 LOWEST_SHARE = 0.8
 
 
+def _slower(device: str, settings: CameraSettings) -> str:
+    """Return what to do about slow frames; a v4l2 camera gives only the rates that it lists."""
+    if settings.source != "v4l2":
+        return f"in [devices.{device}] set frame_rate_hz to what the source delivers"
+    return (
+        f"in [devices.{device}] set frame_rate_hz to the next lower rate of `v4l2-ctl --list-formats-ext "
+        f"-d {settings.path}`; or exposure_100us, if `v4l2-ctl --list-ctrls -d {settings.path}` lists "
+        "exposure_time_absolute"
+    )
+
+
 def check_frames(reception: Reception, settings: CameraSettings) -> list[Finding]:
     """Check rate and time stamps of the frames that arrived; no finding when none did."""
     frames = [sample for sample in reception.samples if isinstance(sample, FrameSample)]
@@ -26,7 +37,7 @@ def check_frames(reception: Reception, settings: CameraSettings) -> list[Finding
                 reception.device,
                 f"{rate_hz:.1f} frames per second, configured are {settings.frame_rate_hz:g}",
                 "automatic exposure is long in dim light, the USB bus is full, or the source is slower",
-                f"in [devices.{device}] set exposure_100us (v4l2), or frame_rate_hz = {rate_hz:.1f}",
+                _slower(device, settings),
             )
         )
     ages_ns = [frame.t_ns - frame.t_capture_ns for frame in frames if frame.t_capture_ns is not None]

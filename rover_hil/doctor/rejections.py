@@ -108,8 +108,8 @@ _ADVICE = {
     ),
     "not_a_frame": Advice(
         Level.WARNING,
-        "not a classic CAN frame: CAN FD traffic, or an slcan adapter with garbled lines",
-        "set all nodes to classic CAN; replace the adapter's cable",
+        "an slcan adapter sends garbled lines (frames of CAN FD never reach this program)",
+        "replace the adapter's cable; connect it without a hub",
     ),
     "too_short": _OTHER_LAYOUT,
     "not_finite": _OTHER_LAYOUT,

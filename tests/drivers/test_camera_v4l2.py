@@ -22,6 +22,7 @@ from drivers.samples import FrameSample, LinkSample, Sample
 PERIOD_NS = 10_000_000
 MJPG = float(int.from_bytes(b"MJPG", "little"))
 YUYV = float(int.from_bytes(b"YUYV", "little"))
+BGR3 = float(int.from_bytes(b"BGR3", "little"))
 DEADLINE_S = 60.0
 
 
@@ -168,6 +169,7 @@ def test_the_format_is_set_before_the_size_and_the_size_before_the_rate(
         ({cv2.CAP_PROP_FPS: 30.0}, {}, "at 30 Hz instead of .* at 100 Hz"),
         ({cv2.CAP_PROP_FPS: float("nan")}, {}, "nan Hz"),
         ({cv2.CAP_PROP_FOURCC: YUYV}, {}, "gives YUYV"),
+        ({cv2.CAP_PROP_FOURCC: BGR3}, {}, "does not offer MJPG: configure one of"),
         ({cv2.CAP_PROP_EXPOSURE: 100.0}, {"exposure_100us": 80}, "refuses exposure_100us = 80"),
         ({cv2.CAP_PROP_EXPOSURE: -1.0}, {"exposure_100us": 80}, "refuses exposure_100us = 80"),
         ({cv2.CAP_PROP_AUTO_EXPOSURE: 1.0}, {}, "refuses exposure_100us = automatic"),

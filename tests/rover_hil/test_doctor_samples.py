@@ -257,6 +257,16 @@ def test_frames(rate_hz: float, age_s: float | None, level: Level, what: str) ->
     assert (finding.level, finding.what[: len(what)]) == (level, what)
 
 
+def test_slow_frames_of_a_camera_are_no_reason_for_a_rate_that_it_does_not_offer() -> None:
+    record = frames(5.0, 0.03)
+    assert isinstance(record.settings, CameraSettings)
+    (finding,) = check_frames(record, record.settings)
+    assert "next lower rate of `v4l2-ctl --list-formats-ext -d /dev/video0`" in finding.fix
+    folder = record.settings.model_copy(update={"source": "folder", "path": "frames"})
+    (finding,) = check_frames(record, folder)
+    assert "v4l2" not in finding.fix
+
+
 @pytest.mark.parametrize(
     ("speed", "expected"), [(1.0, [Level.OK]), (1.1, [Level.WARNING]), (0.0, [Level.WARNING]), (None, [])]
 )

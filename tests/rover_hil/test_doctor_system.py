@@ -228,6 +228,12 @@ def ip_details(**changes: object) -> str:
         ),
         ({"state": "ERROR-PASSIVE"}, Level.WARNING, "ERROR-PASSIVE", "60 ohm"),
         ({"bittiming": {"bitrate": 250_000}}, Level.PROBLEM, "250000", "bitrate 500000 restart-ms 100"),
+        (
+            {"ctrlmode": ["LISTEN-ONLY", "BERR-REPORTING"]},
+            Level.PROBLEM,
+            "can0 is in mode LISTEN-ONLY: nothing that is sent reaches the bus",
+            "restart-ms 100 loopback off listen-only off",
+        ),
         ({"restart_ms": 0}, Level.WARNING, "stays off", "restart-ms 100"),
         ({"txqlen": 10}, Level.WARNING, "10 frames", "txqueuelen 100"),
     ],
@@ -248,6 +254,9 @@ def test_a_can_interface_that_is_down_missing_or_none(system: SystemPaths) -> No
     make_interface(system, flags="0x40080")
     (down,) = check_interface("wheels", CAN, system.sys, "")
     assert down.fix == "sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
+    virtual = json.dumps([{"ifname": "can0", "linkinfo": {"info_kind": "vcan"}}])
+    (down,) = check_interface("wheels", CAN, system.sys, virtual)
+    assert down.fix == "sudo ip link set can0 up"
     (other,) = check_interface("wheels", CAN.model_copy(update={"channel": "can1"}), system.sys, "")
     assert other.fix.endswith("set channel to one of: can0")
     (system.sys / "class/net/can0/type").write_text("1")
