@@ -6,7 +6,7 @@ A device's `settings.py` stays cheap to import; its codec and its link are impor
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -26,6 +26,9 @@ class DeviceSettings(Settings):
         reconnect_limit_s: Time for which the link tries to reconnect after a break; then it gives up until a
             restart.
     """
+
+    data_file_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that name a data file: the keys that `data_files` may return."""
 
     max_age_s: Annotated[float, Field(gt=0, le=10)] = 0.15
     reconnect_limit_s: Annotated[float, Field(ge=0, le=3600)] = 60.0

@@ -1,6 +1,5 @@
 """Base of all settings models, and the TOML files that hold them."""
 
-import tomllib
 from collections.abc import Sequence
 from importlib.abc import Traversable
 from pathlib import Path
@@ -9,6 +8,7 @@ from pydantic import BaseModel, ConfigDict
 from pydantic_core import ErrorDetails
 
 from drivers.errors import ConfigError
+from drivers.files import parse_toml, read_text
 
 
 class Settings(BaseModel):
@@ -29,7 +29,7 @@ def read_toml(path: Path | Traversable, what: str, fix: str) -> dict[str, object
         ConfigError: It cannot be read, or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text("utf-8"))
+        return parse_toml(read_text(path) if isinstance(path, Path) else path.read_text("utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read {what}: {error.strerror}; {fix}") from error
     except ValueError as error:

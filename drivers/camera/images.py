@@ -9,6 +9,7 @@ import simplejpeg
 from cv2.typing import MatLike
 
 from drivers.camera.parameters import FrameSourceParameters
+from drivers.files import IMAGE_BYTES, read_bytes
 from drivers.samples import Image
 
 RATE_TOLERANCE = 0.01
@@ -76,7 +77,7 @@ def retrieve_jpeg(capture: Capture) -> Image:
 def read_image(path: Path) -> Image:
     """Return the pixels of an image file, grey or BGR in 8 bits; `NO_PIXELS` without a sound file."""
     try:
-        data = path.read_bytes()
+        data = read_bytes(path, IMAGE_BYTES)
         return _pixels_of(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR))
     except (OSError, cv2.error):
         return NO_PIXELS

@@ -21,6 +21,7 @@ from drivers.can_wheels.mapping import (
 )
 from drivers.can_wheels.signals import Scale, make_scale, raw_limits, raw_value
 from drivers.errors import ConfigError
+from drivers.files import SETTINGS_BYTES, is_file, read_bytes
 from drivers.settings import Settings, direct_mistakes, read_toml
 
 SHIPPED_FOLDER = Path(__file__).parent
@@ -110,7 +111,7 @@ def _mapping_path(name_or_path: str) -> Path:
     if name_or_path in shipped:
         return shipped[name_or_path]
     path = Path(name_or_path)
-    if not path.is_file():
+    if not is_file(path):
         raise ConfigError(
             f"no mapping '{name_or_path}': give the path of a TOML file, relative to the current directory, "
             f"or one of {', '.join(shipped)}{_did_you_mean(name_or_path, shipped)}"
@@ -179,11 +180,14 @@ def _describe(path: Path, error: ValidationError) -> str:
 
 
 def _load_database(mapping_path: Path, path: Path) -> Database:
-    if not path.is_file():
+    if not is_file(path):
         raise ConfigError(f"{mapping_path}: dbc: no file {path.name} in the same folder")
     try:
-        database = cantools.database.load_file(path, database_format="dbc")
-    except (cantools.Error, OSError, ValueError) as error:
+        text = read_bytes(path, SETTINGS_BYTES).decode("cp1252", "replace")
+        database = cantools.database.load_string(text.replace("\r\n", "\n"), database_format="dbc")
+    except OSError as error:
+        raise ConfigError(f"cannot read DBC file {path}: {error.strerror}") from error
+    except (cantools.Error, ValueError) as error:
         raise ConfigError(f"cannot read DBC file {path}: {error}") from error
     if not isinstance(database, Database):
         raise ConfigError(f"{path} holds no CAN messages: give a DBC file")

@@ -18,6 +18,8 @@ class CanWheelsSettings(CanDeviceSettings, DriveSettings):
             relative to the current directory.
     """
 
+    data_file_keys = ("mapping",)
+
     type: Literal["can_wheels"] = "can_wheels"
     mapping: Annotated[str, Field(min_length=1)]
 

@@ -21,6 +21,8 @@ class NmeaCompassSettings(SerialDeviceSettings):
             current directory.
     """
 
+    data_file_keys = ("calibration",)
+
     type: Literal["nmea_compass"] = "nmea_compass"
     baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 4800
     max_age_s: Annotated[float, Field(gt=0, le=10)] = 0.18

@@ -41,6 +41,8 @@ class OverheadCameraParameters(FrameSourceParameters):
         yaw_noise_deg: Standard deviation of the heading from calibration and mounting.
     """
 
+    data_file_keys = ("calibration",)
+
     type: Literal["overhead_camera"]
     width: Pixels = 640
     height: Pixels = 480

@@ -24,6 +24,8 @@ class WitMotionSettings(SerialDeviceSettings):
             send) instead of the device's yaw.
     """
 
+    data_file_keys = ("calibration",)
+
     type: Literal["witmotion"] = "witmotion"
     baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 115_200
     mounting_yaw_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0

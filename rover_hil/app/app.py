@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import typer
 
 from drivers.errors import ConfigError, RoverHilError
+from rover_hil.app.error_message import check_name_lengths, readable
 from rover_hil.app.exit_codes import EXIT_BAD_INPUT
 from rover_hil.app.options import (
     LONGEST_S,
@@ -543,7 +544,9 @@ def main() -> None:
     # Our matrices are small: more threads of numpy's linear algebra only spin, and take the loop's processor.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
+        check_name_lengths(sys.argv[1:])
         app(_spread(sys.argv[1:], "--test"), prog_name="rover-hil")
     except RoverHilError as error:
-        print(f"rover-hil: {error}", file=sys.stderr)  # noqa: T201 - the one place that reports errors
+        text = readable(f"rover-hil: {error}")
+        print(text, file=sys.stderr)  # noqa: T201 - the one place that reports errors
         sys.exit(EXIT_BAD_INPUT)

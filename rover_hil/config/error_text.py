@@ -1,5 +1,6 @@
 """One line per mistake in a file: source, key, what is wrong, how to fix it."""
 
+import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import TypeVar
@@ -9,6 +10,12 @@ from pydantic_core import ErrorDetails
 
 from drivers.errors import ConfigError
 from drivers.settings import Settings, direct_mistakes
+
+MOST_MISTAKES = 30
+_REPRESENTATION = reprlib.Repr()
+_REPRESENTATION.maxstring = _REPRESENTATION.maxother = _REPRESENTATION.maxlong = 100
+LONGEST_KEY = 80
+"""A longer key was not mistyped; to compare it with known ones takes long."""
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
@@ -45,9 +52,10 @@ def describe_mistakes(details: Sequence[ErrorDetails], table: Mapping[str, objec
     """Return key, mistake and fix of every error.
 
     Args:
-        details: What pydantic found.
+        details: What pydantic found; only the first `MOST_MISTAKES` are described.
         table: The content that was validated.
     """
+    details = details[:MOST_MISTAKES]
     mistyped = {
         (*detail["loc"][:-1], _closest_key(detail, table))
         for detail in details
@@ -102,12 +110,14 @@ def _explain(detail: ErrorDetails, table: Mapping[str, object]) -> str:
         expected = detail.get("ctx", {}).get("expected_tags", "")
         return f"{tag} must be one of {expected}" if expected else f"the key {tag} is missing; add it"
     message = detail["msg"]
-    return f"{message[0].lower()}{message[1:]}, got {detail['input']!r}"
+    return f"{message[0].lower()}{message[1:]}, got {_REPRESENTATION.repr(detail['input'])}"
 
 
 def _closest_key(detail: ErrorDetails, table: Mapping[str, object]) -> str:
     """Return the key that an unknown one was probably meant to be; "" without one."""
     key = str(detail["loc"][-1])
+    if len(key) > LONGEST_KEY:
+        return ""
     holders = [holder for _, holder in _walk(detail, table)]
     neighbours = set(holders[-1]) - {key} if holders and isinstance(holders[-1], Mapping) else set()
     # The table is of the kind that knows most of the other keys in it.

@@ -1,8 +1,6 @@
 """Reads a configuration, and the files that become part of it."""
 
-import json
 import sys
-import tomllib
 from importlib import resources
 from importlib.abc import Traversable
 from pathlib import Path
@@ -13,13 +11,13 @@ from pydantic_core import ErrorDetails
 from controllers.ftrace.rig import RigFile
 from controllers.settings import OLD_SCOMP_KEY
 from drivers.errors import ConfigError
+from drivers.files import is_file, parse_json, parse_toml, read_text
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import read_toml
 from rover_hil.config.error_text import describe_mistakes, join_lines, validated
 from rover_hil.config.schema import SCHEMA_RULES, Config, Draft, Rule, find_conflicts
 
 SHIPPED = resources.files("rover_hil.config") / "shipped"
-LARGEST_RIG_BYTES = 1_000_000
 
 Table = dict[str, object]
 KeyPath = tuple[str, str]
@@ -43,8 +41,8 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
             key and fix.
     """
     try:
-        table = tomllib.loads(read_config_text(name_or_path))
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(read_config_text(name_or_path))
+    except ValueError as error:
         raise ConfigError(f"{name_or_path} is not valid TOML: {error}") from error
     _rename_old_sections(table)
     unreadable = _inline_files(table)
@@ -91,26 +89,28 @@ def read_config_text(name_or_path: str) -> str:
     if name_or_path in shipped_configs():
         return (SHIPPED / "configs" / f"{name_or_path}.toml").read_text("utf-8")
     path = Path(name_or_path)
-    if path.is_dir():
-        raise ConfigError(f"{path} is a folder; give the TOML file in it")
     try:
-        return path.read_text("utf-8")
+        return read_text(path)
+    except IsADirectoryError:
+        raise ConfigError(f"{path} is a folder; give the TOML file in it") from None
     except FileNotFoundError:
         raise ConfigError(
             f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
         ) from None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise ConfigError(f"cannot read configuration {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise ConfigError(f"cannot read configuration {path}: {error}") from error
 
 
 def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
     """Return the object in a shipped file, or, where there is none, in the file at a path."""
-    path = shipped if shipped.is_file() else Path(name_or_path)
+    path = shipped if isinstance(shipped, Path) and is_file(shipped) else Path(name_or_path)
     is_json = shipped.name.endswith(".json")
     if not is_json:
         return read_toml(path, f"{what} {name_or_path}", "name a shipped one or a file")
     try:
-        table = json.loads(path.read_text("utf-8")[:LARGEST_RIG_BYTES])
+        table = parse_json(read_text(path))
     except OSError as error:
         raise ConfigError(
             f"cannot read {what} {name_or_path}: {error.strerror}; name a shipped one or a file"

@@ -1,10 +1,10 @@
 """Read a CSV table, plain or packed: names and perhaps units in its header, numbers below."""
 
 import csv
-import gzip
+import io
 import math
 import re
-import zlib
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import LogError, RoverHilError
+from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_LINES, read_packed_bytes
 from rover_hil.datasets.arrays import Array
 
 WORDS = {"": math.nan, "true": 1.0, "false": 0.0}
 DELIMITERS = "\t;,"
 MOST_HEADER_LINES = 3
+CELL_SHOWN = 40
+"""Characters of a wrong cell in a message."""
 NAME_AND_UNIT = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?$")
 """`current [A]` or `current (A)`."""
 
@@ -64,8 +67,8 @@ class CsvTable:
         Raises:
             RoverHilError: They are not.
         """
-        for name in self.names:
-            if name and list(self.names).count(name) > 1:
+        for name, count in Counter(self.names).items():
+            if name and count > 1:
                 raise self.error(f"{self.path} has the column '{name}' twice: leave one out")
         width = len(self.names)
         for row, cells in enumerate(self.rows):
@@ -93,9 +96,8 @@ class CsvTable:
         for row, number in enumerate(numbers):
             if number is None or (is_needed and not math.isfinite(number)):
                 advice = f": {fix}" if fix else ""
-                raise self.error(
-                    f"{self.where(row)}, column '{name}': '{cells[row]}' is not a number{advice}"
-                )
+                shown = cells[row][:CELL_SHOWN]
+                raise self.error(f"{self.where(row)}, column '{name}': '{shown}' is not a number{advice}")
         column = np.array(numbers, np.float64)
         column[~np.isfinite(column)] = np.nan
         return column
@@ -119,22 +121,24 @@ def read_csv(
             the first number, the last holds the names.
 
     Raises:
-        RoverHilError: The file cannot be read, or is shorter than its header.
+        RoverHilError: The file cannot be read, is shorter than its header, or larger than the limits in
+            `drivers.files`.
     """
-    lines = _read_text(path, error).splitlines()
-    if delimiter is None:
-        delimiter = next((one for one in DELIMITERS if lines and one in lines[0]), ",")
-    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+    text = _open_text(path, error)
     try:
-        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
-    except csv.Error as problem:
+        first = text.readline()
+        text.seek(0)
+        if delimiter is None:
+            delimiter = next((one for one in DELIMITERS if one in first), ",")
+        lines, rows = _read_rows(text, delimiter)
+    except (csv.Error, UnicodeDecodeError, _TooLargeError) as problem:
         raise error(f"cannot read {path} as a table: {problem}") from problem
-    if lines and lines[0].rstrip().endswith(delimiter):
-        rows = [(line, cells[:-1] if cells[-1:] == [""] else cells) for line, cells in rows]
-    count = _header_lines([cells for _, cells in rows]) if header_lines is None else header_lines
+    if first.rstrip().endswith(delimiter):
+        rows = [cells[:-1] if cells[-1:] == ("",) else cells for cells in rows]
+    count = _header_lines(rows) if header_lines is None else header_lines
     if len(rows) < count > 1:
         raise error(f"{path} has {len(rows)} lines, no header of {count}: is it such a file?")
-    header, body = [cells for _, cells in rows[:count]] or [[]], rows[count:]
+    header = rows[:count] or [()]
     named = [_name_and_unit(cell) for cell in header[-1]]
     units = {name: unit for name, unit in named if unit is not None}
     if count > 1:
@@ -143,9 +147,9 @@ def read_csv(
         path=path,
         names=[name for name, _ in named],
         units=units,
-        header_line=rows[count - 1][0] if count and rows else 1,
-        lines=[line for line, _ in body],
-        rows=[cells for _, cells in body],
+        header_line=lines[count - 1] if count and rows else 1,
+        lines=lines[count:],
+        rows=rows[count:],
         error=error,
     )
 
@@ -165,10 +169,17 @@ def _number(cell: str) -> float | None:
         return WORDS.get(cell.lower())
 
 
-def first_line(path: Path) -> str:
-    """Return the first line of a plain CSV file, empty where there is none."""
-    with path.open(encoding="utf-8", errors="replace") as stream:
-        return stream.readline()
+def header_lines(path: Path, count: int, error: type[RoverHilError] = LogError) -> list[str]:
+    """Return the first lines of a `.csv` or `.csv.gz` file; fewer where it has fewer or is no text.
+
+    Raises:
+        RoverHilError: The file cannot be read.
+    """
+    text = _open_text(path, error)
+    try:
+        return [line for _, line in zip(range(count), text, strict=False)]
+    except UnicodeDecodeError:
+        return []
 
 
 def _name_and_unit(cell: str) -> tuple[str, str | None]:
@@ -176,9 +187,38 @@ def _name_and_unit(cell: str) -> tuple[str, str | None]:
     return (cell, None) if match is None else (match["name"], match["unit"])
 
 
-def _read_text(path: Path, error: type[RoverHilError]) -> str:
+class _TooLargeError(ValueError):
+    """A table has more lines or cells than the limits allow."""
+
+
+def _read_rows(text: io.TextIOWrapper, delimiter: str) -> tuple[list[int], list[tuple[str, ...]]]:
+    """Return line number and cells of each row that is not blank.
+
+    Raises:
+        _TooLargeError: There are too many.
+        csv.Error, UnicodeDecodeError: The text is not a table.
+    """
+    reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
+    lines: list[int] = []
+    # Tuples of text, because lists of them keep the garbage collector busy.
+    rows: list[tuple[str, ...]] = []
+    cells = 0
+    for row in reader:
+        cells += len(row)
+        if cells > TABLE_CELLS or len(rows) >= TABLE_LINES:
+            raise _TooLargeError(
+                f"it has more than {TABLE_LINES:,} lines or {TABLE_CELLS:,} cells, the limits: divide it"
+            )
+        if row:
+            lines.append(reader.line_num)
+            rows.append(tuple([cell.strip() for cell in row]))
+    return lines, rows
+
+
+def _open_text(path: Path, error: type[RoverHilError]) -> io.TextIOWrapper:
     try:
-        raw = path.read_bytes()
-        return (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode("utf-8-sig")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as problem:
-        raise error(f"cannot read {path}: {problem}: give a .csv or .csv.gz file") from problem
+        raw = read_packed_bytes(path, TABLE_BYTES)
+    except OSError as problem:
+        reason = problem.strerror or str(problem)
+        raise error(f"cannot read {path}: {reason}: give a .csv or .csv.gz file") from problem
+    return io.TextIOWrapper(io.BytesIO(raw), "utf-8-sig")

@@ -20,9 +20,7 @@ The camera's numbers repeat in one row of twelve while the robot moves, and run 
 encoders on the two surfaces with the least slip.
 """
 
-import gzip
 import math
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,7 +33,7 @@ from drivers.errors import LogError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS
 from rover_hil.datasets.arrays import Array, Flags, Times
-from rover_hil.datasets.csv_table import CsvTable, first_line, read_csv
+from rover_hil.datasets.csv_table import CsvTable, header_lines, read_csv
 
 ROBOTINO = OmniRoverSettings(kinematics="omni3", wheel_radius_m=0.040, base_radius_m=0.125)
 MOTORS = (1, 2, 3)
@@ -47,6 +45,7 @@ RECORD_UNITS = {"t": "ms"} | {
     f"m{motor}{name}": unit for name, unit in MOTOR_UNITS.items() for motor in MOTORS
 }
 MAX_TICKS = 2**31 - 1
+MAX_T_MS = 1e9
 CAMERA_TO_ROBOT_RAD = math.pi / 2
 FIX = "take the line out or fetch the file again"
 IS_RECORD = "give a run of the Robotino 2 data set"
@@ -125,20 +124,24 @@ def read_record(path: Path, *, with_camera: bool) -> RobotinoRecord:
             raise LogError(f"{path} line 2, column '{name}': the unit is not {unit}: convert the column")
     table.check_shape(FIX)
     record = RobotinoRecord(table, {name: table.numbers(name, fix=FIX, is_needed=True) for name in units})
-    late = np.flatnonzero(np.diff(record.columns["t"], prepend=-np.inf) <= 0.0)
-    if record.columns["t"][0] < 0.0 or late.size:
-        row = 0 if record.columns["t"][0] < 0.0 else int(late[0])
-        raise record.wrong(row, "t", "is negative or not after the line before")
+    # Times become whole nanoseconds.
+    t_ns = np.round(np.clip(record.columns["t"], -1.0, MAX_T_MS + 1.0) * 1e6)
+    wrong = np.flatnonzero((t_ns < 0.0) | (t_ns > MAX_T_MS * 1e6) | (np.diff(t_ns, prepend=-1.0) <= 0.0))
+    if wrong.size:
+        row = int(wrong[0])
+        is_late = record.columns["t"][row] > MAX_T_MS
+        what = f"is above {MAX_T_MS:g}" if is_late else "is negative or not after the line before"
+        raise record.wrong(row, "t", what)
     return record
 
 
 def record_names(path: Path) -> list[str]:
     """Return the short names in the header of a record; empty for a file that is none."""
     try:
-        with gzip.open(path, "rt") if path.suffix == ".gz" else path.open(encoding="utf-8") as stream:
-            return [stream.readline() for _ in range(3)][-1].split(";")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError):
+        lines = header_lines(path, 3)
+    except LogError:
         return []
+    return lines[-1].split(";") if len(lines) == 3 else []
 
 
 def board_counts(record: RobotinoRecord) -> BoardCounts:
@@ -174,7 +177,7 @@ def camera_poses(columns: Mapping[str, Array]) -> CameraPoses:
 
 def is_averages(path: Path) -> bool:
     """Return whether a file begins like a file of averages."""
-    return path.suffix == ".csv" and first_line(path).startswith(AVERAGES_BEGIN)
+    return path.suffix == ".csv" and "".join(header_lines(path, 1)).startswith(AVERAGES_BEGIN)
 
 
 def read_averages(path: Path, names: Sequence[str]) -> dict[str, Array]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from controllers.ftrace.rig import SCHEMA, RigFile
 from drivers.camera.images import read_image
 from drivers.errors import ConfigError
+from drivers.files import parse_json, read_text
 from drivers.samples import Image
 from rover_hil.config import validated
 from rover_hil.ftrace.frames import FrameSource
@@ -187,7 +188,7 @@ def rig_text(rover: Path, calibration: Calibration, fps: float) -> str:
         ConfigError: The rover's file cannot be read, or a key is missing or wrong.
     """
     try:
-        table = json.loads(rover.read_text(encoding="utf-8"))
+        table = parse_json(read_text(rover))
     except OSError as error:
         raise ConfigError(f"cannot read {rover}: {error.strerror}") from error
     except ValueError as error:

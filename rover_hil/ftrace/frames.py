@@ -10,6 +10,7 @@ import numpy as np
 
 from drivers.camera.images import read_image, retrieve
 from drivers.errors import ConfigError
+from drivers.files import is_file
 from drivers.samples import Image
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
@@ -42,10 +43,11 @@ class FrameSource:
         if not path.exists():
             raise ConfigError(f"{path} does not exist: give a folder of pictures or a video")
         self._pictures: list[tuple[int, Path]] = []
+        self.count = 0
         if path.is_dir():
             self._pictures = _numbered(path)
             self.count = len(self._pictures)
-        else:
+        elif is_file(path):
             capture = cv2.VideoCapture(str(path))
             self.count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
             capture.release()

@@ -1,18 +1,22 @@
 """Data files that a configuration names travel inside the log, so that a log replays anywhere."""
 
 import contextlib
+import re
 import tempfile
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from pydantic import ValidationError
 
 from controllers.settings import ControlSettings
 from drivers.errors import ConfigError, LogError
+from drivers.files import SETTINGS_BYTES, read_bytes
 from rover_hil.config import Config, describe_validation_error
 from rover_hil.recording.reader import LogReader
 
 FOLDER = "data"
+MOST_NAME_BYTES = 255
+BARE_NAME = re.compile(r"(?!\.{1,2}$)[^/\x00-\x1f]+")
 
 
 def collect_data_files(config: Config) -> dict[str, bytes]:
@@ -26,7 +30,7 @@ def collect_data_files(config: Config) -> dict[str, bytes]:
         for key, paths in settings.data_files().items():
             for path in paths:
                 try:
-                    files[f"{FOLDER}/{device}/{key}/{path.name}"] = path.read_bytes()
+                    files[f"{FOLDER}/{device}/{key}/{path.name}"] = read_bytes(path, SETTINGS_BYTES)
                 except OSError as error:
                     raise ConfigError(
                         f"devices.{device}.{key}: cannot read {path}: {error.strerror}"
@@ -46,20 +50,40 @@ def restore_config(log: LogReader) -> Iterator[Config]:
             config = Config.model_validate_json(log.config_json)
         except ValidationError as error:
             raise LogError(describe_validation_error(f"{log.path}, its configuration", error, {})) from error
-        main_files: dict[tuple[str, str], Path] = {}
-        for name, data in log.attachments.items():
-            parts = PurePosixPath(name).parts
-            if len(parts) != 4 or parts[0] != FOLDER or ".." in parts:
-                continue
-            path = Path(folder).joinpath(*parts[1:])
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
-            main_files.setdefault((parts[1], parts[2]), path)
-        devices = dict(config.devices)
-        for (device, key), path in main_files.items():
-            if device in devices:
-                devices[device] = devices[device].model_copy(update={key: str(path)})
+        devices = {
+            device: settings.model_copy(
+                update={
+                    key: str(_restore_files(log, f"{FOLDER}/{device}/{key}/", Path(folder) / device / key))
+                    for key in settings.data_file_keys
+                    if getattr(settings, key) is not None
+                }
+            )
+            for device, settings in config.devices.items()
+        }
         yield config.model_copy(update={"devices": devices})
+
+
+def _restore_files(log: LogReader, prefix: str, folder: Path) -> Path:
+    """Write the data files of one key into a folder; return the path of the one that the key names.
+
+    A path in the configuration of a log is that of another machine, and is never read.
+
+    Raises:
+        LogError: The log does not hold the file, or one with a name that is no bare file name.
+    """
+    paths: list[Path] = []
+    for name, data in log.attachments.items():
+        if not name.startswith(prefix):
+            continue
+        bare = name.removeprefix(prefix)
+        if not BARE_NAME.fullmatch(bare) or len(bare.encode()) > MOST_NAME_BYTES:
+            raise LogError(f"{log.path} is damaged: it names a data file {prefix}{bare!r}")
+        folder.mkdir(parents=True, exist_ok=True)
+        paths.append(folder / bare)
+        paths[-1].write_bytes(data)
+    if not paths:
+        raise LogError(f"{log.path} is damaged: it does not hold its data file {prefix}*")
+    return paths[0]
 
 
 def with_controller_of(logged: Config, other: Config) -> Config:

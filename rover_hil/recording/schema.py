@@ -7,9 +7,9 @@ one monotonic clock.
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import NotRequired, TypeVar, cast
+from typing import Annotated, NotRequired, TypeAlias, TypeVar, cast
 
-from pydantic import BaseModel, Field, TypeAdapter
+from pydantic import BaseModel, FailFast, Field, TypeAdapter
 from typing_extensions import TypedDict
 
 from controllers.control_loop import StepOutput
@@ -44,6 +44,10 @@ CYCLE = "/cycle"
 END = "/end"
 
 
+# The errors of a million wrong items would take gigabytes.
+Numbers: TypeAlias = Annotated[tuple[float, ...], FailFast()]
+
+
 class PoseRecord(TypedDict):
     """A pose in the local frame."""
 
@@ -63,7 +67,7 @@ class PoseEstimateRecord(TypedDict):
     velocity_y_m_s: float
     yaw_rate_rad_s: float
     gyro_bias_rad_s: float
-    covariance: tuple[float, ...]
+    covariance: Numbers
     yaw_source: str
 
 
@@ -82,7 +86,7 @@ class WheelCommandRecord(TypedDict):
 
     t_ns: int
     expires_ns: int
-    speed_rad_s: tuple[float, ...]
+    speed_rad_s: Numbers
 
 
 class WheelSlipRecord(TypedDict):
@@ -102,7 +106,7 @@ class SlipRecord(TypedDict):
     map: str
     surface: str | None
     drift_rad: float
-    wheels: tuple[WheelSlipRecord, ...]
+    wheels: Annotated[tuple[WheelSlipRecord, ...], FailFast()]
 
 
 class TraceRecord(TypedDict):
@@ -132,7 +136,7 @@ class EstimateRecord(TypedDict):
     estimate: PoseEstimateRecord
     odometry: PoseRecord
     odometry_rebases: int
-    innovations: tuple[InnovationRecord, ...]
+    innovations: Annotated[tuple[InnovationRecord, ...], FailFast()]
     command: WheelCommandRecord
     limit: str
     cross_track_m: float | None
@@ -150,7 +154,7 @@ class SetPointRecord(TypedDict):
     """Wheel set-points: sent ones on `COMMAND`, those of an imported run on `SET_POINT`."""
 
     t_ns: NotRequired[int]
-    speed_rad_s: tuple[float, ...]
+    speed_rad_s: Numbers
     delivered: NotRequired[bool]
 
 
@@ -167,10 +171,10 @@ class TruthRecord(TypedDict):
     velocity_x_m_s: NotRequired[float]
     velocity_y_m_s: NotRequired[float]
     yaw_rate_rad_s: NotRequired[float]
-    wheel_position_rad: NotRequired[tuple[float, ...]]
-    wheel_speed_rad_s: NotRequired[tuple[float, ...]]
-    motor_current_a: NotRequired[tuple[float, ...]]
-    slip: NotRequired[tuple[float, ...]]
+    wheel_position_rad: NotRequired[Numbers]
+    wheel_speed_rad_s: NotRequired[Numbers]
+    motor_current_a: NotRequired[Numbers]
+    slip: NotRequired[Numbers]
     battery_v: NotRequired[float]
     bumper_pressed: NotRequired[bool]
 
@@ -197,11 +201,11 @@ class EndRecord(TypedDict):
 class SamplesRecord(BaseModel):
     """The samples of a cycle that readers use, by kind, on `SAMPLES`."""
 
-    wheels: list[WheelSample] = Field(default=[], alias="WheelSample")
-    headings: list[HeadingSample] = Field(default=[], alias="HeadingSample")
-    rates: list[RateSample] = Field(default=[], alias="RateSample")
-    attitudes: list[AttitudeSample] = Field(default=[], alias="AttitudeSample")
-    fixes: list[PoseFixSample] = Field(default=[], alias="PoseFixSample")
+    wheels: Annotated[list[WheelSample], FailFast()] = Field(default=[], alias="WheelSample")
+    headings: Annotated[list[HeadingSample], FailFast()] = Field(default=[], alias="HeadingSample")
+    rates: Annotated[list[RateSample], FailFast()] = Field(default=[], alias="RateSample")
+    attitudes: Annotated[list[AttitudeSample], FailFast()] = Field(default=[], alias="AttitudeSample")
+    fixes: Annotated[list[PoseFixSample], FailFast()] = Field(default=[], alias="PoseFixSample")
 
 
 SAMPLES_SHAPE = TypeAdapter(SamplesRecord)
@@ -210,7 +214,7 @@ TRACES_SHAPE = TypeAdapter(TracesRecord)
 SET_POINT_SHAPE = TypeAdapter(SetPointRecord)
 TRUTH_SHAPE = TypeAdapter(TruthRecord)
 CYCLE_SHAPE = TypeAdapter(CycleRecord)
-HEALTH_SHAPE = TypeAdapter(list[Health])
+HEALTH_SHAPE = TypeAdapter(Annotated[list[Health], FailFast()])
 LINK_SHAPE = TypeAdapter(LinkChange)
 END_SHAPE = TypeAdapter(EndRecord)
 

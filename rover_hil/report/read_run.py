@@ -209,7 +209,9 @@ class _Collector:
         t_s = self._elapsed_s(forward)
         slip = np.where(turns, 1.0 - forward.value / np.where(turns, rim_m_s, 1.0), np.nan)
         angle = np.where(moves, np.arctan2(left.value, forward.value), np.nan)
-        return Series.of(np.column_stack((t_s, slip))), Series.of(np.column_stack((t_s, angle)))
+        found = (Series.of(np.column_stack((t_s, values))) for values in (slip, angle))
+        true_slip, true_angle = (series if len(series.t_s) else None for series in found)
+        return true_slip, true_angle
 
     def _elapsed_s(self, readings: Readings) -> Array:
         elapsed: Array = (readings.t_ns - self._start_ns) / 1e9

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from pydantic_core import to_json
@@ -13,7 +13,7 @@ from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.schema import SENT, estimate_record, samples_record, set_point_record
+from rover_hil.recording.schema import LINK_SHAPE, SENT, estimate_record, samples_record, set_point_record
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
 
@@ -74,8 +74,9 @@ def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> Repl
     rig.connect(timeout_s=0.0)
     replayer = _Replayer(rig, links)
     for message in log.messages():
-        if replayer.take(message):
+        if replayer.take(message, log):
             on_cycle()
+    replayer.finish(is_complete=log.is_complete)
     return replayer.result
 
 
@@ -90,12 +91,17 @@ class _Replayer:
         self._expected: dict[str, LogMessage] = {}
         self._expected_sent: list[LogMessage] = []
         self._stops_ns: list[int] = []
+        self._has_commanded = False
 
-    def take(self, message: LogMessage) -> bool:
-        """Take one message; returns True when it completed a cycle."""
+    def take(self, message: LogMessage, log: LogReader) -> bool:
+        """Take one message; returns True when it completed a cycle.
+
+        Raises:
+            LogError: It is damaged, or of a device that the configuration does not have.
+        """
         kind, _, device = message.topic[1:].partition("/")
         if device:
-            self._feed(kind, device, message)
+            self._feed(kind, device, message, log)
         elif kind == "cycle":
             self._run_cycle(message.t_ns)
             return True
@@ -105,14 +111,29 @@ class _Replayer:
             self._expected[kind] = message
         return False
 
-    def _feed(self, kind: str, device: str, message: LogMessage) -> None:
+    def finish(self, *, is_complete: bool) -> None:
+        """Compare the stop after the last cycle, which ends every run that was not killed.
+
+        A log that was cut off may end anywhere in the stop, and a run that was interrupted twice in the
+        middle of a cycle: there it is not compared.
+        """
+        if not is_complete or not self._has_commanded or self._expected.keys() & {"samples", "estimate"}:
+            return
+        stop_ns = max((message.t_ns for message in self._expected_sent), default=0)
+        recorded = self._prepare_drive(max(stop_ns, *self._stops_ns, self._rig.clock.now_ns()))
+        self._rig.clock.sleep_until(stop_ns)
+        self._rig.drive.stop()
+        self._compare_sent(self._rig.clock.now_ns(), recorded, "bytes of the final stop")
+
+    def _feed(self, kind: str, device: str, message: LogMessage, log: LogReader) -> None:
         if kind in ("sent", "unsent"):
             self._expected_sent.append(message)
         elif device in self._links.image_links:
-            image = decode_image(message.data) if kind == "raw" else None
-            _feed_link(self._links.image_links[device], message, image)
+            image = decode_image(message.data) if kind == "raw" else _link_change(message, log)
+            _feed_link(self._links.image_links[device], message.t_ns, image)
         elif device in self._links.bytes_links:
-            _feed_link(self._links.bytes_links[device], message, message.data if kind == "raw" else None)
+            payload = message.data if kind == "raw" else _link_change(message, log)
+            _feed_link(self._links.bytes_links[device], message.t_ns, payload)
         else:
             raise LogError(f"the log holds data of a device '{device}' that its configuration does not have")
 
@@ -128,7 +149,8 @@ class _Replayer:
             recorded_sent = self._prepare_drive(command.t_ns)
             rig.clock.sleep_until(command.t_ns)
             self._compare("command", t_ns, set_point_record(rig.drive.command(output.command)))
-            self._compare_sent(t_ns, recorded_sent)
+            self._compare_sent(t_ns, recorded_sent, "sent bytes")
+            self._has_commanded = True
         self._expected.clear()
         self._drive_link.sent.clear()
         self._drive_link.outcomes.clear()
@@ -159,23 +181,20 @@ class _Replayer:
             for name, was, now in _unequal_fields(topic, recorded, json.loads(replayed_json)):
                 self.result.note(t_ns, name, was, now)
 
-    def _compare_sent(self, t_ns: int, recorded: list[bytes]) -> None:
+    def _compare_sent(self, t_ns: int, recorded: list[bytes], name: str) -> None:
         sent = self._drive_link.sent
         if sent != recorded:
             was, now = (b" ".join(payloads).hex(" ") for payloads in (recorded, sent))
-            self.result.note(t_ns, "sent bytes", was, now)
+            self.result.note(t_ns, name, was, now)
 
 
-def _feed_link(link: ReplayLink[PayloadT], message: LogMessage, payload: PayloadT | None) -> None:
-    if payload is not None:
-        link.feed(Received(message.t_ns, payload))
-        return
-    change = message.json()
-    if not isinstance(change, dict):
-        raise LogError(
-            f"message on {message.topic} at {message.t_ns} ns is not a link change: the log is damaged"
-        )
-    link.feed(LinkChange(message.t_ns, bool(change["up"]), str(change["reason"]), bool(change["gave_up"])))
+def _link_change(message: LogMessage, log: LogReader) -> LinkChange:
+    change = log.parse(message, LINK_SHAPE)
+    return replace(change, t_ns=message.t_ns)
+
+
+def _feed_link(link: ReplayLink[PayloadT], t_ns: int, item: PayloadT | LinkChange) -> None:
+    link.feed(item if isinstance(item, LinkChange) else Received(t_ns, item))
 
 
 def _unequal_fields(name: str, recorded: object, replayed: object) -> Iterator[tuple[str, object, object]]:

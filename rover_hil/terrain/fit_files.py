@@ -5,12 +5,13 @@ docs/results/terrain.md.
 """
 
 import csv
-import gzip
+import io
 from pathlib import Path
 
 import numpy as np
 
 from drivers.errors import LogError
+from drivers.files import TABLE_BYTES, read_packed_bytes, read_text
 from rover_hil.datasets.arrays import Array
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion
@@ -57,8 +58,7 @@ def read_cmu_wheel(path: Path) -> WheelTests:
         LogError: The file is missing or lacks a column.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(io.StringIO(read_text(path, TABLE_BYTES))))
         table = {name: np.array([float(row[name]) for row in rows]) for name in _WHEEL_COLUMNS}
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise LogError(
@@ -114,5 +114,5 @@ def _read_plate(folder: Path, number: int, diameter_m: float) -> PlateTest:
 
 
 def _table(path: Path, skip: int) -> Array:
-    with gzip.open(path, "rt", encoding="utf-8") as file:
-        return np.array([[float(x) for x in line.split(",")] for line in list(file)[skip:] if line.strip()])
+    lines = read_packed_bytes(path, TABLE_BYTES).decode("utf-8").splitlines()
+    return np.array([[float(x) for x in line.split(",")] for line in lines[skip:] if line.strip()])

@@ -49,15 +49,18 @@ def read_plate_table(path: Path) -> list[PlateTest]:
         LogError: The file cannot be read, lacks a column, or a number is out of range; names the place.
     """
     names, table = _read(path, "test", PLATE_COLUMNS)
+    rows_of: dict[str, list[int]] = {}
+    for row, name in enumerate(names):
+        rows_of.setdefault(name, []).append(row)
     tests = []
-    for name in dict.fromkeys(names):
-        rows = np.array([one == name for one in names])
+    for name, places in rows_of.items():
+        rows = np.array(places)
         diameters_m = np.unique(table["diameter_m"][rows])
         if len(diameters_m) > 1:
             raise LogError(
                 f"{path}: test '{name}' has plates of {len(diameters_m)} diameters; one test, one plate."
             )
-        used = rows & (table["sinkage_m"] > 0.0) & (table["load_n"] > 0.0)
+        used = rows[(table["sinkage_m"][rows] > 0.0) & (table["load_n"][rows] > 0.0)]
         area_m2 = math.pi / 4.0 * diameters_m[0] ** 2
         tests.append(
             PlateTest(name, float(diameters_m[0]), table["sinkage_m"][used], table["load_n"][used] / area_m2)

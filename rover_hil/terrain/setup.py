@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from drivers.errors import ConfigError
+from drivers.files import read_text
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.terrain.table import Table
 from sim_backends.terramechanics.slope.rover import SlopeRover, paper_rover
@@ -144,7 +145,7 @@ def _load_rover(name: str) -> SlopeRover:
     if not name.endswith(".toml"):
         raise ConfigError(f"there is no rover '{name}'; give {PAPER_ROVER}, or the path of a .toml file.")
     try:
-        text = Path(name).read_text("utf-8")
+        text = read_text(Path(name))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{name}: cannot be read ({error}); give a readable TOML file.") from None
     return parse_settings(text, name, SlopeRover)

@@ -1,6 +1,5 @@
 """Result of a tuning: as JSON, as a page, and as a new configuration."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from pydantic_core import to_json
 
 from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
+from drivers.files import parse_json, read_text
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
 from rover_hil.pages.atomic_write import write_files
@@ -160,9 +160,10 @@ def write_results(
 def study_of(folder: Path) -> str:
     """Return the name of the study whose results a folder holds; empty where it holds none."""
     try:
-        return str(json.loads((folder / RESULT_NAME).read_text("utf-8"))["study"])
-    except (OSError, ValueError, KeyError, TypeError):
+        result = parse_json(read_text(folder / RESULT_NAME))
+    except (OSError, ValueError):
         return ""
+    return str(result.get("study", "")) if isinstance(result, dict) else ""
 
 
 def sentence(result: TuningResult) -> str:

@@ -10,6 +10,7 @@ from rich.progress import track
 
 from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import ConfigError
+from drivers.files import resolved
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.log_runs import read_log_run
@@ -65,7 +66,7 @@ def identify_probe(
 
 def _excitation(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawExcitationMap:
     """Return the excitation of the logs, its table not yet fitted."""
-    source = f"drives in {', '.join(path.resolve().name for path in logs)}"
+    source = f"drives in {', '.join(resolved(path).name for path in logs)}"
     try:
         return YawExcitationMap(
             source=source,

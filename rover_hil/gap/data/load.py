@@ -15,6 +15,7 @@ from typing import cast
 import numpy as np
 
 from drivers.errors import ConfigError, RoverHilError
+from drivers.files import is_file, resolved
 from rover_hil.gap.data import readers
 from rover_hil.gap.data.columns import LogModel
 from rover_hil.gap.data.logs import find_logs, read_logs
@@ -62,7 +63,7 @@ def load_model(name: str) -> Model:
 
 def _load_file(path: Path) -> object:
     spec = importlib.util.spec_from_file_location(f"_user_model_{path.stem}", path)
-    if spec is None or spec.loader is None or not path.is_file():
+    if spec is None or spec.loader is None or not is_file(path):
         raise ConfigError(f"cannot read the model file {path}: check the path")
     module = importlib.util.module_from_spec(spec)
     # Dataclasses look their module up by name.
@@ -82,14 +83,14 @@ def name_model_errors(path: Path) -> Iterator[None]:
     Raises:
         ConfigError: In place of such an exception.
     """
-    file = path.resolve()
+    file = resolved(path)
     try:
         yield
     except RoverHilError:
         raise
     except (Exception, SystemExit) as error:
         frames = traceback.extract_tb(error.__traceback__)
-        lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == file]
+        lines = [frame.lineno for frame in frames if resolved(Path(frame.filename)) == file]
         if isinstance(error, SyntaxError):
             lines.append(error.lineno)
         if not lines:

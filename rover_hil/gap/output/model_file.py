@@ -2,7 +2,6 @@
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Literal
 from pydantic import ValidationError
 
 from drivers.errors import ConfigError
+from drivers.files import parse_toml, read_text
 from drivers.settings import Settings
 from rover_hil.gap.data.problem import Key
 from rover_hil.gap.statistics.fit import Fit
@@ -166,10 +166,10 @@ def read_model_file(path: Path) -> ModelFile:
         ConfigError: It cannot be read, or contains an unknown key.
     """
     try:
-        table = tomllib.loads(path.read_text("utf-8"))
+        table = parse_toml(read_text(path))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}; use the model.toml of a gap run") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ConfigError(f"{path} is not a TOML file: {error}") from error
     table["schema_name"] = table.pop("schema", None)
     table.setdefault("parameters", {})

@@ -8,9 +8,15 @@ import numpy as np
 from drivers.errors import LogError
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.datasets.log import RecordedDrive, read_drive
-from rover_hil.identify.motor.record import MotorRecord, Scale, Series, check_times, cut_set_point
+from rover_hil.identify.motor.record import (
+    LEAST_READINGS,
+    MotorRecord,
+    Scale,
+    Series,
+    check_times,
+    cut_set_point,
+)
 
-LEAST_READINGS = 3
 FIELDS = ("enc{}_rad", "speed{}_rad_s", "current{}_a", "voltage{}_v")
 
 

@@ -14,6 +14,8 @@ from rover_hil.datasets.arrays import Array
 HOLD_S = 0.3
 """A set-point that changes after a rest of this length begins a new move."""
 
+LEAST_READINGS = 3
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:

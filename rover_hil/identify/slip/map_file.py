@@ -7,6 +7,7 @@ from pathlib import Path
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.slip_map import MapScore, SlipMapFile, WheelMap
 from drivers.clock import wall_time_text
+from drivers.files import SETTINGS_BYTES, read_bytes, resolved
 from rover_hil.config import load_slip_map, validated
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.slip.identification import SlipIdentification
@@ -69,9 +70,13 @@ def _surface_wheel_maps(found: SlipIdentification) -> dict[str, WheelMap]:
 
 def _licence(source: Path) -> str:
     """Return the first line of the licence in the folder of the data, or above it."""
-    folder = source.resolve() if source.is_dir() else source.resolve().parent
+    folder = resolved(source) if source.is_dir() else resolved(source).parent
     for place in (folder, *folder.parents[: LICENCE_LEVELS - 1]):
         for path in sorted(place.glob("LICENSE*")):
-            lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+            try:
+                text = read_bytes(path, SETTINGS_BYTES).decode("utf-8", "replace")
+            except OSError:
+                continue
+            lines = [line.strip() for line in text.splitlines()]
             return next((line for line in lines if line), "not stated")
     return "not stated"

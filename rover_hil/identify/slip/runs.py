@@ -10,6 +10,7 @@ import numpy as np
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.parameters import EFFORT
 from drivers.errors import LogError
+from drivers.files import resolved
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
@@ -20,6 +21,7 @@ from rover_hil.identify.slip.windows import form_windows
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 SURFACE_ENDING = "_surface"
+LEAST_READINGS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ def surface_of(path: Path) -> str:
     stem = path.name.split(".")[0]
     if stem.startswith("experimental_data_"):
         return stem.removeprefix("experimental_data_") + SURFACE_ENDING
-    return path.resolve().parent.name
+    return resolved(path).parent.name
 
 
 def surface_parts(name: str, known: Sequence[str]) -> list[str]:
@@ -130,6 +132,8 @@ def _read_csv_run(path: Path, surface: str) -> MeasuredRun:
 
 
 def _check_currents(run: MeasuredRun) -> None:
+    if len(run.t_s) < LEAST_READINGS:
+        raise LogError(f"{run.path}: holds {len(run.t_s)} readings of the wheels: give the run of a drive")
     turned = np.abs(np.gradient(run.position_rad, run.t_s, axis=0)).max(axis=0) > EFFORT.motor.slowest_rad_s
     silent = turned & (np.abs(run.current_a) == 0.0).all(axis=0)
     if silent.any():

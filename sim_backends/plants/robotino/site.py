@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
+from drivers.files import is_file
 from drivers.settings import Settings, read_toml
 from sim_backends.arrays import Array
 from sim_backends.plants.robotino.surfaces import InnerLayer, Surface, shipped_surfaces
@@ -139,7 +140,7 @@ def load_site(name_or_path: str) -> Site:
     if name_or_path.startswith("floor_"):
         table: dict[str, object] = {"name": name_or_path, "floor": name_or_path.removeprefix("floor_")}
     else:
-        path = shipped if shipped.is_file() else Path(name_or_path)
+        path = shipped if isinstance(shipped, Path) and is_file(shipped) else Path(name_or_path)
         table = read_toml(path, f"site '{name_or_path}'", "name a shipped site or a TOML file")
     try:
         return Site.model_validate(table)

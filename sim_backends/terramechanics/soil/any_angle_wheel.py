@@ -28,6 +28,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from drivers.errors import ConfigError, ModelError
+from drivers.files import read_text
 from drivers.settings import Settings
 from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.arrays import Array
@@ -98,7 +99,7 @@ def load_any_angle_soil(name: str | Path) -> AnyAngleSoil:
         library = resources.files("sim_backends.terramechanics.soil") / "library"
         path = Path(str(library / "any_angle" / f"{name}.toml"))
     try:
-        text = path.read_text("utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"soil '{name}': cannot be read ({error}); give a .toml file.") from None
     return parse_settings(text, str(name), AnyAngleSoil)

@@ -1,7 +1,6 @@
 """Wheels and soils: their parameters and their data files."""
 
 import math
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -9,6 +8,7 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import Field, ValidationError
 
 from drivers.errors import ConfigError
+from drivers.files import parse_toml, read_text
 from drivers.settings import Settings
 from sim_backends.terramechanics.soil.quantity import quantity
 
@@ -132,7 +132,7 @@ def library_names(kind: Literal["wheels", "soils"]) -> list[str]:
 def _load(name: str | Path, kind: Literal["wheels", "soils"], form: type[SettingsT]) -> SettingsT:
     if str(name).endswith(".toml"):
         try:
-            text = Path(name).read_text("utf-8")
+            text = read_text(Path(name))
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{name}: cannot be read ({error}); give a readable TOML file.") from None
     elif str(name) in library_names(kind):
@@ -156,12 +156,12 @@ def parse_settings(text: str, origin: str, form: type[SettingsT]) -> SettingsT:
         ConfigError: Not TOML or not such settings; names the first wrong key, its value, unit and range.
     """
     try:
-        return form.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{origin}: is not TOML ({error}); correct the file.") from None
+        return form.model_validate(parse_toml(text))
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         if first["type"] == "value_error":
             raise ConfigError(f"{origin}: {first['msg'].removeprefix('Value error, ')}.") from None
         raise ConfigError(f"{origin}: {key}: {first['msg']} (given: {first['input']!r}).") from None
+    except ValueError as error:
+        raise ConfigError(f"{origin}: is not TOML ({error}); correct the file.") from None

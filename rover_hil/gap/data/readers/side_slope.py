@@ -62,8 +62,10 @@ def _read(path: Path, needed: Sequence[str]) -> CsvTable:
 def _bends(path: Path) -> dict[str, float]:
     table = _read(path, PATH_COLUMNS)
     points = np.column_stack([table.numbers(name) for name in PATH_COLUMNS])
-    names = np.array(table.text("run"))
-    bends = {name: path_bend_deg_m(points[names == name]) for name in dict.fromkeys(names.tolist())}
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(table.text("run")):
+        rows.setdefault(name, []).append(row)
+    bends = {name: path_bend_deg_m(points[members]) for name, members in rows.items()}
     return {name: bend for name, bend in bends.items() if math.isfinite(bend)}
 
 
