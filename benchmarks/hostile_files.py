@@ -21,7 +21,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from benchmarks import hostile_logs, hostile_settings, hostile_tables
+from benchmarks.hostile import logs as hostile_logs
+from benchmarks.hostile import settings as hostile_settings
+from benchmarks.hostile import tables as hostile_tables
 from drivers.clock import seconds, stopwatch_ns
 
 LONGEST_S = 20.0

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
-from benchmarks.hostile_logs import bitmap_head, png_bomb
-from benchmarks.hostile_values import DEEP_MARK, HUGE_MARK, change_somewhere, raw_json
+from benchmarks.hostile.logs import bitmap_head, png_bomb
+from benchmarks.hostile.values import DEEP_MARK, HUGE_MARK, change_somewhere, raw_json
 
 RUN = ("run", "{config}", "--virtual", "--duration", "0.3", "--out", "{out}")
 CLIMB = ("terrain", "climb", "--slope-deg", "5")

@@ -13,7 +13,7 @@ import lz4.frame
 import zstandard
 from mcap.opcode import Opcode
 
-from benchmarks.hostile_values import change_somewhere, raw_json
+from benchmarks.hostile.values import change_somewhere, raw_json
 from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.recording.mcap_records import HEAD, MAGIC, MESSAGE_HEAD

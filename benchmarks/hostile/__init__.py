@@ -1,0 +1,1 @@
+"""Hostile files of every kind, for `benchmarks.hostile_files`."""
