@@ -109,7 +109,8 @@ def _rows_of_lanes(series: list[Array], shape: tuple[int, int], steps: int) -> t
         sources[index] = np.broadcast_to(places, shape).reshape(-1)
         rows.append(one[..., :steps].reshape(-1, steps))
         count += places.size
-    return (np.concatenate(rows) if rows else np.zeros((0, steps))), sources
+    # One memory order: for another one the integration would be compiled again.
+    return np.ascontiguousarray(np.concatenate([np.zeros((0, steps)), *rows])), sources
 
 
 def _processors() -> int:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -75,6 +75,15 @@ def test_a_standard_effect_is_recorded_and_has_the_same_motion(
     slow = _values(model, [{}, acting])
     assert np.abs(slow[1] - slow[0]).max() > 1e-3
     np.testing.assert_allclose(fast, slow, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_the_integration_is_compiled_for_one_memory_order(order: Literal["C", "F"]) -> None:
+    samples = np.arange(6.0).reshape(2, 3)
+    one = np.array(samples, order=order)[None]
+    rows, sources = recorded._rows_of_lanes([one], (2, 2), 3)
+    assert rows.flags.c_contiguous
+    np.testing.assert_array_equal(rows[sources[0]], np.concatenate((samples, samples)))
 
 
 def test_a_long_record_needs_few_calls_of_the_equations() -> None:
