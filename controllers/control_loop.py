@@ -150,8 +150,16 @@ class ControlLoop:
                 commanded_rad_s=self._commanded_rad_s,
                 measured_rad_s=odometry.wheel_speed_rad_s,
                 distance_m=distance_m,
+                is_still=self._estimator.is_still(now_ns),
+                evidence=self._estimator.evidence,
+                gyro_bias_rad_s=estimate.gyro_bias_rad_s,
+                rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
+                unseen_m=self._estimator.unseen_m,
+                unseen_rad=self._estimator.unseen_rad,
             )
         )
+        for wheel_rad, yaw_rad in supervisor.doubts:
+            self._estimator.doubt(wheel_rad, yaw_rad)
         if supervisor.mode is not Mode.RUNNING:
             return None
         drift_rad = 0.0

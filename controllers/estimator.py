@@ -1,12 +1,17 @@
 """Estimate of the pose from samples."""
 
+import math
+
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
-from controllers.estimation.pose_fixes import FixQueue, late
+from controllers.estimation.pose_fixes import FixQueue, Step, late
 from controllers.estimation.settings import FilterSettings
-from controllers.motion.kinematics import BodyMotion, Kinematics
+from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.unseen_motion import UnseenMotion
+from controllers.motion.kinematics import BodyMotion, Kinematics, greatest_motion, wheel_effects
 from controllers.roles import DeviceRoles
 from controllers.slip.protocol import SlipCompensator
 from drivers.clock import nanoseconds, seconds
@@ -34,6 +39,7 @@ class Estimator:
     Attributes:
         odometry: Wheel odometry.
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
+        evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
     """
 
     def __init__(
@@ -48,12 +54,21 @@ class Estimator:
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
-        self._gyro = GyroIntegrator(roles.max_age_s(roles.gyro))
+        self._effects = wheel_effects(kinematics)
+        fastest_turn_rad_s = wheel_speed_limit_rad_s * sum(abs(effect[2]) for effect in self._effects)
+        self._gyro = GyroIntegrator(
+            roles.max_age_s(roles.gyro), ESTIMATION.odometry.plausible_speed * fastest_turn_rad_s
+        )
         self._filter = PoseFilter(settings, roles.headings, roles.fixes)
         self._fixes = FixQueue(roles.fixes)
         self._headings: list[tuple[HeadingSample, int]] = []
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
         self._wheel_turn_rad = 0.0
+        self._wheel_turn = WheelTurn()
+        self._has_lost_motion = False
+        self._driven_ns: int | None = None
+        self._unseen = UnseenMotion(self._effects)
+        self.evidence: TurnEvidence | None = None
         self._yaw_source = YawSource.WHEELS
         self._bias_seen_ns: int | None = None
         self.motion_ns: int | None = None
@@ -82,19 +97,23 @@ class Estimator:
 
         Args:
             now_ns: Time of the cycle.
-            set_speed_rad_s: Set-points of the wheels since the last cycle; needed with slip only.
+            set_speed_rad_s: Set-points of the wheels since the last cycle; empty for none.
         """
         increment = self.odometry.take()
+        self.evidence = None
+        if any(set_speed_rad_s):
+            self._driven_ns = now_ns
+        self._account_for_lost_motion(set_speed_rad_s or (0.0,) * len(self._effects))
         if increment is not None and self._slip is not None:
             gyro_rate_rad_s = self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
             increment = self._slip.compensate(
                 increment, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
             )
-        is_still = self.odometry.is_still(now_ns, self._settings.standstill_s)
+        is_still = self.is_still(now_ns)
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
-            step = self._filter.predict(increment, self._turn(increment, now_ns, is_still))
-            self._fixes.move(self.motion_ns, step)
+            self._wheel_turn = self._wheel_turn.add(self._effects, increment.turned_rad, increment.duration_s)
+            self._fixes.move(self.motion_ns, self._move(increment, self._turn(increment, now_ns, is_still)))
         innovations = [
             self._correct_heading(sample, t_ns) for sample, t_ns in self._headings if self._is_usable(t_ns)
         ]
@@ -105,7 +124,32 @@ class Estimator:
         if is_still and gyro.t_ns != self._bias_seen_ns and self._roles.gyro is not None:
             self._bias_seen_ns = gyro.t_ns
             innovations.append(self._filter.correct_bias(self._roles.gyro, gyro.rate_rad_s))
+        self._unseen.limit(*self._variances())
         return tuple(innovations)
+
+    def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float) -> None:
+        """Widen the estimate by motion that was measured wrongly.
+
+        Args:
+            wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
+            yaw_rad: Greatest error of the yaw.
+        """
+        x_m, y_m, by_wheels_rad = greatest_motion(self._effects, wheel_rad or (0.0,) * len(self._effects))
+        self._widen((x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0)))
+
+    def is_still(self, now_ns: int) -> bool:
+        """Return whether the wheels have been at rest for a while, as commanded.
+
+        Encoders that are stuck must not pass for rest: the gyro's bias would be what the rover turns.
+        """
+        standstill_s = self._settings.standstill_s
+        is_driven = self._driven_ns is not None and now_ns - self._driven_ns < nanoseconds(standstill_s)
+        return not is_driven and self.odometry.is_still(now_ns, standstill_s)
+
+    @property
+    def rejected_rate_rad_s(self) -> float | None:
+        """Newest reading of the gyro if the rover cannot turn that fast; else None."""
+        return self._gyro.rejected_rad_s
 
     def estimate(self, now_ns: int) -> PoseEstimate:
         """Return the estimate; before the first motion of the wheels is known it is the start, `now_ns`."""
@@ -124,25 +168,90 @@ class Estimator:
             yaw_source=self._yaw_source,
         )
 
+    @property
+    def unseen_m(self) -> float:
+        """Standard deviation of the position from motion that was not measured; fixes reduce it."""
+        return self._unseen.position_m
+
+    @property
+    def unseen_rad(self) -> float:
+        """Standard deviation of the yaw from motion that was not measured; headings reduce it, too."""
+        return self._unseen.yaw_rad
+
+    def _account_for_lost_motion(self, set_speed_rad_s: tuple[float, ...]) -> None:
+        """Widen the estimate when the wheels have a new base: what they did since the last one is unknown."""
+        odometry = self.odometry
+        if odometry.lost_s:
+            self._has_lost_motion = True
+            turn_unknown_s = max(0.0, odometry.lost_s - self._gyro.covered_s)
+            if turn_unknown_s <= self._roles.max_age_s(self._roles.gyro) and self._roles.gyro is not None:
+                turn_unknown_s = 0.0  # the readings to come reach back
+            self._widen(self._unseen.greatest_motion(odometry.lost_s, turn_unknown_s))
+        is_measured = odometry.t_ns is not None
+        self._unseen.note_speeds(odometry.wheel_speed_rad_s, set_speed_rad_s, is_measured=is_measured)
+
+    def _widen(self, greatest: BodyMotion) -> None:
+        position_m2, yaw_rad2 = self._variances()
+        self._filter.widen(*greatest)
+        wide_m2, wide_rad2 = self._variances()
+        self._unseen.add(wide_m2 - position_m2, wide_rad2 - yaw_rad2)
+
+    def _variances(self) -> tuple[float, float]:
+        xx, _, _, yy, _, yaw_yaw = self._filter.covariance
+        return xx + yy, yaw_yaw
+
+    def _move(self, increment: BodyIncrement, turn: Turn) -> Step:
+        """Move the estimate; after a gap of the samples the path between is unknown."""
+        step = self._filter.predict(increment, turn)
+        if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
+            self._unseen.add(0.0, step.yaw_rad2)
+        if increment.duration_s > self._roles.max_age_s(self._roles.wheels):
+            aside_m = 0.5 * math.hypot(increment.x_m, increment.y_m) * min(abs(step.turn_rad), 1.0)
+            self._widen((aside_m, aside_m, 0.0))
+        return step
+
     def _turn(self, increment: BodyIncrement, now_ns: int, is_still: bool) -> Turn:
         """Choose the source of the turn.
 
         While the gyro is fresh but has no new reading since the last increment, the wheels' turn is held
-        back: it is not lost if the gyro fails, and not counted twice if it has a reading. At standstill the
-        wheels are used: the gyro would only add its noise.
+        back: it is not lost if the gyro fails, and not counted twice if it has a reading. The turn in a gap
+        between the gyro's readings is that of the wheels. At standstill the wheels are used: the gyro would
+        only add its noise.
         """
         self._wheel_turn_rad += increment.turn_rad
         angle_rad, covered_s = self._gyro.take()
         if not is_still and covered_s > 0.0:
-            self._yaw_source = YawSource.GYRO
-            self._wheel_turn_rad = 0.0
-            return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s)
+            return self._turn_by_gyro(angle_rad, covered_s)
         if not is_still and self._gyro.is_fresh(now_ns):
             return Turn(angle_rad=0.0, source=YawSource.GYRO)
         self._yaw_source = YawSource.WHEELS
         turn = Turn(angle_rad=self._wheel_turn_rad, source=YawSource.WHEELS)
-        self._wheel_turn_rad = 0.0
+        self._begin_turn()
         return turn
+
+    def _turn_by_gyro(self, angle_rad: float, covered_s: float) -> Turn:
+        self._yaw_source = YawSource.GYRO
+        wheels, wheel_turn_rad, has_gap = self._wheel_turn, self._wheel_turn_rad, self._gyro.has_gap
+        has_lost_motion = self._has_lost_motion
+        self._begin_turn()
+        if has_gap:
+            by_wheels_rad = wheel_turn_rad * max(0.0, 1.0 - covered_s / wheels.duration_s)
+            return Turn(
+                angle_rad=angle_rad + by_wheels_rad,
+                source=YawSource.GYRO,
+                covered_s=covered_s,
+                by_wheels_rad=by_wheels_rad,
+            )
+        if not has_lost_motion:
+            bias_rad = self._filter.gyro_bias_rad_s * covered_s
+            self.evidence = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels)
+        return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s)
+
+    def _begin_turn(self) -> None:
+        self._wheel_turn_rad = 0.0
+        self._wheel_turn = WheelTurn()
+        self._has_lost_motion = False
+        self._gyro.clear_gap()
 
     def _yaw_rate_rad_s(self) -> float:
         if self._yaw_source is YawSource.GYRO:

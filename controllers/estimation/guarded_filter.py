@@ -177,6 +177,11 @@ class GuardedFilter:
         """Increase the variance of a state by a number that is not negative."""
         self._filter.P[index, index] += variance
 
+    def widen_by(self, noise: Array) -> None:
+        """Add a covariance; without effect where a number of it is not finite."""
+        if math.isfinite(float(noise.sum())):
+            self._filter.P = self._filter.P + noise
+
     def _correct(self, residuals: Array, rows: Array, noise: Array) -> bool:
         before = (self._filter.x, self._filter.P)
         self._filter.update(residuals, lambda _: rows, lambda _: np.zeros(len(rows)), noise)

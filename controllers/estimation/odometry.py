@@ -68,6 +68,7 @@ class WheelOdometry:
         velocity: Body velocity in m/s, m/s, rad/s, smoothed over 0.05 s; from zero after a rebase.
         wheel_speed_rad_s: Speed of each wheel, smoothed in the same way.
         rebases: Number of times the base was lost, together with the motion in between.
+        lost_s: Time between the last base and the newest one where the last increment was lost; else 0.
     """
 
     def __init__(self, kinematics: Kinematics, wheel_speed_limit_rad_s: float) -> None:
@@ -84,6 +85,8 @@ class WheelOdometry:
         self.velocity = (0.0, 0.0, 0.0)
         self.wheel_speed_rad_s = (0.0,) * count
         self.rebases = 0
+        self.lost_s = 0.0
+        self._lost_ns: int | None = None
 
     def feed(self, wheel: int, t_ns: int, position_rad: float) -> bool:
         """Take the position of a wheel; return False when it is not finite or newer, or the wheel unknown."""
@@ -103,6 +106,7 @@ class WheelOdometry:
 
     def take(self) -> BodyIncrement | None:
         """Return the motion since the last increment; None until all wheels have reported again."""
+        self.lost_s = 0.0
         if self._missing:
             return None
         tracks = [track for track in self._tracks if track is not None]
@@ -111,6 +115,8 @@ class WheelOdometry:
         self._missing.update(range(len(tracks)))
         self._watch_standstill(is_new_base=before_ns is None)
         if before_ns is None:
+            if self._lost_ns is not None:
+                self.lost_s = max(0.0, seconds(self.t_ns - self._lost_ns))
             return None
         turned_rad = [new - old for new, old in zip(self._base_rad, before_rad, strict=True)]
         return self._integrate(turned_rad, seconds(self.t_ns - before_ns))
@@ -119,6 +125,7 @@ class WheelOdometry:
         """Forget the base, as after a broken link: the motion in between is unknown."""
         if self.t_ns is not None:
             self.rebases += 1
+            self._lost_ns = self.t_ns
         self.t_ns = None
         self._missing.update(range(len(self._tracks)))
         self.velocity = (0.0, 0.0, 0.0)

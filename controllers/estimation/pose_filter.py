@@ -37,11 +37,13 @@ class Turn:
         angle_rad: Bias of the gyro included.
         source: Source of the measurement.
         covered_s: The time over which the gyro's bias entered; 0 for the wheels.
+        by_wheels_rad: Part of the angle that the wheels measured in a gap of the gyro; None without a gap.
     """
 
     angle_rad: float
     source: YawSource
     covered_s: float = 0.0
+    by_wheels_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,6 +173,24 @@ class PoseFilter:
             yaw_rad2=float(self._noise[YAW, YAW]),
         )
 
+    def widen(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Add the uncertainty of motion that was not measured.
+
+        Any value from zero to the greatest is equally likely, hence the variance of a third of its square.
+
+        Args:
+            x_m: The rover may have moved forward or backward by this at most.
+            y_m: The same to the left or right.
+            yaw_rad: It may have turned by this at most.
+        """
+        direction = cmath.rect(1.0, self._filter.state[YAW])
+        noise = np.zeros_like(self._noise)
+        for axis, greatest_m in ((direction, x_m), (1j * direction, y_m)):
+            column = np.array([axis.real, axis.imag])
+            noise[:YAW, :YAW] += np.outer(column, column) * greatest_m**2 / 3.0
+        noise[YAW, YAW] = yaw_rad**2 / 3.0
+        self._filter.widen_by(noise)
+
     def correct_heading(
         self, device: str, reference: HeadingReference, heading_rad: float, turned_since_rad: float
     ) -> Innovation:
@@ -267,11 +287,14 @@ class PoseFilter:
             settings.position_noise_m_sqrt_m if increment.is_sure else settings.unsure_position_noise_m_sqrt_m
         )
         position_m2 = noise_m_sqrt_m**2 * distance_m
+        yaw_rad2 = 0.0
+        by_wheels_rad: float | None = turn.angle_rad
         if turn.source is YawSource.GYRO:
             yaw_rad2 = settings.gyro_noise_rad_sqrt_s**2 * turn.covered_s
-        else:
-            yaw_rad2 = (
-                settings.wheel_yaw_noise_rad_sqrt_rad**2 * abs(turn.angle_rad)
+            by_wheels_rad = turn.by_wheels_rad
+        if by_wheels_rad is not None:
+            yaw_rad2 += (
+                settings.wheel_yaw_noise_rad_sqrt_rad**2 * abs(by_wheels_rad)
                 + settings.wheel_yaw_noise_rad_sqrt_m**2 * distance_m
             )
         bias_rad2_s2 = settings.gyro_bias_walk_rad_s_sqrt_s**2 * increment.duration_s

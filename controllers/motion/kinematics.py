@@ -93,6 +93,30 @@ def make_kinematics(settings: RoverSettings) -> Kinematics:
     return SkidSteerKinematics(settings)
 
 
+def wheel_effects(kinematics: Kinematics) -> tuple[BodyMotion, ...]:
+    """Return for each wheel the body motion when it alone turns by one radian."""
+    count = kinematics.wheel_count
+    return tuple(
+        kinematics.body_motion([1.0 if wheel == turning else 0.0 for wheel in range(count)])
+        for turning in range(count)
+    )
+
+
+def greatest_motion(effects: Sequence[BodyMotion], wheel_rad: Sequence[float]) -> BodyMotion:
+    """Return how far the body moves at most along each axis when each wheel turns by 0 to `wheel_rad`.
+
+    Args:
+        effects: Of `wheel_effects`.
+        wheel_rad: Signed, one per wheel.
+    """
+    parts = [[angle * part for part in effect] for angle, effect in zip(wheel_rad, effects, strict=True)]
+    x_m, y_m, yaw_rad = (
+        max(sum(part for part in axis if part > 0.0), -sum(part for part in axis if part < 0.0))
+        for axis in zip(*parts, strict=True)
+    )
+    return x_m, y_m, yaw_rad
+
+
 def _multiply(rows: list[list[float]], values: Sequence[float]) -> BodyMotion:
     a, b, c = values
     first, second, third = rows

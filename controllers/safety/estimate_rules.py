@@ -1,10 +1,59 @@
-"""Stop rules about the estimate: wheel motion that is known, numbers that are finite."""
+"""Stop rules about the estimate: motion that is known, numbers that are finite."""
 
 from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field
 
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds
+from drivers.settings import Settings
+
+
+class UnseenSettings(Settings):
+    """How much of the rover's motion may be unknown.
+
+    Attributes:
+        unseen_position_m: The rover stays stopped while motion that was not measured leaves the position with
+            a standard deviation above this.
+        unseen_yaw_rad: The same for the yaw.
+    """
+
+    unseen_position_m: Annotated[float, Field(ge=0.001, le=1000.0)] = 0.15
+    unseen_yaw_rad: Annotated[float, Field(ge=0.001, le=1000.0)] = 0.1
+
+
+class UnseenMotionRule(StopRule):
+    """Stops when too much motion was not measured, until a fix or a heading tells where the rover is.
+
+    Where no device can, only the user knows: the stop is final.
+    """
+
+    def __init__(self, settings: UnseenSettings, roles: DeviceRoles) -> None:
+        self._limits = (settings.unseen_position_m, settings.unseen_yaw_rad)
+        self._severities = (
+            Severity.STOP if roles.fixes else Severity.FINAL,
+            Severity.STOP if roles.fixes or roles.headings else Severity.FINAL,
+        )
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason for position and yaw where they are too uncertain."""
+        found = zip(
+            ("position", "yaw"),
+            (cycle.unseen_m, cycle.unseen_rad),
+            ("m", "rad"),
+            self._limits,
+            self._severities,
+            strict=True,
+        )
+        for what, unseen, unit, limit, severity in found:
+            if unseen > limit:
+                text = (
+                    f"pose filter: {what} uncertain by {unseen:.2f} {unit}, motion was not measured: "
+                    f"needs {'a fix' if severity is Severity.STOP else 'a restart at a known pose'}"
+                )
+                yield StopReason(f"unseen {what}", text, severity)
 
 
 class MotionRule(StopRule):

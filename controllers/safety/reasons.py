@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.turn_evidence import TurnEvidence
 from drivers.samples import Sample
 
 
@@ -30,11 +31,15 @@ class StopReason(NamedTuple):
         cause: What keeps its name when the same stop happens again.
         text: The reason for the user: what happened, where, with the numbers.
         severity: What the reason requires.
+        wheel_rad: By how much the angle of each wheel may have been measured wrongly; empty for not at all.
+        yaw_rad: By how much the yaw may be wrong.
     """
 
     cause: str
     text: str
     severity: Severity = Severity.STOP
+    wheel_rad: tuple[float, ...] = ()
+    yaw_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +54,12 @@ class Cycle:
         commanded_rad_s: Set-points of the cycle before.
         measured_rad_s: Measured speeds of the wheels.
         distance_m: Driven since the cycle before, by the wheels.
+        is_still: Whether the wheels report, and have been at rest for a while.
+        evidence: Turn of the rover by gyro and by wheels; None where one of them did not measure it.
+        gyro_bias_rad_s: Estimated reading of the gyro at rest.
+        rejected_rate_rad_s: Newest reading of the gyro if the rover cannot turn that fast; else None.
+        unseen_m: Standard deviation of the position from motion that was not measured.
+        unseen_rad: The same of the yaw.
     """
 
     now_ns: int
@@ -58,6 +69,12 @@ class Cycle:
     commanded_rad_s: tuple[float, ...] = ()
     measured_rad_s: tuple[float, ...] = ()
     distance_m: float = 0.0
+    is_still: bool = False
+    evidence: TurnEvidence | None = None
+    gyro_bias_rad_s: float = 0.0
+    rejected_rate_rad_s: float | None = None
+    unseen_m: float = 0.0
+    unseen_rad: float = 0.0
 
 
 class StopRule(ABC):

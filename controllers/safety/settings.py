@@ -6,13 +6,28 @@ from pydantic import Field
 
 from controllers.roles import DeviceRoles
 from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
-from controllers.safety.estimate_rules import FiniteEstimateRule, MotionRule
+from controllers.safety.estimate_rules import (
+    FiniteEstimateRule,
+    MotionRule,
+    UnseenMotionRule,
+    UnseenSettings,
+)
+from controllers.safety.gyro_reading_rules import (
+    GreatestRateRule,
+    GyroJumpRule,
+    GyroReadingSettings,
+    GyroRestRule,
+    StuckGyroRule,
+)
+from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 
 
-class SafetySettings(BumperSettings, InnovationSettings, StallSettings):
+class SafetySettings(
+    BumperSettings, InnovationSettings, StallSettings, GyroTurnSettings, GyroReadingSettings, UnseenSettings
+):
     """When the rover stops, and when it moves again.
 
     Attributes:
@@ -40,6 +55,13 @@ def make_rules(settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -
         FreshnessRule(roles, wheel_count),
         MotionRule(roles),
         FiniteEstimateRule(),
+        GreatestRateRule(roles),
+        StuckGyroRule(settings, roles),
+        GyroJumpRule(settings, roles),
+        GyroDifferenceRule(settings, roles),
+        GyroFollowsRule(settings, roles),
+        GyroRestRule(settings, roles),
         InnovationMonitor(settings),
         StallMonitor(settings, wheel_count),
+        UnseenMotionRule(settings, roles),
     )

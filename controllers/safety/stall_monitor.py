@@ -1,17 +1,19 @@
-"""Stop rule about wheels that do not turn when they are commanded to."""
+"""Stop rule about wheels that do not turn as they are commanded to."""
 
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import Field
 
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
-from drivers.clock import nanoseconds
+from drivers.clock import nanoseconds, seconds
 from drivers.settings import Settings
 
 
 class StallSettings(Settings):
-    """When a wheel that does not turn stops the rover.
+    """When a wheel that does not turn, or turns against its set-point, stops the rover.
 
     Attributes:
         stall_s: The rover stops when a wheel has not followed its set-points for this long.
@@ -21,25 +23,45 @@ class StallSettings(Settings):
         stall_ratio: A wheel follows when it turns faster than this share of what its set-point exceeds
             `stall_set_point_rad_s` by, and faster than `stall_speed_rad_s`.
         stall_speed_rad_s: A slower wheel does not turn. Not more: a loaded wheel creeps, and moves the rover.
+        creep_set_point_rad_s: Smaller set-points are not watched: a drive with coarse steps sends zero.
+        creep_rad: The rover stops when set-points between this and `stall_set_point_rad_s` would have turned
+            a wheel by this angle without its turning.
+        reverse_s: The rover stops when a wheel has turned against its set-points for this long, and slower
+            than them by more than `stall_set_point_rad_s`.
     """
 
     stall_s: Annotated[float, Field(ge=0.1, le=10.0)] = 1.0
     stall_set_point_rad_s: Annotated[float, Field(ge=0.01, le=50.0)] = 0.5
     stall_ratio: Annotated[float, Field(ge=0.01, le=0.9)] = 0.1
     stall_speed_rad_s: Annotated[float, Field(ge=0.001, le=1.0)] = 0.02
+    creep_set_point_rad_s: Annotated[float, Field(ge=0.0, le=50.0)] = 0.2
+    creep_rad: Annotated[float, Field(ge=0.1, le=100.0)] = 1.5
+    reverse_s: Annotated[float, Field(ge=0.1, le=10.0)] = 0.5
+
+
+@dataclass(slots=True)
+class _Wheel:
+    """What a wheel has not done since it last turned as commanded: times, and angles by the set-points."""
+
+    stalled_ns: int = 0
+    reversed_ns: int = 0
+    creep_rad: float = 0.0
+    missing_rad: float = 0.0
 
 
 class StallMonitor(StopRule):
     """Measures for how long each wheel has not followed its set-points.
 
-    Only set-points from `stall_set_point_rad_s` on count. Smaller ones neither count nor clear: a set-point
-    that swings through zero must not hide a stall. Motion clears, and so does a rover commanded to rest.
+    Set-points below `stall_set_point_rad_s` count by the angle they add up to. They do not clear: a set-point
+    that swings through zero must not hide a stall. Motion as commanded clears, and so does a rover commanded
+    to rest.
     """
 
     def __init__(self, settings: StallSettings, wheel_count: int) -> None:
         self._settings = settings
         self._longest_cycle_ns = nanoseconds(0.5 * settings.stall_s)
-        self._stalled_ns = [0] * wheel_count
+        self._reverse_ns = nanoseconds(settings.reverse_s)
+        self._wheels = [_Wheel() for _ in range(wheel_count)]
         self._checked_ns: int | None = None
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
@@ -49,19 +71,50 @@ class StallMonitor(StopRule):
         elapsed_ns = min(cycle.now_ns - checked_ns, self._longest_cycle_ns)
         self._checked_ns = cycle.now_ns
         is_at_rest = not any(cycle.commanded_rad_s)
+        pairs = enumerate(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True))
+        for wheel, (commanded, measured) in pairs:
+            # In the direction of the set-point.
+            turning = math.copysign(1.0, commanded) * measured
+            if is_at_rest or turning > self._least_speed(abs(commanded)):
+                self._wheels[wheel] = _Wheel()
+            else:
+                self._count(self._wheels[wheel], elapsed_ns, commanded, turning)
+            yield from self._judge(wheel, commanded, measured)
+
+    def _least_speed(self, set_point_rad_s: float) -> float:
         settings = self._settings
-        least_rad_s = settings.stall_set_point_rad_s
-        wheels = enumerate(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True))
-        for wheel, (commanded, measured) in wheels:
-            share_rad_s = settings.stall_ratio * (abs(commanded) - least_rad_s)
-            if is_at_rest or abs(measured) > max(settings.stall_speed_rad_s, share_rad_s):
-                self._stalled_ns[wheel] = 0
-            elif abs(commanded) >= least_rad_s:
-                self._stalled_ns[wheel] += elapsed_ns
-            if self._stalled_ns[wheel]:
-                text = (
-                    f"wheel {wheel}: has not followed its set-point for {settings.stall_s:g} s: "
-                    f"commanded {commanded:.2f} rad/s, measured {measured:.2f} rad/s"
-                )
-                is_stalled = self._stalled_ns[wheel] >= 2 * self._longest_cycle_ns
-                yield StopReason("stall", text, Severity.STOP if is_stalled else Severity.SIGN)
+        share_rad_s = settings.stall_ratio * (set_point_rad_s - settings.stall_set_point_rad_s)
+        return max(settings.stall_speed_rad_s, share_rad_s)
+
+    def _count(self, wheel: _Wheel, elapsed_ns: int, commanded: float, turning: float) -> None:
+        settings, set_point = self._settings, abs(commanded)
+        if turning < -settings.stall_speed_rad_s and set_point - turning >= settings.stall_set_point_rad_s:
+            wheel.reversed_ns += elapsed_ns
+        else:
+            wheel.reversed_ns = 0
+        if set_point >= settings.stall_set_point_rad_s:
+            wheel.stalled_ns += elapsed_ns
+        elif set_point >= settings.creep_set_point_rad_s:
+            wheel.creep_rad += commanded * seconds(elapsed_ns)
+        wheel.missing_rad += math.copysign(set_point - turning, commanded) * seconds(elapsed_ns)
+
+    def _judge(self, index: int, commanded: float, measured: float) -> Iterator[StopReason]:
+        wheel, settings = self._wheels[index], self._settings
+        speeds = f"commanded {commanded:.2f} rad/s, measured {measured:.2f} rad/s"
+        if wheel.reversed_ns >= self._reverse_ns:
+            text = f"wheel {index}: turns against its set-point for {settings.reverse_s:g} s: {speeds}"
+            yield self._reason("reversed", f"{text}; encoder or motor reversed")
+        elif wheel.stalled_ns >= 2 * self._longest_cycle_ns:
+            text = f"wheel {index}: has not followed its set-point for {settings.stall_s:g} s: {speeds}"
+            yield self._reason("stall", text)
+        elif abs(wheel.creep_rad) >= settings.creep_rad:
+            text = (
+                f"wheel {index}: has not turned although its set-points add up to {settings.creep_rad:g} rad"
+            )
+            yield self._reason("stall", f"{text}: {speeds}")
+        elif wheel.stalled_ns:
+            yield StopReason("stall", f"wheel {index}: does not follow its set-point", Severity.SIGN)
+
+    def _reason(self, cause: str, text: str) -> StopReason:
+        """Return a reason to stop; the other wheels may have the same fault."""
+        return StopReason(cause, text, wheel_rad=tuple(wheel.missing_rad for wheel in self._wheels))

@@ -1,6 +1,7 @@
 """When the rover may move."""
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -49,6 +50,8 @@ class SafetySupervisor:
     Attributes:
         mode: The mode after the last `update`.
         reason: Why the rover is stopped; empty while nothing is wrong.
+        doubts: What the stops of this cycle add to the doubt in the estimate: errors of the wheels' angles
+            and of the yaw in rad.
     """
 
     def __init__(self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> None:
@@ -56,8 +59,10 @@ class SafetySupervisor:
         self._rules = make_rules(settings, roles, wheel_count)
         self._stops: dict[str, _Stops] = {}
         self._healthy_since_ns: int | None = None
+        self._doubted_rad: dict[str, float] = {}
         self.mode = Mode.SETTLING
         self.reason = ""
+        self.doubts: list[tuple[tuple[float, ...], float]] = []
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
@@ -67,9 +72,11 @@ class SafetySupervisor:
     def update(self, cycle: Cycle) -> None:
         """Decide the mode of this cycle."""
         reasons = [reason for rule in self._rules for reason in rule.check(cycle)]
+        stops = [reason for reason in reasons if reason.severity is not Severity.SIGN]
+        self.doubts = list(self._doubts(stops))
         if self.mode is Mode.EMERGENCY_STOP:
             return
-        stop = next((reason for reason in reasons if reason.severity is not Severity.SIGN), None)
+        stop = next(iter(stops), None)
         if self.mode is Mode.RUNNING:
             self._forget_stops(cycle.distance_m, {reason.cause for reason in reasons})
             stop = self._count(stop)
@@ -77,6 +84,17 @@ class SafetySupervisor:
             self._resume(cycle.now_ns)
         else:
             self._stop(stop)
+
+    def _doubts(self, stops: Sequence[StopReason]) -> Iterator[tuple[tuple[float, ...], float]]:
+        """Yield the doubt of each stop when it begins, and what is added to the yaw's while it lasts."""
+        before, self._doubted_rad = self._doubted_rad, {}
+        for stop in stops:
+            known = {**before, **self._doubted_rad}
+            before_rad = known.get(stop.cause, 0.0)
+            self._doubted_rad[stop.cause] = max(before_rad, stop.yaw_rad)
+            # Variances add up.
+            added_rad = math.sqrt(max(0.0, stop.yaw_rad**2 - before_rad**2))
+            yield (() if stop.cause in known else stop.wheel_rad), added_rad
 
     def finish(self) -> None:
         """End the mission."""

@@ -35,15 +35,89 @@ def test_a_wheel_at_rest_is_named_after_a_second_and_not_before() -> None:
     assert reason == StopReason(
         "stall",
         "wheel 1: has not followed its set-point for 1 s: commanded -3.00 rad/s, measured 0.00 rad/s",
+        wheel_rad=reason.wheel_rad,
     )
+    assert reason.wheel_rad == pytest.approx((0.0, -3.0))
 
 
 @pytest.mark.parametrize(
     ("commanded", "measured"),
-    [(0.49, 0.0), (-0.49, 0.0), (0.5, 0.021), (-0.5, 0.021), (3.0, 0.251), (3.0, -0.251)],
+    [(0.49, 0.0), (-0.49, 0.0), (0.5, 0.021), (-0.5, -0.021), (3.0, 0.251), (-3.0, -0.251)],
 )
 def test_small_set_points_and_wheels_that_turn_are_no_stall(commanded: float, measured: float) -> None:
-    assert not Wheels().turn(5.0, (commanded,), (measured,))
+    assert not Wheels().turn(3.0, (commanded,), (measured,))
+
+
+@pytest.mark.parametrize(("commanded", "after_s"), [(0.49, 3.08), (-0.3, 5.02), (0.2, 7.52)])
+def test_small_set_points_must_turn_a_wheel_before_they_add_up_to_the_creep_angle(
+    commanded: float, after_s: float
+) -> None:
+    wheels = Wheels(2)
+    assert not wheels.turn(after_s - 0.02, (0.0, commanded), (0.0, 0.0))
+    assert wheels.turn(0.06, (0.0, commanded), (0.0, 0.0))
+    assert [reason.text for reason in wheels.found] == [
+        "wheel 1: has not turned although its set-points add up to 1.5 rad: "
+        f"commanded {commanded:.2f} rad/s, measured 0.00 rad/s"
+    ]
+    assert wheels.found[0].cause == "stall"
+    assert wheels.found[0].wheel_rad == pytest.approx((0.0, commanded * after_s), rel=0.02)
+
+
+def test_set_points_to_and_fro_or_below_those_that_a_drive_sends_do_not_add_up() -> None:
+    assert not Wheels().turn(60.0, (0.19,), (0.0,))
+    wheels = Wheels()
+    for _ in range(10):
+        assert not wheels.turn(2.0, (0.4,), (0.0,))
+        assert not wheels.turn(2.0, (-0.4,), (0.0,))
+
+
+@pytest.mark.parametrize(
+    ("commanded", "measured"), [(3.0, -0.251), (-3.0, 2.9), (0.3, -0.21), (-0.3, 0.3), (0.48, -0.021)]
+)
+def test_a_wheel_that_turns_against_its_set_point_is_named_after_half_a_second(
+    commanded: float, measured: float
+) -> None:
+    wheels = Wheels(2)
+    assert not wheels.turn(0.5, (0.0, commanded), (0.0, measured))
+    assert wheels.turn(0.02, (0.0, commanded), (0.0, measured))
+    (reason,) = wheels.found
+    assert reason.cause == "reversed"
+    assert reason.severity is Severity.STOP
+    assert reason.text == (
+        f"wheel 1: turns against its set-point for 0.5 s: commanded {commanded:.2f} rad/s, "
+        f"measured {measured:.2f} rad/s; encoder or motor reversed"
+    )
+    # A reversed encoder is wrong by what it measures, twice; a drive that follows turned by its set-points.
+    assert reason.wheel_rad == pytest.approx((0.0, (commanded - measured) * 0.5))
+
+
+@pytest.mark.parametrize(("commanded", "measured"), [(0.3, -0.19), (0.48, -0.019), (-0.1, 0.3)])
+def test_a_load_may_push_a_wheel_back_by_the_droop_of_its_loop(commanded: float, measured: float) -> None:
+    assert not Wheels().turn(2.0, (commanded,), (measured,))
+
+
+def test_a_wheel_that_swings_back_for_a_moment_is_not_reversed() -> None:
+    wheels = Wheels()
+    for _ in range(5):
+        assert not wheels.turn(0.4, (0.6,), (-0.1,))
+        assert not wheels.turn(0.1, (0.0,), (0.0,))
+        assert not wheels.turn(0.4, (0.4,), (-0.2,))
+        assert not wheels.turn(0.02, (0.4,), (-0.05,))
+
+
+def test_all_wheels_that_miss_something_are_in_doubt() -> None:
+    wheels = Wheels(3)
+    wheels.turn(0.5, (3.0, 3.0, 3.0), (0.0, 2.9, 2.9))
+    assert wheels.turn(0.52, (3.0, 1.0, 3.0), (0.0, 0.0, 2.9))
+    assert wheels.found[0].wheel_rad == pytest.approx((3.0, 0.52, 0.0), abs=0.02)
+
+
+def test_the_time_of_a_reversal_can_be_set() -> None:
+    monitor = StallMonitor(StallSettings(reverse_s=0.2), 1)
+    for index in range(12):
+        cycle = Cycle(now_ns=nanoseconds(0.02 * index), commanded_rad_s=(1.0,), measured_rad_s=(-1.0,))
+        found = {reason.severity for reason in monitor.check(cycle)}
+        assert (Severity.STOP in found) == (index >= 10)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +141,7 @@ def test_a_set_point_that_swings_through_zero_does_not_hide_a_stall() -> None:
     assert wheels.turn(0.14, (-1.0,), (0.0,))
 
 
-@pytest.mark.parametrize(("commanded", "measured"), [(3.0, 0.26), (0.1, 0.03), (0.1, -0.03), (0.0, 0.0)])
+@pytest.mark.parametrize(("commanded", "measured"), [(3.0, 0.26), (0.1, 0.03), (-0.1, -0.03), (0.0, 0.0)])
 def test_motion_and_a_commanded_rest_clear_a_stall(commanded: float, measured: float) -> None:
     wheels = Wheels()
     wheels.turn(0.9, (3.0,), (0.0,))

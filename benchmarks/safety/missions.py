@@ -1,0 +1,136 @@
+"""Missions of both shipped rovers on random slippery ground, with samples that may be falsified."""
+
+import math
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.control_loop import StepOutput
+from controllers.safety import Mode
+from drivers.clock import VirtualClock, nanoseconds, seconds
+from drivers.link import NoTap
+from drivers.samples import Sample
+from rover_hil.config import Config, load_config
+from rover_hil.run.composition import build_virtual_rig
+from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.robotino.site import random_site
+
+STEEPEST_DEG = 12.0
+OVER = (Mode.FINISHED, Mode.EMERGENCY_STOP)
+
+Falsify = Callable[[float, Sample], Sample | None]
+"""From the time in s since the start and a sample to what the loop receives; None for nothing."""
+
+
+def robotino(seed: int) -> Config:
+    """Return the shipped Robotino on a random site, with noise of the same seed."""
+    config = load_config("robotino")
+    simulation = config.require_simulation()
+    plant = RobotinoPlantSettings(type="robotino", site=random_site(np.random.default_rng(seed)))
+    return config.model_copy(
+        update={"simulation": simulation.model_copy(update={"seed": seed, "plant": plant})}
+    )
+
+
+def el_dorado(seed: int) -> Config:
+    """Return the shipped El-Dorado without its camera, on a slope of up to 12 deg in any direction."""
+    rng = np.random.default_rng(seed)
+    table = load_config("el-dorado").model_dump(by_alias=True)
+    del table["devices"]["camera"]
+    table["roles"]["camera"] = table["scomp"]["rig"] = None
+    table["simulation"]["seed"] = seed
+    ground = table["simulation"]["plant"]["ground"]
+    ground["inclination_deg"] = float(rng.uniform(0.0, STEEPEST_DEG))
+    ground["uphill_deg"] = float(rng.uniform(-180.0, 180.0))
+    table["mission"]["length_m"] = 1.5
+    return Config.model_validate(table)
+
+
+ROVERS = {"robotino": robotino, "el-dorado": el_dorado}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """One cycle: its output and the true pose x, y, yaw, relative to the start."""
+
+    t_s: float
+    output: StepOutput
+    truth: tuple[float, float, float]
+
+    @property
+    def error(self) -> NDArray[np.float64]:
+        """Estimate minus truth: x, y in m and yaw in rad."""
+        estimate, (x_m, y_m, yaw_rad) = self.output.estimate, self.truth
+        turned_rad = math.remainder(estimate.yaw_rad - yaw_rad, math.tau)
+        return np.array([estimate.x_m - x_m, estimate.y_m - y_m, turned_rad])
+
+    @property
+    def nees(self) -> float:
+        """Normalised estimation error squared of the pose; 3 on average where the covariance is right."""
+        xx, xy, xt, yy, yt, tt = self.output.estimate.covariance
+        covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+        return float(self.error @ np.linalg.solve(covariance + 1e-12 * np.eye(3), self.error))
+
+
+@dataclass(slots=True)
+class Driven:
+    """A mission that was driven, cycle by cycle."""
+
+    moments: list[Moment] = field(default_factory=list)
+
+    @property
+    def mode(self) -> Mode:
+        """The last mode."""
+        return self.moments[-1].output.mode
+
+    def stops(self) -> list[Moment]:
+        """Return the first cycle of every stop."""
+        pairs = zip(self.moments, self.moments[1:], strict=False)
+        stopped = (Mode.SAFE_STOP, Mode.EMERGENCY_STOP)
+        return [
+            after
+            for before, after in pairs
+            if before.output.mode is Mode.RUNNING and after.output.mode in stopped
+        ]
+
+
+def drive(
+    config: Config,
+    falsify: Falsify = lambda _, sample: sample,
+    *,
+    paused_s: tuple[float, float] = (0.0, 0.0),
+    limit_s: float = 120.0,
+) -> Driven:
+    """Run the loop on the simulated rover of `config` to its end.
+
+    Args:
+        config: With [mission] and [simulation].
+        falsify: What reaches the loop of each sample.
+        paused_s: From when until when the process does not run; the world goes on.
+        limit_s: The run ends after this time.
+    """
+    clock = VirtualClock()
+    rig, world = build_virtual_rig(config, clock, NoTap())
+    start_ns = now_ns = clock.now_ns()
+    begin = world.plant.truth()
+    driven = Driven()
+    rig.connect(timeout_s=1.0)
+    with closing(rig):
+        while not driven.moments or (driven.mode not in OVER and driven.moments[-1].t_s < limit_s):
+            now_ns += nanoseconds(1.0 / config.loop.rate_hz)
+            if paused_s[0] <= seconds(now_ns - start_ns) < paused_s[1]:
+                now_ns = start_ns + nanoseconds(paused_s[1])
+            clock.sleep_until(now_ns)
+            t_s = seconds(now_ns - start_ns)
+            heard = [falsify(t_s, sample) for sample in rig.poll()]
+            output = rig.loop.step(now_ns, [sample for sample in heard if sample is not None])
+            rig.drive.command(output.command)
+            truth = world.plant.truth()
+            way = complex(truth.x_m - begin.x_m, truth.y_m - begin.y_m)
+            turned = way * complex(math.cos(begin.yaw_rad), -math.sin(begin.yaw_rad))
+            pose = (turned.real, turned.imag, truth.yaw_rad - begin.yaw_rad)
+            driven.moments.append(Moment(t_s=t_s, output=output, truth=pose))
+    return driven

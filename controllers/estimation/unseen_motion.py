@@ -1,0 +1,63 @@
+"""Motion that no device measured: how far the rover can have moved, and what of it is still unknown."""
+
+import math
+from collections.abc import Sequence
+
+from controllers.motion.kinematics import BodyMotion, greatest_motion
+
+
+class UnseenMotion:
+    """Bounds of the motion while the wheels were not measured, and the uncertainty that it left.
+
+    A wheel that is not measured may go on at its last speed or at the last set-point that it was sent,
+    whichever is faster, or stop at once.
+
+    Args:
+        effects: Motion of the body per radian of each wheel.
+    """
+
+    def __init__(self, effects: Sequence[BodyMotion]) -> None:
+        self._effects = effects
+        self._fastest_rad_s = [0.0] * len(effects)
+        self._position_m2 = 0.0
+        self._yaw_rad2 = 0.0
+
+    @property
+    def position_m(self) -> float:
+        """Standard deviation of the position that unmeasured motion left."""
+        return math.sqrt(self._position_m2)
+
+    @property
+    def yaw_rad(self) -> float:
+        """Standard deviation of the yaw that unmeasured motion left."""
+        return math.sqrt(self._yaw_rad2)
+
+    def note_speeds(self, *speeds_rad_s: Sequence[float], is_measured: bool) -> None:
+        """Take measured speeds and set-points; while the wheels are not measured the fastest ones hold."""
+        if not is_measured:
+            speeds_rad_s = (self._fastest_rad_s, *speeds_rad_s)
+        self._fastest_rad_s = [max(speeds, key=abs) for speeds in zip(*speeds_rad_s, strict=True)]
+
+    def greatest_motion(self, duration_s: float, turn_unknown_s: float) -> BodyMotion:
+        """Return how far the rover can have moved.
+
+        Args:
+            duration_s: Time without a measurement of the wheels.
+            turn_unknown_s: Part of it without one of the gyro.
+        """
+        x_m, y_m, _ = self._reach(duration_s)
+        yaw_rad = self._reach(turn_unknown_s)[2]
+        return x_m, y_m + 0.5 * x_m * min(yaw_rad, 1.0), yaw_rad
+
+    def add(self, position_m2: float, yaw_rad2: float) -> None:
+        """Add variances that unmeasured motion has left."""
+        self._position_m2 += position_m2
+        self._yaw_rad2 += yaw_rad2
+
+    def limit(self, position_m2: float, yaw_rad2: float) -> None:
+        """Take the variances of the estimate: what a measurement has removed is known again."""
+        self._position_m2 = min(self._position_m2, position_m2)
+        self._yaw_rad2 = min(self._yaw_rad2, yaw_rad2)
+
+    def _reach(self, duration_s: float) -> BodyMotion:
+        return greatest_motion(self._effects, [speed * duration_s for speed in self._fastest_rad_s])

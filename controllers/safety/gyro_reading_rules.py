@@ -1,0 +1,205 @@
+"""Stop rules about the readings of the gyro: stuck, too great, and at rest."""
+
+import math
+from collections.abc import Iterator
+from statistics import fmean, stdev
+from typing import Annotated
+
+from pydantic import Field
+
+from controllers.roles import DeviceRoles
+from controllers.safety.reasons import Cycle, StopReason, StopRule
+from drivers.clock import nanoseconds, seconds
+from drivers.samples import RateSample, Sample
+from drivers.settings import Settings
+
+
+class GyroReadingSettings(Settings):
+    """Which readings of the gyro are implausible.
+
+    Attributes:
+        gyro_stuck_s: The rover stops when the reading has not changed at all for this long while the wheels
+            turned; longer for a gyro that sends a fixed zero at slow turns.
+        gyro_jump_rad_s: The rover stops when the reading changes by more than this within 0.05 s and stays
+            there: inertia does not allow it.
+        gyro_rest_s: At rest the readings are averaged over this time; shorter than `recover_s` less the
+            `standstill_s` of the filter, so that motion does not resume before.
+        gyro_rest_rad_s: At rest the rover stays stopped while the average differs by more than this from the
+            estimated bias.
+        gyro_step_rad_s: A bias that has changed by more than this between two rests has made the yaw wrong.
+    """
+
+    gyro_stuck_s: Annotated[float, Field(ge=0.1, le=3600.0)] = 1.0
+    gyro_jump_rad_s: Annotated[float, Field(ge=0.01, le=100.0)] = 0.35
+    gyro_rest_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.15
+    gyro_rest_rad_s: Annotated[float, Field(ge=0.001, le=3.0)] = 0.05
+    gyro_step_rad_s: Annotated[float, Field(ge=0.0005, le=3.0)] = 0.006
+
+
+JUMP_NS = nanoseconds(0.05)
+"""Readings that are further apart may differ by any amount."""
+
+STANDARD_ERRORS = 4.0
+"""The average at rest counts with this many of its standard errors; chosen by hand."""
+
+
+class StuckGyroRule(StopRule):
+    """Stops when the gyro repeats one reading while the wheels turn: noise changes every reading."""
+
+    def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
+        self._settings = settings
+        self._gyro = roles.gyro
+        self._reading_rad_s = math.nan
+        self._stuck_s = 0.0
+        self._wheels_rad = 0.0
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        """Take a reading of the gyro."""
+        if isinstance(sample, RateSample) and sample.device == self._gyro:
+            if sample.rate_z_rad_s != self._reading_rad_s:
+                self._stuck_s = self._wheels_rad = 0.0
+            self._reading_rad_s = sample.rate_z_rad_s
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Count the time while wheels turned and the reading stayed; return a reason when it is too long."""
+        if cycle.is_still:
+            self._stuck_s = self._wheels_rad = 0.0
+        elif cycle.evidence is not None:
+            self._stuck_s += cycle.evidence.wheels.duration_s
+            self._wheels_rad += abs(cycle.evidence.wheels.turn_rad - cycle.evidence.gyro_rad)
+        if self._stuck_s > self._settings.gyro_stuck_s:
+            text = (
+                f"{self._gyro}: yaw rate stuck at {self._reading_rad_s:g} rad/s for "
+                f"{self._settings.gyro_stuck_s:g} s while the wheels turned"
+            )
+            yield StopReason("gyro stuck", text, yaw_rad=self._wheels_rad)
+
+
+class GyroJumpRule(StopRule):
+    """Stops when the reading jumps and stays there, until the wheels are at rest.
+
+    Afterwards steering hides an offset: it turns the rover until the gyro reads what it should.
+    """
+
+    def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
+        self._settings = settings
+        self._gyro = roles.gyro
+        self._steady: tuple[int, float] | None = None
+        self._sudden: tuple[int, float] | None = None
+        self._jump: tuple[int, float] | None = None
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        """Take a reading of the gyro and compare it with the last one that others confirm."""
+        if not isinstance(sample, RateSample) or sample.device != self._gyro:
+            return
+        rate_rad_s = sample.rate_z_rad_s
+        steady_ns, steady_rad_s = self._steady or (t_ns, rate_rad_s)
+        change_rad_s = rate_rad_s - steady_rad_s
+        is_sudden = self._sudden is not None or t_ns - steady_ns <= JUMP_NS
+        if not is_sudden or abs(change_rad_s) <= self._settings.gyro_jump_rad_s:
+            self._steady, self._sudden = (t_ns, rate_rad_s), None
+            return
+        if self._sudden is None or self._sudden[1] * change_rad_s <= 0.0:
+            self._sudden = (t_ns, change_rad_s)
+            return
+        if self._jump is None:
+            self._jump = self._sudden
+        self._steady, self._sudden = (t_ns, rate_rad_s), None
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason after a jump, until the wheels are at rest."""
+        if cycle.is_still:
+            self._jump = None
+        if self._jump is not None:
+            jump_ns, change_rad_s = self._jump
+            turned_rad = abs(change_rad_s) * seconds(max(0, cycle.now_ns - jump_ns))
+            text = f"{self._gyro}: yaw rate jumped by {change_rad_s:.2f} rad/s within {JUMP_NS / 1e9:g} s"
+            yield StopReason("gyro jump", text, yaw_rad=turned_rad)
+
+
+class GreatestRateRule(StopRule):
+    """Stops when the gyro sends nothing but rates at which the rover cannot turn."""
+
+    def __init__(self, roles: DeviceRoles) -> None:
+        self._roles = roles
+        self._since_ns: int | None = None
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason when the readings are too great for longer than the gyro's age limit."""
+        rate_rad_s = cycle.rejected_rate_rad_s
+        if rate_rad_s is None:
+            self._since_ns = None
+            return
+        if self._since_ns is None:
+            self._since_ns = cycle.now_ns
+        if cycle.now_ns - self._since_ns >= nanoseconds(self._roles.max_age_s(self._roles.gyro)):
+            text = f"{self._roles.gyro}: yaw rate {rate_rad_s:.1f} rad/s: the rover cannot turn that fast"
+            yield StopReason("gyro rate", text)
+
+
+class GyroRestRule(StopRule):
+    """At rest, stops while the gyro does not read its bias, and once when the bias has changed on the way.
+
+    A change while driving is within what slip explains. At rest it is seen: the yaw is then wrong by the
+    change times the time since the last rest, at most.
+    """
+
+    def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
+        self._settings = settings
+        self._gyro = roles.gyro
+        self._readings_rad_s: list[float] = []
+        self._began_ns: int | None = None
+        self._left: tuple[int, float] | None = None
+        self._mean_rad_s: float | None = None
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        """Take a reading of the gyro."""
+        if (
+            isinstance(sample, RateSample)
+            and sample.device == self._gyro
+            and math.isfinite(sample.rate_z_rad_s)
+        ):
+            self._readings_rad_s.append(sample.rate_z_rad_s)
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Average over the time at rest; return a reason where the average is not the bias."""
+        if not cycle.is_still:
+            self._drive(cycle)
+            return
+        if self._began_ns is None:
+            self._began_ns = cycle.now_ns
+            self._readings_rad_s.clear()
+        is_over = cycle.now_ns - self._began_ns >= nanoseconds(self._settings.gyro_rest_s)
+        if is_over and len(self._readings_rad_s) > 1:
+            mean_rad_s = self._mean_rad_s = fmean(self._readings_rad_s)
+            error_rad_s = stdev(self._readings_rad_s) / math.sqrt(len(self._readings_rad_s))
+            self._began_ns = cycle.now_ns
+            self._readings_rad_s.clear()
+            yield from self._find_step(cycle.now_ns, mean_rad_s, error_rad_s)
+        if self._mean_rad_s is not None:
+            yield from self._find_offset(self._mean_rad_s, cycle.gyro_bias_rad_s)
+
+    def _drive(self, cycle: Cycle) -> None:
+        """Remember when the last rest ended, and with which bias."""
+        if self._began_ns is not None:
+            self._left = (cycle.now_ns, cycle.gyro_bias_rad_s)
+        self._began_ns = self._mean_rad_s = None
+        self._readings_rad_s.clear()
+
+    def _find_step(self, now_ns: int, mean_rad_s: float, error_rad_s: float) -> Iterator[StopReason]:
+        if self._left is None:
+            return
+        (left_ns, left_rad_s), self._left = self._left, None
+        step_rad_s = mean_rad_s - left_rad_s
+        if abs(step_rad_s) > self._settings.gyro_step_rad_s + STANDARD_ERRORS * error_rad_s:
+            driven_s = seconds(now_ns - left_ns)
+            text = (
+                f"{self._gyro}: bias changed by {step_rad_s:.4f} rad/s while driving for {driven_s:.1f} s: "
+                f"the yaw may be {abs(step_rad_s) * driven_s:.2f} rad wrong"
+            )
+            yield StopReason("gyro bias", text, yaw_rad=abs(step_rad_s) * driven_s)
+
+    def _find_offset(self, mean_rad_s: float, bias_rad_s: float) -> Iterator[StopReason]:
+        if abs(mean_rad_s - bias_rad_s) > self._settings.gyro_rest_rad_s:
+            text = f"{self._gyro}: reads {mean_rad_s:.3f} rad/s at rest, its bias was {bias_rad_s:.3f} rad/s"
+            yield StopReason("gyro rest", text)

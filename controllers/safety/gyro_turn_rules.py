@@ -1,0 +1,147 @@
+"""Stop rules that compare the gyro with the wheels while the rover drives."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field
+
+from controllers.estimation.turn_evidence import TurnEvidence
+from controllers.roles import DeviceRoles
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from drivers.settings import Settings
+
+
+class GyroTurnSettings(Settings):
+    """Which differences between gyro and wheels slip can explain.
+
+    Attributes:
+        gyro_difference_rad: The rover stops when the turn by the gyro exceeds what the wheels can explain by
+            this much. What they can explain: each wheel loses up to the whole of its motion, or is dragged
+            further by up to `gyro_drag_share` of it.
+        gyro_drag_share: Greatest motion of the ground under a dragged wheel beyond that of its rim, as a
+            share of the latter.
+        gyro_follow_s: The rover stops when the gyro has not followed the changes of the wheels' turn rate
+            for this long.
+        gyro_follow_share: Least share of these changes that the gyro measures.
+        gyro_follow_rad_s: Standard deviation of the turn rate from which on its changes count.
+    """
+
+    gyro_difference_rad: Annotated[float, Field(ge=0.005, le=3.0)] = 0.05
+    gyro_drag_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
+    gyro_follow_s: Annotated[float, Field(ge=0.1, le=60.0)] = 0.7
+    gyro_follow_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.1
+    gyro_follow_rad_s: Annotated[float, Field(ge=0.001, le=10.0)] = 0.05
+
+
+class GyroDifferenceRule(StopRule):
+    """Stops when the gyro turns further than the wheels can explain, however they slip.
+
+    Two sums, one for each direction, grow by what the gyro measures beyond the bound of the wheels and
+    shrink by what is missing to it, but not below zero.
+    """
+
+    def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
+        self._settings = settings
+        self._gyro = roles.gyro
+        self._left = _Excess()
+        self._right = _Excess()
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Take the evidence of a cycle; return a reason where the gyro cannot be right."""
+        if cycle.is_still:
+            self._left, self._right = _Excess(), _Excess()
+        if cycle.evidence is not None:
+            gyro_rad, wheels = cycle.evidence.gyro_rad, cycle.evidence.wheels
+            drag = 1.0 + self._settings.gyro_drag_share
+            self._left.add(gyro_rad - drag * wheels.left_rad, gyro_rad - wheels.turn_rad)
+            self._right.add(-gyro_rad - drag * wheels.right_rad, wheels.turn_rad - gyro_rad)
+        limit_rad = self._settings.gyro_difference_rad
+        for excess, side in ((self._left, "left"), (self._right, "right")):
+            if excess.beyond_rad > limit_rad:
+                text = (
+                    f"{self._gyro}: yaw rate contradicts the wheels: {excess.difference_rad:.2f} rad more to "
+                    f"the {side}, {limit_rad:g} rad more than slip can explain"
+                )
+                yield StopReason("gyro difference", text, yaw_rad=excess.difference_rad)
+
+
+class _Excess:
+    """Turn beyond the bound, and difference to the wheels since there was none beyond it."""
+
+    def __init__(self) -> None:
+        self.beyond_rad = 0.0
+        self.difference_rad = 0.0
+
+    def add(self, beyond_rad: float, difference_rad: float) -> None:
+        self.beyond_rad += beyond_rad
+        self.difference_rad += difference_rad
+        if self.beyond_rad <= 0.0:
+            self.beyond_rad = self.difference_rad = 0.0
+
+
+AVERAGE_S = 0.25
+"""Time over which changes of the turn rate are averaged; chosen by hand."""
+
+
+class GyroFollowsRule(StopRule):
+    """Stops when the gyro does not follow the changes of the wheels' turn rate: dead, wrong axis, wrong sign.
+
+    Slip takes away part of a change, never the sign. The regression of the gyro on the wheels over a moving
+    average is free of the bias and of steady slip.
+    """
+
+    def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
+        self._settings = settings
+        self._gyro = roles.gyro
+        self._moments = _Moments()
+        self._lost_s = 0.0
+        self._wheels_rad = 0.0
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Take the evidence of a cycle; return a reason while the gyro does not follow."""
+        if cycle.is_still:
+            self._moments, self._lost_s, self._wheels_rad = _Moments(), 0.0, 0.0
+        if cycle.evidence is not None:
+            self._take(cycle.evidence)
+        if self._lost_s:
+            share = self._moments.covariance / self._moments.wheel_variance
+            text = (
+                f"{self._gyro}: yaw rate follows {100.0 * share:.0f} % of the changes of the wheels' turn "
+                f"rate for {self._settings.gyro_follow_s:g} s: no signal, wrong axis, wrong sign, or wheels "
+                "without grip"
+            )
+            is_lost = self._lost_s >= self._settings.gyro_follow_s
+            severity = Severity.STOP if is_lost else Severity.SIGN
+            yield StopReason("gyro follows", text, severity, yaw_rad=self._wheels_rad)
+
+    def _take(self, evidence: TurnEvidence) -> None:
+        settings, moments, wheels = self._settings, self._moments, evidence.wheels
+        moments.add(wheels.duration_s, wheels.turn_rad, evidence.gyro_rad)
+        is_turning = moments.wheel_variance > settings.gyro_follow_rad_s**2
+        if is_turning and moments.covariance < settings.gyro_follow_share * moments.wheel_variance:
+            self._lost_s += wheels.duration_s
+            self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
+        elif is_turning:
+            self._lost_s = self._wheels_rad = 0.0
+
+
+class _Moments:
+    """Moving averages of two rates, their product and a square."""
+
+    def __init__(self) -> None:
+        self._weight = self._wheels = self._gyro = self._square = self._product = 0.0
+        self.wheel_variance = 0.0
+        self.covariance = 0.0
+
+    def add(self, duration_s: float, wheels_rad: float, gyro_rad: float) -> None:
+        wheels, gyro = wheels_rad / duration_s, gyro_rad / duration_s
+        share = -math.expm1(-duration_s / AVERAGE_S)
+        self._weight += share * (1.0 - self._weight)
+        self._wheels += share * (wheels - self._wheels)
+        self._gyro += share * (gyro - self._gyro)
+        self._square += share * (wheels * wheels - self._square)
+        self._product += share * (wheels * gyro - self._product)
+        mean_wheels = self._wheels / self._weight
+        self.wheel_variance = self._square / self._weight - mean_wheels**2
+        self.covariance = (self._product - mean_wheels * self._gyro) / self._weight

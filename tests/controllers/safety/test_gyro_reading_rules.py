@@ -1,0 +1,274 @@
+"""Readings of the gyro that are wrong by themselves: stuck, too great, not the bias at rest."""
+
+import math
+from collections.abc import Sequence
+
+import pytest
+
+from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.roles import DeviceRoles
+from controllers.safety.gyro_reading_rules import (
+    GreatestRateRule,
+    GyroJumpRule,
+    GyroReadingSettings,
+    GyroRestRule,
+    StuckGyroRule,
+)
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from drivers.clock import nanoseconds
+from drivers.samples import PowerSample, RateSample, Sample
+
+ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={"imu": 0.1})
+SETTINGS = GyroReadingSettings(gyro_rest_s=0.3)
+STEP_S = 0.02
+
+
+def reading(rate_rad_s: float, device: str = "imu") -> RateSample:
+    return RateSample(device=device, t_ns=0, rate_z_rad_s=rate_rad_s)
+
+
+class Bench:
+    """One rule on a cycle of 20 ms."""
+
+    def __init__(self, rule: StopRule) -> None:
+        self.rule = rule
+        self.now_s = 0.0
+
+    def cycle(
+        self,
+        *samples: Sample,
+        is_still: bool = False,
+        turns: bool = False,
+        bias_rad_s: float = 0.0,
+        rejected_rad_s: float | None = None,
+    ) -> list[StopReason]:
+        """Return the reasons of one cycle; with `turns` the wheels turn the rover by 0.5 rad/s."""
+        self.now_s += STEP_S
+        for sample in samples:
+            self.rule.observe(sample, 0)
+        wheels = WheelTurn(duration_s=STEP_S, left_rad=0.5 * STEP_S)
+        return list(
+            self.rule.check(
+                Cycle(
+                    now_ns=nanoseconds(self.now_s),
+                    is_still=is_still,
+                    evidence=TurnEvidence(gyro_rad=0.1 * STEP_S, wheels=wheels) if turns else None,
+                    gyro_bias_rad_s=bias_rad_s,
+                    rejected_rate_rad_s=rejected_rad_s,
+                )
+            )
+        )
+
+
+def stuck() -> Bench:
+    return Bench(StuckGyroRule(SETTINGS, ROLES))
+
+
+def test_a_reading_that_never_changes_while_the_wheels_turn_is_stuck_after_a_second() -> None:
+    bench = stuck()
+    bench.cycle(reading(0.2))
+    for _ in range(49):
+        assert bench.cycle(reading(0.2), reading(0.2, "other"), turns=True) == []
+    bench.cycle(reading(0.2), turns=True)
+    (reason,) = bench.cycle(reading(0.2), turns=True)
+    assert (reason.cause, reason.severity) == ("gyro stuck", Severity.STOP)
+    assert reason.text == "imu: yaw rate stuck at 0.2 rad/s for 1 s while the wheels turned"
+    assert reason.yaw_rad == pytest.approx(0.4 * 1.02)
+    assert bench.cycle(reading(0.2)) == [reason]
+
+
+@pytest.mark.parametrize("change", [reading(0.2001), None])
+def test_a_change_and_rest_clear_a_stuck_reading(change: RateSample | None) -> None:
+    bench = stuck()
+    for _ in range(60):
+        found = bench.cycle(reading(0.2), turns=True)
+    assert found
+    assert bench.cycle(*([] if change is None else [change]), is_still=change is None) == []
+    for _ in range(49):
+        assert bench.cycle(reading(0.2001 if change else 0.2), turns=True) == []
+    bench.cycle(turns=True)
+    (reason,) = bench.cycle(turns=True)
+    assert reason.yaw_rad == pytest.approx(0.4 * 1.02)
+
+
+def test_other_samples_do_not_change_the_reading() -> None:
+    bench = stuck()
+    power = PowerSample(device="imu", t_ns=0, voltage_v=24.0)
+    for index in range(60):
+        found = bench.cycle(reading(0.2), power, reading(float(index), "other"), turns=True)
+    assert found
+
+
+def test_rates_that_are_too_great_stop_when_no_other_has_come_for_the_age_limit() -> None:
+    bench = Bench(GreatestRateRule(ROLES))
+    assert bench.cycle() == []
+    for _ in range(2):
+        for _ in range(5):
+            assert bench.cycle(rejected_rad_s=30.0) == []
+        assert bench.cycle(rejected_rad_s=None) == []
+    for _ in range(5):
+        bench.cycle(rejected_rad_s=30.0)
+    expected = StopReason("gyro rate", "imu: yaw rate 30.0 rad/s: the rover cannot turn that fast")
+    assert bench.cycle(rejected_rad_s=30.0) == [expected]
+
+
+def noisy(mean_rad_s: float, count: int = 2) -> list[RateSample]:
+    """Return readings whose mean is exact and whose scatter is 1 mrad/s."""
+    return [reading(mean_rad_s + (0.001 if i % 2 else -0.001)) for i in range(count)]
+
+
+def rest_bench() -> Bench:
+    return Bench(GyroRestRule(SETTINGS, ROLES))
+
+
+def rest(
+    bench: Bench, mean_rad_s: float, bias_rad_s: float, duration_s: float = 0.4
+) -> list[list[StopReason]]:
+    """Return the reasons of every cycle of a rest."""
+    return [
+        bench.cycle(*noisy(mean_rad_s), is_still=True, bias_rad_s=bias_rad_s)
+        for _ in range(round(duration_s / STEP_S))
+    ]
+
+
+def drive(bench: Bench, duration_s: float, bias_rad_s: float) -> None:
+    for _ in range(round(duration_s / STEP_S)):
+        assert bench.cycle(*noisy(9.0), bias_rad_s=bias_rad_s) == []
+
+
+def flat(found: Sequence[Sequence[StopReason]]) -> list[StopReason]:
+    return [reason for reasons in found for reason in reasons]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_gyro_that_does_not_read_its_bias_at_rest_keeps_the_rover_stopped(side: float) -> None:
+    bench = rest_bench()
+    found = rest(bench, side * 0.07, side * 0.01)
+    # An average takes 0.3 s: 15 periods after the first cycle.
+    assert found[:15] == [[]] * 15
+    expected = StopReason(
+        "gyro rest", f"imu: reads {side * 0.07:.3f} rad/s at rest, its bias was {side * 0.01:.3f} rad/s"
+    )
+    assert found[15:] == [[expected]] * 5
+    assert flat(rest(bench, side * 0.055, side * 0.01)[15:]) == []
+
+
+def test_a_bias_that_is_right_at_rest_gives_no_reason() -> None:
+    bench = rest_bench()
+    assert flat(rest(bench, 0.05, 0.01, 5.0)) == []
+    drive(bench, 2.0, 0.05)
+    assert flat(rest(bench, 0.0555, 0.05, 5.0)) == []
+
+
+@pytest.mark.parametrize("step_rad_s", [0.0087, -0.0087])
+def test_a_bias_that_changed_between_two_rests_is_named_once_with_what_it_did_to_the_yaw(
+    step_rad_s: float,
+) -> None:
+    bench = rest_bench()
+    rest(bench, 0.02, 0.02)
+    drive(bench, 10.0, 0.02)
+    (reason,) = flat(rest(bench, 0.02 + step_rad_s, 0.02, 3.0))
+    assert (reason.cause, reason.severity) == ("gyro bias", Severity.STOP)
+    # 10 s on the way, less the first cycle, and 0.34 s until the average is complete.
+    driven_s = 10.0 + 0.3
+    assert reason.text == (
+        f"imu: bias changed by {step_rad_s:.4f} rad/s while driving for {driven_s:.1f} s: the yaw may be "
+        f"{0.0087 * driven_s:.2f} rad wrong"
+    )
+    assert reason.yaw_rad == pytest.approx(0.0087 * driven_s, rel=0.01)
+
+
+def test_a_change_counts_from_the_bias_at_the_end_of_the_rest() -> None:
+    bench = rest_bench()
+    rest(bench, 0.02, 0.0)
+    bench.cycle(bias_rad_s=0.02)
+    drive(bench, 2.0, 0.5)
+    assert flat(rest(bench, 0.02, 0.02)) == []
+
+
+def test_a_noisy_average_is_weak_evidence_of_a_change() -> None:
+    bench = rest_bench()
+    rest(bench, 0.0, 0.0)
+    drive(bench, 2.0, 0.0)
+    scatter = [reading(0.009 + (0.02 if i % 2 else -0.02)) for i in range(2)]
+    # Standard error 0.02 / sqrt(30): four of them and 6 mrad/s are more than 9 mrad/s.
+    assert flat([bench.cycle(*scatter, is_still=True) for _ in range(20)]) == []
+
+
+def test_one_reading_is_no_average_and_useless_ones_do_not_count() -> None:
+    bench = rest_bench()
+    useless: list[Sample] = [
+        reading(math.nan),
+        reading(math.inf),
+        reading(5.0, "other"),
+        PowerSample(device="imu", t_ns=0, voltage_v=24.0),
+    ]
+    for index in range(30):
+        samples = [*useless, reading(1.0)] if index == 2 else useless
+        assert bench.cycle(*samples, is_still=True) == []
+    (reason,) = bench.cycle(reading(1.0), is_still=True)
+    assert reason.text == "imu: reads 1.000 rad/s at rest, its bias was 0.000 rad/s"
+
+
+def test_readings_from_before_the_rest_do_not_count() -> None:
+    bench = rest_bench()
+    drive(bench, 0.1, 0.0)
+    bench.rule.observe(reading(9.0), 0)
+    assert flat(rest(bench, 0.0, 0.0)) == []
+
+
+class Jumps:
+    """A jump rule and the time of its readings."""
+
+    def __init__(self) -> None:
+        self.rule = GyroJumpRule(SETTINGS, ROLES)
+        self.now_s = 0.0
+
+    def read(self, *rates_rad_s: float, period_s: float = 0.02, is_still: bool = False) -> list[StopReason]:
+        for rate_rad_s in rates_rad_s:
+            self.now_s += period_s
+            self.rule.observe(reading(rate_rad_s), nanoseconds(self.now_s))
+            self.rule.observe(reading(-9.0 * rate_rad_s, "other"), nanoseconds(self.now_s))
+        return list(self.rule.check(Cycle(now_ns=nanoseconds(self.now_s), is_still=is_still)))
+
+
+@pytest.mark.parametrize(("rates", "jump"), [((0.1, 0.6, 0.7), "0.50"), ((0.1, -0.4, -0.45), "-0.50")])
+def test_a_reading_that_jumps_and_stays_is_named_until_the_wheels_are_at_rest(
+    rates: tuple[float, ...], jump: str
+) -> None:
+    jumps = Jumps()
+    (reason,) = jumps.read(0.1, *rates)
+    assert (reason.cause, reason.severity) == ("gyro jump", Severity.STOP)
+    assert reason.text == f"imu: yaw rate jumped by {jump} rad/s within 0.05 s"
+    assert reason.yaw_rad == pytest.approx(0.5 * 0.02)
+    (reason,) = jumps.read(*[rates[-1]] * 50)
+    assert reason.yaw_rad == pytest.approx(0.5 * 1.02)
+    (reason,) = jumps.read(5.0, 5.0, 5.0)
+    assert reason.text == f"imu: yaw rate jumped by {jump} rad/s within 0.05 s"
+    assert jumps.read(5.0, is_still=True) == []
+    assert jumps.read(5.0) == []
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [
+        (0.1, 0.6, 0.1, 0.1),
+        (0.1, 0.6, -0.5, 0.1),
+        (0.1, 0.45, 0.8, 0.45),
+        (0.1, 0.6, 0.1, 0.6, 0.1),
+        (math.nan, 0.1, math.nan, 0.1, math.nan),
+        (0.0, 0.3, 0.6, 0.9, 0.6, 0.3, 0.0),
+    ],
+)
+def test_one_wrong_reading_and_a_steady_change_are_no_jump(rates: tuple[float, ...]) -> None:
+    settings = GyroReadingSettings(gyro_jump_rad_s=0.36)
+    jumps = Jumps()
+    jumps.rule = GyroJumpRule(settings, ROLES)
+    assert jumps.read(*rates) == []
+
+
+def test_after_a_pause_of_the_readings_any_change_is_possible() -> None:
+    jumps = Jumps()
+    assert jumps.read(0.0, 1.0, 2.0, 3.0, period_s=0.051) == []
+    jumps.rule.observe(PowerSample(device="imu", t_ns=0, voltage_v=24.0), 0)
+    assert jumps.read(3.0, 4.0, 4.0, period_s=0.05) != []

@@ -1,0 +1,153 @@
+"""The gyro against the wheels: what slip can explain, and what it cannot."""
+
+import math
+import re
+
+import pytest
+
+from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.roles import DeviceRoles
+from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+
+ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={})
+STEP_S = 0.02
+
+
+def difference(**settings: float) -> GyroDifferenceRule:
+    return GyroDifferenceRule(GyroTurnSettings.model_validate(settings), ROLES)
+
+
+def follows(**settings: float) -> GyroFollowsRule:
+    return GyroFollowsRule(GyroTurnSettings.model_validate(settings), ROLES)
+
+
+def evidence(gyro_rad: float, left_rad: float, right_rad: float) -> TurnEvidence:
+    wheels = WheelTurn(duration_s=STEP_S, left_rad=left_rad, right_rad=right_rad)
+    return TurnEvidence(gyro_rad=gyro_rad, wheels=wheels)
+
+
+def check(rule: StopRule, found: TurnEvidence | None, *, is_still: bool = False) -> list[StopReason]:
+    return list(rule.check(Cycle(now_ns=0, evidence=found, is_still=is_still)))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_gyro_beyond_what_spinning_and_dragged_wheels_explain_is_named(side: float) -> None:
+    rule = difference()
+    wheels = (0.5, 0.25) if side > 0.0 else (0.25, 0.5)
+    # Bound 1.2 * 0.5 = 0.6; of 0.64 rad 0.04 remain, of 0.65 exactly the limit.
+    assert check(rule, evidence(side * 0.64, *wheels)) == []
+    (reason,) = check(rule, evidence(side * 0.02, 0.0, 0.0))
+    direction = "left" if side > 0.0 else "right"
+    assert reason.cause == "gyro difference"
+    assert reason.severity is Severity.STOP
+    assert reason.text == (
+        f"imu: yaw rate contradicts the wheels: 0.41 rad more to the {direction}, "
+        "0.05 rad more than slip can explain"
+    )
+    assert reason.yaw_rad == pytest.approx(0.66 - 0.25)
+
+
+def test_what_is_within_the_bound_takes_off_the_excess_but_not_below_zero() -> None:
+    rule = difference(gyro_difference_rad=0.1)
+    for _ in range(100):
+        assert check(rule, evidence(0.0, 0.5, 0.5)) == []
+    assert check(rule, evidence(0.09, 0.0, 0.0)) == []
+    assert check(rule, evidence(0.0, 0.05, 0.0)) == []
+    assert check(rule, evidence(0.06, 0.0, 0.0)) == []
+    (reason,) = check(rule, evidence(0.02, 0.0, 0.0))
+    # The difference counts from where there was no excess: 0.09 - 0.05 + 0.06 + 0.02.
+    assert reason.yaw_rad == pytest.approx(0.12)
+
+
+def test_the_excess_is_exact_at_its_limit() -> None:
+    rule = difference(gyro_difference_rad=0.5, gyro_drag_share=0.5)
+    assert check(rule, evidence(1.25, 0.5, 0.0)) == []
+    assert check(rule, evidence(0.01, 0.0, 0.0)) != []
+
+
+def test_an_excess_that_is_used_up_forgets_its_difference() -> None:
+    rule = difference()
+    check(rule, evidence(0.04, 0.0, 0.0))
+    check(rule, evidence(0.0, 0.04 / 1.2, 0.0))
+    (reason,) = check(rule, evidence(0.06, 0.0, 0.0))
+    assert reason.yaw_rad == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_rest_forgets_the_excess(side: float) -> None:
+    rule = difference()
+    assert check(rule, evidence(side * 0.1, 0.0, 0.0)) != []
+    assert check(rule, None) != []
+    assert check(rule, None, is_still=True) == []
+    assert check(rule, None) == []
+
+
+def cycles(
+    rule: GyroFollowsRule, share: float, duration_s: float, amplitude_rad_s: float = 0.3
+) -> list[list[StopReason]]:
+    """Let the wheels swing at 2 Hz around a steady turn; the gyro, biased, measures a share of it."""
+    rates_rad_s = [
+        0.4 + amplitude_rad_s * math.sin(math.tau * 2.0 * index * STEP_S)
+        for index in range(round(duration_s / STEP_S))
+    ]
+    return [
+        check(rule, evidence((share * rate_rad_s + 0.1) * STEP_S, rate_rad_s * STEP_S, 0.0))
+        for rate_rad_s in rates_rad_s
+    ]
+
+
+def turn(
+    rule: GyroFollowsRule, share: float, duration_s: float, amplitude_rad_s: float = 0.3
+) -> list[StopReason]:
+    """Return the last reasons of `cycles`."""
+    return cycles(rule, share, duration_s, amplitude_rad_s)[-1]
+
+
+@pytest.mark.parametrize("share", [0.15, 0.5, 1.0, 1.3])
+def test_a_gyro_that_follows_is_right_however_much_the_wheels_slip(share: float) -> None:
+    assert turn(follows(), share, 5.0) == []
+
+
+@pytest.mark.parametrize(("share", "percent"), [(0.0, 0), (-1.0, -100), (0.05, 5)])
+def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: float, percent: int) -> None:
+    found = cycles(follows(), share, 3.0)
+    severities = [reason.severity for reasons in found for reason in reasons]
+    begin = len(found) - len(severities)
+    # 0.7 s: 35 cycles, the first one included.
+    assert severities == [Severity.SIGN] * 34 + [Severity.STOP] * (150 - begin - 34)
+    assert begin < 10
+    (reason,) = found[-1]
+    assert reason.cause == "gyro follows"
+    name, measured, rest = re.split(r" follows (\S+) % ", reason.text)
+    assert (name, rest) == (
+        "imu: yaw rate",
+        "of the changes of the wheels' turn rate for 0.7 s: no signal, wrong axis, wrong sign, or wheels "
+        "without grip",
+    )
+    assert int(measured) == pytest.approx(percent, abs=4)
+    # As far as the two differ: the steady turn, and the gyro's bias the other way.
+    assert reason.yaw_rad == pytest.approx(((1.0 - share) * 0.4 - 0.1) * STEP_S * len(severities), rel=0.1)
+
+
+def test_small_changes_are_no_evidence() -> None:
+    assert turn(follows(), 0.0, 5.0, amplitude_rad_s=0.06) == []
+    assert turn(follows(gyro_follow_rad_s=0.02), 0.0, 5.0, amplitude_rad_s=0.06) != []
+
+
+def test_following_again_and_rest_clear() -> None:
+    rule = follows()
+    assert turn(rule, 0.0, 0.8) != []
+    assert turn(rule, 1.0, 2.0) == []
+    found = turn(rule, 0.0, 0.8)
+    assert [reason.severity for reason in found] == [Severity.SIGN]
+    assert check(rule, None) == found
+    assert check(rule, None, is_still=True) == []
+    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.SIGN]
+
+
+def test_a_pause_of_the_changes_neither_counts_nor_clears() -> None:
+    rule = follows()
+    assert [reason.severity for reason in turn(rule, 0.0, 0.1)] == [Severity.SIGN]
+    assert [reason.severity for reason in turn(rule, 0.0, 5.0, amplitude_rad_s=0.0)] == [Severity.SIGN]
+    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.STOP]
