@@ -1,6 +1,7 @@
 """Stop rules about the readings of the gyro: stuck, too great, and at rest."""
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from statistics import fmean, stdev
 from typing import Annotated
@@ -35,6 +36,9 @@ class GyroReadingSettings(Settings):
     gyro_rest_rad_s: Annotated[float, Field(ge=0.001, le=3.0)] = 0.05
     gyro_step_rad_s: Annotated[float, Field(ge=0.0005, le=3.0)] = 0.006
 
+
+CYCLES = 3
+"""After so many cycles the wheels show a jump of their own; chosen by hand."""
 
 JUMP_NS = nanoseconds(0.05)
 """Readings that are further apart may differ by any amount."""
@@ -87,6 +91,8 @@ class GyroJumpRule(StopRule):
         self._steady: tuple[int, float] | None = None
         self._sudden: tuple[int, float] | None = None
         self._jump: tuple[int, float] | None = None
+        self._wheels_rad_s: deque[float] = deque(maxlen=CYCLES + 2)
+        self._cycles = 0
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a reading of the gyro and compare it with the last one that others confirm."""
@@ -110,11 +116,22 @@ class GyroJumpRule(StopRule):
         """Return a reason after a jump, until the wheels are at rest."""
         if cycle.is_still:
             self._jump = None
-        if self._jump is not None:
+        if cycle.evidence is not None:
+            wheels = cycle.evidence.wheels
+            self._wheels_rad_s.append(wheels.turn_rad / wheels.duration_s)
+            self._cycles = 0 if self._jump is None else self._cycles + 1
+            if self._cycles == CYCLES and self._is_of_wheels():
+                self._jump = None
+        if self._jump is not None and self._cycles >= CYCLES:
             jump_ns, change_rad_s = self._jump
             turned_rad = abs(change_rad_s) * seconds(max(0, cycle.now_ns - jump_ns))
             text = f"{self._gyro}: yaw rate jumped by {change_rad_s:.2f} rad/s within {JUMP_NS / 1e9:g} s"
             yield StopReason("gyro jump", text, yaw_rad=turned_rad)
+
+    def _is_of_wheels(self) -> bool:
+        """Return whether the wheels' turn rate has jumped, too, by more than half: a wheel has jammed."""
+        change_rad_s = self._wheels_rad_s[-1] - self._wheels_rad_s[0]
+        return self._jump is not None and change_rad_s / self._jump[1] > 0.5
 
 
 class GreatestRateRule(StopRule):

@@ -224,12 +224,26 @@ class Jumps:
         self.rule = GyroJumpRule(SETTINGS, ROLES)
         self.now_s = 0.0
 
-    def read(self, *rates_rad_s: float, period_s: float = 0.02, is_still: bool = False) -> list[StopReason]:
+    def read(
+        self,
+        *rates_rad_s: float,
+        period_s: float = 0.02,
+        is_still: bool = False,
+        wheels_rad_s: float = 0.1,
+        judged: bool = True,
+    ) -> list[StopReason]:
+        """Return the reasons after these readings, and after the wheels have been judged."""
         for rate_rad_s in rates_rad_s:
             self.now_s += period_s
             self.rule.observe(reading(rate_rad_s), nanoseconds(self.now_s))
             self.rule.observe(reading(-9.0 * rate_rad_s, "other"), nanoseconds(self.now_s))
-        return list(self.rule.check(Cycle(now_ns=nanoseconds(self.now_s), is_still=is_still)))
+        found: list[StopReason] = []
+        for _ in range(3 if judged else 1):
+            wheels = WheelTurn(duration_s=STEP_S, left_rad=wheels_rad_s * STEP_S)
+            evidence = TurnEvidence(gyro_rad=0.0, wheels=wheels)
+            now_ns = nanoseconds(self.now_s)
+            found = list(self.rule.check(Cycle(now_ns=now_ns, is_still=is_still, evidence=evidence)))
+        return found
 
 
 @pytest.mark.parametrize(("rates", "jump"), [((0.1, 0.6, 0.7), "0.50"), ((0.1, -0.4, -0.45), "-0.50")])
@@ -265,6 +279,14 @@ def test_one_wrong_reading_and_a_steady_change_are_no_jump(rates: tuple[float, .
     jumps = Jumps()
     jumps.rule = GyroJumpRule(settings, ROLES)
     assert jumps.read(*rates) == []
+
+
+@pytest.mark.parametrize(("wheels_rad_s", "is_jump"), [(0.34, True), (0.36, False), (-0.3, True)])
+def test_a_jump_of_the_wheels_too_is_none_of_the_gyro(wheels_rad_s: float, is_jump: bool) -> None:
+    jumps = Jumps()
+    jumps.read(0.1)
+    assert jumps.read(0.6, 0.6, wheels_rad_s=wheels_rad_s, judged=False) == []
+    assert bool(jumps.read(wheels_rad_s=wheels_rad_s)) == is_jump
 
 
 def test_after_a_pause_of_the_readings_any_change_is_possible() -> None:
