@@ -1,0 +1,60 @@
+"""Too much unmeasured motion: when it stops, for how long, and what a stop adds to the doubt."""
+
+from dataclasses import replace
+
+import pytest
+
+from controllers.roles import DeviceRoles
+from controllers.safety import SafetySupervisor
+from controllers.safety.estimate_rules import UnseenMotionRule, UnseenSettings
+from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.settings import SafetySettings
+
+NOTHING = DeviceRoles(wheels="wheels", required={})
+COMPASS = replace(NOTHING, headings=("compass",))
+CAMERA = replace(NOTHING, fixes=("overhead",))
+RESTART = "needs a restart at a known pose"
+
+
+@pytest.mark.parametrize(
+    ("roles", "position", "yaw"),
+    [
+        (NOTHING, Severity.FINAL, Severity.FINAL),
+        (COMPASS, Severity.FINAL, Severity.STOP),
+        (CAMERA, Severity.STOP, Severity.STOP),
+    ],
+)
+def test_a_stop_is_final_where_no_device_can_find_the_rover(
+    roles: DeviceRoles, position: Severity, yaw: Severity
+) -> None:
+    rule = UnseenMotionRule(UnseenSettings(), roles)
+    assert list(rule.check(Cycle(now_ns=0, unseen_m=0.15, unseen_rad=0.1))) == []
+    needs = {Severity.STOP: "needs a fix", Severity.FINAL: RESTART}
+    assert list(rule.check(Cycle(now_ns=0, unseen_m=0.16, unseen_rad=0.11))) == [
+        StopReason(
+            "unseen position",
+            f"pose filter: position uncertain by 0.16 m, motion was not measured: {needs[position]}",
+            position,
+        ),
+        StopReason(
+            "unseen yaw",
+            f"pose filter: yaw uncertain by 0.11 rad, motion was not measured: {needs[yaw]}",
+            yaw,
+        ),
+    ]
+
+
+def test_a_stop_adds_the_doubt_of_its_wheels_once_and_that_of_the_yaw_as_it_grows() -> None:
+    supervisor = SafetySupervisor(SafetySettings(), NOTHING, 2)
+
+    def doubts(*stops: StopReason) -> list[tuple[tuple[float, ...], float]]:
+        return list(supervisor._doubts(stops))
+
+    first = StopReason("stall", "", wheel_rad=(1.0, 2.0), yaw_rad=0.3)
+    assert doubts(first, first) == [((1.0, 2.0), pytest.approx(0.3)), ((), 0.0)]
+    # 0.5 squared less 0.3 squared: variances add up.
+    assert doubts(first._replace(yaw_rad=0.5)) == [((), pytest.approx(0.4))]
+    assert doubts(first._replace(yaw_rad=0.4)) == [((), 0.0)]
+    assert doubts(first._replace(yaw_rad=0.5)) == [((), 0.0)]
+    assert doubts() == []
+    assert doubts(first) == [((1.0, 2.0), pytest.approx(0.3))]
