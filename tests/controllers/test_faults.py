@@ -193,7 +193,10 @@ def test_after_a_short_break_of_the_wheels_link_motion_resumes_from_standstill()
     assert resumed[-1].mode is Mode.RUNNING
 
 
-def test_positions_that_jump_to_and_fro_stop_the_rover_although_they_are_fresh() -> None:
+@pytest.mark.parametrize(("fault_s", "then"), [(0.8, Mode.RUNNING), (3.0, Mode.EMERGENCY_STOP)])
+def test_positions_that_jump_to_and_fro_stop_the_rover_although_they_are_fresh(
+    fault_s: float, then: Mode
+) -> None:
     loop, simulated = long_drive(), omni_rover()
     run(loop, simulated, 4.0)
     began_ns = simulated.t_ns
@@ -204,13 +207,14 @@ def test_positions_that_jump_to_and_fro_stop_the_rover_although_they_are_fresh()
         return sample
 
     simulated.mute = jumping
-    faulty = run(loop, simulated, 3.0)
+    faulty = run(loop, simulated, fault_s)
     first = next(output for output in faulty if output.mode is Mode.SAFE_STOP)
     assert (first.t_ns - began_ns) / MS <= 2 * 150 + 20
     assert first.reason == "wheels: no wheel motion measured for 0.3 s"
     assert faulty[-1].mode is Mode.SAFE_STOP
     simulated.mute = lambda sample: sample
-    assert run(loop, simulated, 1.0)[-1].mode is Mode.RUNNING
+    # At 0.2 m/s, and nothing tells when the wheels stopped: after 3 s the place is too uncertain.
+    assert run(loop, simulated, 1.0)[-1].mode is then
 
 
 def test_positions_that_jump_from_the_start_keep_the_rover_standing() -> None:
