@@ -1,5 +1,6 @@
 """The committed reference pages are those that the program generates, and no key is without a meaning."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -17,15 +18,26 @@ def test_the_committed_page_is_up_to_date(tmp_path: Path, name: str) -> None:
     )
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_every_key_and_option_has_a_type_and_a_meaning(name: str) -> None:
-    rows = [
-        [cell.strip() for cell in line.replace("\\|", "/").strip("| ").split("|")]
+def rows_of(name: str) -> list[list[str]]:
+    """Return the cells of every row of a page, empty ones too."""
+    return [
+        [cell.strip() for cell in line.replace("\\|", "/").removeprefix("|").removesuffix("|").split("|")]
         for line in (REFERENCE / name).read_text("utf-8").splitlines()
         if line.startswith("| `")
     ]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_key_and_option_has_a_type_and_a_meaning(name: str) -> None:
+    rows = rows_of(name)
     assert len(rows) > 80
     assert [row for row in rows if not row[1] or not row[-1]] == []
+
+
+def test_no_meaning_has_swallowed_the_next_key() -> None:
+    rows = rows_of("configuration.md")
+    keys = {row[0].strip("`") for row in rows}
+    assert [row for row in rows if keys & set(re.findall(r"[.;] (\w+): ", row[-1]))] == []
 
 
 @pytest.mark.parametrize(

@@ -28,18 +28,19 @@ class CanopenWheelsParameters(CanDeviceSettings, DriveSettings):
     1016h and 6007h.
 
     Attributes:
-        wheel: In the rover's order, e.g. front left, front right, rear left, rear right. mode: Mode of
-        operation: "profile_velocity" (3) or "cyclic_velocity" (9). counts_per_motor_turn: Counts of the
-        position (6064h) per turn of the motor. gear_ratio: Turns of the motor per turn of the wheel.
+        wheel: In the rover's order, e.g. front left, front right, rear left, rear right.
+        mode: Mode of operation: "profile_velocity" (3) or "cyclic_velocity" (9).
+        counts_per_motor_turn: Counts of the position (6064h) per turn of the motor.
+        gear_ratio: Turns of the motor per turn of the wheel.
         velocity_units_per_rpm: Size of 1 rpm at the motor in the velocity unit of the drive (60FFh, 606Ch).
         rpm_limit: Largest speed of the motors: set-points are clipped to it, and positions that move one and
-        a
-            half times as fast are rejected.
+            a half times as fast are rejected.
         rated_current_a: Rated current of the motors (6075h), the unit of 6078h; without it no current is
-        read. pdo_period_ms: Time between two messages of each kind from a drive. heartbeat_timeout_ms: A
-        drive stops when it gets no heartbeat for this long. host_node: Node number under which this program
-        sends its heartbeat. fault_resets: How often a fault of a drive, or its restart, is answered by a
-        reset after the link came
+            read.
+        pdo_period_ms: Time between two messages of each kind from a drive.
+        heartbeat_timeout_ms: A drive stops when it gets no heartbeat for this long.
+        host_node: Node number under which this program sends its heartbeat.
+        fault_resets: How often a fault of a drive, or its restart, is answered by a reset after the link came
             up; then the drive stays off.
     """
 

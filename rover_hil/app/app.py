@@ -464,7 +464,7 @@ def calibrate_camera(
     ground_yaw: Annotated[
         float, number_option("Direction of the board's columns from x, deg.", "deg", -360.0, 360.0)
     ] = 0.0,
-    board: Annotated[Literal["chessboard", "charuco"], typer.Option()] = "charuco",
+    board: Annotated[Literal["chessboard", "charuco"], typer.Option(help="The printed board.")] = "charuco",
     fps: Annotated[float, number_option("Frames per second.", "Hz", 0.01, 1000.0)] = 5.0,
     force: ForceOption = False,
 ) -> None:
