@@ -11,8 +11,9 @@ from drivers.samples import FrameSample
 
 BLACK = 16
 """A frame that is darker everywhere shows nothing: a covered lens, or a camera that sends empty frames."""
-STRIDE = 8
 OLDEST_NS = NANOSECONDS_PER_SECOND
+LARGEST_LEAD_NS = 1_000_000
+"""Stamps further ahead of their arrival are of another clock; a host's clocks differ by less."""
 
 
 class CameraCodec:
@@ -20,8 +21,8 @@ class CameraCodec:
 
     An image is rejected when it is "empty" (it could not be decoded whole), has another "size" or "dtype"
     than 8-bit grey or BGR of the configured size, is "black", or when its stamp is that of the frame before
-    ("stamp_not_moving"), older ("stamp_backwards"), or a second old on arrival ("stamp_old"). Images without
-    a stamp pass.
+    ("stamp_not_moving"), older ("stamp_backwards"), a second old on arrival ("stamp_old"), or more than 1 ms
+    later than its arrival ("stamp_future"). Images without a stamp pass.
 
     Args:
         name: Name of the device.
@@ -64,7 +65,7 @@ class CameraCodec:
             return "dtype"
         if payload.image.shape not in self._shapes:
             return "size"
-        return "black" if payload.image[::STRIDE, ::STRIDE].max() < BLACK else None
+        return "black" if payload.image.max() < BLACK else None
 
     def _find_stamp_fault(self, item: Received[CameraImage]) -> str | None:
         stamp_ns = item.payload.t_capture_ns
@@ -72,6 +73,8 @@ class CameraCodec:
             return None
         if item.t_ns - stamp_ns > OLDEST_NS:
             return "stamp_old"
+        if stamp_ns - item.t_ns > LARGEST_LEAD_NS:
+            return "stamp_future"
         if self._newest_stamp_ns is None or stamp_ns > self._newest_stamp_ns:
             return None
         return "stamp_not_moving" if stamp_ns == self._newest_stamp_ns else "stamp_backwards"

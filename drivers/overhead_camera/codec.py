@@ -36,11 +36,10 @@ IDEAL_CELL_PX = 4
 class OverheadCameraCodec:
     """Finds the rover's marker in each image.
 
-    An image that is not a frame is rejected as by `CameraCodec`. Otherwise it is rejected when its stamp is
-    after its arrival ("stamp_ahead"), or when the marker is not in it ("no_marker"), is in it more than
-    once ("ambiguous"), has less than 5 pixels per cell ("marker_small"), is not sharp ("blurred"), differs
-    from its true size by more than 10 % ("marker_size") or from a square by more than 2.5 %
-    ("marker_shape").
+    An image that is not a frame is rejected as by `CameraCodec`. Otherwise it is rejected when the marker is
+    not in it ("no_marker"), is in it more than once ("ambiguous"), has less than 5 pixels per cell
+    ("marker_small"), is not sharp ("blurred"), differs from its true size by more than 10 % ("marker_size")
+    or from a square by more than 2.5 % ("marker_shape").
 
     Args:
         name: Name of the device.
@@ -68,9 +67,6 @@ class OverheadCameraCodec:
 
     def decode(self, item: Received[CameraImage]) -> Sequence[PoseFixSample | Rejection]:
         """Return the pose, or the reason for a rejection."""
-        stamp_ns = item.payload.t_capture_ns
-        if stamp_ns is not None and stamp_ns > item.t_ns:
-            return (Rejection("stamp_ahead"),)
         (frame,) = self._frames.decode(item)
         if isinstance(frame, Rejection):
             return (frame,)
@@ -132,7 +128,7 @@ class OverheadCameraCodec:
             yaw_std_rad=yaw_std_rad,
             t_capture_ns=frame.t_ns - nanoseconds(settings.latency_s)
             if t_capture_ns is None
-            else t_capture_ns,
+            else min(t_capture_ns, frame.t_ns),
         )
 
 

@@ -1,7 +1,8 @@
 """Check rate and time stamps of the frames of a camera."""
 
+from drivers.camera.codec import LARGEST_LEAD_NS, OLDEST_NS
 from drivers.camera.settings import CameraSettings
-from drivers.clock import NANOSECONDS_PER_SECOND, seconds
+from drivers.clock import seconds
 from drivers.samples import FrameSample
 from rover_hil.doctor.finding import Finding, ok, warning
 from rover_hil.doctor.listening import Reception
@@ -41,7 +42,7 @@ def check_frames(reception: Reception, settings: CameraSettings) -> list[Finding
             )
         )
     ages_ns = [frame.t_ns - frame.t_capture_ns for frame in frames if frame.t_capture_ns is not None]
-    if not ages_ns or not all(0 <= age_ns < NANOSECONDS_PER_SECOND for age_ns in ages_ns):
+    if not ages_ns or not all(-LARGEST_LEAD_NS <= age_ns < OLDEST_NS for age_ns in ages_ns):
         worst = f": up to {seconds(max(ages_ns, key=abs)):.3f} s before arrival" if ages_ns else ""
         findings.append(
             warning(
@@ -54,7 +55,7 @@ def check_frames(reception: Reception, settings: CameraSettings) -> list[Finding
         )
     if findings:
         return findings
-    age_ms = 1000 * seconds(max(ages_ns))
+    age_ms = 1000 * seconds(max(0, *ages_ns))
     return [
         ok(
             CHECK,

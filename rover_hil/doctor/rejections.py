@@ -140,6 +140,11 @@ _ADVICE = {
         "frames arrive a second after they were taken",
         "lower frame_rate_hz, or end the programs that use the processor",
     ),
+    "stamp_future": Advice(
+        Level.PROBLEM,
+        "frames carry times later than this computer's clock: a camera or program with another clock",
+        "let what fills the folder stamp with the monotonic clock of this computer (names in nanoseconds)",
+    ),
     "black": Advice(
         Level.WARNING,
         "the camera sends black frames",

@@ -169,3 +169,17 @@ def test_a_frame_whose_stamp_is_a_second_old_on_arrival_is_not_used() -> None:
     late = decode_one(codec, GREY, t_capture_ns=1_000_000_000, t_ns=2_000_000_001)
     assert late == Rejection("stamp_old")
     assert isinstance(decode_one(codec, GREY, t_capture_ns=1_000_000_000, t_ns=2_000_000_000), FrameSample)
+
+
+def test_a_stamp_from_the_future_is_refused_and_does_not_blind_the_camera() -> None:
+    codec = CameraCodec("camera", 64, 48)
+    assert decode_one(codec, t_capture_ns=3_000_000_001, t_ns=2_999_000_000) == Rejection("stamp_future")
+    frames = [decode_one(codec, t_capture_ns=3_000_000_000 + k, t_ns=2_999_000_000 + k) for k in range(3)]
+    assert [frame.index for frame in frames if isinstance(frame, FrameSample)] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("pixel", [(3, 5), (41, 63)])
+def test_a_dark_frame_with_a_small_bright_marker_is_not_black(pixel: tuple[int, int]) -> None:
+    image = np.full((48, 64), 3, np.uint8)
+    image[pixel] = 200
+    assert isinstance(decode_one(CameraCodec("camera", 64, 48), image), FrameSample)

@@ -32,7 +32,7 @@ from rover_hil.doctor.finding import Finding, Level
 from rover_hil.doctor.frames import check_frames
 from rover_hil.doctor.listening import Reception
 from rover_hil.doctor.no_data import check_no_data
-from rover_hil.doctor.rejections import check_rejections
+from rover_hil.doctor.rejections import advice_for, check_rejections
 from rover_hil.doctor.streams import Part, check_breaks, check_streams, stream_of
 
 COMPASS = NmeaCompassSettings(port="/dev/null")
@@ -304,3 +304,17 @@ def test_canopen_drives_that_were_never_configured_are_no_problem() -> None:
     (finding,) = check_no_data(beating)
     assert finding.level is Level.WARNING
     assert finding.what == "heartbeats arrive, but no measurements"
+
+
+def test_frames_stamped_less_than_a_millisecond_ahead_have_usable_capture_times() -> None:
+    record = frames(10.0, -0.0005)
+    assert isinstance(record.settings, CameraSettings)
+    (finding,) = check_frames(record, record.settings)
+    assert finding.level is Level.OK
+
+
+@pytest.mark.parametrize("device_type", ["camera", "overhead_camera"])
+def test_a_camera_with_the_clock_of_another_computer_is_explained(device_type: str) -> None:
+    advice = advice_for("stamp_future", device_type)
+    assert "later than this computer's clock" in advice.cause
+    assert advice.level is Level.PROBLEM
