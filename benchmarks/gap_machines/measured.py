@@ -1,6 +1,7 @@
-"""Measured machines: `python -m benchmarks.gap_machines.measured DATA`: a free-swinging pendulum.
+"""Measured machines: `python -m benchmarks.gap_machines.measured DATA`: a linear drive and a pendulum.
 
-DATA is the folder with `dynamics/pendulum.csv.gz` (github.com/dynamicslab/MultiArm-Pendulum, MIT).
+DATA is the folder with `dynamics/emps_*.csv.gz` and `dynamics/pendulum.csv.gz`, which `DATA/README.md`
+describes.
 """
 
 import sys
@@ -12,21 +13,72 @@ import numpy as np
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.gap import Channel, Parameter, Port, Run, RunParameter, StateModel, effects
+from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
+from tests.rover_hil.gap_machines.emps import emps_model, emps_runs
 
 EVERY = 4
 CARDS = ("coulomb_friction", "quadratic_drag", "asymmetric_friction", "offset")
 
 
+SLOW_M_S = 0.002
+"""Speed below which friction fades, as in the model of the drive."""
+
+
 def main(arguments: Sequence[str]) -> int:
-    """Print the verdict on the pendulum."""
+    """Print the verdicts on the drive and on the pendulum."""
     if len(arguments) != 1:
         print(__doc__)
         return 2
-    verdict = analyse(pendulum_model(CARDS), pendulum_runs(Path(arguments[0]), EVERY), advance=print).verdict
-    print(*verdict.lines(), sep="\n")
-    print(f"{verdict.seconds:.0f} s")
+    data = Path(arguments[0])
+    identification = emps_runs(data, "identification")
+    both = [*identification, *emps_runs(data, "pulses")]
+    friction = emps_model(has_friction=True)
+    _print("drive, both records, pulses locked", analyse(friction, both, confirm='run == "pulses*"').verdict)
+    alone = analyse(friction, identification)
+    _print("drive, identification record", alone.verdict)
+    if alone.machine is None:
+        raise TypeError("the drive is a machine")
+    for base in friction.parameters:
+        size = alone.machine.size("", base.name)
+        print(f"  {base.name} {size.value:.4g} {base.unit}, {size.low:.4g} to {size.high:.4g}")
+    without = analyse(emps_model(has_friction=False), identification).verdict
+    _print("drive without friction cards", without)
+    plain, whitened = coulomb_by_weighting(identification)
+    print(f"Coulomb friction by least squares {plain:.1f} N; after whitening, AR(1), {whitened:.1f} N")
+    _print("pendulum", analyse(pendulum_model(CARDS), pendulum_runs(data, EVERY)).verdict)
     return 0
+
+
+def coulomb_by_weighting(runs: Sequence[Run]) -> tuple[float, float]:
+    """Return the Coulomb friction by ordinary least squares, and with a misfit whitened as AR(1)."""
+    columns = [
+        np.stack(
+            [
+                run.inputs["acceleration"],
+                run.inputs["velocity"],
+                np.tanh(run.inputs["velocity"] / SLOW_M_S),
+                np.ones(run.inputs["velocity"].size),
+            ],
+            axis=1,
+        )
+        for run in runs
+    ]
+    forces = [run.measured["force"] for run in runs]
+    size = np.linalg.lstsq(np.concatenate(columns), np.concatenate(forces), rcond=None)[0]
+    plain = float(size[2])
+    for _ in range(20):
+        errors = [force - column @ size for force, column in zip(forces, columns, strict=True)]
+        pairs = np.concatenate([np.stack((one[:-1], one[1:])) for one in errors], axis=1)
+        keep = float(pairs[0] @ pairs[1] / (pairs[0] @ pairs[0]))
+        whitened = np.concatenate([one[1:] - keep * one[:-1] for one in columns])
+        target = np.concatenate([one[1:] - keep * one[:-1] for one in forces])
+        size = np.linalg.lstsq(whitened, target, rcond=None)[0]
+    return plain, float(size[2])
+
+
+def _print(title: str, verdict: Verdict) -> None:
+    print(f"{title}, {verdict.seconds:.0f} s:", *verdict.lines(), sep="\n")
 
 
 def pendulum_runs(data: Path, every: int) -> list[Run]:

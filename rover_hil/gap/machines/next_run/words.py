@@ -5,6 +5,9 @@ from collections.abc import Mapping, Sequence
 from rover_hil.gap.machines.next_run.decision import Outcome
 from rover_hil.gap.machines.next_run.proposal import NextRun, Proposal, unseparated
 
+MOST_PAIRS = 1
+"""Pairs that the sentence names; `next_runs` in `verdict.json` has all."""
+
 Value = str | float | bool | Mapping[str, float] | Sequence[Mapping[str, str | float]]
 
 
@@ -43,7 +46,11 @@ def _after(outcome: Outcome, times: int) -> str:
 
 
 def _pairs(pairs: Sequence[tuple[str, str]]) -> str:
-    return ", and ".join(f"{one} from {other}" for one, other in pairs)
+    texts = [f"{one} from {other}" for one, other in pairs[:MOST_PAIRS]]
+    more = len(pairs) - MOST_PAIRS
+    if more > 0:
+        texts.append(f"{more} other pair{'s' if more > 1 else ''} of explanations")
+    return ", and ".join(texts)
 
 
 def _all(proposal: Proposal) -> str:
