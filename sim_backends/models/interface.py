@@ -49,7 +49,11 @@ class Parameter:
 
     def owner_in(self, run: "Run") -> str:
         """Return whose deviation acts in a run: the name of the run, or `CONDITION=VALUE` of the unit."""
-        return f"{self.scatter_by}={run.conditions[self.scatter_by]:g}" if self.scatter_by else run.name
+        if not self.scatter_by:
+            return run.name
+        value = run.conditions[self.scatter_by]
+        short = f"{value:g}"
+        return f"{self.scatter_by}={short if float(short) == value else repr(value)}"
 
     @property
     def natural(self) -> float:

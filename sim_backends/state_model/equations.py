@@ -94,6 +94,12 @@ class Equations:
     def _require_scatter(self) -> None:
         """Raise ConfigError where a parameter cannot scatter as it declares."""
         strengths = [card.parameters[0] for card in self.effects]
+        conditions = sorted({one.scatter_by for one in (*self.parameters, *strengths) if one.scatter_by})
+        if len(conditions) > 1:
+            raise ConfigError(
+                f"model {self.name}: parameters scatter by {' and by '.join(conditions)}: use one condition, "
+                "the unit under test"
+            )
         for one in (*self.parameters, *strengths):
             if one.scatter_by and one.scatter_by not in self.condition_units:
                 raise ConfigError(

@@ -24,6 +24,9 @@ from sim_backends.state_model.recorded import RecordedLanes, are_equal
 from sim_backends.state_model.tape import make_tape
 from sim_backends.state_model.tracing import Graph, Source, Traced, TracedStack
 
+CHECKED = 5
+"""Samples, spread over the runs, at which recorded equations are compared with those that were given."""
+
 
 @dataclass(frozen=True, slots=True)
 class Active:
@@ -268,11 +271,18 @@ class Simulation:
         return RecordedLanes(tape, self._shape, record.parameters, series, steps)
 
     def _is_true(self, recorded: RecordedLanes, stored: Array) -> bool:
-        """Return True where the recorded rates are those of the equations at the ends of the runs."""
+        """Return True where the recorded rates are those of the equations.
+
+        They are compared at the ends of the runs, between, and where each state is largest.
+        """
         last = (self._samples - 1) * self._model.substeps - 1
+        size = np.nan_to_num(np.abs(stored)).reshape(stored.shape[0], -1, self._samples).max(axis=1)
+        places = {*np.linspace(0, self._samples - 1, CHECKED).astype(int).tolist()}
+        places |= set(size.argmax(axis=1).tolist())
         return all(
             are_equal(recorded.rates(states, step), self._rate(states, step))
-            for states, step in ((stored[..., 0], 0), (stored[..., -1], last))
+            for place in sorted(places)
+            for states, step in ((stored[..., place], min(place * self._model.substeps, last)),)
         )
 
     def _step(self, state: Array, step: int, width_s: float) -> Array:

@@ -29,6 +29,9 @@ LEAST_RUNS = {True: 6, False: 4}
 LEAST_SAMPLES = 30
 """Fewest samples of a series."""
 
+LEAST_UNITS = 3
+"""Fewest units under test that are left out one by one; with fewer, runs are."""
+
 WEAK = 10.0
 """Prior of an effect's strength in its natural sizes, too wide to bias it."""
 STEP_SHARE = 0.05
@@ -158,7 +161,7 @@ class Problem:
         self.evaluations = 0
         self.sites = [group.site for group in observations.groups]
         self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
-        self._rows: dict[str, NDArray[np.bool_]] = {}
+        self._rows: dict[Key, NDArray[np.bool_]] = {}
 
     @property
     def owner(self) -> Indices:
@@ -170,6 +173,8 @@ class Problem:
         if not scattering:
             return self.observations.site
         labels = [scattering[0].owner_in(site) for site in self.sites]
+        if len(set(labels)) < LEAST_UNITS:
+            return self.observations.site
         numbers: Indices = np.unique(labels, return_inverse=True)[1].astype(np.intp)
         return numbers[self.observations.site]
 
@@ -262,31 +267,30 @@ class Problem:
             effect: The effect; empty for a base parameter.
         """
         name = f"{effect}.{parameter.name}" if effect else parameter.name
-        owners = dict.fromkeys(parameter.owner_in(site) for site in self.sites)
-        return [
-            Free(
-                key=("", f"{name}{DEVIATION}{RUN_SEPARATOR}{owner}"),
-                mean=0.0,
-                sd=sd,
-                lower=-np.inf,
-                upper=np.inf,
-                start=0.0,
-                step=STEP_SHARE * (parameter.prior_sd or sd),
+        labels = [parameter.owner_in(site) for site in self.sites]
+        found = []
+        for owner in dict.fromkeys(labels):
+            key = ("", f"{name}{DEVIATION}{RUN_SEPARATOR}{owner}")
+            self._rows[key] = np.array([one == owner for one in labels])[self.observations.site]
+            found.append(
+                Free(
+                    key=key,
+                    mean=0.0,
+                    sd=sd,
+                    lower=-np.inf,
+                    upper=np.inf,
+                    start=0.0,
+                    step=STEP_SHARE * (parameter.prior_sd or sd),
+                )
             )
-            for owner in owners
-        ]
+        return found
 
-    def rows_of(self, owner: str) -> "NDArray[np.bool_]":
-        """Return which rows belong to a run, or to the runs of a unit under test."""
-        if owner not in self._rows:
-            condition, _, value = owner.partition("=")
-            is_own = [
-                site.name == owner
-                or (condition in site.conditions and f"{site.conditions[condition]:g}" == value)
-                for site in self.sites
-            ]
-            self._rows[owner] = np.array(is_own)[self.observations.site]
-        return self._rows[owner]
+    def rows_of(self, key: Key) -> "NDArray[np.bool_]":
+        """Return which rows belong to the run, or to the unit under test, that a parameter is of."""
+        if key not in self._rows:
+            is_own = np.array([site.name == run_of(key) for site in self.sites])
+            self._rows[key] = is_own[self.observations.site]
+        return self._rows[key]
 
     def _run_unknowns(self, model: Machine) -> list[Free]:
         return [
@@ -334,8 +338,7 @@ class DerivativeRequest:
         for index, item in enumerate(self._free):
             place = 2 * self._order[_shared_name(item.key)]
             change = (rows[place + 1] - rows[place]) / self._widths[index]
-            run = run_of(item.key)
-            here = np.isfinite(change) & (self._problem.rows_of(run) if run else True)
+            here = np.isfinite(change) & (self._problem.rows_of(item.key) if run_of(item.key) else True)
             columns[here, index] = change[here]
         return columns
 
@@ -343,6 +346,11 @@ class DerivativeRequest:
 def run_of(key: Key) -> str:
     """Return the run or unit under test that a parameter belongs to; empty for one of all runs."""
     return key[1].partition(RUN_SEPARATOR)[2] if not key[0] else ""
+
+
+def is_deviation(key: Key) -> bool:
+    """Return True for the deviation of a run or unit from a parameter of all runs."""
+    return not key[0] and key[1].partition(RUN_SEPARATOR)[0].endswith(DEVIATION)
 
 
 def _shared_name(key: Key) -> str:

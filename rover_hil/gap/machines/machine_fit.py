@@ -8,11 +8,22 @@ from typing import TypeAlias
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.data.problem import WEAK, Free, Indices, Key, Point, Problem, cells, effect_free, run_of
+from rover_hil.gap.data.problem import (
+    WEAK,
+    Free,
+    Indices,
+    Key,
+    Point,
+    Problem,
+    cells,
+    effect_free,
+    is_deviation,
+    run_of,
+)
 from rover_hil.gap.machines.descent import descend, descend_together
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
-from sim_backends.models.interface import DEVIATION, RUN_SEPARATOR, Array, EffectCard
+from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
 
 Names: TypeAlias = tuple[str, ...]
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
@@ -208,7 +219,7 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
         problem: Model and observations.
         shared: Parameters of all runs; nominal where left out.
     """
-    free = [item for item in problem.run_free() if DEVIATION not in item.key[1]]
+    free = [item for item in problem.run_free() if not is_deviation(item.key)]
     if not free:
         return {}
     names = list(dict.fromkeys(item.key[1].partition(RUN_SEPARATOR)[0] for item in free))
@@ -294,7 +305,10 @@ def _is_held(found: Fit, index: int) -> bool:
     """Return True where a bound keeps a parameter from a better value."""
     item, value = found.free[index], found.point[found.free[index].key]
     slope = float(found.jacobian[:, index] @ found.residual - found.pull[index])
-    return (value <= item.lower and slope < 0.0) or (value >= item.upper and slope > 0.0)
+    rounding = 1e-9 * max(item.sd, abs(value))
+    return (value <= item.lower + rounding and slope < 0.0) or (
+        value >= item.upper - rounding and slope > 0.0
+    )
 
 
 def _without_own(

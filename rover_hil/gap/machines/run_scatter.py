@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Free
+from rover_hil.gap.data.problem import Free, Key
 from rover_hil.gap.machines.descent import descend, descend_together
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.statistics.fit import Fit
 from sim_backends.models.interface import DEVIATION, Array
 
 MENTIONED = 3
@@ -64,8 +65,9 @@ def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
     first = len(found.fit.free)
     covariance = fit.covariance
     by_noise: Array = (covariance - covariance @ covariance)[first:, first:]
-    shared = {key: value for key, value in fit.point.items() if DEVIATION not in key[1]}
-    moved = noise.whiten(problem.predict(fit.point) - problem.predict(shared))
+    centred, point = _centred(fit, own)
+    common = {key: value for key, value in point.items() if key not in {item.key for item in own}}
+    moved = noise.whiten(problem.predict(point) - problem.predict(common))
     columns = fit.jacobian[:, first:]
     expected = np.sum((columns @ by_noise) * columns, axis=1)
     count = noise.channel_sd.size
@@ -74,8 +76,27 @@ def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
     return RunScatter(
         fit=replace(found, fit=fit, noise=noise),
         channel_rms=noise.channel_sd * np.sqrt(np.maximum(excess, 0.0)),
-        parameter_sd=_parameter_sd(own, columns, fit.pull[first:], np.diag(by_noise)),
+        parameter_sd=_parameter_sd(own, columns, centred, np.diag(by_noise)),
     )
+
+
+def _centred(fit: Fit, own: Sequence[Free]) -> tuple[Array, dict[Key, float]]:
+    """Return the deviations without their mean, which belongs to all runs, and the same point written so."""
+    pull = fit.pull[len(fit.free) - len(own) :].copy()
+    point = dict(fit.point)
+    names = _names(own)
+    for name in dict.fromkeys(names.tolist()):
+        here = np.flatnonzero(names == name)
+        mean = float(pull[here].mean())
+        pull[here] -= mean
+        point["", name] += mean * own[int(here[0])].sd
+        for index in here.tolist():
+            point[own[index].key] = own[index].sd * float(pull[index])
+    return pull, point
+
+
+def _names(own: Sequence[Free]) -> "np.ndarray[tuple[int], np.dtype[np.str_]]":
+    return np.array([item.key[1].partition(DEVIATION)[0] for item in own], dtype=np.str_)
 
 
 def _parameter_sd(own: Sequence[Free], columns: Array, pull: Array, noise: Array) -> dict[str, float]:
@@ -83,11 +104,12 @@ def _parameter_sd(own: Sequence[Free], columns: Array, pull: Array, noise: Array
     weight = (columns**2).sum(axis=0)
     excess = pull**2 - noise
     found: dict[str, tuple[float, float]] = {}
-    names = np.array([item.key[1].partition(DEVIATION)[0] for item in own])
+    names = _names(own)
     for name in dict.fromkeys(names.tolist()):
         here = names == name
         sd = own[int(np.argmax(here))].sd
-        found[name] = (float(weight[here] @ excess[here]), sd**2 * float(excess[here].mean()))
+        spread = float(excess[here].sum()) / max(int(here.sum()) - 1, 1)
+        found[name] = (float(weight[here] @ excess[here]), sd**2 * spread)
     most = max((energy for energy, _ in found.values()), default=0.0)
     notable = [name for name, (energy, size) in found.items() if size > 0.0 and energy > NOTABLE * most]
     notable.sort(key=lambda name: -found[name][0])

@@ -1,11 +1,15 @@
-"""Fits of machines that run away."""
+"""Fits of machines that run away, and at bounds."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rover_hil.gap import Channel, Parameter, Port, Run, RunParameter, StateModel, effects
 from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.search import MachineSearch
+from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
 
 SEED = 3
 
@@ -37,3 +41,18 @@ def test_a_machine_that_runs_away_spoils_no_other_fit() -> None:
     found = MachineSearch(fits, lambda _: None).run()
     assert found.best.names == ()
     assert np.isfinite(fits.base().left_out.squares).all()
+
+
+@pytest.mark.parametrize("lower", [0.1, 0.3, 0.33, 0.47])
+def test_a_bound_that_holds_a_parameter_holds_it_without_a_run_too(lower: float) -> None:
+    """The true loss of 0.2 is below the least value that the model allows."""
+    loss = replace(MODEL.parameters[1], nominal=lower + 0.61, lower=lower + 0.3, prior_sd=0.17)
+    model = replace(MODEL, parameters=(MODEL.parameters[0], loss))
+    runs = small_runs()
+    slower = replace(MODEL, parameters=(MODEL.parameters[0], replace(loss, nominal=0.2, lower=0.0)))
+    tables = slower.predict(runs, {}, {})
+    runs = [replace(run, measured=table) for run, table in zip(runs, tables, strict=True)]
+    found = MachineFits(Problem(model, observe(model, runs)), model.effects).base()
+    assert found.fit.point["", "loss"] == pytest.approx(lower + 0.3)
+    index = found.left_out.keys.index(("", "loss"))
+    assert np.abs(found.left_out.moved[:, index]).max() == 0.0

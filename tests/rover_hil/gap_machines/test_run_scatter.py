@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from rover_hil.gap import Run
+from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.machines.machine_fit import MachineFits
+from rover_hil.gap.machines.run_scatter import run_scatter
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
@@ -62,3 +65,22 @@ def test_a_large_scatter_is_a_gap_without_a_name_and_its_size_is_reported() -> N
 def test_the_same_effect_in_every_run_is_named_beside_scatter() -> None:
     verdict = answer(0.01, drag=0.15)
     assert [one.name for one in verdict.effects] == ["quadratic_drag"]
+
+
+def test_a_parameter_that_is_the_same_in_all_runs_does_not_scatter() -> None:
+    """The difference from its nominal value belongs to all runs."""
+    problem = Problem(MODEL, observe(MODEL, runs_with_losses([0.58] * 4)))
+    fits = MachineFits(problem, MODEL.effects)
+    found = run_scatter(fits, fits.base())
+    assert found.channel_rms[0] < 0.2 * SIGMA
+    assert found.parameter_sd.get("loss", 0.0) < 0.004
+
+
+def test_runs_may_be_called_like_deviations() -> None:
+    runs = runs_with_losses([0.5] * 4)
+    odd = [replace(run, name=f"loss~{index}") for index, run in enumerate(runs)]
+    scatters = []
+    for some in (runs, odd):
+        fits = MachineFits(Problem(MODEL, observe(MODEL, some)), MODEL.effects)
+        scatters.append(run_scatter(fits, fits.base()).channel_rms)
+    assert np.array_equal(scatters[0], scatters[1])

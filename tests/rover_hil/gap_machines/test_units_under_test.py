@@ -7,6 +7,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.gap import Run, StateModel, effects, parameter
+from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
@@ -84,3 +85,45 @@ def test_a_parameter_that_scatters_has_a_value_in_each_run() -> None:
     whole = machine.predict(runs, {"gain": 1.2}, {})
     assert np.array_equal(moved[0]["reading"], plain[0]["reading"])
     assert np.allclose(moved[1]["reading"], whole[1]["reading"])
+
+
+def test_large_serial_numbers_are_different_units() -> None:
+    gain = replace(MODEL.parameters[0], scatter_sd=0.1, scatter_by="serial_number")
+    runs = [
+        replace(run, conditions={"serial_number": 1e6 + 1.0 + index})
+        for index, run in enumerate(small_runs())
+    ]
+    assert len({gain.owner_in(run) for run in runs}) == len(runs)
+    assert gain.owner_in(runs[0]) == "serial_number=1000001.0"
+
+
+def test_two_runs_of_one_unit_share_its_deviation_and_no_other(verdicts: dict[bool, Verdict]) -> None:
+    machine = model(is_scattering=True)
+    problem = Problem(machine, observe(machine, runs_of_units()))
+    free = problem.run_free(["quadratic_drag"])
+    deviations = [item for item in free if "~" in item.key[1]]
+    assert len(deviations) == UNITS
+    rows = [problem.rows_of(item.key) for item in deviations]
+    assert np.array_equal(np.sum(rows, axis=0), np.ones(problem.observations.values.size))
+    assert all(int(one.sum()) == EACH * SAMPLES for one in rows)
+    starts = [item for item in free if "~" not in item.key[1]]
+    assert all(int(problem.rows_of(item.key).sum()) == SAMPLES for item in starts)
+
+
+def test_with_two_units_runs_are_left_out_one_by_one() -> None:
+    machine = model(is_scattering=True)
+    runs = [run for run in runs_of_units() if run.conditions["serial_number"] < 2.0]
+    problem = Problem(machine, observe(machine, runs))
+    assert np.unique(problem.owner).size == len(runs)
+
+
+def test_parameters_scatter_by_one_condition_only() -> None:
+    gain = replace(MODEL.parameters[0], scatter_sd=0.1, scatter_by="load")
+    drag = effects.scattering(DRAG, sd=0.1, by="serial_number")
+    with pytest.raises(ConfigError, match="scatter by load and by serial_number"):
+        replace(
+            MODEL,
+            condition_units={"serial_number": "1", "load": "kg"},
+            parameters=(gain, *MODEL.parameters[1:]),
+            port_effects=(drag,),
+        )

@@ -221,3 +221,17 @@ def _counting() -> tuple[StateModel, list[int]]:
         return equations(*arguments)
 
     return replace(model, derivative=derivative, step_s=STEP_S), calls
+
+
+def test_a_law_that_acts_only_where_a_state_is_largest_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A number that is recorded is no array, so that this function leaves its law out of the recording."""
+
+    def pull(x: SimpleNamespace) -> Any:
+        speed = x.speed
+        return np.where(np.abs(speed) > 0.4, 5.0 * speed, speed) if isinstance(speed, np.ndarray) else speed
+
+    model = _pulled(pull)
+    found = _values(model, [{}])
+    _without_recording(monkeypatch)
+    called = _values(model, [{}])
+    np.testing.assert_array_equal(found, called)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Free, Indices, Key, Observations, Point, Problem, observe, run_of
+from rover_hil.gap.data.problem import Free, Indices, Key, Observations, Point, Problem, observe
 from rover_hil.gap.machines.next_run.discrepancy import force_factor
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
 from rover_hil.gap.machines.next_run.planned import PlannedRun
@@ -129,7 +129,7 @@ class Planning:
     def _of(self, index: int) -> list[Prediction]:
         hypothesis, problem, point = self.hypotheses[index], self.problems[index], self.points()[index]
         own = self.own_free(index)
-        owned = [problem.rows_of(run_of(item.key)) for item in own]
+        owned = [problem.rows_of(item.key) for item in own]
         free = [*hypothesis.shared, *own]
         mean = problem.predict(point)
         change = problem.derivatives(point, free) * np.array([item.sd for item in free])
