@@ -1,8 +1,8 @@
 """CANopen drives: configured by SDO one answer at a time, then set-points and readings in PDOs.
 
-Set-points other than 0 are sent only when all drives are enabled. What moves a drive towards operation is
-sent with each set-point, by the statusword that it last sent: no thread and no clock are needed, and a replay
-gives the same frames.
+Set-points other than 0 are sent only when all drives are configured and enabled. What moves a drive towards
+operation is sent with each set-point, by the statusword that it last sent: no thread and no clock are needed,
+and a replay gives the same frames.
 
 There is no counter and no time in PDOs: old or lost ones do not show. Not detectable: wrong counts, gear or
 velocity unit; a drive that ignores 1016h and so runs on when this computer fails.
@@ -28,6 +28,7 @@ from drivers.canopen_wheels.frames import (
     PRE_OPERATIONAL,
     SDO_REPLY,
     SHUTDOWN,
+    SWITCH_ON,
     TPDO_1,
     TPDO_2,
     State,
@@ -86,6 +87,8 @@ class _Drive:
         """Begin anew after a break of the link."""
         self.counter.reset()
         self.resets_left = self._resets_allowed
+        self.may_reset_fault = False
+        self.is_off = False
         self.configure()
 
     def configure(self) -> None:
@@ -93,8 +96,9 @@ class _Drive:
         self.next_object = -1  # first the network state
         self.waited = 0
         self.state = State.NOT_READY
-        self.was_reset = False
         self.is_started = False
+        self.is_operational = False
+        self.is_start_missed = False
 
     @property
     def is_configured(self) -> bool:
@@ -104,13 +108,15 @@ class _Drive:
     def is_enabled(self) -> bool:
         return self.is_started and self.state is State.ENABLED
 
-    def next_frames(self, velocity: int) -> list[bytes]:
-        """Return what brings the drive a step further, or its set-point."""
+    def next_frames(self, velocity: int, is_standstill: bool) -> list[bytes]:
+        """Return what brings the drive a step further, or its set-point; nothing when it stays off."""
+        if self.is_off:
+            return []
         if self.is_configured and not self.is_started:
             self.is_started = True
             return [nmt(NMT_START, self.node)]
         if self.is_configured:
-            return [rpdo_1(self.node, self._controlword(), velocity)]
+            return [rpdo_1(self.node, self._controlword(is_standstill), velocity)]
         self.waited += 1
         if self.next_object < 0:
             self.next_object, self.waited = 0, CALLS_UNTIL_REPEAT
@@ -132,19 +138,34 @@ class _Drive:
         return True
 
     def note_restart(self) -> None:
-        """Configure the drive again, a limited number of times."""
-        if self.resets_left:
-            self.resets_left -= 1
-            self.configure()
+        """Configure the drive again, a limited number of times; then it stays off.
 
-    def _controlword(self) -> int:
+        Without its configuration it would not notice that this computer fails, so it never runs on without.
+        """
+        self.configure()
+        self.is_off = not self.resets_left
+        self.resets_left = max(0, self.resets_left - 1)
+
+    def note_pre_operational(self) -> bool:
+        """Configure a started drive again; returns True for one that was operational before."""
+        if not self.is_started:
+            return False
+        if self.is_operational:
+            self.note_restart()
+            return True
+        # The first of these heartbeats may have crossed with the start; at the second the start was lost.
+        if self.is_start_missed:
+            self.configure()
+        else:
+            self.is_start_missed = True
+        return False
+
+    def _controlword(self, is_standstill: bool) -> int:
         # A fault is reset by a rising edge: the bit is sent once, then taken back.
-        if self.state is State.FAULT and not self.was_reset and self.resets_left:
+        if self.state is State.FAULT and self.may_reset_fault and is_standstill and self.resets_left:
             self.resets_left -= 1
-            self.was_reset = True
+            self.may_reset_fault = False
             return FAULT_RESET
-        if self.state is not State.FAULT:
-            self.was_reset = False
         return NEXT_CONTROLWORD[self.state]
 
 
@@ -153,7 +174,7 @@ class CanopenWheelsCodec:
 
     TPDO 1 gives the speed, TPDO 2 the position and, with the rated current in the settings, the current.
     Positions count from the drive's own zero. Faults: emergencies, the fault state of a drive, an object that
-    it refuses, and a restart.
+    it refuses, a restart, and a drive that is no longer operational.
 
     Rejections: "not_a_frame"; "other_traffic"; "other_node", a CANopen message of a node that no wheel has;
     "too_short"; "implausible_jump", see `PositionCounter`; "bus_lost_arbitration" and "bus_warning".
@@ -206,7 +227,13 @@ class CanopenWheelsCodec:
             return (*recovered, *TOO_SHORT)
 
     def encode_start(self) -> Sequence[bytes]:
-        """Return nothing: drives are configured and switched on step by step with the set-points."""
+        """Return nothing, and allow each drive one reset of a fault while zero speeds are commanded.
+
+        Drives are configured and switched on step by step with the set-points. `WheelDrive` decides when and
+        how often a fault is followed by a new start.
+        """
+        for drive in self._drives:
+            drive.may_reset_fault = True
         return ()
 
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
@@ -215,22 +242,34 @@ class CanopenWheelsCodec:
         Speeds are 0 until all drives are enabled.
         """
         payloads = [heartbeat(self._host_node)]
+        is_standstill = not any(speed_rad_s)
         may_turn = all(drive.is_enabled for drive in self._drives)
         meant = []
         for drive, speed in zip(self._drives, speed_rad_s, strict=True):
             limit = self._velocity_limit
             velocity = round(min(max(speed * drive.units_per_rad_s, -limit), limit)) if may_turn else 0
-            payloads += drive.next_frames(velocity)
+            payloads += drive.next_frames(velocity, is_standstill)
             meant.append(velocity / drive.units_per_rad_s)
         return payloads, tuple(meant)
 
     def encode_stop(self) -> Sequence[bytes]:
-        """Return the controlword that switches each drive off after standstill."""
-        return [rpdo_1(drive.node, SHUTDOWN, 0) for drive in self._drives]
+        """Return the controlword that takes each drive out of operation.
+
+        An enabled drive gets "disable operation": it slows down on its ramp first (object 605Ch; its default
+        in CiA 402). "Shutdown" would by default switch the motor off at speed (605Bh); it goes to drives
+        that are not enabled. The drive then misses this program's heartbeat, a fault, and stays off.
+        """
+        return [
+            rpdo_1(drive.node, SWITCH_ON if drive.state is State.ENABLED else SHUTDOWN, 0)
+            for drive in self._drives
+        ]
 
     def _read_status(self, t_ns: int, drive: _Drive, data: bytes) -> Sequence[Sample | Rejection]:
         statusword, velocity = _STATUS_SPEED.unpack_from(data)
         drive.state = state_of(statusword)
+        drive.is_operational = drive.is_started  # PDOs come in no other state
+        if drive.is_enabled:
+            drive.may_reset_fault = False  # the start has had its effect; a later fault awaits the next one
         code = statusword if drive.state is State.FAULT else 0
         return (
             *self._report(t_ns, drive, "state", code, "fault"),
@@ -277,13 +316,14 @@ class CanopenWheelsCodec:
 
     def _read_heartbeat(self, t_ns: int, drive: _Drive, data: bytes) -> Sequence[Sample | Rejection]:
         (state,) = struct.unpack_from("B", data)
-        if state == OPERATIONAL:
+        if state == OPERATIONAL and drive.is_configured:
+            drive.is_operational = drive.is_started
             return self._report(t_ns, drive, "network", 0, "")
         if state == BOOT_UP and drive.next_object > 0:
             drive.note_restart()
             return self._report(t_ns, drive, "network", 1, "restarted")
-        if state == PRE_OPERATIONAL and drive.is_configured:
-            drive.is_started = False  # the start was lost, or somebody else took the node back
+        if state == PRE_OPERATIONAL and drive.note_pre_operational():
+            return self._report(t_ns, drive, "network", 2, "no longer operational")
         return ()
 
     def _report(self, t_ns: int, drive: _Drive, source: str, code: int, text: str) -> tuple[FaultSample, ...]:

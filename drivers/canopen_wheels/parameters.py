@@ -40,8 +40,9 @@ class CanopenWheelsParameters(CanDeviceSettings, DriveSettings):
         pdo_period_ms: Time between two messages of each kind from a drive.
         heartbeat_timeout_ms: A drive stops when it gets no heartbeat for this long.
         host_node: Node number under which this program sends its heartbeat.
-        fault_resets: How often a fault of a drive, or its restart, is answered by a reset after the link came
-            up; then the drive stays off.
+        fault_resets: How often a fault of a drive is reset, or a restarted drive is configured again, after
+            the link came up; then the drive stays off. A fault is reset only while zero speeds are
+            commanded, a second after it occurred, and at most three times in a run.
     """
 
     type: Literal["canopen_wheels"] = "canopen_wheels"

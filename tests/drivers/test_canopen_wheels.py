@@ -68,6 +68,17 @@ def configure(codec: CanopenWheelsCodec) -> list[str]:
     raise AssertionError(sent)
 
 
+def configure_node_1(codec: CanopenWheelsCodec) -> None:
+    """Answer the SDOs to node 1 until it is started."""
+    for _ in range(60):
+        for text in step(codec):
+            if text == "000 01 01":
+                return
+            if text.startswith("601"):
+                receive(codec, 0x581, "60" + text[6:15] + "00000000")
+    raise AssertionError
+
+
 def enable(codec: CanopenWheelsCodec) -> None:
     for node in (1, 2):
         receive(codec, 0x180 + node, "37 06 00 00 00 00")
@@ -271,18 +282,23 @@ def test_set_points_wait_for_all_drives() -> None:
     assert codec.encode_speeds((1.0, 1.0))[1] == (0.0, 0.0)
 
 
-def test_stop_switches_off() -> None:
-    assert [line(payload) for payload in make_codec().encode_stop()] == [
-        "201 06 00 00 00 00 00",
+def test_stop_lets_an_enabled_drive_brake_before_it_switches_off() -> None:
+    codec = make_codec()
+    configure(codec)
+    receive(codec, 0x181, "37 06 E8 03 00 00")
+    receive(codec, 0x182, "21 06 00 00 00 00")
+    assert [line(payload) for payload in codec.encode_stop()] == [
+        "201 07 00 00 00 00 00",
         "202 06 00 00 00 00 00",
     ]
-    assert list(make_codec().encode_start()) == []
+    assert list(codec.encode_start()) == []
 
 
 def test_a_fault_is_named_and_reset_a_limited_number_of_times() -> None:
     codec = make_codec(fault_resets=2)
     configure(codec)
     for _ in range(2):
+        codec.encode_start()
         (fault, _) = receive(codec, 0x181, "08 02 00 00 00 00")
         assert isinstance(fault, FaultSample)
         assert (fault.wheel, fault.code, fault.text) == (0, 0x208, "node 1 state: fault")
@@ -292,7 +308,22 @@ def test_a_fault_is_named_and_reset_a_limited_number_of_times() -> None:
         assert cleared.code == 0
         assert step(codec)[0] == "201 06 00 00 00 00 00"
     receive(codec, 0x181, "08 02 00 00 00 00")
+    codec.encode_start()
     assert [step(codec)[0] for _ in range(3)] == ["201 00 00 00 00 00 00"] * 3
+
+
+def test_a_fault_is_reset_only_by_a_start_and_only_while_zero_speeds_are_commanded() -> None:
+    codec = make_codec()
+    codec.encode_start()
+    configure(codec)
+    enable(codec)
+    receive(codec, 0x181, "08 02 00 00 00 00")
+    assert [step(codec)[0] for _ in range(3)] == ["201 00 00 00 00 00 00"] * 3  # that start is used up
+    codec.encode_start()
+    assert [step(codec, 1.0)[0] for _ in range(3)] == ["201 00 00 00 00 00 00"] * 3
+    assert [step(codec)[0] for _ in range(2)] == ["201 80 00 00 00 00 00", "201 00 00 00 00 00 00"]
+    codec.encode_start()
+    assert step(codec)[0] == "201 80 00 00 00 00 00"  # the fault has stayed: tried again
 
 
 def test_a_restarted_drive_is_named_and_configured_again() -> None:
@@ -304,16 +335,52 @@ def test_a_restarted_drive_is_named_and_configured_again() -> None:
     assert fault.text == "node 1 network: restarted"
     assert step(codec, 1.0)[0] == "000 80 01"
     assert codec.encode_speeds((1.0, 1.0))[1] == (0.0, 0.0)
+    assert list(receive(codec, 0x701, "05")) == []  # somebody else has started it, not configured
+    configure_node_1(codec)
     (cleared,) = receive(codec, 0x701, "05")
     assert isinstance(cleared, FaultSample)
     assert cleared.code == 0
 
 
-def test_a_lost_start_is_repeated() -> None:
+@pytest.mark.parametrize("sign", ["00", "7F"])
+def test_a_drive_that_restarts_too_often_stays_off(sign: str) -> None:
+    """Without its configuration it would not notice that this computer fails."""
+    codec = make_codec(fault_resets=0)
+    configure(codec)
+    enable(codec)
+    (fault,) = receive(codec, 0x701, sign)
+    assert isinstance(fault, FaultSample)
+    enable(codec)
+    for _ in range(2 * CALLS_UNTIL_REPEAT):
+        payloads, meant = codec.encode_speeds((1.0, 1.0))
+        assert meant == (0.0, 0.0)
+        assert {line(payload)[:3] for payload in payloads} == {"77F", "202"}
+    assert list(receive(codec, 0x701, "05")) == []
+    assert list(receive(codec, 0x701, sign)) == []
+    codec.reset()
+    assert step(codec) == ["000 80 01", "000 80 02"]
+
+
+def test_a_started_drive_that_is_pre_operational_is_configured_again() -> None:
     codec = make_codec()
     configure(codec)
-    receive(codec, 0x701, "7F")
-    assert step(codec)[0] == "000 01 01"
+    enable(codec)
+    (fault,) = receive(codec, 0x701, "7F")
+    assert isinstance(fault, FaultSample)
+    assert fault.text == "node 1 network: no longer operational"
+    enable(codec)
+    payloads, meant = codec.encode_speeds((1.0, 1.0))
+    assert meant == (0.0, 0.0)
+    assert line(payloads[1]) == "000 80 01"
+
+
+def test_a_heartbeat_that_crossed_with_the_start_changes_nothing_and_a_lost_start_configures_anew() -> None:
+    codec = make_codec()
+    configure(codec)
+    assert list(receive(codec, 0x701, "7F")) == []
+    assert step(codec)[0] == "201 00 00 00 00 00 00"
+    assert list(receive(codec, 0x701, "7F")) == []
+    assert step(codec)[0] == "000 80 01"
 
 
 def test_reset_configures_anew() -> None:

@@ -135,8 +135,12 @@ def test_a_fault_of_one_drive_stops_all_is_named_and_reset() -> None:
     texts = [sample.text for sample in faults(samples)]
     assert texts[0] == "node 3 emergency: emergency 0x2310, current"
     assert "node 3 emergency: emergency 0x2310, current; node 3 state: fault" in texts
-    samples += drive.run(0.3, SPEEDS)
+    samples += drive.run(2.0, SPEEDS)
+    assert drive.plant.speed_rad_s == [0.0] * 4
+    assert faults(samples)[-1].code != 0
+    samples += drive.run(0.3, (0.0,) * 4)
     assert faults(samples)[-1].code == 0
+    drive.run(0.1, SPEEDS)
     assert drive.plant.speed_rad_s == pytest.approx(SPEEDS, abs=0.002)
 
 
