@@ -1,0 +1,297 @@
+"""The cases of the fault matrix: rover, device, fault, and what must come of it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from benchmarks.safety.fault_injection import (
+    Biased,
+    Chance,
+    Changed,
+    Disturb,
+    Garbage,
+    Held,
+    LowPassed,
+    Noise,
+    OneIn,
+    Painted,
+    RandomValues,
+    Reorder,
+    Rotated,
+    Scaled,
+    black,
+    duplicate,
+    flood,
+    frozen,
+    frozen_with_new_stamps,
+    late,
+    mirrored,
+    old_stamps,
+    silence,
+    stall,
+    with_old_stamp,
+)
+from benchmarks.safety.fault_wires import (
+    Change,
+    CompassSentences,
+    GyroFrames,
+    RobotinoReplies,
+    RobotinoRequests,
+    WheelSetPoints,
+    WheelStates,
+    Wire,
+)
+from drivers.link import CameraImage
+
+FOR_EVER_S = 1e6
+GYRO_PER_RAD_S = 32768 / (2000 * np.pi / 180)
+
+
+class Duty(StrEnum):
+    """What must come of a fault.
+
+    STOP: where the device has no fresh value for longer than its age limit, or its link breaks, zero
+        set-points within 150 ms of that; honest in any case.
+    NOTICE: the rover stops with a reason that names the device, within 1.5 s or 0.15 m.
+    HONEST: the estimate stays within the 99.9 % bound; no stop is needed.
+    PHYSICS: nothing that the rover measures can tell; `Case.why` is the argument.
+    """
+
+    STOP = "stop"
+    NOTICE = "notice"
+    HONEST = "honest"
+    PHYSICS = "by physics"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One row of the table.
+
+    Attributes:
+        device: Its name in the configuration; "process" for the program itself.
+        names: The reason must contain one of these words for the fault to count as named.
+        duration_s: Of the fault; `FOR_EVER_S` where it stays.
+        to_host: Makes what it does to what the device sends.
+        to_device: Makes what it does to what the device receives.
+        frames: Makes what it does to the frames of a camera.
+        is_unplug: The plug is pulled.
+        pause_s: How long the process does not run.
+        why: Of a fault that cannot be noticed: why not.
+    """
+
+    rover: str
+    device: str
+    fault: str
+    duty: Duty
+    names: tuple[str, ...] = ()
+    duration_s: float = 1.0
+    to_host: Callable[[np.random.Generator], Disturb[bytes]] | None = None
+    to_device: Callable[[np.random.Generator], Disturb[bytes]] | None = None
+    frames: Callable[[np.random.Generator], Disturb[CameraImage]] | None = None
+    is_unplug: bool = False
+    pause_s: float = 0.0
+    why: str = ""
+
+    @property
+    def is_of_device(self) -> bool:
+        """Whether a device fails, and not the program."""
+        return self.device not in ("process", "program")
+
+    @property
+    def title(self) -> str:
+        """Its name on the command line."""
+        return f"{self.rover}/{self.device}/{self.fault}"
+
+
+@dataclass(frozen=True)
+class _Device:
+    """How a device talks, and what its faults are called."""
+
+    rover: str
+    name: str
+    wire: Wire
+    names: tuple[str, ...]
+    kept: int = 0
+
+    def case(self, fault: str, duty: Duty, **rest: object) -> Case:
+        return Case(
+            **{"rover": self.rover, "device": self.name, "fault": fault, "duty": duty, "names": self.names}
+            | rest  # type: ignore[arg-type]
+        )
+
+    def lasting(self, fault: str, change: Callable[[], Change], why: str = "") -> Case:
+        """Return a case whose numbers are wrong until the end of the run."""
+        return self.case(
+            fault,
+            Duty.PHYSICS if why else Duty.NOTICE,
+            duration_s=FOR_EVER_S,
+            to_host=lambda _: Changed(self.wire, change()),
+            why=why,
+        )
+
+
+WHEELS = {
+    "robotino": _Device("robotino", "board", RobotinoReplies(), ("board", "wheel")),
+    "el-dorado": _Device("el-dorado", "wheels", WheelStates(), ("wheel",), kept=8),
+}
+SET_POINTS: dict[str, Wire] = {"robotino": RobotinoRequests(), "el-dorado": WheelSetPoints()}
+FULL_SCALE = {"robotino": 2**31 - 1, "el-dorado": 2**19 - 1}
+GYROS = {rover: _Device(rover, "imu", GyroFrames(), ("imu", "gyro")) for rover in ("robotino", "el-dorado")}
+COMPASS = _Device("el-dorado", "compass", CompassSentences(), ("compass", "heading"))
+
+NO_EXCITATION = (
+    "the rover drives straight on: a heading that does not change has no size, sign or lag to be wrong"
+)
+
+
+def all_cases() -> list[Case]:
+    """Return every case that runs in simulated time."""
+    cases: list[Case] = []
+    for rover in ("robotino", "el-dorado"):
+        cases += [*_stream(WHEELS[rover]), *_wrong_wheels(rover)]
+        cases += [*_stream(GYROS[rover]), *_wrong_gyros(rover), *_pauses(rover)]
+    return [*cases, *_stream(COMPASS), *_wrong_compasses(), *_cameras()]
+
+
+def _stream(device: _Device) -> Iterator[Case]:
+    """Yield the faults of a plug and a bus, for a second."""
+    yield device.case("unplug", Duty.STOP, is_unplug=True)
+    yield device.case("freeze", Duty.STOP, to_host=lambda _: silence)
+    yield device.case("stall", Duty.STOP, to_host=lambda _: stall)
+    yield device.case("slow (1 in 10)", Duty.STOP, to_host=lambda _: OneIn(10))
+    yield device.case("half lost", Duty.STOP, to_host=Chance)
+    yield device.case("late by 0.3 s", Duty.STOP, to_host=lambda _: late)
+    yield device.case("garbage", Duty.STOP, to_host=lambda rng: Garbage(rng, device.kept))
+    yield device.case("valid flood", Duty.STOP, to_host=lambda _: flood)
+    yield device.case("duplicated", Duty.STOP, to_host=lambda _: duplicate)
+    yield device.case("reordered", Duty.STOP, to_host=lambda _: Reorder())
+    yield device.case("old stamps", Duty.STOP, to_host=lambda _: old_stamps)
+
+
+def _wrong_wheels(rover: str) -> Iterator[Case]:
+    device, high = WHEELS[rover], FULL_SCALE[rover]
+    yield device.case(
+        "wrong values",
+        Duty.NOTICE,
+        duration_s=FOR_EVER_S,
+        to_host=lambda rng: Changed(device.wire, RandomValues(rng, -high, high)),
+    )
+    yield device.lasting("all reversed", lambda: Scaled(-1.0))
+    yield device.lasting("one reversed", lambda: Scaled(-1.0, (0,)))
+    yield device.lasting("all stuck", Held)
+    yield device.lasting("one stuck", lambda: Scaled(0.0, (0,)))
+    yield device.lasting(
+        "all scaled by 2",
+        lambda: Scaled(2.0),
+        "a drive follows its own encoder, so set-point and reading agree; half the way is a slip of 50 %",
+    )
+    yield device.lasting(
+        "all scaled by 1.1",
+        lambda: Scaled(1.1),
+        "encoders that count 10 % too much are wheels that slip 10 %",
+    )
+    yield device.lasting(
+        "low-pass 0.5 s",
+        lambda: LowPassed(0.5),
+        "at constant speed a low-pass of an angle is a constant lag: 0.5 s of travel once, within the slip",
+    )
+    if rover == "robotino":
+        yield device.lasting("wheels swapped", lambda: Rotated((1, 0, 2, 4, 3, 5)))
+    for name, change in (
+        ("one wheel jammed", lambda: Scaled(0.0, (0,))),
+        ("one motor reversed", lambda: Scaled(-1.0, (0,))),
+        ("motors dead", lambda: Scaled(0.0)),
+    ):
+        yield device.case(
+            name,
+            Duty.NOTICE,
+            duration_s=FOR_EVER_S,
+            to_device=lambda _, change=change: Changed(SET_POINTS[rover], change()),
+        )
+
+
+def _wrong_gyros(rover: str) -> Iterator[Case]:
+    device = GYROS[rover]
+    yield device.case(
+        "wrong values",
+        Duty.NOTICE,
+        duration_s=FOR_EVER_S,
+        to_host=lambda rng: Changed(device.wire, RandomValues(rng, -32768, 32767)),
+    )
+    yield device.lasting("reversed", lambda: Scaled(-1.0))
+    yield device.lasting("stuck", Held)
+    yield device.lasting("dead (0)", lambda: Scaled(0.0))
+    yield device.lasting("biased +0.5 rad/s", lambda: Biased(0.5 * GYRO_PER_RAD_S, (2,)))
+    yield device.lasting("biased +30 rad/s", lambda: Biased(30.0 * GYRO_PER_RAD_S, (2,)))
+    yield device.lasting("rotated axis", lambda: Rotated((1, 2, 0)))
+    yield device.lasting(
+        "biased +0.5 deg/s",
+        lambda: Biased(np.radians(0.5) * GYRO_PER_RAD_S, (2,)),
+        "wheels that slip unevenly by a few percent turn the rover as slowly; only a heading can tell, later",
+    )
+    yield device.lasting("scaled by 1.1", lambda: Scaled(1.1), NO_EXCITATION)
+    yield device.lasting("low-pass 0.5 s", lambda: LowPassed(0.5), NO_EXCITATION)
+
+
+def _wrong_compasses() -> Iterator[Case]:
+    yield COMPASS.case(
+        "wrong values",
+        Duty.HONEST,
+        duration_s=FOR_EVER_S,
+        to_host=lambda rng: Changed(COMPASS.wire, RandomValues(rng, 0.0, 360.0)),
+    )
+    yield COMPASS.case(
+        "biased 30 deg",
+        Duty.HONEST,
+        duration_s=FOR_EVER_S,
+        to_host=lambda _: Changed(COMPASS.wire, Biased(30.0, (0,))),
+    )
+    yield COMPASS.case(
+        "mounted 90 deg off",
+        Duty.HONEST,
+        duration_s=FOR_EVER_S,
+        to_host=lambda _: Changed(COMPASS.wire, Biased(90.0, (0,))),
+    )
+    yield COMPASS.lasting(
+        "biased 2 deg",
+        lambda: Biased(2.0, (0,)),
+        "the deviation of a fluxgate compass is as large, and it turns with the heading",
+    )
+    yield COMPASS.lasting("reversed", lambda: Scaled(-1.0), NO_EXCITATION)
+    yield COMPASS.lasting("stuck", Held, NO_EXCITATION)
+    yield COMPASS.lasting("low-pass 5 s", lambda: LowPassed(5.0), NO_EXCITATION)
+
+
+def _pauses(rover: str) -> Iterator[Case]:
+    yield Case(rover=rover, device="process", fault="none", duty=Duty.HONEST)
+    yield Case(rover=rover, device="process", fault="none", duty=Duty.HONEST)
+    for pause_s in (0.3, 1.0, 3.0):
+        yield Case(
+            rover=rover,
+            device="process",
+            fault=f"paused {pause_s:g} s",
+            duty=Duty.HONEST,
+            duration_s=pause_s,
+            pause_s=pause_s,
+        )
+
+
+def _cameras() -> Iterator[Case]:
+    painted: dict[str, Callable[[np.random.Generator], Disturb[CameraImage]]] = {
+        "freeze": lambda _: silence,
+        "stall": lambda _: stall,
+        "late by 0.3 s": lambda _: late,
+        "duplicated": lambda _: duplicate,
+        "black": lambda _: Painted(black),
+        "stuck": lambda _: Painted(frozen),
+        "stuck, new stamps": lambda _: Painted(frozen_with_new_stamps),
+        "old stamps": lambda _: Painted(with_old_stamp),
+        "garbage": lambda rng: Painted(Noise(rng)),
+        "mirrored": lambda _: Painted(mirrored),
+    }
+    common = {"rover": "el-dorado", "device": "camera", "duty": Duty.HONEST, "duration_s": 2.0}
+    yield Case(fault="unplug", is_unplug=True, **common)  # type: ignore[arg-type]
+    for fault, frames in painted.items():
+        yield Case(fault=fault, frames=frames, **common)  # type: ignore[arg-type]

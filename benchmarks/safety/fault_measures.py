@@ -1,0 +1,358 @@
+"""What the log of a faulty run says: when it stopped, what was invented, whether the estimate was honest.
+
+The truth is the plant's. Only the log is read, never a filter or a rule.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.safety.fault_cases import FOR_EVER_S, Case, Duty
+from benchmarks.safety.fault_runs import WATCHED_S
+from drivers.clock import nanoseconds, seconds
+from drivers.errors import LogError
+from rover_hil.config import Config
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.reader import LogReader
+from rover_hil.run.replay import replay
+
+ZERO_BAR_MS = 150.0
+NOTICE_BAR_S, NOTICE_BAR_M = 1.5, 0.15
+NEES_BAR = 16.27
+"""99.9 % of a chi-square distribution with 3 degrees of freedom."""
+DRIVING = ("running", "finished")
+
+
+@dataclass(slots=True)
+class Moment:
+    """One cycle: what was estimated, sent and true; poses are relative to the start."""
+
+    t_ns: int
+    mode: str
+    reason: str
+    estimate: tuple[float, float, float]
+    covariance: tuple[float, ...]
+    odometry: tuple[float, float, float]
+    is_zero: bool = False
+    sent_ns: int = 0
+    truth: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def error(self) -> NDArray[np.float64]:
+        """Estimate minus truth: x, y in m and yaw in rad."""
+        x_m, y_m, yaw_rad = (was - true for was, true in zip(self.estimate, self.truth, strict=True))
+        return np.array([x_m, y_m, math.remainder(yaw_rad, math.tau)])
+
+    @property
+    def nees(self) -> float:
+        """Normalised estimation error squared of the pose."""
+        xx, xy, xt, yy, yt, tt = self.covariance
+        covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) + 1e-12 * np.eye(3)
+        return float(self.error @ np.linalg.solve(covariance, self.error))
+
+
+@dataclass(slots=True)
+class Story:
+    """A log, read once.
+
+    Attributes:
+        raw_ns: Arrival times of the payloads of the faulty device.
+        sample_ns: Stamps of its samples, in the order of the cycles, each with the time of its cycle.
+        link_ns: When its link changed.
+        breaks_ns: When its link went down.
+        rejected: What its codec rejected until the end, by reason.
+        lost: Payloads of it that were not decoded.
+        end: Why the run ended.
+    """
+
+    moments: list[Moment] = field(default_factory=list)
+    raw_ns: list[int] = field(default_factory=list)
+    sample_ns: list[tuple[int, int]] = field(default_factory=list)
+    link_ns: list[int] = field(default_factory=list)
+    breaks_ns: list[int] = field(default_factory=list)
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    lost: int = 0
+    end: str = "none"
+    truth: list[tuple[int, float, float, float]] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Row:
+    """One row of the table; None where it does not apply.
+
+    Attributes:
+        detectable_s: From the fault until it can be detected: its silence exceeds the age limit, its link
+            breaks; 0 for wrong values.
+        zero_ms: From then to zero set-points.
+        stop_s: From the fault to zero set-points.
+        driven_m: True distance from the fault to the stop, or to the end where there is none.
+        invented: Samples with a stamp at which nothing arrived, or odometry that went on in the silence.
+        error_m: Position error when it drove again, or at the end of the watch where it never stopped.
+        error_deg: Yaw error then.
+        nees_again: NEES then.
+        nees_later: Greatest NEES while it drives, until 5 s later.
+        sigma_m: Position sigma when it drove again.
+        sigma_deg: Yaw sigma then.
+        outcome: Stopped, resumed, ended how.
+        replays: Whether the replay of the log is identical.
+    """
+
+    rover: str
+    device: str
+    fault: str
+    mode: str
+    duty: str
+    detectable_s: float | None = None
+    zero_ms: float | None = None
+    stop_s: float | None = None
+    driven_m: float = 0.0
+    invented: int = 0
+    error_m: float | None = None
+    error_deg: float | None = None
+    nees_again: float | None = None
+    nees_later: float | None = None
+    sigma_m: float | None = None
+    sigma_deg: float | None = None
+    outcome: str = ""
+    replays: bool | None = None
+    message: str = ""
+    rejected: dict[str, int] = field(default_factory=dict)
+    lost: int = 0
+    failures: list[str] = field(default_factory=list)
+    why: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Return "ok", "by physics" or what misses its bar."""
+        if self.failures:
+            return "MISSED: " + "; ".join(self.failures)
+        return "by physics" if self.why else "ok"
+
+    def as_json(self) -> dict[str, object]:
+        """Return all of it, the verdict included."""
+        return {**asdict(self), "verdict": self.verdict}
+
+
+def read_story(path: Path, device: str) -> Story:
+    """Read what matters of a log; of a log that was cut off, what is there."""
+    story = Story()
+    for message in LogReader(path).messages():
+        if message.topic == f"/raw/{device}":
+            story.raw_ns.append(message.t_ns)
+        elif message.topic == f"/link/{device}":
+            story.link_ns.append(message.t_ns)
+            if not _record(message.json())["up"]:
+                story.breaks_ns.append(message.t_ns)
+        elif message.topic in _TAKERS:
+            _TAKERS[message.topic](story, message.t_ns, message.json(), device)
+    return story
+
+
+def add_truth(story: Story) -> None:
+    """Give each cycle the true pose relative to the start, interpolated to its time."""
+    t_ns, x_m, y_m, yaw_rad = np.array(story.truth, dtype=float).T
+    c, s = math.cos(yaw_rad[0]), math.sin(yaw_rad[0])
+    dx_m, dy_m = x_m - x_m[0], y_m - y_m[0]
+    columns = (c * dx_m + s * dy_m, c * dy_m - s * dx_m, yaw_rad - yaw_rad[0])
+    at_ns = [float(moment.t_ns) for moment in story.moments]
+    poses = zip(*(np.interp(at_ns, t_ns, column) for column in columns), strict=True)
+    for moment, (x, y, yaw) in zip(story.moments, poses, strict=True):
+        moment.truth = (float(x), float(y), float(yaw))
+
+
+def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "virtual") -> Row:
+    """Return the row of a run whose fault began at `begin_ns`; replay is checked elsewhere."""
+    row = Row(case.rover, case.device, case.fault, mode, case.duty.value, why=case.why)
+    row.rejected, row.lost = dict(story.rejected), story.lost
+    after = [moment for moment in story.moments if moment.t_ns >= begin_ns]
+    if not after:
+        row.failures.append(f"ended before the fault: {story.end}")
+        return row
+    stop = next((moment for moment in after if moment.is_zero and moment.mode not in DRIVING), None)
+    if stop is not None:
+        row.stop_s = round(seconds(stop.sent_ns - begin_ns), 3)
+        row.message = stop.reason
+    way = [moment.truth for moment in after if stop is None or moment.t_ns <= stop.t_ns]
+    row.driven_m = round(sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way)), 3)
+    age_limit_s = config.devices[case.device].max_age_s if case.is_of_device else None
+    detectable_ns = _find_detectable(case, story, begin_ns, age_limit_s)
+    if detectable_ns is not None:
+        row.detectable_s = round(seconds(detectable_ns - begin_ns), 3)
+        if stop is not None:
+            row.zero_ms = round(1e3 * seconds(stop.sent_ns - detectable_ns), 1)
+    row.invented = _count_invented(case, story, begin_ns)
+    again = _find_again(after, stop)
+    _measure_estimate(row, after, again)
+    row.outcome = _tell(stop, again, story.end)
+    _judge_bars(case, row, has_stopped=stop is not None)
+    return row
+
+
+def check_replay(row: Row, path: Path) -> None:
+    """Note whether the replay of a log gives the same outputs, and what differs."""
+    try:
+        log = LogReader(path)
+        with restore_config(log) as config:
+            differences = replay(log, config, lambda: None).differences
+    except LogError as error:
+        row.failures.append(f"no replay: {error}")
+        return
+    row.replays = not differences
+    if differences:
+        names = ", ".join(f"{difference.field} ({difference.count})" for difference in differences[:3])
+        row.failures.append(f"replay differs in {names}")
+
+
+def _find_detectable(case: Case, story: Story, begin_ns: int, age_limit_s: float | None) -> int | None:
+    """Return when the fault could be seen: the link broke, or the newest stamp was too old in a cycle."""
+    if case.duty is not Duty.STOP:
+        return begin_ns if case.duty is Duty.NOTICE else None
+    if case.is_unplug:
+        return next((t_ns for t_ns in story.breaks_ns if t_ns >= begin_ns), begin_ns)
+    assert age_limit_s is not None
+    age_limit_ns, newest_ns, samples = nanoseconds(age_limit_s), 0, iter(story.sample_ns)
+    sample = next(samples, None)
+    for moment in story.moments:
+        while sample is not None and sample[0] <= moment.t_ns:
+            newest_ns, sample = max(newest_ns, sample[1]), next(samples, None)
+        if moment.t_ns > max(begin_ns, newest_ns + age_limit_ns):
+            return newest_ns + age_limit_ns
+    return None
+
+
+def _count_invented(case: Case, story: Story, begin_ns: int) -> int:
+    """Count samples of which nothing arrived, and odometry that moved while the wheels were silent."""
+    if not case.is_of_device:
+        return 0
+    arrived = {*story.raw_ns, *story.link_ns}
+    invented = sum(stamp_ns not in arrived for _, stamp_ns in story.sample_ns)
+    is_silent = case.is_unplug or case.fault == "freeze"
+    if is_silent and case.device in ("board", "wheels"):
+        last_ns = max((t_ns for t_ns in story.raw_ns if t_ns < begin_ns), default=begin_ns)
+        back_ns = min((t_ns for t_ns in story.raw_ns if t_ns > begin_ns), default=story.moments[-1].t_ns)
+        silent = [m for m in story.moments if last_ns + nanoseconds(0.05) < m.t_ns < back_ns]
+        invented += sum(a.odometry != b.odometry for a, b in pairwise(silent))
+    return invented
+
+
+def _find_again(after: Sequence[Moment], stop: Moment | None) -> Moment | None:
+    """Return the first cycle in which it drives after the stop."""
+    if stop is None:
+        return None
+    return next((m for m in after if m.t_ns > stop.t_ns and m.mode == "running"), None)
+
+
+def _measure_estimate(row: Row, after: Sequence[Moment], again: Moment | None) -> None:
+    """Fill in errors and NEES: when it drives again, else over all that was driven since the fault."""
+    at = again or after[-1]
+    error = at.error
+    row.error_m = round(float(np.hypot(error[0], error[1])), 4)
+    row.error_deg = round(math.degrees(error[2]), 2)
+    row.nees_again = round(at.nees, 2)
+    row.sigma_m = round(math.sqrt(max(at.covariance[0] + at.covariance[3], 0.0)), 4)
+    row.sigma_deg = round(math.degrees(math.sqrt(max(at.covariance[5], 0.0))), 3)
+    begin_ns = again.t_ns if again is not None else after[0].t_ns
+    end_ns = begin_ns + nanoseconds(WATCHED_S) if again is not None else after[-1].t_ns
+    watched = [m for m in after if begin_ns <= m.t_ns <= end_ns and m.mode in DRIVING]
+    row.nees_later = round(max((m.nees for m in watched), default=0.0), 2) if watched else None
+
+
+def _tell(stop: Moment | None, again: Moment | None, end: str) -> str:
+    if stop is None:
+        return f"drives on ({end})"
+    if again is None:
+        return f"stays stopped ({end})"
+    return f"resumed after {seconds(again.t_ns - stop.t_ns):.2f} s ({end})"
+
+
+def _judge_bars(case: Case, row: Row, *, has_stopped: bool) -> None:
+    if row.invented:
+        row.failures.append(f"{row.invented} invented")
+    if case.duty is Duty.PHYSICS:
+        return
+    if case.duty is Duty.STOP and row.detectable_s is not None:
+        if not has_stopped:
+            row.failures.append("not stopped")
+        elif row.zero_ms is not None and row.zero_ms > ZERO_BAR_MS:
+            row.failures.append(f"zero set-points after {row.zero_ms:.0f} ms")
+    if case.duty is Duty.NOTICE:
+        _judge_notice(case, row)
+    is_noticed = has_stopped and not any("notice" in failure for failure in row.failures)
+    is_lasting = case.duration_s == FOR_EVER_S
+    is_watched = not (case.duty is Duty.NOTICE and not has_stopped)
+    if is_watched and row.nees_later is not None and row.nees_later > NEES_BAR:
+        what = "drives again" if has_stopped else "drives on"
+        row.failures.append(f"{what} with NEES {row.nees_later:.0f}")
+    elif is_noticed and is_lasting and row.outcome.startswith("drives on"):
+        row.failures.append("drives on")
+
+
+def _judge_notice(case: Case, row: Row) -> None:
+    if row.stop_s is None:
+        row.failures.append(f"not noticed in {row.driven_m:.2f} m")
+    elif row.stop_s > NOTICE_BAR_S and row.driven_m > NOTICE_BAR_M:
+        row.failures.append(f"noticed late: {row.stop_s:.1f} s, {row.driven_m:.2f} m")
+    if row.stop_s is not None and not any(name in row.message.lower() for name in case.names):
+        row.failures.append("not named")
+
+
+def _record(value: object) -> dict[str, Any]:
+    assert isinstance(value, dict)
+    return value
+
+
+def _take_estimate(story: Story, t_ns: int, value: object, device: str) -> None:
+    record = _record(value)
+    estimate, odometry = record["estimate"], record["odometry"]
+    story.moments.append(
+        Moment(
+            t_ns=t_ns,
+            mode=record["mode"],
+            reason=record["reason"],
+            estimate=(estimate["x_m"], estimate["y_m"], estimate["yaw_rad"]),
+            covariance=tuple(estimate["covariance"]),
+            odometry=(odometry["x_m"], odometry["y_m"], odometry["yaw_rad"]),
+        )
+    )
+
+
+def _take_command(story: Story, t_ns: int, value: object, device: str) -> None:
+    story.moments[-1].is_zero = not any(_record(value)["speed_rad_s"])
+    story.moments[-1].sent_ns = t_ns
+
+
+def _take_truth(story: Story, t_ns: int, value: object, device: str) -> None:
+    record = _record(value)
+    story.truth.append((t_ns, record["x_m"], record["y_m"], record["yaw_rad"]))
+
+
+def _take_samples(story: Story, t_ns: int, value: object, device: str) -> None:
+    for samples in _record(value).values():
+        story.sample_ns += [(t_ns, sample["t_ns"]) for sample in samples if sample["device"] == device]
+
+
+def _take_health(story: Story, t_ns: int, value: object, device: str) -> None:
+    assert isinstance(value, list)
+    for health in value:
+        if health["device"] == device:
+            story.rejected, story.lost = health["rejected"], health["lost"]
+
+
+def _take_end(story: Story, t_ns: int, value: object, device: str) -> None:
+    story.end = str(_record(value)["end"])
+
+
+_TAKERS = {
+    "/estimate": _take_estimate,
+    "/command": _take_command,
+    "/truth": _take_truth,
+    "/samples": _take_samples,
+    "/health": _take_health,
+    "/end": _take_end,
+}

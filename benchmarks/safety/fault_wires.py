@@ -1,0 +1,138 @@
+"""What devices say on the wire, opened, changed and closed again: between emulator and driver.
+
+Nothing here knows how the rover estimates or what stops it. Checksums and counters stay right, so that a
+changed payload is one that a faulty device, mounting or wiring would send.
+"""
+
+import re
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can_wheels.messages import crc8_j1850
+from drivers.nmea_compass.codec import encode_sentence
+from drivers.robotino_board.codec import build_reply, build_request, parse_reply, parse_request
+from drivers.witmotion.codec import FRAME_SIZE, RATE, encode_frame
+
+
+class Reading(NamedTuple):
+    """One number of a device.
+
+    Attributes:
+        channel: Wheel or axis, from 0.
+        value: In the units of the wire.
+        is_total: The value is a total (an angle turned, a heading), not a rate.
+    """
+
+    channel: int
+    value: float
+    is_total: bool
+
+
+class Change(Protocol):
+    """What a fault makes of the numbers of one payload, in their order."""
+
+    def __call__(self, t_ns: int, readings: Sequence[Reading]) -> Sequence[float]:
+        """Return the values that the driver sees."""
+        ...
+
+
+class Wire(Protocol):
+    """One kind of payload."""
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the payload with changed numbers; others pass as they are."""
+        ...
+
+
+class RobotinoReplies:
+    """Positions and speeds of three wheels in a reply of a Robotino board."""
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the reply with changed positions and speeds."""
+        reply = parse_reply(payload)
+        totals = [Reading(wheel, ticks, is_total=True) for wheel, ticks in enumerate(reply.ticks)]
+        rates = [Reading(wheel, steps, is_total=False) for wheel, steps in enumerate(reply.speed_steps)]
+        a, b, c, *speeds = (round(value) for value in change(t_ns, [*totals, *rates]))
+        d, e, f = (max(-255, min(255, speed)) for speed in speeds)
+        return build_reply(reply._replace(ticks=(a, b, c), speed_steps=(d, e, f)))
+
+
+class RobotinoRequests:
+    """Set-points of three wheels in a request to a Robotino board."""
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the request with changed set-points."""
+        request = parse_request(payload)
+        readings = [Reading(wheel, steps, is_total=False) for wheel, steps in enumerate(request.speed_steps)]
+        a, b, c = (max(-255, min(255, round(value))) for value in change(t_ns, readings))
+        return build_request(request._replace(speed_steps=(a, b, c)))
+
+
+class WheelStates:
+    """Position and speed in `Wheel{node}_State` of the mapping `generic_wheel`."""
+
+    _FIRST_ID = 288
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the frame with changed position and speed."""
+        frame = unpack_can_frame(payload)
+        if frame is None or not 0 <= frame.can_id - self._FIRST_ID < 4:
+            return payload
+        wheel = frame.can_id - self._FIRST_ID
+        word = int.from_bytes(frame.data[:3], "little")
+        position = (word & 0xFFFFF) - ((word & 0x80000) << 1)
+        (speed,) = struct.unpack_from("<h", frame.data, 3)
+        readings = [Reading(wheel, position, is_total=True), Reading(wheel, speed, is_total=False)]
+        new_position, new_speed = (round(value) for value in change(t_ns, readings))
+        head = (word & 0xF00000 | new_position & 0xFFFFF).to_bytes(3, "little")
+        body = head + struct.pack("<h", max(-32767, min(32767, new_speed))) + frame.data[5:7]
+        return pack_can_frame(CanFrame(frame.can_id, body + bytes((crc8_j1850(body),))))
+
+
+class WheelSetPoints:
+    """Set-points in `Wheel{node}_Setpoint` of the mapping `generic_wheel`."""
+
+    _FIRST_ID = 272
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the frame with a changed set-point."""
+        frame = unpack_can_frame(payload)
+        if frame is None or not 0 <= frame.can_id - self._FIRST_ID < 4:
+            return payload
+        (speed,) = struct.unpack_from("<h", frame.data)
+        (value,) = change(t_ns, [Reading(frame.can_id - self._FIRST_ID, speed, is_total=False)])
+        body = struct.pack("<h", max(-32767, min(32767, round(value)))) + frame.data[2:3]
+        return pack_can_frame(CanFrame(frame.can_id, body + bytes((crc8_j1850(body),))))
+
+
+class GyroFrames:
+    """Rates about x, y and z in the frames of a WitMotion sensor."""
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the frames with changed rates."""
+        frames = [payload[start : start + FRAME_SIZE] for start in range(0, len(payload), FRAME_SIZE)]
+        return b"".join(self._changed(t_ns, frame, change) for frame in frames)
+
+    def _changed(self, t_ns: int, frame: bytes, change: Change) -> bytes:
+        if len(frame) < FRAME_SIZE or frame[1] != RATE:
+            return frame
+        words = struct.unpack_from("<3h", frame, 2)
+        values = change(t_ns, [Reading(axis, word, is_total=False) for axis, word in enumerate(words)])
+        x, y, z = (max(-32768, min(32767, round(value))) for value in values)
+        return encode_frame(RATE, x, y, z)
+
+
+class CompassSentences:
+    """The heading in a sentence of a compass, in degrees clockwise."""
+
+    _HEADING = re.compile(rb"\$(HC[A-Z]+),([0-9.]+),([^*]*)\*")
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the sentence with a changed heading."""
+        match = self._HEADING.match(payload)
+        if match is None:
+            return payload
+        (value,) = change(t_ns, [Reading(0, float(match[2]), is_total=True)])
+        return encode_sentence(f"{match[1].decode()},{value % 360.0:.1f},{match[3].decode()}")

@@ -1,0 +1,104 @@
+"""The fault matrix: device x fault x rover, run and judged.
+
+    python -m benchmarks.safety.faults [--only robotino/imu] [--json faults.json] [--markdown faults.md]
+
+Every case is one run of a shipped rover with one fault between an emulator and its driver, three seconds
+after the rover first moves, on simulated time with fixed seeds; `--two-processes` runs the cases that make
+sense in real time, over pseudo-terminals and slcan. Exit code 1 where a bar is missed.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from rich.console import Console
+
+from benchmarks.safety.fault_cases import Case, all_cases
+from benchmarks.safety.fault_measures import Row, add_truth, check_replay, judge, read_story
+from benchmarks.safety.fault_process_cases import real_time_cases
+from benchmarks.safety.fault_processes import measure_processes
+from benchmarks.safety.fault_runs import rover_config, run_case
+
+COLUMNS = (
+    "rover | device | fault | must | detectable s | zero ms after | stop s | driven m | invented | error m | "
+    "error deg | NEES then | NEES later | sigma m | sigma deg | outcome | replay | verdict | message"
+)
+
+
+def measure(title: str) -> Row:
+    """Run the case with this title on simulated time; return its row."""
+    case = next(case for case in all_cases() if case.title == title)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        _, window = run_case(case, path)
+        story = read_story(path, case.device)
+        add_truth(story)
+        row = judge(case, story, rover_config(case), window.begin_ns)
+        check_replay(row, path)
+    return row
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return the rows as a table."""
+    lines = [f"| {COLUMNS} |", "|" + "---|" * (COLUMNS.count("|") + 1)]
+    lines += [f"| {' | '.join(_cells(row))} |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _cells(row: Row) -> Iterable[str]:
+    numbers = (row.detectable_s, row.zero_ms, row.stop_s, row.driven_m, row.invented)
+    errors = (row.error_m, row.error_deg, row.nees_again, row.nees_later, row.sigma_m, row.sigma_deg)
+    yield from (row.rover, row.device, row.fault, row.duty)
+    yield from ("-" if number is None else f"{number:g}" for number in (*numbers, *errors))
+    replay = {True: "identical", False: "DIFFERS", None: "-"}[row.replays]
+    yield from (row.outcome, replay, row.verdict, row.message.replace("|", "/"))
+
+
+def run_virtual_cases(cases: Sequence[Case], processes: int) -> Iterator[Row]:
+    """Run cases in several processes, and yield each row as it is done."""
+    with ProcessPoolExecutor(processes) as pool:
+        yield from pool.map(measure, [case.title for case in cases])
+
+
+def main() -> int:
+    """Print the table; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--only", action="append", help="cases whose title rover/device/fault contains this; may be repeated"
+    )
+    parser.add_argument("--two-processes", action="store_true")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--markdown", type=Path)
+    arguments = parser.parse_args()
+    console = Console(stderr=True)
+    every = real_time_cases() if arguments.two_processes else all_cases()
+    cases = [case for part in arguments.only or [""] for case in every if part in case.title]
+    if arguments.two_processes:
+        found = map(measure_processes, cases)
+    else:
+        found = run_virtual_cases(cases, arguments.processes)
+    rows: list[Row] = []
+    for row in found:
+        rows.append(row)
+        title = f"{len(rows):3}/{len(cases)} {row.rover}/{row.device}/{row.fault}"
+        console.print(f"{title}: {row.verdict}", soft_wrap=True, highlight=False)
+        if arguments.json is not None:  # after each, so that a run that is ended has a result
+            arguments.json.write_text(json.dumps([row.as_json() for row in rows], indent=1))
+    table = markdown(rows)
+    if arguments.markdown is not None:
+        arguments.markdown.write_text(table)
+    print(table)
+    missed = sum(bool(row.failures) for row in rows)
+    console.print(f"{missed} of {len(rows)} cases miss a bar")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
