@@ -266,7 +266,6 @@ def _wrong_compasses() -> Iterator[Case]:
 
 def _pauses(rover: str) -> Iterator[Case]:
     yield Case(rover=rover, device="process", fault="none", duty=Duty.HONEST)
-    yield Case(rover=rover, device="process", fault="none", duty=Duty.HONEST)
     for pause_s in (0.3, 1.0, 3.0):
         yield Case(
             rover=rover,
