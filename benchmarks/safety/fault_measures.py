@@ -189,7 +189,9 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
             row.zero_ms = round(1e3 * seconds(stop.sent_ns - detectable_ns), 1)
     row.invented = _count_invented(case, story, begin_ns)
     again = _find_again(after, stop)
-    _measure_estimate(row, after, again, is_lasting=case.duration_s == FOR_EVER_S)
+    _measure_estimate(
+        row, after, again, has_stopped=stop is not None, is_lasting=case.duration_s == FOR_EVER_S
+    )
     row.outcome = _tell(stop, again, story.end)
     _judge_bars(case, row, has_stopped=stop is not None)
     return row
@@ -249,7 +251,9 @@ def _find_again(after: Sequence[Moment], stop: Moment | None) -> Moment | None:
     return next((m for m in after if m.t_ns > stop.t_ns and m.mode == "running"), None)
 
 
-def _measure_estimate(row: Row, after: Sequence[Moment], again: Moment | None, *, is_lasting: bool) -> None:
+def _measure_estimate(
+    row: Row, after: Sequence[Moment], again: Moment | None, *, has_stopped: bool, is_lasting: bool
+) -> None:
     """Fill in errors and NEES: when it drives again, else over all that was driven since the fault."""
     at = again or after[-1]
     error = at.error
@@ -261,7 +265,9 @@ def _measure_estimate(row: Row, after: Sequence[Moment], again: Moment | None, *
     begin_ns = again.t_ns if again is not None else after[0].t_ns
     end_ns = begin_ns + nanoseconds(WATCHED_S) if again is not None else after[-1].t_ns
     watched = [m for m in after if begin_ns <= m.t_ns <= end_ns and m.mode in DRIVING]
-    if is_lasting and again is not None:
+    if has_stopped and again is None:
+        watched = []
+    elif is_lasting and again is not None:
         watched = [b for a, b in pairwise(after) if a.mode == "safe_stop" and b.mode == "running"]
     row.nees_later = round(max((m.nees for m in watched), default=0.0), 2) if watched else None
 

@@ -81,7 +81,7 @@ def main() -> int:
     every = real_time_cases() if arguments.two_processes else all_cases()
     cases = [case for part in arguments.only or [""] for case in every if part in case.title]
     if arguments.two_processes:
-        found = map(measure_processes, cases)
+        found: Iterable[Row] = map(measure_processes, cases)
     else:
         found = run_virtual_cases(cases, arguments.processes)
     rows: list[Row] = []

@@ -196,6 +196,14 @@ def test_a_wrong_estimate_after_a_stop_is_seen() -> None:
     assert "drives again with NEES 25" in judged("robotino/board/freeze", moments).verdict
 
 
+def test_what_a_fault_did_before_it_was_noticed_is_no_wrong_estimate_after_a_stop() -> None:
+    moments = [
+        moment(t, "safe_stop" if t > 1.16 else "running", x_m=0.05 if t > 1 else 0.0)
+        for t in np.arange(0.0, 3.0, 0.02)
+    ]
+    assert judged("robotino/board/freeze", moments).verdict == "ok"
+
+
 def test_an_invented_sample_is_seen() -> None:
     moments = [moment(t, "safe_stop" if t > 1.16 else "running") for t in np.arange(0.0, 3.0, 0.02)]
 
