@@ -56,7 +56,7 @@ class UnitModel:
         step_s: Time between samples; None where the runs have an input `t_s`.
         is_held: Inputs keep their value until the next sample.
         communication_step_s: As the file gives it; None where it is chosen.
-        substeps: Communication steps per sample.
+        substeps: Communication steps per sample where the file gives no step.
     """
 
     name: str
@@ -157,15 +157,20 @@ class UnitModel:
 
     def _at_given_step(self, runs: Sequence[Run]) -> "UnitModel":
         given = self.communication_step_s or 1.0
-        counts = {round(self._step_s(run) / given) for run in runs}
         for run in runs:
             step_s = self._step_s(run)
-            if len(counts) > 1 or abs(step_s / given - round(step_s / given)) > 1e-6 or step_s < 0.5 * given:
+            if abs(step_s / given - round(step_s / given)) > 1e-6 or step_s < 0.5 * given:
                 raise ConfigError(
                     f"model {self.name}: communication_step_s = {given:g} does not divide the {step_s:g} s "
                     f"between the samples of run {run.name}"
                 )
-        return replace(self, substeps=max(counts, default=1))
+        return self
+
+    def _substeps_in(self, step_s: float) -> int:
+        """Return the communication steps in a sample."""
+        if self.communication_step_s is None:
+            return self.substeps
+        return max(round(step_s / self.communication_step_s), 1)
 
     def _are_close(
         self, coarse: Sequence[Sequence[Mapping[str, Array]]], fine: Sequence[Sequence[Mapping[str, Array]]]
@@ -211,12 +216,13 @@ class UnitModel:
     def _series(self, run: Run) -> Job:
         count = max(values.size for values in (*run.inputs.values(), *run.measured.values()))
         inputs = [run.inputs[name] for name in self.inputs]
+        step_s = self._step_s(run)
         return Job(
             settings=(),
             inputs=np.array(inputs) if inputs else np.zeros((0, count)),
             count=count,
-            step_s=self._step_s(run),
-            substeps=self.substeps,
+            step_s=step_s,
+            substeps=self._substeps_in(step_s),
             is_held=self.is_held,
         )
 

@@ -108,7 +108,7 @@ class StateModel(Equations):
         """
         cards = {card.name: card.parameters[0] for card in self.effects}
         points = {"": Point({}, {})}
-        points |= {name: Point({}, {name: {one.name: _natural(one)}}) for name, one in cards.items()}
+        points |= {name: Point({}, {name: {one.name: one.natural}}) for name, one in cards.items()}
         found: dict[str, int] = {}
         substeps = 1
         coarse = self._at_substeps(runs, points, substeps)
@@ -222,11 +222,3 @@ def uniform_step_s(run: Run) -> float:
             "equal steps"
         )
     return float(np.round(step_s, 12))
-
-
-def _natural(parameter: Parameter) -> float:
-    """Return a parameter one natural size away from its null, to the side that its bounds allow."""
-    value = parameter.nominal + parameter.prior_sd
-    if value > parameter.upper:
-        value = parameter.nominal - parameter.prior_sd
-    return max(value, parameter.lower)

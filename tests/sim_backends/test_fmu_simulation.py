@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -194,11 +195,24 @@ def test_a_step_that_never_suffices_is_an_error(tmp_path: Path) -> None:
 
 def test_a_communication_step_that_is_given_is_kept(tmp_path: Path) -> None:
     model = euler(tmp_path, "communication_step_s = 0.02")
-    assert model.refined([a_run()]).substeps == 2
+    assert model.refined([a_run()])._series(a_run()).substeps == 2
     model.workers.close()
     model = euler(tmp_path, "communication_step_s = 0.03")
     with pytest.raises(ConfigError, match=r"0\.03 does not divide the 0\.04 s"):
         model.refined([a_run()])
+    model.workers.close()
+
+
+def test_runs_may_have_different_multiples_of_the_communication_step(tmp_path: Path) -> None:
+    timed = TOML.replace(f"step_s = {STEP_S}", "")
+    model = read_unit_model(unit_folder(tmp_path, toml=f"communication_step_s = 0.02\n{timed}"))
+    assert model.step_s is None
+    runs = [
+        replace(run, inputs={**run.inputs, "t_s": step_s * np.arange(float(COUNT))})
+        for run, step_s in ((a_run("fine"), 0.02), (a_run("coarse"), 0.06))
+    ]
+    refined = model.refined(runs)
+    assert [refined._series(run).substeps for run in runs] == [1, 3]
     model.workers.close()
 
 

@@ -28,7 +28,7 @@ class Blocks:
         scale: Weight of the sum over a block.
         weight: A constant error of one unit in a block.
         channel: Channel of each block.
-        place: Middle of each block, in samples.
+        place: First sample of each block.
     """
 
     rows: Indices

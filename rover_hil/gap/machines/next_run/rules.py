@@ -1,6 +1,13 @@
 """Which explanations the search would keep, given the squared errors of left-out runs.
 
-The rules are those of `MachineSearch`, for many simulated outcomes of new runs at once.
+The rules compare left-out runs as `MachineSearch` does, for many simulated outcomes of new runs at once.
+They are simpler in four ways:
+
+- The best explanation is the one with the smallest merit; no effects are added, dropped or swapped.
+- The evidence for each effect (its share of the error, agreeing runs, scatter of its strength, bounds) is not
+  examined, so that neither the best nor an alternative is rejected by an objection.
+- Alternatives are those of the list only; the search also fits similar effects.
+- Explanations are not fitted again with the new runs: measured runs keep their left-out errors.
 """
 
 import math
@@ -64,7 +71,10 @@ def kept_by_search(hypotheses: Sequence[Hypothesis], squares: Array, counts: Arr
 
 
 def _are_equal(one: Array, other: Array, counts: Array) -> Flags:
-    """Return where left-out runs do not find one clearly worse than the other, nor better."""
+    """Return where left-out runs do not find one clearly worse than the other, nor better.
+
+    This is `search.is_equal` for many outcomes at once.
+    """
     differences = np.log(one / other) * np.sqrt(counts)
     runs = differences.shape[1]
     if runs < 2:
