@@ -22,6 +22,7 @@ from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.machines.analysis import analyse_machine
 from rover_hil.gap.machines.next_run.allowed import Allowed
+from rover_hil.gap.machines.next_run.planned import require_durations
 from rover_hil.gap.machines.next_run.proposal import propose_run
 from rover_hil.gap.machines.next_run.words import option_table, proposal_sentence
 from rover_hil.gap.machines.verdict import decide_machine
@@ -58,7 +59,8 @@ def analyse(
         announce: Called with a first answer on a machine, long before the verdict.
 
     Raises:
-        ConfigError: `confirm` is not an expression, or `allowed` names what the model does not have.
+        ConfigError: `confirm` is not an expression, or `allowed` names what the model does not have or
+            durations that no run can have.
     """
     clock = SystemClock()
     start_ns = clock.now_ns()
@@ -66,6 +68,7 @@ def analyse(
         model = ObservedModel(model, runs)
     elif allowed is not None:
         allowed.require_names(model)
+        require_durations(model, runs, allowed)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance, announce)
     analysis = _with_next_run(analysis, allowed or Allowed(), seed, advance)
     missing: list[dict[str, str | int]] = [

@@ -16,7 +16,7 @@ from rover_hil.gap.data.table import read_table
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.next_run.allowed import Allowed, InputRange, read_allowed
 from rover_hil.gap.machines.next_run.criterion import separation_of
-from rover_hil.gap.machines.next_run.planned import PlannedRun, planned_runs
+from rover_hil.gap.machines.next_run.planned import PlannedRun, planned_runs, require_durations
 from rover_hil.gap.machines.next_run.prediction import Prediction
 from rover_hil.gap.machines.next_run.proposal import Proposal
 from rover_hil.gap.machines.next_run.shapes import SHARES, shaped
@@ -159,9 +159,11 @@ def test_a_width_separates_too_but_no_run_has_more_than_one_vote() -> None:
     assert found.votes == pytest.approx(0.5)
 
 
-def _planned(allowed: Mapping[str, object], runs: list[Run] | None = None) -> list[PlannedRun]:
+def _planned(
+    allowed: Mapping[str, object], runs: list[Run] | None = None, most: int = 200
+) -> list[PlannedRun]:
     found = runs or small_runs()
-    return planned_runs(MODEL, found, {}, Allowed.model_validate(allowed))
+    return planned_runs(MODEL, found, {}, Allowed.model_validate(allowed), most=most)
 
 
 def test_without_a_declaration_measured_runs_are_repeated_and_scaled_within_their_range() -> None:
@@ -196,6 +198,43 @@ def test_inputs_durations_and_starts_are_chosen_within_what_is_allowed() -> None
 
 def test_a_declared_limit_excludes_repetitions_beyond_it() -> None:
     assert not _planned({"inputs": {"power": {"low": -0.01, "high": 0.01, "shapes": ["repeat"]}}})
+
+
+def test_few_runs_are_drawn_from_every_shape() -> None:
+    limits = {"low": -3.0, "high": 3.0}
+    many = _planned({"inputs": {"power": limits}}, small_runs(samples=40, count=50), most=40)
+    assert len(many) <= 40
+    assert {one.shape for one in many} == {"repeat", "step", "ramp", "sine", "sweep", "multi_sine", "square"}
+    assert 3 <= sum(one.is_repeat for one in many) <= 10
+
+
+def test_the_stated_duration_is_that_of_the_run() -> None:
+    steps: Mapping[str, object] = {"power": {"low": 0.0, "high": 2.0, "shapes": ["step"]}}
+    long = _planned({"inputs": steps, "forbidden": ["*"], "duration_s": [5.0, 600.0]})
+    assert {one.times_s.size for one in long} == {50, 4000}
+    assert all(f" for {one.times_s.size * one.step_s:g} s" in one.words for one in long)
+
+
+@pytest.mark.parametrize("duration_s", [[0.5, 1.0], [600.0]])
+def test_durations_that_no_run_can_have_are_refused(duration_s: list[float]) -> None:
+    steps: Mapping[str, object] = {"power": {"low": 0.0, "high": 2.0, "shapes": ["step"]}}
+    allowed = {"inputs": steps, "duration_s": duration_s}
+    assert not _planned(allowed)
+    with pytest.raises(ConfigError, match="a run has 30 to 4000 samples, 3 to 400 s"):
+        require_durations(MODEL, small_runs(), Allowed.model_validate(allowed))
+
+
+def test_no_planned_run_is_longer_than_allowed() -> None:
+    planned = _planned({"duration_s": [3.0, 4.05]})
+    assert {one.times_s.size for one in planned} == {30, 40}
+
+
+def test_corners_of_many_ranges_are_drawn_before_they_are_built() -> None:
+    names = [f"c{number}" for number in range(80)]
+    model = replace(MODEL, condition_units=dict.fromkeys(names, "1"))
+    allowed = Allowed.model_validate({"conditions": {name: {"low": 0.0, "high": 1.0} for name in names}})
+    planned = planned_runs(model, small_runs(count=1), {}, allowed, most=10)
+    assert len({one.words for one in planned}) == 10
 
 
 def test_a_rate_excludes_jumps() -> None:

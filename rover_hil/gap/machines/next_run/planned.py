@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.errors import ConfigError
 from rover_hil.gap.machines.next_run.allowed import Allowed, InputRange, Range
 from rover_hil.gap.machines.next_run.shapes import (
     amplitudes_of,
@@ -22,9 +23,10 @@ TIME = "t_s"
 SCALES = (1.0, 0.25, 0.5, 0.75, 1.5, 2.0, 3.0, -1.0, -0.5)
 """Factors on the inputs of a measured run."""
 LEAST_SAMPLES = 30
-MOST_PLANNED = 200
 MOST_SAMPLES = 4000
-"""Of a planned run."""
+"""Of a planned run whose length is chosen."""
+ROUNDING = 1e-6
+"""Share of a sample by which a duration may miss a whole number of samples."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,11 +69,24 @@ class _Inputs:
     is_repeat: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kind:
+    """Inputs and length of planned runs; starts and conditions are still to be chosen."""
+
+    like: Run
+    inputs: _Inputs
+    samples: int
+    is_repeat: bool
+
+
 def planned_runs(
     machine: Machine,
     runs: Sequence[Run],
     starts: Mapping[str, Mapping[str, float]],
     allowed: Allowed,
+    *,
+    most: int,
+    seed: int = 0,
 ) -> list[PlannedRun]:
     """Return the runs that could be made next, repetitions of measured ones first.
 
@@ -80,26 +95,75 @@ def planned_runs(
         runs: Measured.
         starts: Fitted run parameters by run.
         allowed: What may be done.
+        most: Number of runs; of more, as many as possible of each shape and of repetitions are drawn.
+        seed: Of the draw.
     """
-    repeated = [run for run in runs if allowed.may_repeat(run)]
-    found = [
-        one
-        for run in repeated
-        for inputs in _repeats(machine, run, runs, allowed)
-        for one in _varied(machine, run, inputs, starts.get(run.name, {}), allowed)
-    ]
-    carriers = _carriers(machine, runs, allowed)
-    for carrier in carriers:
-        for inputs in _shapes(machine, carrier, allowed):
-            found += _varied(machine, carrier, inputs, starts.get(carrier.name, {}), allowed)
-    found.sort(key=lambda one: not one.is_repeat)
-    if len(found) <= MOST_PLANNED:
-        return found
-    plain = [one for one in found if one.is_repeat][: MOST_PLANNED // 2]
-    others = [one for one in found if not one.is_repeat]
-    rng = np.random.default_rng(0)
-    chosen = np.sort(rng.permutation(len(others))[: MOST_PLANNED - len(plain)])
-    return [*plain, *(others[index] for index in chosen)]
+    groups: dict[tuple[bool, str], list[_Kind]] = {}
+    for kind in _kinds(machine, runs, allowed):
+        groups.setdefault((not kind.is_repeat, kind.inputs.shape), []).append(kind)
+    conditions, begins = _Levels(allowed.conditions), _Levels(allowed.starts)
+    levels = conditions.count * begins.count
+    shares = _shares({name: len(kinds) * levels for name, kinds in groups.items()}, most)
+    rng = np.random.default_rng(seed)
+    found = []
+    for name, kinds in sorted(groups.items(), key=lambda item: item[0][0]):
+        for index in _drawn(len(kinds) * levels, shares[name], rng):
+            place, level = divmod(index, levels)
+            kind = kinds[place]
+            condition, begin = divmod(level, begins.count)
+            chosen = conditions.at(condition), begins.at(begin)
+            found.append(_planned(machine, kind, *chosen, starts.get(kind.like.name, {})))
+    return found
+
+
+def require_durations(machine: Machine, runs: Sequence[Run], allowed: Allowed) -> None:
+    """Check that some run can have an allowed duration.
+
+    Raises:
+        ConfigError: None can.
+    """
+    if not allowed.duration_s or any(_has_duration(step_of(machine, run), run, allowed) for run in runs):
+        return
+    step_s = step_of(machine, runs[0])
+    raise ConfigError(
+        f"allowed runs: no run with duration_s {min(allowed.duration_s):g} to {max(allowed.duration_s):g} is "
+        f"possible; a run has {LEAST_SAMPLES} to {MOST_SAMPLES} samples, {LEAST_SAMPLES * step_s:g} to "
+        f"{MOST_SAMPLES * step_s:g} s: change duration_s"
+    )
+
+
+def _has_duration(step_s: float, run: Run, allowed: Allowed) -> bool:
+    least, most = _limits_in_samples(allowed, step_s)
+    return least <= _samples(run) <= most or bool(_counts(allowed, step_s, 0))
+
+
+def _kinds(machine: Machine, runs: Sequence[Run], allowed: Allowed) -> Iterator[_Kind]:
+    for run in runs:
+        if not allowed.may_repeat(run):
+            continue
+        for inputs in _repeats(machine, run, runs, allowed):
+            yield from _of_durations(run, inputs, allowed, step_of(machine, run))
+    for carrier in _carriers(machine, runs, allowed):
+        for inputs, samples in _shapes(machine, carrier, allowed):
+            yield _Kind(like=carrier, inputs=inputs, samples=samples, is_repeat=False)
+
+
+def _shares(sizes: Mapping[tuple[bool, str], int], most: int) -> dict[tuple[bool, str], int]:
+    """Return how many to take of each group: equally many, and what small groups leave for the others."""
+    found: dict[tuple[bool, str], int] = {}
+    for name, size in sorted(sizes.items(), key=lambda item: item[1]):
+        found[name] = min(size, (most - sum(found.values())) // (len(sizes) - len(found)))
+    return found
+
+
+def _drawn(total: int, count: int, rng: np.random.Generator) -> list[int]:
+    """Return different numbers below a total, which may have any size."""
+    if count >= total:
+        return list(range(total))
+    chosen: set[int] = set()
+    while len(chosen) < count:
+        chosen.add(int.from_bytes(rng.bytes(total.bit_length() // 8 + 8)) % total)
+    return sorted(chosen)
 
 
 def step_of(machine: Machine, run: Run) -> float:
@@ -148,11 +212,9 @@ def _carriers(machine: Machine, runs: Sequence[Run], allowed: Allowed) -> list[R
     return [ranked[len(ranked) // 2]]
 
 
-def _shapes(machine: Machine, carrier: Run, allowed: Allowed) -> Iterator[_Inputs]:
+def _shapes(machine: Machine, carrier: Run, allowed: Allowed) -> Iterator[tuple[_Inputs, int]]:
     step_s = step_of(machine, carrier)
-    durations = _durations(allowed, step_s * _samples(carrier))
-    for duration_s in durations:
-        samples = _count(duration_s, step_s)
+    for samples in _counts(allowed, step_s, _samples(carrier)):
         times_s = step_s * np.arange(samples, dtype=np.float64)
         options = {
             name: list(_options(name, machine.inputs[name], limits, times_s, step_s))
@@ -163,9 +225,10 @@ def _shapes(machine: Machine, carrier: Run, allowed: Allowed) -> Iterator[_Input
             rest = [one for one in machine.inputs if one != name]
             for words, values, shape in own:
                 same = f", {' and '.join(rest)} as in {carrier.name}" if rest else ""
-                text = f"{words} for {duration_s:.3g} s{same}"
-                yield _Inputs(text, {**others, name: values}, shape, False)
-        yield from _together(options, others, duration_s)
+                text = f"{words} for {samples * step_s:g} s{same}"
+                yield _Inputs(text, {**others, name: values}, shape, False), samples
+        for inputs in _together(options, others, samples * step_s):
+            yield inputs, samples
 
 
 def _together(
@@ -177,7 +240,7 @@ def _together(
     for parts in zip(*options.values(), strict=False):
         words = ", ".join(text for text, _, _ in parts)
         series = {name: values for name, (_, values, _) in zip(options, parts, strict=True)}
-        yield _Inputs(f"{words} for {duration_s:.3g} s", {**others, **series}, parts[0][2], False)
+        yield _Inputs(f"{words} for {duration_s:g} s", {**others, **series}, parts[0][2], False)
 
 
 def _options(
@@ -210,12 +273,24 @@ def _unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _durations(allowed: Allowed, measured_s: float) -> tuple[float, ...]:
-    return tuple(dict.fromkeys(sorted(allowed.duration_s))) or (measured_s,)
+def _limits_in_samples(allowed: Allowed, step_s: float) -> tuple[int, int]:
+    """Return the least and the greatest number of samples of the allowed durations.
+
+    The longest is never exceeded; a single duration is rounded down to a sample.
+    """
+    most = math.floor(max(allowed.duration_s) / step_s + ROUNDING)
+    if min(allowed.duration_s) == max(allowed.duration_s):
+        return most, most
+    return math.ceil(min(allowed.duration_s) / step_s - ROUNDING), most
 
 
-def _count(duration_s: float, step_s: float) -> int:
-    return min(max(round(duration_s / step_s), LEAST_SAMPLES), MOST_SAMPLES)
+def _counts(allowed: Allowed, step_s: float, measured: int) -> tuple[int, ...]:
+    """Return the numbers of samples to plan: the shortest and the longest, or as measured; none may fit."""
+    if not allowed.duration_s:
+        return (min(measured, MOST_SAMPLES),)
+    least, most = _limits_in_samples(allowed, step_s)
+    low, high = max(least, LEAST_SAMPLES), min(most, MOST_SAMPLES)
+    return tuple(dict.fromkeys((low, high))) if low <= high else ()
 
 
 def _lengthened(values: Array, samples: int) -> Array:
@@ -226,57 +301,73 @@ def _lengthened(values: Array, samples: int) -> Array:
     return found
 
 
-def _varied(
-    machine: Machine, like: Run, inputs: _Inputs, fitted: Mapping[str, float], allowed: Allowed
-) -> Iterator[PlannedRun]:
-    """Return a run with each allowed duration, start and set of conditions."""
-    step_s = step_of(machine, like)
-    for one in _of_durations(inputs, allowed, step_s, _samples(like)):
-        for conditions in _levels(allowed.conditions):
-            for starts in _levels(allowed.starts):
-                units = {**machine.condition_units, **{p.name: p.unit for p in machine.run_parameters}}
-                chosen = {**conditions, **starts}
-                places = [f"{name} {value:.3g}{_unit(units[name])}" for name, value in chosen.items()]
-                yield PlannedRun(
-                    words=", ".join([one[0], *places]),
-                    run=_run(
-                        machine, like, one[1], {**like.conditions, **conditions}, {**fitted, **starts}, one[2]
-                    ),
-                    starts=_starts(machine, like, fitted, starts),
-                    like=like.name,
-                    shape=inputs.shape,
-                    is_repeat=inputs.is_repeat and not chosen and one[2] == _samples(like),
-                    step_s=step_s,
-                )
+def _planned(
+    machine: Machine,
+    kind: _Kind,
+    conditions: Mapping[str, float],
+    starts: Mapping[str, float],
+    fitted: Mapping[str, float],
+) -> PlannedRun:
+    """Return a run with chosen conditions and starts."""
+    like = kind.like
+    units = {**machine.condition_units, **{one.name: one.unit for one in machine.run_parameters}}
+    chosen = {**conditions, **starts}
+    places = [f"{name} {value:.3g}{_unit(units[name])}" for name, value in chosen.items()]
+    return PlannedRun(
+        words=", ".join([kind.inputs.words, *places]),
+        run=_run(
+            machine,
+            like,
+            kind.inputs.series,
+            {**like.conditions, **conditions},
+            {**fitted, **starts},
+            kind.samples,
+        ),
+        starts=_starts(machine, like, fitted, starts),
+        like=like.name,
+        shape=kind.inputs.shape,
+        is_repeat=kind.is_repeat,
+        step_s=step_of(machine, like),
+    )
 
 
-def _of_durations(
-    inputs: _Inputs, allowed: Allowed, step_s: float, measured: int
-) -> Iterator[tuple[str, Mapping[str, Array], int]]:
-    """Return words, inputs and number of samples of each allowed duration."""
-    sizes = [values.size for values in inputs.series.values()]
-    size = sizes[0] if sizes else measured
-    if inputs.shape != "repeat" or not allowed.duration_s:
-        yield inputs.words, inputs.series, size
-        return
-    low, high = min(allowed.duration_s), max(allowed.duration_s)
-    if low <= step_s * size <= high:
-        yield inputs.words, inputs.series, size
-    elif not inputs.series or step_s * size > high:
-        for duration_s in dict.fromkeys((low, high)):
-            samples = _count(duration_s, step_s)
+def _of_durations(like: Run, inputs: _Inputs, allowed: Allowed, step_s: float) -> Iterator[_Kind]:
+    """Return the inputs of a measured run with each allowed duration."""
+    size = _samples(like)
+    is_repeat = inputs.is_repeat and not allowed.conditions and not allowed.starts
+    least, most = _limits_in_samples(allowed, step_s) if allowed.duration_s else (size, size)
+    if least <= size <= most:
+        yield _Kind(like=like, inputs=inputs, samples=size, is_repeat=is_repeat)
+    elif not inputs.series or size > most:
+        for samples in _counts(allowed, step_s, size):
             series = {name: _lengthened(values, samples) for name, values in inputs.series.items()}
-            yield f"{inputs.words} for {duration_s:.3g} s", series, samples
+            words = f"{inputs.words} for {samples * step_s:g} s"
+            yield _Kind(
+                like=like,
+                inputs=replace(inputs, words=words, series=series),
+                samples=samples,
+                is_repeat=False,
+            )
 
 
-def _levels(ranges: Mapping[str, Range]) -> list[dict[str, float]]:
-    """Return the corners and the middle of ranges; nothing to choose is one choice."""
-    if not ranges:
-        return [{}]
-    ends = [dict.fromkeys((one.low, one.high)) for one in ranges.values()]
-    corners = [dict(zip(ranges, values, strict=True)) for values in itertools.product(*ends)]
-    middle = {name: 0.5 * (one.low + one.high) for name, one in ranges.items()}
-    return corners if middle in corners else [*corners, middle]
+class _Levels:
+    """The corners and the middle of ranges, by number; nothing to choose is one choice."""
+
+    def __init__(self, ranges: Mapping[str, Range]) -> None:
+        self._ranges = ranges
+        self._ends = {name: tuple(dict.fromkeys((one.low, one.high))) for name, one in ranges.items()}
+        self._corners = math.prod(len(ends) for ends in self._ends.values())
+        self.count = self._corners + (self._corners > 1)
+
+    def at(self, index: int) -> dict[str, float]:
+        """Return the values of one choice; the last is the middle."""
+        if index == self._corners:
+            return {name: 0.5 * (one.low + one.high) for name, one in self._ranges.items()}
+        found = {}
+        for name, ends in self._ends.items():
+            index, place = divmod(index, len(ends))
+            found[name] = ends[place]
+        return found
 
 
 def _starts(

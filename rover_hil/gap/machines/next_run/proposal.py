@@ -114,8 +114,16 @@ def propose_run(
     advance("designing the next run")
     hypotheses, basis = hypotheses_of(findings, answer)
     effort = EQUATIONS if isinstance(findings.machine, StateModel) else UNIT
-    planned = planned_runs(findings.machine, findings.problem.sites, starts_of(findings.best), allowed)
-    planned = with_names(planned[: effort.planned])
+    planned = with_names(
+        planned_runs(
+            findings.machine,
+            findings.problem.sites,
+            starts_of(findings.best),
+            allowed,
+            most=effort.planned,
+            seed=seed,
+        )
+    )
     shortened = _most_different(Planning(hypotheses, planned, basis), allowed, effort) if planned else []
     if not shortened:
         return None
