@@ -170,8 +170,11 @@ class VescCodec:
         return payloads, tuple(meant)
 
     def encode_stop(self) -> Sequence[bytes]:
-        """Return commands for no current; after its timeout a controller applies its own brake current."""
-        return [encode_command(Command.CURRENT, wheel.node, 0.0) for wheel in self._wheels]
+        """Return nothing: a controller holds speed 0 until its timeout, then applies its own brake current.
+
+        A current of 0 would release the motor at once, and the wheel would roll on.
+        """
+        return ()
 
     def _read(self, t_ns: int, command: int, node: int, data: bytes) -> Sequence[Sample | Rejection]:
         if command == _SHORT_BUFFER and node == self._host_id:

@@ -1,13 +1,13 @@
 """VESC motor controllers on their CAN bus. The bytes are written and read here, apart from the driver.
 
-Modelled: set-points in whole electrical turns per minute, release at a current of 0, the stop when no
-set-point arrives for `timeout_s`, status messages 1 to 5, current in steps of 0.1 A and negative when
-braking, six tachometer steps per electrical turn, answers to questions for the fault, faults that release the
-motor.
+Modelled: set-points in whole electrical turns per minute, release at a current of 0 (the wheel rolls on), the
+stop by the timeout's brake when no set-point arrives for `timeout_s`, status messages 1 to 5, current in
+steps of 0.1 A and negative when braking, six tachometer steps per electrical turn, answers to questions
+for the fault, faults that stop the motor.
 
 Not modelled: set-points of duty cycle and of currents other than 0, minimum ERPM, the speed ramp, the duty
-cycle (sent from speed and sign of the current only), temperatures, energies, the timeout's brake current, and
-what `sim_backends/devices/can_wheels.py` lists for the bus.
+cycle (sent from speed and sign of the current only), temperatures, energies, the size of the timeout's brake
+current, a wheel that rolls on after a fault, and what `sim_backends/devices/can_wheels.py` lists for the bus.
 
 Source: as for `drivers/vesc/codec.py`.
 """
@@ -32,7 +32,7 @@ from sim_backends.world.world import EmulatedDevice
 
 
 class VescFaultSettings(Settings):
-    """A fault of one controller: its motor is released, and set-points are ignored.
+    """A fault of one controller: its motor stops, and set-points are ignored.
 
     Attributes:
         wheel: Index of the wheel.
@@ -55,7 +55,7 @@ class VescEmulatorSettings(Settings):
         status_rate_hz: Status messages 2, 3 and 4 of each controller per second.
         speed_noise_rad_s: Standard deviation of each reported speed, at the wheel.
         current_noise_a: Standard deviation of each motor current.
-        timeout_s: A wheel is released when it gets no set-point for this long.
+        timeout_s: A wheel is braked when it gets no set-point for this long.
         drive_faults: Faults of the controllers.
     """
 
@@ -100,6 +100,7 @@ class VescEmulator:
         self._electrical_turns = device.pole_pairs * device.gear_ratio
         self._speeds_rad_s = [0.0 for _ in device.wheel]
         self._deadlines_ns = [NEVER_NS for _ in device.wheel]
+        self._released: set[int] = set()
         self._faults = [
             (
                 start_ns + nanoseconds(fault.start_s),
@@ -134,7 +135,7 @@ class VescEmulator:
         return len(self._speeds_rad_s) * bits * rates_hz
 
     def act(self, t_ns: int) -> None:
-        """Release wheels at a timeout or fault, then send what is due."""
+        """Stop wheels at a timeout or fault, then send what is due."""
         while self._fault_moves_ns and self._fault_moves_ns[0] <= t_ns:
             self._fault_moves_ns.pop(0)
             for wheel in range(len(self._speeds_rad_s)):
@@ -144,6 +145,7 @@ class VescEmulator:
             if deadline_ns <= t_ns:
                 self._command(wheel, 0.0, NEVER_NS)
         truth = self._plant.truth()
+        self._let_released_wheels_roll(truth)
         while self._due[0][0] <= t_ns:
             due_ns, period_ns, command, wheel = self._due[0]
             heapreplace(self._due, (due_ns + period_ns, period_ns, command, wheel))
@@ -167,12 +169,21 @@ class VescEmulator:
                 speed_rad_s = motor_turns_per_s * math.tau / self._device.gear_ratio * self._signs[wheel]
                 self._command(wheel, speed_rad_s, t_ns + self._timeout_ns)
             elif number == 0:
-                self._command(wheel, 0.0, NEVER_NS)
+                self._command(wheel, self._plant.truth().wheel_speed_rad_s[wheel], NEVER_NS)
+                self._released.add(wheel)
 
     def _command(self, wheel: int, speed_rad_s: float, deadline_ns: int) -> None:
+        self._released.discard(wheel)
         self._speeds_rad_s[wheel] = speed_rad_s
         self._deadlines_ns[wheel] = deadline_ns
         self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
+
+    def _let_released_wheels_roll(self, truth: Truth) -> None:
+        """Set the set-points of released wheels to their true speeds: the motor gives next to no force."""
+        for wheel in self._released:
+            self._speeds_rad_s[wheel] = truth.wheel_speed_rad_s[wheel]
+        if self._released:
+            self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
 
     def _answer(self, t_ns: int, wheel: int, asker: int, mask: bytes) -> None:
         if mask != b"\x00\x00\x80\x00":

@@ -174,11 +174,9 @@ def test_set_points_are_clipped_to_the_limit() -> None:
     assert meant == pytest.approx((1000 / ERPM_PER_RAD_S, -1000 / ERPM_PER_RAD_S))
 
 
-def test_stop_releases_every_motor() -> None:
-    assert [sent(payload) for payload in make_codec().encode_stop()] == [
-        "00000104#00 00 00 00",
-        "00000105#00 00 00 00",
-    ]
+def test_stop_releases_no_motor() -> None:
+    """A current of 0 after the zero speeds would let a wheel roll on at speed."""
+    assert list(make_codec().encode_stop()) == []
     assert list(make_codec().encode_start()) == []
 
 

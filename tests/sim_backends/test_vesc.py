@@ -116,6 +116,19 @@ def test_an_expired_command_and_a_stop_give_zero_speeds() -> None:
     assert drive.plant.speed_rad_s == [0.0] * 4
 
 
+def test_a_current_of_zero_lets_the_wheel_roll_on_until_the_next_set_point() -> None:
+    drive = bench()
+    drive.run(0.2, SPEEDS)
+    release = CanFrame(0x101, bytes(4), is_extended=True)
+    drive.device.to_device.put(drive.clock.now_ns(), pack_can_frame(release))
+    drive.run(0.1)
+    drive.plant.speed_rad_s[0] *= 0.5  # friction
+    drive.run(1.0)
+    assert drive.plant.speed_rad_s == pytest.approx((0.5, 0.0, 0.0, 0.0), abs=1e-3)
+    drive.run(0.1, SPEEDS)
+    assert drive.plant.speed_rad_s == pytest.approx(SPEEDS, abs=1e-3)
+
+
 def test_a_fault_is_named_releases_its_wheel_and_clears() -> None:
     fault = {"wheel": 2, "code": 4, "start_s": 0.5, "duration_s": 0.5}
     settings = VescEmulatorSettings.model_validate({**EXACT.model_dump(), "drive_faults": [fault]})
