@@ -5,6 +5,7 @@ import errno
 import fcntl
 import os
 import socket
+import struct
 
 import can
 from can.interfaces.slcan import slcanBus
@@ -20,6 +21,13 @@ READ_TIMEOUT_S = 0.05
 """Counted by python-can on the wall clock: a step of that clock may stretch one wait until the next frame."""
 WRITE_TIMEOUT_S = 0.005
 OLDEST_STAMP_NS = NANOSECONDS_PER_SECOND
+
+SO_MEMINFO = 55
+"""Of Linux's asm-generic/socket.h: counters of a socket, 32 bits each."""
+MEMINFO_SIZE = 9 * 4
+MEMINFO_DROPS = 8 * 4
+BREAKS = {errno.ENETDOWN, errno.ENODEV, errno.ENXIO}
+"""What the kernel reports, once and to one caller, when an interface goes down or is removed."""
 
 GARBLED = b""
 """Payload in the place of data that is not a classic CAN frame; the codec rejects and counts it."""
@@ -49,9 +57,11 @@ class CanLink(ThreadedLink[bytes]):
         self._bus: can.BusABC | None = None
         self._lock: int | None = None
         self._last_ns = 0
+        self._lost_in_kernel = 0
 
     def _open_handle(self) -> None:
         if self._interface == "socketcan":
+            self._lost_in_kernel = 0
             self._bus = _open_socketcan(self._channel)
         elif self._interface == "slcan":
             self._bus = self._open_slcan()
@@ -91,6 +101,7 @@ class CanLink(ThreadedLink[bytes]):
 
     def _read(self) -> Received[bytes] | None:
         bus = self._require_bus()
+        self._count_lost(bus)
         try:
             message = bus.recv(READ_TIMEOUT_S)
         except (ValueError, IndexError):  # not an slcan line
@@ -117,9 +128,20 @@ class CanLink(ThreadedLink[bytes]):
         )
         try:
             self._require_bus().send(message, WRITE_TIMEOUT_S)
-        except can.CanOperationError:  # queue full (ENOBUFS), or a break, which the reader sees too
-            return False
+        except can.CanOperationError as error:
+            if error.error_code in BREAKS:
+                raise
+            return False  # the queue is full
         return True
+
+    def _count_lost(self, bus: can.BusABC) -> None:
+        """Add to `dropped` the frames that the kernel had no room for since the last call."""
+        if not isinstance(bus, SocketcanBus):
+            return
+        counters = bus.socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO_SIZE)
+        lost: int = struct.unpack_from("=I", counters, MEMINFO_DROPS)[0]
+        self.dropped += (lost - self._lost_in_kernel) % 2**32
+        self._lost_in_kernel = lost
 
     def _arrival_ns(self, message: can.Message) -> int:
         """Return the kernel's stamp of a frame where it is plausible, else the present time."""

@@ -28,7 +28,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
     Attributes:
         queue_limit: How many items wait to be received; beyond it the oldest payload is lost, never a break
             or recovery.
-        dropped: Number of payloads lost in this way.
+        dropped: Number of payloads lost in this way, or known to be lost before they were read.
     """
 
     queue_limit = QUEUE_LIMIT
@@ -43,6 +43,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         self._stopping = threading.Event()
         self._handle_lock = threading.Lock()
         self._is_up = False
+        self._write_error: Exception | None = None
         self._thread: threading.Thread | None = None
 
     @abstractmethod
@@ -71,7 +72,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
         while True:
             try:
                 self._require_no_reader()
-                self._open_handle()
+                self._open_anew()
                 break
             except Exception as error:  # any library may raise anything here
                 if self._clock.now_ns() >= deadline_ns:
@@ -104,7 +105,9 @@ class ThreadedLink(ABC, Generic[PayloadT]):
                 return False
             try:
                 return self._write(payload)
-            except Exception:  # noqa: BLE001 - the reader sees the same break and reports it
+            except Exception as error:  # noqa: BLE001 - every break of the port must be reported
+                # The reader reports it: a kernel may give the error of a break to one caller only.
+                self._write_error = error
                 return False
 
     def _run(self) -> None:
@@ -117,6 +120,8 @@ class ThreadedLink(ABC, Generic[PayloadT]):
     def _read_once(self) -> bool:
         try:
             received = self._read()
+            if self._write_error is not None:
+                raise self._write_error
         except Exception as error:  # noqa: BLE001 - every break of the port must be reported
             self._take_down()
             reason = str(error) or repr(error)
@@ -133,7 +138,7 @@ class ThreadedLink(ABC, Generic[PayloadT]):
             if self._stopping.wait(retry_ns / NANOSECONDS_PER_SECOND):
                 return False
             try:
-                self._open_handle()
+                self._open_anew()
             except Exception as error:  # noqa: BLE001 - any library may raise anything here
                 reason = str(error) or repr(error)
                 retry_ns = min(2 * retry_ns, LAST_RETRY_NS)
@@ -143,6 +148,10 @@ class ThreadedLink(ABC, Generic[PayloadT]):
             return True
         self._report(up=False, reason=f"gave up: {reason}", gave_up=True)
         return False
+
+    def _open_anew(self) -> None:
+        self._write_error = None
+        self._open_handle()
 
     def _require_no_reader(self) -> None:
         # A reader that hangs in the library outlives `close`; two would share one handle.

@@ -1,6 +1,7 @@
 """The link to a CAN bus: on the virtual bus, over a pseudo-terminal, and on a stand-in for SocketCAN."""
 
 import errno
+import os
 import socket
 import threading
 from collections import deque
@@ -288,6 +289,22 @@ def test_full_queue_loses_the_frame_not_the_link(buses: list[StandInBus]) -> Non
     buses[0].send_error = None
     assert link.send(pack_can_frame(FRAMES[0]))
     assert link.receive() == []
+    link.close()
+
+
+@pytest.mark.parametrize("number", [errno.ENETDOWN, errno.ENODEV])
+def test_break_that_the_kernel_gives_to_send_is_reported(buses: list[StandInBus], number: int) -> None:
+    link = make_link("socketcan", "can0")
+    link.open(0.0)
+    reason = f"Failed to transmit: {os.strerror(number)}"
+    buses[0].send_error = can.CanOperationError(reason, number)
+    assert not link.send(pack_can_frame(FRAMES[0]))
+    down, up = receive(link, 2)
+    assert isinstance(down, LinkChange)
+    assert not down.up
+    assert os.strerror(number) in down.reason
+    assert isinstance(up, LinkChange)
+    assert up.up
     link.close()
 
 

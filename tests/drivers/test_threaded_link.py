@@ -235,3 +235,21 @@ def test_a_link_whose_reader_has_not_ended_is_not_opened_again(monkeypatch: pyte
     readers = [thread for thread in threading.enumerate() if thread.name == "reader misbehaving port"]
     assert len(readers) <= 1
     link.close()
+
+
+def test_a_break_that_only_send_meets_is_reported() -> None:
+    class QuietReader(MisbehavingPort):
+        def _open_handle(self) -> None:
+            self.attempts += 1
+
+        def _read(self) -> Received[bytes] | None:
+            self._clock.sleep_until(self._clock.now_ns() + nanoseconds(0.01))
+            return None
+
+    link = QuietReader()
+    link.open(timeout_s=0.0)
+    assert not link.send(b"x")
+    changes = [item for item in collect(link, lambda items: len(items) == 2) if isinstance(item, LinkChange)]
+    assert [(change.up, change.reason) for change in changes] == [(False, "cannot write"), (True, "reopened")]
+    assert link.attempts == 2
+    link.close()
