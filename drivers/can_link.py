@@ -11,6 +11,7 @@ import can
 from can.interfaces.slcan import slcanBus
 from can.interfaces.socketcan import SocketcanBus
 
+from drivers.can_controller_mode import read_silent_modes
 from drivers.can_frame import EXTENDED_ID_MASK, CanFrame, pack_can_frame, unpack_can_frame
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, wall_to_monotonic_ns
 from drivers.errors import NotConnectedError
@@ -174,6 +175,14 @@ def _open_socketcan(channel: str) -> can.BusABC:
         bus.shutdown()
         hint = f"; {advice}" if pending == errno.ENETDOWN else ""
         raise NotConnectedError(f"{os.strerror(pending)}{hint}")
+    modes = read_silent_modes(channel)
+    if modes:
+        bus.shutdown()
+        switch_off = " ".join(f"{mode} off" for mode in modes)
+        raise NotConnectedError(
+            f"{channel} is in {' and '.join(modes)} mode, in which nothing is sent to the bus: "
+            f"`ip link set {channel} down`, then `ip link set {channel} up type can {switch_off}`"
+        )
     return bus
 
 

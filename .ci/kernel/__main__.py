@@ -1,7 +1,7 @@
 """Run the driver suite on the devices of a real kernel, in a virtual machine.
 
-Arguments of `python .ci/kernel` are those of pytest, by default `tests/kernel`. The machine is built once, in the folder that the
-variable KERNEL_CACHE names.
+Arguments of `python .ci/kernel` are those of pytest, by default `tests/kernel`. The machine is built once, in
+the folder that the variable KERNEL_CACHE names.
 """
 
 import os
@@ -38,17 +38,19 @@ def main() -> int:
 
 
 def _compile(variables: dict[str, str], stamp: Path) -> None:
-    """Compile on the host what would take minutes inside, unless no source has changed since."""
-    sources = [path for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*.py")]
-    newest = str(max(path.stat().st_mtime_ns for path in sources))
-    if stamp.is_file() and stamp.read_text() == newest:
-        return
-    for command in (["-m", "compileall", "-q", *FOLDERS], [".ci/compile_simulators.py"]):
-        # This interpreter, with arguments that are written here.
-        subprocess.run(  # noqa: S603
-            [sys.executable, *command], cwd=REPOSITORY, env={**os.environ, **variables}, check=True
-        )
-    stamp.write_text(newest)
+    """Compile on the host what would take minutes inside; the simulators only when they have changed."""
+    _run_python("-m", "compileall", "-q", *FOLDERS)
+    newest = str(max(path.stat().st_mtime_ns for path in (REPOSITORY / "sim_backends").rglob("*.py")))
+    if not stamp.is_file() or stamp.read_text() != newest:
+        _run_python(".ci/compile_simulators.py", **variables)
+        stamp.write_text(newest)
+
+
+def _run_python(*arguments: str, **variables: str) -> None:
+    # This interpreter, with arguments that are written here.
+    subprocess.run(  # noqa: S603
+        [sys.executable, *arguments], cwd=REPOSITORY, env={**os.environ, **variables}, check=True
+    )
 
 
 def _script(root: Path, variables: dict[str, str], arguments: list[str]) -> str:
@@ -67,7 +69,7 @@ def _script(root: Path, variables: dict[str, str], arguments: list[str]) -> str:
     lines = [
         "mkdir -p /lib/modules /sbin",
         f"mount --bind {shlex.quote(str(root / 'lib/modules'))} /lib/modules",
-        f"ln -sf {shlex.quote(str(root / 'bin/busybox'))} /sbin/modprobe",
+        *(f"ln -sf {shlex.quote(str(root / 'bin/busybox'))} /sbin/{name}" for name in ("modprobe", "rmmod")),
         f"cd {shlex.quote(str(REPOSITORY))}",
         command,
     ]

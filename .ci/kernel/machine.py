@@ -1,12 +1,15 @@
 """Boot the virtual machine, one processor without acceleration, and run a script inside."""
 
 import subprocess
+import tempfile
 from pathlib import Path
 
 from initramfs import kernel_release, write_initramfs
 from packages import environment
 
 MEMORY_MB = 2048
+# Numpy needs that much; what a newer one adds is slower to emulate. The kernel needs random numbers to start.
+PROCESSOR = "Nehalem,+rdrand"
 # One guest instruction is one nanosecond: the guest's time does not depend on the load of the host.
 TIME = ("-icount", "shift=0,sleep=on", "-rtc", "base=utc,clock=vm")
 CAN_CARDS = (
@@ -32,9 +35,15 @@ def boot(root: Path, results: Path, script: str, limit_s: float) -> int:
     (results / "inside.sh").write_text(script)
     initramfs = results / "initramfs"
     write_initramfs(root, initramfs)
-    command = _command(root, results, initramfs)
-    # Every argument was made here.
-    with subprocess.Popen(command, env=environment(root), stdin=subprocess.DEVNULL) as machine:  # noqa: S603
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        # Every argument was made here.
+        subprocess.Popen(  # noqa: S603
+            _command(root, results, initramfs, Path(folder) / "wire"),
+            env=environment(root),
+            stdin=subprocess.DEVNULL,
+        ) as machine,
+    ):
         try:
             machine.wait(limit_s)
         except subprocess.TimeoutExpired:
@@ -48,7 +57,7 @@ def boot(root: Path, results: Path, script: str, limit_s: float) -> int:
     return int(exit_code.read_text())
 
 
-def _command(root: Path, results: Path, initramfs: Path) -> list[str | Path]:
+def _command(root: Path, results: Path, initramfs: Path, wire: Path) -> list[str | Path]:
     release = kernel_release(root)
     shares = {"host": ("/", ",readonly=on"), "results": (results, "")}
     share_arguments = [
@@ -64,7 +73,7 @@ def _command(root: Path, results: Path, initramfs: Path) -> list[str | Path]:
     return [
         root / "usr/bin/qemu-system-x86_64",
         *("-L", root / "usr/share/qemu", "-L", root / "usr/share/seabios"),
-        *("-machine", "pc", "-accel", "tcg", "-cpu", "max", "-smp", "1", "-m", str(MEMORY_MB)),
+        *("-machine", "pc", "-accel", "tcg", "-cpu", PROCESSOR, "-smp", "1", "-m", str(MEMORY_MB)),
         *TIME,
         *("-nodefaults", "-no-user-config", "-no-reboot", "-display", "none"),
         *("-chardev", f"stdio,id=console,signal=off,logfile={results / 'console.log'}"),
@@ -73,4 +82,8 @@ def _command(root: Path, results: Path, initramfs: Path) -> list[str | Path]:
         *("-append", CONSOLE_COMMAND_LINE),
         *share_arguments,
         *CAN_CARDS,
+        # Of a serial line, both ends are in the machine: a UART, and a USB adapter with a chip of FTDI.
+        *("-chardev", f"socket,id=uart,path={wire},server=on,wait=off", "-serial", "chardev:uart"),
+        *("-chardev", f"socket,id=adapter,path={wire}", "-device", "piix3-usb-uhci,id=usb"),
+        *("-device", "usb-serial,chardev=adapter,bus=usb.0"),
     ]

@@ -5,6 +5,7 @@ that the kernel's driver gave the frame grabbed last, for USB cameras on the hos
 returns True for values that the driver did not accept.
 """
 
+import math
 import os
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import cv2
 
 from drivers.camera.images import FrameFormat, format_of, retrieve, retrieve_jpeg
 from drivers.camera.parameters import FrameSourceParameters
-from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds
+from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds, seconds
 from drivers.errors import NotConnectedError
 from drivers.link import CameraImage, Received
 from drivers.threaded_link import ThreadedLink
@@ -27,6 +28,8 @@ CONVERTED_FOURCC = "BGR3"
 FIRST_GRAB_TRIES = 3
 CHECKED_STAMPS = 3
 STANDSTILL_PERIODS = 3
+SHORTEST_WAIT_NS = NANOSECONDS_PER_SECOND // 2
+"""Half of OpenCV's limit: a grab that failed sooner did not wait for a frame."""
 # The menu of V4L2_CID_EXPOSURE_AUTO; USB cameras call their automatic mode aperture priority.
 MANUAL_EXPOSURE = 1
 AUTOMATIC_EXPOSURE = 3
@@ -121,19 +124,27 @@ class V4l2Link(ThreadedLink[CameraImage]):
             )
 
     def _check_stamps(self, capture: cv2.VideoCapture) -> None:
-        if not any(capture.grab() for _ in range(FIRST_GRAB_TRIES)):
-            raise NotConnectedError("it sends no frames: check its cable and its USB bandwidth")
+        self._grab_first(capture)
         ages_ns: list[int] = []
         for _ in range(CHECKED_STAMPS):
-            capture.grab()
+            self._grab_first(capture)
             ages_ns.append(self._clock.now_ns() - _read_stamp_ns(capture))
         self._stamps_are_captures = all(0 < age_ns < NANOSECONDS_PER_SECOND for age_ns in ages_ns)
         self._stamp_ns = 0
+        self._moved_ns = self._clock.now_ns()
+
+    def _grab_first(self, capture: cv2.VideoCapture) -> None:
+        """Wait for a frame; OpenCV gives up after a second, which a slow camera may need twice."""
+        tries = max(FIRST_GRAB_TRIES, math.ceil(STANDSTILL_PERIODS * seconds(self._period_ns)))
+        if not any(capture.grab() for _ in range(tries)):
+            raise NotConnectedError("it sends no frames: check its cable and its USB bandwidth")
 
     def _read(self) -> Received[CameraImage] | None:
         capture = self._capture
+        asked_ns = self._clock.now_ns()
         if capture is None or not capture.grab():
-            raise NotConnectedError(f"{self.where} sends no more frames: check its cable")
+            self._require_slow(asked_ns)
+            return None
         t_ns = self._clock.now_ns()
         stamp_ns = _read_stamp_ns(capture)
         if stamp_ns == self._stamp_ns != 0:  # a driver that always gives 0 stamps nothing
@@ -147,6 +158,13 @@ class V4l2Link(ThreadedLink[CameraImage]):
         is_jpeg = self._settings.fourcc == JPEG_FOURCC
         pixels = retrieve_jpeg(capture) if is_jpeg else retrieve(capture)
         return Received(t_ns, CameraImage(pixels, t_capture_ns))
+
+    def _require_slow(self, asked_ns: int) -> None:
+        """Raise unless a frame that has not come may still be on its way, as with a camera at 1 Hz."""
+        now_ns = self._clock.now_ns()
+        has_waited = now_ns - asked_ns >= SHORTEST_WAIT_NS  # of an unplugged camera every grab fails at once
+        if not has_waited or now_ns - self._moved_ns >= STANDSTILL_PERIODS * self._period_ns:
+            raise NotConnectedError(f"{self.where} sends no more frames: check its cable")
 
     def _write(self, payload: bytes) -> bool:
         return False

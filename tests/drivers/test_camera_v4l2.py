@@ -13,7 +13,7 @@ from cv2.typing import MatLike
 from drivers.camera.images import retrieve_jpeg
 from drivers.camera.settings import CameraSettings
 from drivers.camera.v4l2_link import V4l2Link
-from drivers.clock import Clock, SystemClock, VirtualClock, nanoseconds
+from drivers.clock import NANOSECONDS_PER_SECOND, Clock, SystemClock, VirtualClock, nanoseconds
 from drivers.driver import DeviceState, Driver
 from drivers.errors import NotConnectedError
 from drivers.link import CameraImage, Received
@@ -39,6 +39,7 @@ class FakeCamera:
         corrupt: `retrieve` succeeds without pixels.
         damage: What happens on the way to the bytes of a compressed frame.
         slow_start: How many grabs time out after opening.
+        timeouts: How many grabs time out, each after a second, before the next frame.
         calls: What was done, in order.
     """
 
@@ -51,6 +52,7 @@ class FakeCamera:
     corrupt: bool = False
     damage: Callable[[bytes], bytes] = bytes
     slow_start: int = 0
+    timeouts: int = 0
     calls: list[str] = field(default_factory=list)
 
     def open(self, path: str, backend: int) -> "FakeCapture":
@@ -91,6 +93,10 @@ class FakeCapture:
             self.slow_start -= 1
             return False
         if camera.unplugged:
+            return False
+        if camera.timeouts:
+            camera.timeouts -= 1
+            camera.clock.sleep_until(camera.clock.now_ns() + NANOSECONDS_PER_SECOND)
             return False
         if not camera.frozen:
             camera.clock.sleep_until(camera.clock.now_ns() + PERIOD_NS)
@@ -273,6 +279,18 @@ def test_one_repeat_is_no_break(camera: FakeCamera, device: Path) -> None:
     assert link._read() is None
     camera.frozen = False
     read(link)
+
+
+def test_a_slow_camera_is_waited_for_three_periods(camera: FakeCamera, device: Path) -> None:
+    link = open_link(camera, device, frame_rate_hz=0.5, max_age_s=5.0)
+    read(link)
+    camera.timeouts = 2
+    assert [link._read(), link._read()] == [None, None]
+    read(link)
+    camera.timeouts = 99
+    assert [link._read() for _ in range(5)] == [None] * 5
+    with pytest.raises(NotConnectedError, match="sends no more frames"):
+        link._read()
 
 
 def test_a_failing_grab_breaks_the_link_at_once(camera: FakeCamera, device: Path) -> None:

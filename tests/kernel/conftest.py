@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.kernel.can_wire import Wire
-from tests.kernel.system import run
+from tests.kernel.serial_line import Line
+from tests.kernel.system import is_done, load, run, wait_until
 
 INSIDE = "ROVER_HIL_KERNEL"
 
@@ -21,19 +22,60 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(skip)
 
 
-@pytest.fixture(params=["vcan", "card"])
-def wire(request: pytest.FixtureRequest) -> Iterator[Wire]:
-    """Yield a CAN bus of each kind, up; it has no queueing discipline of an earlier test."""
-    if request.param == "vcan":
-        run("modprobe vcan")
-        run("ip link add vcan0 type vcan")
-        wire = Wire("vcan0", "vcan0")
-        wire.up()
-        yield wire
-        run("ip link delete vcan0")
-        return
-    run("modprobe kvaser_pci")
+@pytest.fixture
+def vcan() -> Iterator[Wire]:
+    """Yield a virtual CAN bus, up."""
+    load("can_raw", "vcan", "sch_tbf")
+    run("ip link add vcan0 type vcan")
+    wire = Wire("vcan0", "vcan0")
+    wire.up()
+    yield wire
+    run("ip link delete vcan0")
+
+
+@pytest.fixture
+def card() -> Iterator[Wire]:
+    """Yield the bus of two PCI cards, both up."""
+    load("can_raw", "kvaser_pci", "sch_tbf")
     wire = Wire("can0", "can1")
     wire.up()
     yield wire
-    run("modprobe -r kvaser_pci")
+    run("rmmod kvaser_pci")
+
+
+@pytest.fixture(params=["vcan", "card"])
+def wire(request: pytest.FixtureRequest) -> Wire:
+    """Return a bus of each kind."""
+    found = request.getfixturevalue(request.param)
+    assert isinstance(found, Wire)
+    return found
+
+
+@pytest.fixture
+def gadget() -> Iterator[Line]:
+    """Yield a USB modem: a gadget of this machine on a bus without wires."""
+    load("dummy_hcd", "usb_f_acm", "g_serial", "cdc_acm")
+    line = Line(Path("/dev/ttyACM0"), Path("/dev/ttyGS0"))
+    wait_until(lambda: line.near.exists() and line.far.exists())
+    yield line
+    wait_until(lambda: is_done("rmmod g_serial"))
+    run("rmmod dummy_hcd")
+
+
+@pytest.fixture
+def ftdi() -> Iterator[Line]:
+    """Yield an FTDI adapter whose other side is wired to a UART of this machine."""
+    load("uhci_hcd", "ftdi_sio")
+    line = Line(Path("/dev/ttyUSB0"), Path("/dev/ttyS1"))
+    wait_until(line.near.exists)
+    yield line
+    run("rmmod ftdi_sio")
+    run("rmmod uhci_hcd")
+
+
+@pytest.fixture(params=["gadget", "ftdi"])
+def line(request: pytest.FixtureRequest) -> Line:
+    """Return a serial line of each kind."""
+    found = request.getfixturevalue(request.param)
+    assert isinstance(found, Line)
+    return found

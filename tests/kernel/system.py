@@ -20,6 +20,17 @@ def run(command: str) -> str:
     return done.stdout
 
 
+def is_done(command: str) -> bool:
+    """Run a command and return whether it succeeded."""
+    return subprocess.run(command.split(), capture_output=True, check=False).returncode == 0
+
+
+def load(*modules: str) -> None:
+    """Load modules of the kernel; it loads none by itself here."""
+    for module in modules:
+        run(f"modprobe {module}")
+
+
 def wait_until(is_done: Callable[[], bool], limit_s: float = DEADLINE_S) -> None:
     """Return when it is done; fail after the limit."""
     deadline_ns = CLOCK.now_ns() + nanoseconds(limit_s)

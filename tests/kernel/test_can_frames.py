@@ -10,7 +10,7 @@ from drivers.can_link import CanLink
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.link import Received
 from tests.kernel.can_wire import Wire, collect, frame, numbers
-from tests.kernel.system import CLOCK, pause, run, step_wall_clock, wait_until
+from tests.kernel.system import CLOCK, pause, step_wall_clock, wait_until
 
 KINDS = [
     CanFrame(0x123, bytes(range(8))),
@@ -34,26 +34,20 @@ def test_every_kind_of_frame_passes_both_ways(wire: Wire) -> None:
         assert [item.payload for item in items if isinstance(item, Received)] == [
             pack_can_frame(kind) for kind in KINDS
         ]
-        if wire.near == wire.far:
-            node.settimeout(1.0)
+        node.settimeout(1.0)
         for kind in KINDS:
             assert link.send(pack_can_frame(kind))
-            assert node.recv(16) == pack_can_frame(kind)
+            assert unpack_can_frame(node.recv(16)) == kind
     link.close()
 
 
-def test_an_error_frame_of_the_controller_is_handed_on() -> None:
-    run("modprobe vcan")
-    run("ip link add vcan0 type vcan")
-    wire = Wire("vcan0", "vcan0")
-    wire.up()
-    link = wire.link()
+def test_an_error_frame_of_the_controller_is_handed_on(vcan: Wire) -> None:
+    link = vcan.link()
     link.open(1.0)
-    with wire.node() as node:
+    with vcan.node() as node:
         node.send(pack_can_frame(CanFrame(0x40, bytes(8), is_error=True)))
         (item,) = collect(link, 1, Received)
     link.close()
-    run("ip link delete vcan0")
     assert isinstance(item, Received)
     found = unpack_can_frame(item.payload)
     assert found is not None
@@ -102,14 +96,10 @@ def test_frames_that_the_kernel_had_no_room_for_are_counted(wire: Wire) -> None:
     assert link.dropped > BURST / 2
 
 
-def test_four_drives_at_100_hz_lose_nothing_in_a_minute() -> None:
-    run("modprobe vcan")
-    run("ip link add vcan0 type vcan")
-    wire = Wire("vcan0", "vcan0")
-    wire.up()
-    link = wire.link()
+def test_four_drives_at_100_hz_lose_nothing_in_a_minute(vcan: Wire) -> None:
+    link = vcan.link()
     link.open(1.0)
-    sender = threading.Thread(target=_send_like_drives, args=(wire,))
+    sender = threading.Thread(target=_send_like_drives, args=(vcan,))
     sender.start()
     found: list[int] = []
     wanted = DRIVES * RATE_HZ * MINUTE_S
@@ -122,7 +112,6 @@ def test_four_drives_at_100_hz_lose_nothing_in_a_minute() -> None:
     wait_until(is_done, 2.0 * MINUTE_S)
     sender.join()
     link.close()
-    run("ip link delete vcan0")
     assert found == list(range(wanted))
     assert link.dropped == 0
 

@@ -321,6 +321,38 @@ def test_a_missing_can_interface_is_named() -> None:
         CanBusPort("socketcan", "nosuchcan").open()
 
 
+def test_an_interface_that_is_made_again_is_joined_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    index = 3
+    joined: list[can.BusABC] = []
+    make_bus = can.Bus
+
+    def find(name: str) -> int:
+        if not index:
+            raise OSError("no interface with this name")
+        return index
+
+    def join(channel: str, interface: str, ignore_config: bool) -> can.BusABC:
+        find(channel)
+        joined.append(make_bus(f"{channel} {index}", interface="virtual", ignore_config=True))
+        return joined[-1]
+
+    monkeypatch.setattr("sim_backends.serving.can_bus_port.socket.if_nametoindex", find)
+    monkeypatch.setattr("sim_backends.serving.can_bus_port.can.Bus", join)
+    port = CanBusPort("socketcan", "vcan0")
+    port.open()
+    index = 0
+    assert port.read() == []
+    port.open()
+    assert (port.has_listener(), port.write(pack_can_frame(FRAMES[0]))) == (False, False)
+    index = 4
+    assert port.read() == []
+    assert port.has_listener()
+    with make_bus("vcan0 4", interface="virtual", ignore_config=True) as bus:
+        check_both_directions(port, bus)
+    port.close()
+    assert len(joined) == 2
+
+
 # Cameras
 
 
