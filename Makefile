@@ -1,10 +1,10 @@
-# make setup | run | test | safety-coverage | check | reference | wheel | mutation
+# make setup | run | test | test-kernel | safety-coverage | check | reference | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test safety-coverage check reference wheel mutation
+.PHONY: setup run test test-kernel safety-coverage check reference wheel mutation
 
 setup: $(STAMP)
 
@@ -22,6 +22,10 @@ run: setup
 
 test: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile
+
+# Part of the nightly, not of `make test`: minutes, and 90 MB of Debian's packages in .cache/kernel the first time.
+test-kernel: setup
+	$(BIN)/python .ci/kernel
 
 safety-coverage: setup
 	$(BIN)/python -m coverage run -m pytest -q -n 0 tests/controllers/safety tests/controllers/test_limits.py \

@@ -29,7 +29,7 @@ class Line:
     def adapter(self) -> Path:
         """Folder of the USB device in /sys."""
         folder = Path("/sys/class/tty", self.near.name, "device").resolve()
-        return next(parent for parent in folder.parents if (parent / "authorized").is_file())
+        return next(parent for parent in folder.parents if (parent / "idVendor").is_file())
 
     def link(self) -> SerialLink:
         return SerialLink(str(self.near), BAUD_RATE, CLOCK, reconnect_limit_s=60.0)
