@@ -51,7 +51,7 @@ def test_a_silent_controller_is_refused_with_its_remedy(monkeypatch: pytest.Monk
             self.is_shut_down = True
 
     bus = Bus()
-    monkeypatch.setattr(can_link.socket, "if_nametoindex", lambda name: 3)
+    monkeypatch.setattr("socket.if_nametoindex", lambda name: 3)
     monkeypatch.setattr(can_link, "SocketcanBus", lambda channel: bus)
     monkeypatch.setattr(can_link, "read_silent_modes", lambda channel: ("listen-only",))
     link = CanLink("socketcan", "can0", 500_000, SystemClock(), 1.0)
