@@ -1,5 +1,6 @@
 """Reads a mapping and its DBC file, and checks that they fit each other."""
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -25,6 +26,10 @@ from drivers.files import SETTINGS_BYTES, is_file, read_bytes
 from drivers.settings import Settings, direct_mistakes, read_toml
 
 SHIPPED_FOLDER = Path(__file__).parent
+MOST_BITS = 512
+MOST_SIGNAL_BITS = 64
+_BITS = re.compile(r"(\d+)\s*\|\s*(\d+)\s*@")
+"""First bit and number of bits of a signal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +189,7 @@ def _load_database(mapping_path: Path, path: Path) -> Database:
         raise ConfigError(f"{mapping_path}: dbc: no file {path.name} in the same folder")
     try:
         text = read_bytes(path, SETTINGS_BYTES).decode("cp1252", "replace")
+        _check_bits(path, text)
         database = cantools.database.load_string(text.replace("\r\n", "\n"), database_format="dbc")
     except OSError as error:
         raise ConfigError(f"cannot read DBC file {path}: {error.strerror}") from error
@@ -192,6 +198,16 @@ def _load_database(mapping_path: Path, path: Path) -> Database:
     if not isinstance(database, Database):
         raise ConfigError(f"{path} holds no CAN messages: give a DBC file")
     return database
+
+
+def _check_bits(path: Path, text: str) -> None:
+    # cantools writes a format as long as the bits of a signal before it checks them.
+    for start, length in _BITS.findall(text):
+        if len(start) > 3 or len(length) > 3 or int(start) >= MOST_BITS or int(length) > MOST_SIGNAL_BITS:
+            raise ConfigError(
+                f"cannot read DBC file {path}: a signal of {length[:20]} bits from bit {start[:20]} "
+                "fits into no CAN frame"
+            )
 
 
 def _find_wrong_names(where: str, key: str, value: object, database: Database) -> Iterator[str]:

@@ -14,6 +14,7 @@ import pytest
 import zstandard
 from mcap.writer import Writer
 
+from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
 from drivers.device_settings import DeviceSettings
 from drivers.errors import ConfigError, LogError
 from drivers.heading_calibration import MagnetometerCalibration, load_calibration
@@ -317,3 +318,12 @@ def test_every_device_with_data_files_names_their_keys() -> None:
     for kind in with_files:
         assert kind.data_file_keys, kind
         assert set(kind.data_file_keys) <= set(kind.model_fields), kind
+
+
+@pytest.mark.parametrize(("bits", "wrong"), [("|16@", "|999999999@"), ("0|", "999999999 | ")])
+def test_a_signal_of_a_dbc_file_fits_into_a_frame(tmp_path: Path, bits: str, wrong: str) -> None:
+    for suffix in ("toml", "dbc"):
+        text = (SHIPPED_FOLDER / f"generic_wheel.{suffix}").read_text("cp1252")
+        (tmp_path / f"generic_wheel.{suffix}").write_text(text.replace(bits, wrong), "cp1252")
+    with pytest.raises(ConfigError, match="fits into no CAN frame"):
+        load_mapping(str(tmp_path / "generic_wheel.toml"))
