@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from drivers.clock import Clock
 from drivers.driver import Codec, DriveCodec, Driver, WheelDrive
 from drivers.link import CameraImage, Link, RawTap
-from drivers.settings import Settings
+from drivers.settings import PathText, Settings
 
 SLCAN_BIT_RATES = (10_000, 20_000, 50_000, 83_300, 100_000, 125_000, 250_000, 500_000, 750_000, 1_000_000)
 
@@ -76,7 +76,7 @@ class SerialDeviceSettings(ByteDeviceSettings):
         baud_rate: Line speed in bit/s.
     """
 
-    port: Annotated[str, Field(min_length=1)]
+    port: PathText
     baud_rate: Annotated[int, Field(ge=300, le=4_000_000)]
 
     def make_link(self, clock: Clock) -> Link[bytes]:
@@ -103,7 +103,7 @@ class CanDeviceSettings(ByteDeviceSettings):
     """
 
     interface: Literal["socketcan", "slcan", "virtual"]
-    channel: Annotated[str, Field(min_length=1)]
+    channel: PathText
     bit_rate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 500_000
 
     @model_validator(mode="after")

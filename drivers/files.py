@@ -41,6 +41,10 @@ CHUNK_BYTES = 32 * MEGABYTE
 UNPACKED_BYTES = 8 * MEGABYTE
 UNPACKED_PER_BYTE = 30
 """Compressed parts of a log may together be this large unpacked, and per byte of the file."""
+LONGEST_NAME_BYTES = 255
+"""A name between two slashes; what file systems allow."""
+LONGEST_PATH = 4095
+"""Characters of a path."""
 NESTING = 64
 """Tables and lists inside each other, in TOML and JSON."""
 LARGEST_WHOLE_NUMBER = 2**63 - 1

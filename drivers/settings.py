@@ -3,12 +3,27 @@
 from collections.abc import Sequence
 from importlib.abc import Traversable
 from pathlib import Path
+from typing import Annotated, TypeAlias
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import ErrorDetails
 
 from drivers.errors import ConfigError
-from drivers.files import parse_toml, read_text
+from drivers.files import LONGEST_NAME_BYTES, LONGEST_PATH, parse_toml, read_text
+
+
+def _check_path(text: str) -> str:
+    if "\0" in text or any(
+        len(part.encode("utf-8", "replace")) > LONGEST_NAME_BYTES for part in text.split("/")
+    ):
+        raise ValueError("no file can have this name: correct it")
+    return text
+
+
+PathText: TypeAlias = Annotated[
+    str, Field(min_length=1, max_length=LONGEST_PATH), AfterValidator(_check_path)
+]
+"""Name or path of a file or port, as a configuration holds it."""
 
 
 class Settings(BaseModel):

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, model_validator
 
 from drivers.device_settings import FrameDeviceSettings
+from drivers.settings import PathText
 
 Pixels: TypeAlias = Annotated[int, Field(ge=16, le=8192)]
 
@@ -35,7 +36,7 @@ class FrameSourceParameters(FrameDeviceSettings):
     """
 
     source: Literal["v4l2", "folder", "live_folder", "video"]
-    path: Annotated[str, Field(min_length=1)]
+    path: PathText
     width: Pixels
     height: Pixels
     frame_rate_hz: Annotated[float, Field(gt=0, le=240)]

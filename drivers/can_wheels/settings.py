@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import Field
+from typing import Literal
 
 from drivers.device_settings import CanDeviceSettings, DriveSettings
 from drivers.driver import DriveCodec
+from drivers.settings import PathText
 
 
 class CanWheelsSettings(CanDeviceSettings, DriveSettings):
@@ -21,7 +20,7 @@ class CanWheelsSettings(CanDeviceSettings, DriveSettings):
     data_file_keys = ("mapping",)
 
     type: Literal["can_wheels"] = "can_wheels"
-    mapping: Annotated[str, Field(min_length=1)]
+    mapping: PathText
 
     def data_files(self) -> Mapping[str, tuple[Path, ...]]:
         """Return the mapping and its DBC file.

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from drivers.device_settings import SerialDeviceSettings
 from drivers.driver import Codec
+from drivers.settings import PathText
 
 
 class NmeaCompassSettings(SerialDeviceSettings):
@@ -27,7 +28,7 @@ class NmeaCompassSettings(SerialDeviceSettings):
     baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 4800
     max_age_s: Annotated[float, Field(gt=0, le=10)] = 0.18
     require_checksum: bool = True
-    calibration: Annotated[str, Field(min_length=1)] | None = None
+    calibration: PathText | None = None
 
     def data_files(self) -> Mapping[str, tuple[Path, ...]]:
         """Return the calibration file, if there is one."""

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from drivers.camera.parameters import FrameSourceParameters, Pixels
+from drivers.settings import PathText
 
 DICTIONARY_PATTERN = (
     r"^DICT_((4X4|5X5|6X6|7X7)_(50|100|250|1000)|ARUCO_ORIGINAL|ARUCO_MIP_36h12"
@@ -55,7 +56,7 @@ class OverheadCameraParameters(FrameSourceParameters):
     marker_x_m: MarkerOffset = 0.0
     marker_y_m: MarkerOffset = 0.0
     marker_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    calibration: Annotated[str, Field(min_length=1)]
+    calibration: PathText
     latency_s: Annotated[float, Field(ge=0, le=1)] = 0.05
     corner_noise_px: Annotated[float, Field(ge=0.01, le=5)] = 0.2
     position_noise_m: Annotated[float, Field(ge=0, le=0.1)] = 0.002

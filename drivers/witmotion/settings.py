@@ -8,6 +8,7 @@ from pydantic import Field
 
 from drivers.device_settings import SerialDeviceSettings
 from drivers.driver import Codec
+from drivers.settings import PathText
 
 
 class WitMotionSettings(SerialDeviceSettings):
@@ -30,7 +31,7 @@ class WitMotionSettings(SerialDeviceSettings):
     baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 115_200
     mounting_yaw_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     yaw_zero_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    calibration: Annotated[str, Field(min_length=1)] | None = None
+    calibration: PathText | None = None
 
     def data_files(self) -> Mapping[str, tuple[Path, ...]]:
         """Return the calibration file, if there is one."""

@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 
 from drivers.errors import ConfigError
+from drivers.files import LONGEST_NAME_BYTES, LONGEST_PATH
 
 MOST_LINES = 10
 LONGEST_LINE = 500
-LONGEST_NAME_BYTES = 255
-LONGEST_PATH_BYTES = 4095
 
 
 def readable(message: str) -> str:
@@ -27,7 +26,7 @@ def check_name_lengths(arguments: Sequence[str]) -> None:
     """
     for argument in arguments:
         longest = max(len(part.encode("utf-8", "surrogateescape")) for part in argument.split("/"))
-        if longest > LONGEST_NAME_BYTES or len(argument) > LONGEST_PATH_BYTES:
+        if longest > LONGEST_NAME_BYTES or len(argument) > LONGEST_PATH:
             raise ConfigError(f"'{argument[:40]}...' is too long for the name of a file: correct it")
 
 

@@ -3,6 +3,7 @@
 import gzip
 import json
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from drivers.heading_calibration import MagnetometerCalibration, load_calibratio
 from drivers.settings import read_toml
 from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
-from rover_hil.config.loader import read_rig
+from rover_hil.config.loader import read_config_text, read_rig
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.images import decode_image
@@ -327,3 +328,12 @@ def test_a_signal_of_a_dbc_file_fits_into_a_frame(tmp_path: Path, bits: str, wro
         (tmp_path / f"generic_wheel.{suffix}").write_text(text.replace(bits, wrong), "cp1252")
     with pytest.raises(ConfigError, match="fits into no CAN frame"):
         load_mapping(str(tmp_path / "generic_wheel.toml"))
+
+
+@pytest.mark.parametrize("port", ["n" * 256, "/dev/" + "n" * 5000, "/dev/tty\0USB0"])
+def test_a_port_has_a_name_that_a_file_can_have(tmp_path: Path, port: str) -> None:
+    path = tmp_path / "rover.toml"
+    text = read_config_text("robotino")
+    path.write_text(re.sub(r"(?m)^port = .*$", lambda _: f"port = {json.dumps(port)}", text, count=1))
+    with pytest.raises(ConfigError, match=r"port: (no file can have this name|string should have at most)"):
+        load_config(str(path))
