@@ -33,11 +33,12 @@ from drivers.samples import (
     RateSample,
     Sample,
 )
+from drivers.units import STANDARD_GRAVITY_M_S2
 
 LONGEST_MESSAGE = 255
 """Bytes kept of a line; the longest message in use here (VNYMR) has about 125."""
 LARGEST_RATE_RAD_S = math.radians(2000.0)
-LARGEST_ACCELERATION_M_S2 = 16.0 * 9.80665 * 1.1
+LARGEST_ACCELERATION_M_S2 = 16.0 * STANDARD_GRAVITY_M_S2 * 1.1
 """Ranges of the sensors, gyroscopes 2000 deg/s and accelerometers 16 g, the latter before calibration."""
 
 _LINE_END = re.compile(rb"[\r\n]+")

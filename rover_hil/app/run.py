@@ -76,8 +76,11 @@ def run_rover(
             else:
                 result = _run_real(config, log_path, limit_s, show, realtime=realtime)
         except KeyboardInterrupt:
-            kept = f"; the log so far is {log_path}" if log_path.exists() else ""
-            messages.print(f"interrupted: the drive was commanded to stop{kept}", soft_wrap=True)
+            if not log_path.exists():
+                raise
+            messages.print(
+                f"interrupted: the drive was commanded to stop; the log so far is {log_path}", soft_wrap=True
+            )
             return EXIT_INTERRUPTED
     for path in reports:
         path.unlink(missing_ok=True)

@@ -22,11 +22,11 @@ SIZE = (64, 48)
 
 def image_of(number: int) -> Image:
     """Return a picture that tells its number by its brightness, also after JPEG."""
-    return np.full((SIZE[1], SIZE[0], 3), 10 + 20 * (number % 12), np.uint8)
+    return np.full((SIZE[1], SIZE[0], 3), 30 + 18 * (number % 12), np.uint8)
 
 
 def number_of(image: Image) -> int:
-    return round((float(image.mean()) - 10) / 20)
+    return round((float(image.mean()) - 30) / 18)
 
 
 def write_images(folder: Path, names: list[str]) -> Path:

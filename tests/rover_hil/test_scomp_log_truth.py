@@ -12,6 +12,7 @@ from drivers.errors import ConfigError, LogError
 from drivers.samples import AttitudeSample, PoseFixSample, RateSample, Sample, WheelSample
 from rover_hil.app.identify.scomp import identify_scomp
 from rover_hil.config import Config, load_config
+from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from rover_hil.scomp.files import read_drive
 from rover_hil.scomp.read_log import log_truth
@@ -42,7 +43,7 @@ def write_drive(
     rng = np.random.default_rng(5)
     distance_m = turned_rad = 0.0
     config_json = config.model_dump_json(by_alias=True).encode()
-    with LogWriter(path, START_NS, config_json, {}, "virtual") as log:
+    with LogWriter(path, START_NS, config_json, collect_data_files(config), "virtual") as log:
         for step in range(round(duration_s / PERIOD_S)):
             t_s = step * PERIOD_S
             t_ns = START_NS + round(t_s * 1e9)

@@ -17,6 +17,7 @@ from rover_hil.app.identify.probe import identify_probe
 from rover_hil.config import load_config
 from rover_hil.datasets.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.map_file import read_slip_map
+from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.test_overhead_run import config_with
 
@@ -44,7 +45,7 @@ def write_shaken_drive(
     kinematics, rng = OmniKinematics(ROBOTINO), np.random.default_rng(seed)
     position_rad = np.zeros(3)
     place, yaw_rad = 0j, 0.7
-    with LogWriter(path, 1_000_000_000, config_json, {}, "virtual") as log:
+    with LogWriter(path, 1_000_000_000, config_json, collect_data_files(config), "virtual") as log:
         for step in range(1, round(len(shares) * stretch_s / PERIOD_S)):
             t_ns, t_s = 1_000_000_000 + round(step * PERIOD_S * 1e9), step * PERIOD_S
             lost = shares[int(t_s / stretch_s)] + 0.01 * float(rng.normal())

@@ -17,6 +17,7 @@ from rover_hil.datasets.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.runs import read_windows
 from rover_hil.identify.slip.windows import CONTRADICTION, NO_FIX, TOO_NOISY
+from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.test_overhead_run import config_with
 
@@ -45,12 +46,13 @@ def write_drive(
     """Write a straight drive whose pose an overhead camera sees; it begins and ends with a standstill."""
     path.parent.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
-    config_json = config_with().model_dump_json(by_alias=True).encode()
+    config = config_with()
+    config_json = config.model_dump_json(by_alias=True).encode()
     velocity = (SPEED_M_S * math.cos(direction_rad), SPEED_M_S * math.sin(direction_rad))
     speeds = OmniKinematics(ROBOTINO).wheel_speeds(*velocity, 0.0)
     next_fix_s = 0.0
     fixes: list[PoseFixSample] = []
-    with LogWriter(path, START_NS, config_json, {}, "virtual") as log:
+    with LogWriter(path, START_NS, config_json, collect_data_files(config), "virtual") as log:
         for step in range(round(duration_s / PERIOD_S)):
             t_s = step * PERIOD_S
             t_ns = START_NS + round(t_s * 1e9)

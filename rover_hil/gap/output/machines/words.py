@@ -71,7 +71,9 @@ def next_steps(findings: MachineFindings, verdict: Verdict) -> list[str]:
             f"Add a line of {DRAFT_NAME} to the port_effects of the model and analyse again. Accept it only "
             "if you know the physics behind it."
         )
-    return steps or _without_names(findings, verdict)
+    if not verdict.effects and not verdict.draft:
+        steps += _without_names(findings, verdict)
+    return steps
 
 
 def _without_names(findings: MachineFindings, verdict: Verdict) -> list[str]:
