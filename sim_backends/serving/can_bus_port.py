@@ -34,6 +34,8 @@ class CanBusPort(Port[bytes]):
         if self._is_open:
             return
         index = self._index_now()
+        if self._interface == "socketcan" and not index:  # python-can would leave a socket open
+            raise NotConnectedError(f"cannot serve CAN bus {self.where}: there is no such network interface")
         try:
             self._bus = can.Bus(self._channel, interface=self._interface, ignore_config=True)
         except (can.CanError, OSError, ValueError) as error:
