@@ -9,6 +9,7 @@ import pytest
 from drivers.can_link import CanLink
 from drivers.errors import NotConnectedError
 from drivers.link import LinkChange, Received
+from sim_backends.serving.can_bus_port import CanBusPort
 from tests.kernel.can_wire import Wire, collect, directions, frame, number_of, numbers
 from tests.kernel.system import pause, run, wait_until
 
@@ -85,6 +86,24 @@ def test_a_controller_that_sends_nothing_is_not_taken_for_connected(card: Wire, 
     link.open(0.0)
     _passes_both_ways(card, link)
     link.close()
+
+
+def test_a_simulated_node_joins_an_interface_that_was_made_again(wire: Wire) -> None:
+    port = CanBusPort("socketcan", wire.near)
+    port.open()
+    wire.remove()
+    wait_until(lambda: port.read() == [] and not port.has_listener())
+    wire.make()
+    wire.up()
+    wait_until(lambda: port.read() == [] and port.has_listener())
+    with wire.node() as node:
+        node.settimeout(2.0)
+        assert port.write(frame(1))
+        assert number_of(node.recv(16)) == 1
+        node.send(frame(2))
+        pause(0.1)
+        assert [number_of(payload) for payload in port.read()] == [2]
+    port.close()
 
 
 @contextmanager
