@@ -28,7 +28,7 @@ def unpack(cache: Path) -> Path:
     """Return the folder of the unpacked packages; download them if they are not there yet.
 
     Raises:
-        CannotBuildError: This is no Debian machine, or the packages cannot be had.
+        CannotBuildError: The machine does not run Debian, or the packages cannot be downloaded.
     """
     root = cache / "packages"
     done = cache / "packages.txt"

@@ -24,7 +24,7 @@ LAWS = {
     "cubic_resistance": 3.0,
     "root_resistance": 0.5,
 }
-"""Power of the speed in each law; the last two are no effects of the model."""
+"""Power of the speed in each law; the model has no effect for the last two."""
 OUTSIDE = ("cubic_resistance", "root_resistance")
 
 

@@ -56,7 +56,7 @@ class Duty(StrEnum):
         set-points within 150 ms of that; honest in any case.
     NOTICE: the rover stops with a reason that names the device, within 1.5 s or 0.15 m.
     HONEST: the estimate stays within the 99.9 % bound; no stop is needed.
-    PHYSICS: nothing that the rover measures can tell; `Case.why` is the argument.
+    PHYSICS: no measurement of the rover shows it; `Case.why` is the argument.
     """
 
     STOP = "stop"
@@ -229,7 +229,7 @@ def _wrong_gyros(rover: str) -> Iterator[Case]:
     yield device.lasting(
         "biased +0.5 deg/s",
         lambda: Biased(np.radians(0.5) * GYRO_PER_RAD_S, (2,)),
-        "wheels that slip unevenly by a few percent turn the rover as slowly; only a heading can tell, later",
+        "wheels that slip unevenly by a few percent turn the rover as slowly; only a heading shows it, later",
     )
     yield device.lasting("scaled by 1.1", lambda: Scaled(1.1), NO_EXCITATION)
     yield device.lasting("low-pass 0.5 s", lambda: LowPassed(0.5), NO_EXCITATION)

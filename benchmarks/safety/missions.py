@@ -125,8 +125,8 @@ def drive(
                 now_ns = start_ns + nanoseconds(paused_s[1])
             clock.sleep_until(now_ns)
             t_s = seconds(now_ns - start_ns)
-            heard = [falsify(t_s, sample) for sample in rig.poll()]
-            output = rig.loop.step(now_ns, [sample for sample in heard if sample is not None])
+            received = [falsify(t_s, sample) for sample in rig.poll()]
+            output = rig.loop.step(now_ns, [sample for sample in received if sample is not None])
             rig.drive.command(output.command)
             truth = world.plant.truth()
             way = complex(truth.x_m - begin.x_m, truth.y_m - begin.y_m)

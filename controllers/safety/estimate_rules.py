@@ -25,7 +25,7 @@ class UnseenSettings(Settings):
 
 
 class UnseenMotionRule(StopRule):
-    """Stops when too much motion was not measured, until a fix or a heading tells where the rover is.
+    """Stops when too much motion was not measured, until a fix or a heading gives the pose again.
 
     Where no device can, only the user knows: the stop is final.
     """
