@@ -16,6 +16,7 @@ from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
+from rover_hil.app.end_signals import end_signals
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK
 from rover_hil.config import Config, load_config
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
@@ -186,7 +187,7 @@ def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
     def on_signal(signal_number: int, frame: FrameType | None) -> None:
         executive.request_stop(signal_number)
 
-    previous = {number: signal.signal(number, on_signal) for number in _end_signals()}
+    previous = {number: signal.signal(number, on_signal) for number in end_signals()}
     try:
         result = executive.run(limit_s)
     finally:
@@ -194,16 +195,6 @@ def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
             signal.signal(number, handler)
     log.write_json(END, executive.now_ns(), end_record(result))
     return result
-
-
-def _end_signals() -> tuple[signal.Signals, ...]:
-    """Return what ends a run: ctrl-C, a request to end, and a lost terminal or network connection.
-
-    Under nohup the last of them is ignored and stays so.
-    """
-    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
-        return (signal.SIGINT, signal.SIGTERM)
-    return (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def _result_line(result: RunResult, stops: int) -> str:

@@ -9,6 +9,7 @@ from rich.live import Live
 from rich.text import Text
 
 from drivers.clock import Clock, SystemClock, seconds
+from rover_hil.app.end_signals import end_signals
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.config import load_config
 from rover_hil.run.checks import SIMULATE_CHECKS
@@ -17,7 +18,6 @@ from sim_backends.serving.server import Server, put_on_ports
 from sim_backends.settings import SimulationSettings
 
 STATUS_PERIOD_S = 0.25
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def simulate(config_name: str, duration_s: float | None, model: Path | None = None) -> int:
@@ -44,7 +44,7 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
             console.print(line)
     clock = SystemClock()
     world = build_world(config.devices, simulation, clock.now_ns())
-    previous = {number: signal.signal(number, signal.default_int_handler) for number in END_SIGNALS}
+    previous = {number: signal.signal(number, signal.default_int_handler) for number in end_signals()}
     try:
         with Server(world, put_on_ports(world, config.devices), clock) as server:
             _announce(console, server, config_name, simulation)

@@ -1,8 +1,10 @@
 """The simulated rover as its own process, driven over its ports."""
 
+import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -85,6 +87,30 @@ def test_it_ends_after_the_duration(
     assert clock.now_ns() - start_ns >= nanoseconds(0.3)
     assert "board 0 sent 0 lost" in capsys.readouterr().out
     assert list(tmp_path.iterdir()) == []
+
+
+def test_it_serves_on_when_its_terminal_is_lost_under_nohup(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    clock = SystemClock()
+    sent_ns: list[int] = []
+
+    def lose_terminal() -> None:
+        while not os.path.lexists(tmp_path / "ports" / "imu"):
+            clock.sleep_until(clock.now_ns() + nanoseconds(0.01))
+        os.kill(os.getpid(), signal.SIGHUP)
+        sent_ns.append(clock.now_ns())
+
+    thread = threading.Thread(target=lose_terminal)
+    previous = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        thread.start()
+        assert simulate("robotino", 1.0) == 0
+    finally:
+        thread.join()
+        signal.signal(signal.SIGHUP, previous)
+    assert clock.now_ns() - sent_ns[0] >= nanoseconds(0.5)
 
 
 def test_it_leaves_nothing_when_a_port_cannot_be_served(
