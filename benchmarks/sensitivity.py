@@ -1,5 +1,6 @@
 """How much a result changes when each tuned number of a parameter object is varied by 20 %."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
@@ -18,9 +19,9 @@ def varied(value: Any, factor: float) -> Any:
     return value * factor
 
 
-def _of(name: str, value: Any, factor: float) -> Any:
-    """Return the varied value; of a probability near 1 the rest to 1 is varied."""
-    return 1.0 - factor * (1.0 - value) if name == "gate" else varied(value, factor)
+def _of(name: str, value: Any, factor: float, near_one: tuple[str, ...]) -> Any:
+    """Return the varied value; of a share or probability near 1 the rest to 1 is varied."""
+    return 1.0 - factor * (1.0 - value) if name in near_one else varied(value, factor)
 
 
 @contextmanager
@@ -40,6 +41,9 @@ def print_table(
     *,
     leave_out: tuple[str, ...] = (),
     groups: str | None = None,
+    near_one: tuple[str, ...] = ("gate",),
+    refusals: tuple[type[Exception], ...] = (),
+    effects_only: bool = False,
 ) -> None:
     """Print the figures at the usual values, and as Markdown how each number changes them.
 
@@ -48,10 +52,14 @@ def print_table(
         score: Computes the figures anew, by label.
         leave_out: Numbers not to vary, as `group.name`.
         groups: Names of the groups to vary, with commas; all of them when None.
+        near_one: Names of shares and probabilities of which the rest to 1 is varied.
+        refusals: Errors by which a result is refused; the table says so.
+        effects_only: Numbers that change no figure get one line of text in the end instead of rows.
     """
     usual = score()
     print("as shipped: " + ", ".join(f"{label} {value:.3g}" for label, value in usual.items()))
     print("\n| number | value | " + " | ".join(usual) + " |\n" + "|---" * (2 + len(usual)) + "|")
+    without_effect: list[str] = []
     for part in fields(parameters):  # type: ignore[arg-type]
         if groups is not None and part.name not in groups.split(","):
             continue
@@ -62,7 +70,35 @@ def print_table(
             value = getattr(group, name)
             results = []
             for factor in FACTORS:
-                with changed(group, name, _of(name, value, factor)):
-                    results.append(score())
-            cells = [" / ".join(f"{result[key] - usual[key]:+.2g}" for result in results) for key in usual]
-            print(f"| {part.name}.{name} | {value:.4g} | {' | '.join(cells)} |", flush=True)
+                with changed(group, name, _of(name, value, factor, near_one)):
+                    try:
+                        results.append(score())
+                    except refusals:
+                        results.append(dict.fromkeys(usual, math.nan))
+            if effects_only and all(_is_same(result, usual) for result in results):
+                without_effect.append(f"{part.name}.{name}")
+                continue
+            cells = [
+                " / ".join(_cell(result.get(key, math.nan) - usual[key]) for result in results)
+                for key in usual
+            ]
+            print(f"| {part.name}.{name} | {_text(value)} | {' | '.join(cells)} |", flush=True)
+    if without_effect:
+        print("\nwithout effect: " + ", ".join(without_effect))
+
+
+def _is_same(result: Mapping[str, float], usual: Mapping[str, float]) -> bool:
+    return all(
+        result.get(key) == value or (math.isnan(result.get(key, 0.0)) and math.isnan(value))
+        for key, value in usual.items()
+    )
+
+
+def _cell(change: float) -> str:
+    if math.isnan(change):
+        return "refused"
+    return "0" if change == 0.0 else f"{change:+.2g}"
+
+
+def _text(value: Any) -> str:
+    return ", ".join(_text(item) for item in value) if isinstance(value, tuple) else f"{value:.4g}"

@@ -13,13 +13,13 @@ from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.identification import (
-    FOLDS,
     Errors,
     SlipIdentification,
     identify_slip_maps,
     read_all,
 )
 from rover_hil.identify.slip.map_file import slip_map_file, write_slip_map
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.report import print_result, result_record
 from rover_hil.identify.slip.runs import RunFiles, find_runs, log_notes
 from rover_hil.identify.slip.scores import score_runs
@@ -49,7 +49,7 @@ def identify_slip(
     test_files = {str(path): find_runs([path]) for path in test}
     with Progress(console=Console(stderr=True), transient=True) as progress:
         count = len(train_files.files) + sum(len(found.files) for found in test_files.values())
-        task = progress.add_task("identifying", total=count + FOLDS + 1)
+        task = progress.add_task("identifying", total=count + SLIP_FIT.validation.folds + 1)
 
         def advance() -> None:
             progress.advance(task)

@@ -18,15 +18,13 @@ from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, rms
 from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS, read_averages
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import cut_set_point
 from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate
 from rover_hil.identify.motor.table import SCALE
 from rover_hil.identify.slip.run_data import to_wheels
 
 WHY = "averages of drives hold no voltages and no transients, and friction includes that of the ground"
-LEAST_STEPS = 3
-"""A set-point of fewer speed steps is left out: most of it is the step."""
-LEAST_DRIVES = 10
 CONFIDENCE = 0.95
 
 
@@ -69,7 +67,7 @@ def read_drives(path: Path) -> list[MotorDrives]:
         rows: list[tuple[float, float, float]] = []
         for group in groups:
             set_point = float(set_points[group[0], motor - 1]) if group else 0.0
-            is_used = abs(set_point) >= (LEAST_STEPS - 0.5) * SCALE.speed_rad_s
+            is_used = abs(set_point) >= MOTOR_FIT.averages.least_steps * SCALE.speed_rad_s
             if is_used and current[group].max() < full_scale_a:
                 forward = math.copysign(1.0, set_point)
                 rows.append((abs(set_point), forward * speed[group].mean(), current[group].mean()))
@@ -91,10 +89,10 @@ def report_drives(parts: Sequence[MotorDrives]) -> MotorReport:
     set_points = np.concatenate([part.set_point for part in parts])
     speed = np.concatenate([part.speed for part in parts])
     current = np.concatenate([part.current for part in parts])
-    if len(set_points) < LEAST_DRIVES:
+    if len(set_points) < MOTOR_FIT.averages.least_drives:
         raise LogError(
             f"{parts[0].log}: motor {parts[0].motor} has {len(set_points)} steady drives with currents below "
-            f"the sensor's end, fewer than {LEAST_DRIVES}: give more"
+            f"the sensor's end, fewer than {MOTOR_FIT.averages.least_drives}: give more"
         )
     value, half, rms_rad_s = _fit(set_points, speed, current)
     return MotorReport(

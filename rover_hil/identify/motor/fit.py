@@ -8,28 +8,17 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from rover_hil.datasets.arrays import Array
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.problem import MotorProblem, Noise
 from rover_hil.identify.motor.response import MotorModel
 
-START_LAGS_S = (0.002, 0.01, 0.04, 0.12)
-LONGEST_DELAY_S = 0.5
-DELAY_GRID_S = np.arange(0.0, LONGEST_DELAY_S, 0.004)
 DELAY_STEP_S = 5e-4
-LARGEST_DELAY_CHANGE_S = 0.01
 STEP = 1e-4
 LOG_LAGS = (np.log(5e-4), np.log(3.0))
-ROUNDS = 4
-FIRST_DROOP_RAD_S_PER_A = 5.0
-FIRST_EVALUATIONS = 12
-LAST_EVALUATIONS = 40
-SETTLED_LAGS = 5.0
 HIDDEN = ("lag_s", "inertia_a_s2_per_rad")
-LEAST_HIDDEN_LAG_S = 0.002
 LOOP_PERIOD_S = 1 / 900
 ELECTRIC_LAG_S = 8.9e-3 / 5.95 + LOOP_PERIOD_S / 2
 """La / Ra of the GR 42x25 (data sheet), and the mean hold of the EA05's output, which acts like it."""
-SEEN_LAG_PERIODS = 0.5
-"""A lag shorter than this many sampling periods hides what happens while the speed changes."""
 
 NAMES = tuple(field.name for field in fields(MotorModel) if field.name != "electric_lag_s")
 MECHANICAL = NAMES[:6]
@@ -68,24 +57,28 @@ def fit_motor(problem: MotorProblem) -> MotorFit:
     best_cost, model, delay_s = np.inf, MotorModel(), np.zeros(problem.moves)
     is_known = np.zeros(problem.moves, dtype=np.bool_)
     first = _first_guess(problem)
-    for lag_s in START_LAGS_S:
+    for lag_s in MOTOR_FIT.fit.start_lags_s:
         start = replace(first, lag_s=lag_s)
         start_delay_s, _ = search_delays(problem, start)
-        fitted, fitted_delay_s, cost = _minimise(problem, names, start, start_delay_s, FIRST_EVALUATIONS)
+        fitted, fitted_delay_s, cost = _minimise(
+            problem, names, start, start_delay_s, MOTOR_FIT.fit.first_evaluations
+        )
         if cost < best_cost:
             best_cost, model, delay_s = cost, fitted, fitted_delay_s
     is_hidden = False
-    for _ in range(ROUNDS):
-        is_hidden = is_hidden or model.lag_s < SEEN_LAG_PERIODS * problem.period_s
+    for _ in range(MOTOR_FIT.fit.rounds):
+        is_hidden = is_hidden or model.lag_s < MOTOR_FIT.hidden.lag_periods * problem.period_s
         if is_hidden:
             names = tuple(name for name in names if name not in HIDDEN)
-            model = replace(model, inertia_a_s2_per_rad=0.0, lag_s=max(model.lag_s, LEAST_HIDDEN_LAG_S))
+            model = replace(
+                model, inertia_a_s2_per_rad=0.0, lag_s=max(model.lag_s, MOTOR_FIT.hidden.least_lag_s)
+            )
         problem.learn_noise(model, delay_s)
         problem.show_changes()
         delay_s, is_known = search_delays(problem, model)
         if is_hidden:
-            problem.hide_changes(delay_s, problem.period_s + SETTLED_LAGS * model.lag_s)
-        model, delay_s, _ = _minimise(problem, names, model, delay_s, LAST_EVALUATIONS)
+            problem.hide_changes(delay_s, problem.period_s + MOTOR_FIT.hidden.settled_lags * model.lag_s)
+        model, delay_s, _ = _minimise(problem, names, model, delay_s, MOTOR_FIT.fit.last_evaluations)
     problem.learn_noise(model, delay_s)
     profiled = _jacobians(problem, names, model, delay_s)[0]
     residual = problem.weighted(model, delay_s)
@@ -96,14 +89,15 @@ def fit_motor(problem: MotorProblem) -> MotorFit:
 
 def search_delays(problem: MotorProblem, model: MotorModel) -> tuple[Array, NDArray[np.bool_]]:
     """Return the best delay of each move on a grid, and which moves depend on it at all."""
+    grid_s = np.arange(0.0, MOTOR_FIT.delay.longest_s, MOTOR_FIT.delay.grid_s)
     costs = np.stack(
-        [problem.costs(problem.weighted(model, np.full(problem.moves, delay_s))) for delay_s in DELAY_GRID_S]
+        [problem.costs(problem.weighted(model, np.full(problem.moves, delay_s))) for delay_s in grid_s]
     )
     lowest = costs.min(axis=0)
     # The middle of the lowest stretch: between two samples of a fast motor all delays fit alike.
-    is_low = costs <= lowest + 0.1
-    delay_s = (is_low * DELAY_GRID_S[:, None]).sum(axis=0) / is_low.sum(axis=0)
-    is_known = costs.max(axis=0) - lowest > 25.0
+    is_low = costs <= lowest + MOTOR_FIT.delay.low_cost
+    delay_s = (is_low * grid_s[:, None]).sum(axis=0) / is_low.sum(axis=0)
+    is_known = costs.max(axis=0) - lowest > MOTOR_FIT.delay.known_cost
     delay_s[~is_known] = np.median(delay_s[is_known]) if is_known.any() else 0.0
     return delay_s, is_known
 
@@ -113,14 +107,19 @@ def _first_guess(problem: MotorProblem) -> MotorModel:
     flowing = readings[readings > 0]
     top = max(float(np.abs(part.motion_speed()[1]).max()) for part in problem.parts)
     problem.noise = Noise(
-        motion=max(0.1 * top * (problem.period_s if problem.parts[0].uses_ticks else 1.0), 1e-3)
+        motion=max(
+            MOTOR_FIT.fit.start_motion_share
+            * top
+            * (problem.period_s if problem.parts[0].uses_ticks else 1.0),
+            1e-3,
+        )
     )
     set_points = np.concatenate([np.abs(part.record.set_point.value) for part in problem.parts])
     speeds = np.concatenate([np.abs(part.motion_speed()[1]) for part in problem.parts])
     return MotorModel(
         # Both have the same share of standstill; the loop delay shifts it only.
         gain=float(speeds.mean() / set_points.mean()) if set_points.any() else 1.0,
-        droop_rad_s_per_a=FIRST_DROOP_RAD_S_PER_A,
+        droop_rad_s_per_a=MOTOR_FIT.fit.start_droop_rad_s_per_a,
         coulomb_a=float(np.median(flowing)) if flowing.size else 0.2,
         electric_lag_s=ELECTRIC_LAG_S if problem.parts[0].record.is_robotino else 0.0,
     )
@@ -161,7 +160,9 @@ def _refine_delays(problem: MotorProblem, model: MotorModel, delay_s: Array) -> 
         downhill = -np.bincount(problem.owner, slope * base, problem.moves)
         step_s = np.where(steep > 1.0, downhill / np.maximum(steep, 1.0), 0.0)
         tried_s = np.clip(
-            delay_s + np.clip(step_s, -LARGEST_DELAY_CHANGE_S, LARGEST_DELAY_CHANGE_S), 0.0, LONGEST_DELAY_S
+            delay_s + np.clip(step_s, -MOTOR_FIT.delay.largest_change_s, MOTOR_FIT.delay.largest_change_s),
+            0.0,
+            MOTOR_FIT.delay.longest_s,
         )
         tried = problem.weighted(model, tried_s)
         better = problem.costs(tried) < problem.costs(base)

@@ -8,8 +8,8 @@ import numpy as np
 from drivers.errors import LogError
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.datasets.log import RecordedDrive, read_drive
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import (
-    LEAST_READINGS,
     MotorRecord,
     Scale,
     Series,
@@ -30,7 +30,7 @@ def read_log(path: Path) -> list[MotorRecord]:
     rows = drive.rows
     driven = list(takewhile(lambda motor: f"set{motor}_rad_s" in rows, count(1)))
     measured = [motor for motor in driven if any(field.format(motor) in rows for field in FIELDS)]
-    if not measured or len(rows["set1_rad_s"]) < LEAST_READINGS:
+    if not measured or len(rows["set1_rad_s"]) < MOTOR_FIT.record.least_readings:
         raise LogError(f"{path} holds no wheel samples or no set-points: give the log of a drive")
     check_times(drive.seconds(rows["set1_rad_s"].t_ns), f"{path}, set-points")
     missing = sorted(set(driven) - set(measured))
@@ -74,7 +74,7 @@ def _series(drive: RecordedDrive, name: str, where: str, factor: float = 1.0) ->
     """Return finite readings over time; None when there are too few."""
     readings = drive.rows[name]
     use = np.isfinite(readings.value)
-    if np.count_nonzero(use) < LEAST_READINGS:
+    if np.count_nonzero(use) < MOTOR_FIT.record.least_readings:
         return None
     t_s = drive.seconds(readings.t_ns[use])
     check_times(t_s, f"{where}, {name}")

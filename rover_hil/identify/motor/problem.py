@@ -8,16 +8,11 @@ from numpy.typing import NDArray
 
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import MotorRecord, Moves, Series, find_moves
 from rover_hil.identify.motor.response import Motion, MotorModel, Response, respond
 from rover_hil.identify.motor.sensing import CurrentSensor
 
-LARGEST_DISAGREEMENT = 0.3
-"""Positions that differ by more than this share from the sum of the reported speeds are not used."""
-LONGEST_GAP_S = 0.3
-FIRST_SAMPLES = 3
-TRUSTED = 3.0
-"""Residuals up to this many standard deviations count in full."""
 MEDIAN_TO_DEVIATION = 1.4826
 
 
@@ -42,11 +37,15 @@ class Residuals:
     def weighted(self, noise: Noise) -> Array:
         """Return everything in standard deviations.
 
-        Currents and voltages beyond `TRUSTED` are drawn in, so that their squares are the soft-L1 loss: a
+        Currents and voltages beyond the trusted range are drawn in; their squares are the soft-L1 loss: a
         sample at the very moment of a jump, where inductance matters, must not outweigh hundreds of others.
         """
         electric = np.concatenate((self.current / noise.current_a, self.voltage / noise.voltage_v))
-        drawn_in = np.sign(electric) * TRUSTED * np.sqrt(2 * np.sqrt(1 + (electric / TRUSTED) ** 2) - 2)
+        drawn_in = (
+            np.sign(electric)
+            * MOTOR_FIT.fit.trusted
+            * np.sqrt(2 * np.sqrt(1 + (electric / MOTOR_FIT.fit.trusted) ** 2) - 2)
+        )
         return np.concatenate((self.motion / noise.motion, drawn_in))
 
 
@@ -77,7 +76,7 @@ class RecordProblem:
         self._voltage = voltage
         steps_s = np.diff(motion.t_s)
         self.period_s = float(np.median(steps_s))
-        self._keep = steps_s < LONGEST_GAP_S
+        self._keep = steps_s < MOTOR_FIT.record.longest_gap_s
         motion_s = motion.t_s[1:][self._keep] if self.uses_ticks else motion.t_s
         self.t_s = np.concatenate((motion_s, record.current.t_s, voltage.t_s))
         self._motion_step_s = steps_s[self._keep] if self.uses_ticks else np.ones(motion.t_s.size)
@@ -148,7 +147,7 @@ class RecordProblem:
 
     def _measured_first_speed(self) -> float:
         _, speed = self.motion_speed()
-        return float(np.median(speed[:FIRST_SAMPLES]))
+        return float(np.median(speed[: MOTOR_FIT.record.first_samples]))
 
 
 class MotorProblem:
@@ -251,4 +250,6 @@ def _positions_agree(record: MotorRecord) -> bool:
         return position is not None
     turned = float(np.abs(np.diff(position.value)).sum())
     expected = float(np.sum(np.abs(speed.value[1:]) * np.diff(speed.t_s)))
-    return abs(turned - expected) <= LARGEST_DISAGREEMENT * expected + 10.0
+    return (
+        abs(turned - expected) <= MOTOR_FIT.record.disagreement * expected + MOTOR_FIT.record.disagreement_rad
+    )

@@ -10,11 +10,7 @@ from drivers.errors import LogError
 from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.datasets.arrays import Array
-
-HOLD_S = 0.3
-"""A set-point that changes after a rest of this length begins a new move."""
-
-LEAST_READINGS = 3
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,14 +101,14 @@ class Moves:
 def find_moves(set_point: Series) -> Moves:
     """Reduce a set-point to its changes.
 
-    Changes closer than `HOLD_S` belong to one move. A set-point that mostly changes faster, as a controller's
-    does, is one move: ramps determine no delay each.
+    Changes closer than the hold time belong to one move. A set-point that mostly changes faster, as a
+    controller's does, is one move: ramps determine no delay each.
     """
     changes = np.r_[0, np.flatnonzero(np.diff(set_point.value)) + 1]
     t_s = set_point.t_s[changes]
     gaps_s = np.diff(t_s)
-    is_staircase = gaps_s.size == 0 or np.median(gaps_s) > HOLD_S
-    begins = np.r_[True, (gaps_s > HOLD_S) & is_staircase]
+    is_staircase = gaps_s.size == 0 or np.median(gaps_s) > MOTOR_FIT.record.hold_s
+    begins = np.r_[True, (gaps_s > MOTOR_FIT.record.hold_s) & is_staircase]
     return Moves(t_s, set_point.value[changes], np.cumsum(begins) - 1, t_s[begins])
 
 

@@ -8,18 +8,13 @@ import numpy as np
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import rms
 from rover_hil.identify.motor.fit import ELECTRIC_LAG_S, HIDDEN, MotorFit, fit_motor
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.problem import MotorProblem
 from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.response import MotorModel
 from rover_hil.identify.motor.sensitivity import lost_combinations
 from rover_hil.identify.motor.uncertainty import Uncertainty, assess
 
-LARGEST_RELATIVE_HALF = 0.5
-"""A parameter is determined when half of its interval is at most this share of it."""
-SATURATED_SHARE = 0.01
-TURNED_RAD_S = 1.0
-LOADED = 1.75
-"""Friction of so many times the no-load current is not the motor's own: motors differ by less."""
 KT_SHEET_NM_A = 0.0514
 
 UNITS = {
@@ -135,16 +130,16 @@ def _nothing_to_learn(problem: MotorProblem) -> str:
     records = [part.record for part in problem.parts]
     if not any(record.set_point.value.any() for record in records):
         return "its set-point is always 0"
-    if _speed_range(problem)[1] < TURNED_RAD_S:
+    if _speed_range(problem)[1] < MOTOR_FIT.record.turned_rad_s:
         return "it never turned"
     if not any(record.current.value.any() for record in records):
         return "its current always reads 0"
     readings = np.concatenate([np.abs(record.current.value) for record in records])
     saturated = np.mean(readings >= _ceiling(readings, records[0].scale.current_limit_a))
-    if saturated > SATURATED_SHARE:
+    if saturated > MOTOR_FIT.record.saturated_share:
         return f"its current is saturated at {readings.max():.2f} A in {saturated:.0%} of the samples"
     changes = sum(part.moves.t_s.size - 1 for part in problem.parts)
-    starts = sum(abs(part.first_speed) < TURNED_RAD_S for part in problem.parts)
+    starts = sum(abs(part.first_speed) < MOTOR_FIT.record.turned_rad_s for part in problem.parts)
     if changes == 0 and starts == 0:
         return "its set-point never changes"
     return ""
@@ -187,7 +182,7 @@ def estimate(name: str, value: float | None, half: float, why: str) -> Estimate:
         half: Half of the 95 % interval.
         why: Why it is not determined, if it is not.
     """
-    determined = value is not None and bool(half <= LARGEST_RELATIVE_HALF * abs(value))
+    determined = value is not None and bool(half <= MOTOR_FIT.report.relative_half * abs(value))
     has_interval = value is not None and np.isfinite(half)
     if determined and name == "torque_constant_nm_per_a":
         why = "equals Ke in SI units"
@@ -282,14 +277,14 @@ def _notes(problem: MotorProblem, estimates: Sequence[Estimate], uncertainty: Un
     notes = []
     friction_a = next((item.value for item in estimates if item.name == "coulomb_a"), None) or 0.0
     share = friction_a / DATA_SHEET["coulomb_a"]
-    if problem.parts[0].record.is_robotino and share > LOADED:
+    if problem.parts[0].record.is_robotino and share > MOTOR_FIT.report.loaded:
         notes.append(
             f"friction is {share:.1f} times the no-load current of the data sheet: "
             "on the ground it contains what rolling costs, and is not the motor's own"
         )
     if not all(part.uses_ticks for part in problem.parts):
         notes.append("positions contradict the reported speeds and are not used")
-    if uncertainty.delay_spread_s > 0.25 * problem.period_s:
+    if uncertainty.delay_spread_s > MOTOR_FIT.report.spread_periods * problem.period_s:
         notes.append(
             f"the loop delay differs from move to move by {uncertainty.delay_spread_s * 1e3:.0f} ms rms"
         )

@@ -26,12 +26,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_hil.datasets.arrays import Array
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import Moves
 
-SIGN_SMOOTHING_RAD_S = 0.5
-"""Width over which Coulomb friction changes sign."""
 STANDSTILL_RAD_S = 1e-6
-LEAST_DAMPING = 0.04
 SHORTEST_LAG_S = 1e-6
 NEWTON_STEPS = 5
 
@@ -64,12 +62,14 @@ class MotorModel:
 
     def friction_a(self, speed_rad_s: Array) -> Array:
         """Return the current that friction needs, signed like the speed."""
-        sign = np.tanh(speed_rad_s / SIGN_SMOOTHING_RAD_S)
+        sign = np.tanh(speed_rad_s / MOTOR_FIT.response.sign_smoothing_rad_s)
         return self.coulomb_a * sign + self.viscous_a_s_per_rad * speed_rad_s
 
     def time_constants_s(self) -> tuple[float, float]:
         """Return the long and the short time constant of the chain."""
-        spread = math.sqrt(max(1.0 - 4.0 * self.electric_lag_s / self.lag_s, LEAST_DAMPING))
+        spread = math.sqrt(
+            max(1.0 - 4.0 * self.electric_lag_s / self.lag_s, MOTOR_FIT.response.least_damping)
+        )
         short_s = max(self.lag_s * (1.0 - spread) / 2.0, SHORTEST_LAG_S)
         return max(self.lag_s - short_s, 2.0 * short_s), short_s
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from rover_hil.datasets.arrays import Array
 from rover_hil.identify.motor.fit import MotorFit
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 
 PHYSICAL = ("Ra", "Ke", "Kt", "inertia", "Coulomb torque", "viscous torque")
 RATIOS = {
@@ -11,8 +12,6 @@ RATIOS = {
     "Coulomb torque": "coulomb_a",
     "viscous torque": "viscous_a_s_per_rad",
 }
-NULL_SHARE = 1e-6
-LOST_SHARE = 1e-3
 
 
 def sensitivity(fit: MotorFit) -> Array:
@@ -44,10 +43,16 @@ def lost_combinations(fit: MotorFit) -> tuple[str, ...]:
         names.remove("Kt")
         names[names.index("Ke")] = "Ke = Kt"
     _, strength, directions = np.linalg.svd(matrix, full_matrices=False)
-    null = directions[strength <= NULL_SHARE * strength[0]]
+    null = directions[strength <= MOTOR_FIT.report.null_share * strength[0]]
     projection = null.T @ null
-    alone = [index for index in range(len(names)) if projection[index, index] > 1 - LOST_SHARE]
-    shared = [index for index in range(len(names)) if LOST_SHARE < projection[index, index] <= 1 - LOST_SHARE]
+    alone = [
+        index for index in range(len(names)) if projection[index, index] > 1 - MOTOR_FIT.report.lost_share
+    ]
+    shared = [
+        index
+        for index in range(len(names))
+        if MOTOR_FIT.report.lost_share < projection[index, index] <= 1 - MOTOR_FIT.report.lost_share
+    ]
     words = [f"{names[index]}: changes nothing that was measured" for index in alone]
     if shared:
         words.append(f"{', '.join(names[index] for index in shared)}: only their ratios are determined")

@@ -5,7 +5,8 @@ from pathlib import Path
 from drivers.errors import LogError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
 from rover_hil.datasets.robotino_csv import MOTORS, RobotinoRecord, read_record
-from rover_hil.identify.motor.record import LEAST_READINGS, MotorRecord, Scale, Series, cut_set_point
+from rover_hil.identify.motor.parameters import MOTOR_FIT
+from rover_hil.identify.motor.record import MotorRecord, Scale, Series, cut_set_point
 
 SCALE = Scale.of_board(ROBOTINO_BOARD)
 
@@ -18,7 +19,7 @@ def read_table(path: Path) -> list[MotorRecord]:
     """
     record = read_record(path, with_camera=False)
     count = len(record.columns["t"])
-    if count < LEAST_READINGS:
+    if count < MOTOR_FIT.record.least_readings:
         raise LogError(f"{path}: holds {count} readings of the motors: give the record of a drive")
     return [_motor(record, motor) for motor in MOTORS]
 

@@ -8,18 +8,10 @@ from scipy.stats import t as student
 
 from rover_hil.datasets.arrays import Array
 from rover_hil.identify.motor.fit import LOOP_PERIOD_S, TYPICAL, MotorFit
+from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.problem import MotorProblem
 
 CONFIDENCE = 0.95
-FEWEST_MOVES = 12
-BLOCKS = 24
-SHORTEST_BLOCK_S = 0.5
-NULL_SHARE = 1e-5
-"""A direction that the residuals feel less than this share of the strongest one is not determined at all."""
-STEEP = 1.0 / 0.04**2
-"""Slope of the residuals by the delay, squared, below which only the flat stretch determines the delay."""
-FLAT_COST = 0.1
-FLAT_GRID_S = np.arange(-0.04, 0.0401, 0.001)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +40,13 @@ class Uncertainty:
         """Return half of each parameter's interval; infinite where nothing supports one."""
         freedom = np.maximum(self.support - 1.0, 1.0)
         factor = student.ppf(0.5 + CONFIDENCE / 2, freedom)
-        return np.asarray(np.where(self.support > 1.5, factor * np.sqrt(np.diag(self.covariance)), np.inf))
+        return np.asarray(
+            np.where(
+                self.support > MOTOR_FIT.uncertainty.least_support,
+                factor * np.sqrt(np.diag(self.covariance)),
+                np.inf,
+            )
+        )
 
 
 def assess(problem: MotorProblem, fit: MotorFit) -> Uncertainty:
@@ -62,7 +60,7 @@ def assess(problem: MotorProblem, fit: MotorFit) -> Uncertainty:
     jacobian = fit.jacobian * scale
     blocks, count = _blocks(problem)
     _, strength, directions = np.linalg.svd(jacobian, full_matrices=False)
-    felt = strength > NULL_SHARE * max(float(strength[0]), 1e-12)
+    felt = strength > MOTOR_FIT.uncertainty.null_share * max(float(strength[0]), 1e-12)
     inverse = (directions[felt].T / strength[felt] ** 2) @ directions[felt]
     scores = np.stack([np.bincount(blocks, column * fit.residual, count) for column in jacobian.T], axis=1)
     sandwich = inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1)
@@ -71,7 +69,7 @@ def assess(problem: MotorProblem, fit: MotorFit) -> Uncertainty:
     inflate = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(sandwich), 1e-300), 1.0))
     covariance = sandwich * np.outer(inflate, inflate)
     null = directions[~felt]
-    lost = (null**2).sum(axis=0) > 1e-6
+    lost = (null**2).sum(axis=0) > MOTOR_FIT.uncertainty.lost_share
     covariance[lost, :] = covariance[:, lost] = 0.0
     covariance = covariance * np.outer(scale, scale)
     delay_s, half_s, spread_s = _delay(problem, fit, covariance)
@@ -88,10 +86,13 @@ def assess(problem: MotorProblem, fit: MotorFit) -> Uncertainty:
 
 
 def _blocks(problem: MotorProblem) -> tuple[NDArray[np.intp], int]:
-    if problem.moves >= FEWEST_MOVES:
+    if problem.moves >= MOTOR_FIT.uncertainty.fewest_moves:
         return problem.owner, problem.moves
     first_s, last_s = min(p.t_s.min() for p in problem.parts), max(p.t_s.max() for p in problem.parts)
-    length_s = max((last_s - first_s) * len(problem.parts) / BLOCKS, SHORTEST_BLOCK_S)
+    length_s = max(
+        (last_s - first_s) * len(problem.parts) / MOTOR_FIT.uncertainty.blocks,
+        MOTOR_FIT.uncertainty.shortest_block_s,
+    )
     keys = np.concatenate(
         [number * 100_000 + (part.t_s // length_s) for number, part in enumerate(problem.parts)]
     )
@@ -133,7 +134,9 @@ def _delay(problem: MotorProblem, fit: MotorFit, covariance: Array) -> tuple[flo
         for column in fit.plain_jacobian.T
     ]
     pull = np.array([-values[is_known].mean() for values in pulls])
-    own = float(np.mean(np.where(steep > STEEP, 1.0 / np.maximum(steep, STEEP), 0.0)[is_known])) / count
+    # A delay less certain than this is determined by the flat stretch only.
+    least = 1.0 / MOTOR_FIT.uncertainty.flat_delay_sd_s**2
+    own = float(np.mean(np.where(steep > least, 1.0 / np.maximum(steep, least), 0.0)[is_known])) / count
     variance = max(spread_s**2 / count, own) + float(pull @ covariance @ pull)
     factor = float(student.ppf(0.5 + CONFIDENCE / 2, max(count - 1, 1)))
     half_s = factor * np.sqrt(variance) + float((high_s - low_s)[is_known].mean()) / 2
@@ -145,10 +148,12 @@ def _delay(problem: MotorProblem, fit: MotorFit, covariance: Array) -> tuple[flo
 
 def _flat_stretch(problem: MotorProblem, fit: MotorFit) -> tuple[Array, Array]:
     """Return how far each move's delay can change either way without a worse fit."""
+    reach_s, step_s = MOTOR_FIT.uncertainty.flat_reach_s, MOTOR_FIT.uncertainty.flat_step_s
+    grid_s = np.arange(-reach_s, reach_s + 0.1 * step_s, step_s)
     costs = np.stack(
-        [problem.costs(problem.weighted(fit.model, fit.delay_s + shift_s)) for shift_s in FLAT_GRID_S]
+        [problem.costs(problem.weighted(fit.model, fit.delay_s + shift_s)) for shift_s in grid_s]
     )
-    is_flat = costs <= costs.min(axis=0) + FLAT_COST
-    low = FLAT_GRID_S[is_flat.argmax(axis=0)]
-    high = FLAT_GRID_S[FLAT_GRID_S.size - 1 - is_flat[::-1].argmax(axis=0)]
+    is_flat = costs <= costs.min(axis=0) + MOTOR_FIT.uncertainty.flat_cost
+    low = grid_s[is_flat.argmax(axis=0)]
+    high = grid_s[grid_s.size - 1 - is_flat[::-1].argmax(axis=0)]
     return low, high

@@ -22,27 +22,9 @@ from controllers.slip.scomp.parameters import (
 from controllers.slip.scomp.two_segment_slip_law import fit_two_segments
 from drivers.errors import ModelError
 from rover_hil.datasets.arrays import Array, rms
+from rover_hil.identify.scomp.parameters import SCOMP_FIT
 from rover_hil.scomp.drive import Drive, TruePath
 from rover_hil.scomp.windows import LONGEST_TRUTH_GAP_S, WINDOW_S, Windows, cut, smoothed, true_velocity
-
-TWO_SEGMENT_RANGE_RAD = (0.0, math.radians(25.0))
-SMALLEST_FLUCTUATION = 0.03
-RESISTANCE_PRIOR = (0.06, 0.05)
-STIFFNESS_PRIOR_SD = 0.6
-GAIN_PRIOR = (1.0, 0.7)
-COMPASS_TRANSFER_RAD = math.radians(0.5)
-GAIN_TRANSFER = 0.15
-STIFFNESS_TRANSFER = 0.08
-"""By how much, as a share, a parameter may differ on the next ground; added to the fit's own uncertainty."""
-REAR_AXLE_PRIOR_SD_M = 0.1
-TRACE_OFFSET_PRIOR_RAD = math.radians(0.5)
-LARGEST_TRACE_ERROR_RAD = math.radians(10.0)
-FEWEST_TRACES = 20
-FEWEST_GYRO_READINGS = 10
-STARTS_ALONG_X_RAD = 2e-3
-SLOWEST_M_S = 0.02
-LARGEST_SLIP_ANGLE_RAD = math.radians(60.0)
-STUCK_SLIP = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +62,11 @@ def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) 
     pitch, slip_rms = fit_pitch(windows, notes)
     trace, rear_axle_m = fit_trace(drive, truth, rover, notes)
     parameters = ScompParameters(
-        starts_along_x=abs(float(truth.psi_rad[0])) < STARTS_ALONG_X_RAD,
+        starts_along_x=abs(float(truth.psi_rad[0])) < SCOMP_FIT.check.along_x_rad,
         rover=rover.model_copy(update={"rear_axle_m": rear_axle_m}),
-        two_segment_slip=fit_two_segments(windows.slip_angle_rad, windows.slip, TWO_SEGMENT_RANGE_RAD),
+        two_segment_slip=fit_two_segments(
+            windows.slip_angle_rad, windows.slip, SCOMP_FIT.pitch.two_segment_range_rad
+        ),
         pitch=pitch,
         compass=fit_compass(drive, truth, notes),
         gyro=fit_gyro(drive, truth),
@@ -99,13 +83,13 @@ def _check_windows(windows: Windows) -> None:
         ModelError: In most windows the rover moves against its own heading, or does not move.
     """
     count = len(windows.t_s)
-    astray = np.count_nonzero(np.abs(windows.slip_angle_rad) > LARGEST_SLIP_ANGLE_RAD)
-    if astray > 0.5 * count:
+    astray = np.count_nonzero(np.abs(windows.slip_angle_rad) > SCOMP_FIT.check.slip_angle_rad)
+    if astray > SCOMP_FIT.check.astray_share * count:
         raise ModelError(
             f"in the truth the rover moves backwards or sideways in {astray} of {count} windows although its "
             f"wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
         )
-    if float(np.median(windows.slip)) > STUCK_SLIP:
+    if float(np.median(windows.slip)) > SCOMP_FIT.check.stuck_slip:
         raise ModelError(
             "the rover does not move in the truth although its wheels turn: use a drive in which it moves"
         )
@@ -129,7 +113,7 @@ def fit_pitch(windows: Windows, notes: list[str]) -> tuple[SlipFromPitch, float 
         notes.append("no pitch in the log: the slip from the pitch keeps its defaults")
         return SlipFromPitch(), None
     upward, downward = (_fit_pitch_signed(windows, windows.pitch_rad, sign) for sign in (1, -1))
-    if downward[1] < 0.7 * upward[1]:
+    if downward[1] < SCOMP_FIT.check.inverted_share * upward[1]:
         notes.append("pitch in the log is negative for a raised nose")
         return downward
     return upward
@@ -142,7 +126,7 @@ def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[Sl
     start = SlipFromPitch().model_copy(update={"pitch_sign": sign})
     pulls, angles = (sign * np.sin(pitch_rad)).tolist(), windows.slip_angle_rad.tolist()
     log_stiffness = math.log(start.model.c_x_n)
-    spread = SMALLEST_FLUCTUATION
+    spread = SCOMP_FIT.pitch.least_fluctuation
 
     def residual_of(values: Array) -> Array:
         resistance, stiffness_n = float(values[0]), math.exp(float(values[1]))
@@ -153,22 +137,27 @@ def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[Sl
 
     def misfit(values: Array) -> Array:
         prior = (
-            (values[0] - RESISTANCE_PRIOR[0]) / RESISTANCE_PRIOR[1],
-            (values[1] - log_stiffness) / STIFFNESS_PRIOR_SD,
+            (values[0] - SCOMP_FIT.pitch.resistance_prior[0]) / SCOMP_FIT.pitch.resistance_prior[1],
+            (values[1] - log_stiffness) / SCOMP_FIT.pitch.stiffness_prior_sd,
         )
         return np.concatenate([residual_of(values) / spread, prior])
 
-    found = np.array([RESISTANCE_PRIOR[0], log_stiffness])
-    limits = ((-0.15, log_stiffness - 2.0), (0.5, log_stiffness + 2.0))
+    found = np.array([SCOMP_FIT.pitch.resistance_prior[0], log_stiffness])
+    low, high = SCOMP_FIT.pitch.resistance_range
+    reach = SCOMP_FIT.pitch.stiffness_reach
+    limits = ((low, log_stiffness - reach), (high, log_stiffness + reach))
     for _ in range(2):
-        fit = least_squares(misfit, found, loss="soft_l1", f_scale=3.0, bounds=limits)
+        fit = least_squares(misfit, found, loss="soft_l1", f_scale=SCOMP_FIT.pitch.outlier_sd, bounds=limits)
         found = fit.x
         residual = residual_of(found)
         size, memory_s = rms(residual), _correlation_time_s(residual)
         # Correlated windows count for less.
         spread = max(size, 0.01) * math.sqrt(max(1.0, 2.0 * memory_s / WINDOW_S))
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)
-    fluctuation = {"fluctuation": max(size, SMALLEST_FLUCTUATION), "fluctuation_time_s": memory_s}
+    fluctuation = {
+        "fluctuation": max(size, SCOMP_FIT.pitch.least_fluctuation),
+        "fluctuation_time_s": memory_s,
+    }
     return start.model_copy(update={**_pitch_update(found, covariance), **fluctuation}), size
 
 
@@ -180,7 +169,7 @@ def _pitch_update(found: Array, covariance: Array) -> dict[str, object]:
         "model": CombinedSlip(c_x_n=math.exp(float(found[1]))),
         "rolling_resistance": float(found[0]),
         "rolling_resistance_sd": math.sqrt(float(covariance[0, 0])),
-        "stiffness_sd": math.hypot(given, STIFFNESS_TRANSFER),
+        "stiffness_sd": math.hypot(given, SCOMP_FIT.pitch.transfer),
         "stiffness_follows": follows,
     }
 
@@ -188,24 +177,24 @@ def _pitch_update(found: Array, covariance: Array) -> dict[str, object]:
 def fit_roll(windows: Windows, parameters: ScompParameters) -> DriftFromRoll:
     """Fit the share of the drift that the roll explains; the residual gives its uncertainty."""
     beta = windows.slip_angle_rad
-    alone, alone_s = _at_least(beta, 3.0), _smooth_time_s(beta)
+    alone, alone_s = _at_least(beta, SCOMP_FIT.roll.least_alone_deg), _smooth_time_s(beta)
     if windows.roll_rad is None or windows.pitch_rad is None:
         return DriftFromRoll(
             gain=0.0, gain_sd=0.0, rest=alone, rest_time_s=alone_s, alone=alone, alone_time_s=alone_s
         )
     tilts = zip(windows.pitch_rad.tolist(), windows.roll_rad.tolist(), strict=True)
     expected = np.array([expected_drift(parameters, pitch, roll) for pitch, roll in tilts])
-    gain, prior_weight = GAIN_PRIOR[0], GAIN_PRIOR[1] ** -2
+    gain, prior_weight = SCOMP_FIT.roll.gain_prior[0], SCOMP_FIT.roll.gain_prior[1] ** -2
     precision = prior_weight
     for _ in range(3):
         weight = 1.0 / (float(np.mean((beta - gain * expected) ** 2)) + 1e-6)
         precision = weight * float(expected @ expected) + prior_weight
-        gain = (weight * float(expected @ beta) + GAIN_PRIOR[0] * prior_weight) / precision
+        gain = (weight * float(expected @ beta) + SCOMP_FIT.roll.gain_prior[0] * prior_weight) / precision
     residual = beta - gain * expected
     return DriftFromRoll(
         gain=gain,
-        gain_sd=math.hypot(precision**-0.5, GAIN_TRANSFER * abs(gain)),
-        rest=_at_least(residual, 1.5),
+        gain_sd=math.hypot(precision**-0.5, SCOMP_FIT.roll.transfer * abs(gain)),
+        rest=_at_least(residual, SCOMP_FIT.roll.least_rest_deg),
         rest_time_s=_smooth_time_s(residual),
         alone=alone,
         alone_time_s=alone_s,
@@ -224,7 +213,7 @@ def fit_compass(drive: Drive, truth: TruePath, notes: list[str]) -> CompassModel
     heading = np.interp(drive.t_s, truth.t_s, truth.psi_rad)
     lagged = smoothed(drive.t_s, heading, model.lag_s)[new]
     errors = {sign: sign * reading - lagged for sign in (1, -1)}
-    sign = -1 if float(np.std(errors[-1])) < 0.7 * float(np.std(errors[1])) else 1
+    sign = -1 if float(np.std(errors[-1])) < SCOMP_FIT.check.inverted_share * float(np.std(errors[1])) else 1
     if sign < 0:
         notes.append("the compass is positive clockwise")
     noise_rad = float(np.std(np.diff(errors[sign]))) / math.sqrt(2.0)
@@ -232,9 +221,9 @@ def fit_compass(drive: Drive, truth: TruePath, notes: list[str]) -> CompassModel
         update={
             "sign": sign,
             "offset_rad": wrap_angle(float(np.mean(errors[sign]))),
-            "offset_sd_rad": COMPASS_TRANSFER_RAD,
+            "offset_sd_rad": SCOMP_FIT.compass.transfer_rad,
             "reference_rad": wrap_angle(float(np.mean(lagged))),
-            "noise_rad": max(noise_rad, math.radians(0.05)),
+            "noise_rad": max(noise_rad, SCOMP_FIT.compass.least_noise_rad),
         }
     )
 
@@ -249,7 +238,7 @@ def fit_gyro(drive: Drive, truth: TruePath) -> GyroModel:
     if drive.gyro_rad_s is None:
         return model
     new = np.diff(drive.gyro_rad_s, prepend=np.nan) != 0.0  # a gyro slower than the log repeats itself
-    if np.count_nonzero(new) < FEWEST_GYRO_READINGS:
+    if np.count_nonzero(new) < SCOMP_FIT.gyro.fewest_readings:
         return model
     t_s, rate_rad_s = drive.t_s[new], drive.gyro_rad_s[new]
     step_s = np.diff(t_s)
@@ -258,7 +247,7 @@ def fit_gyro(drive: Drive, truth: TruePath) -> GyroModel:
     alone = np.diff(rate_rad_s, 2) / math.sqrt(6.0)
     noise_rad_s = min(float(np.std(against_truth)), float(np.std(alone)))
     walk = noise_rad_s * math.sqrt(float(np.median(step_s)))
-    return model.model_copy(update={"walk_rad_sqrt_s": max(walk, math.radians(0.01))})
+    return model.model_copy(update={"walk_rad_sqrt_s": max(walk, SCOMP_FIT.gyro.least_walk_rad_sqrt_s)})
 
 
 def fit_trace(
@@ -270,20 +259,20 @@ def fit_trace(
         return model, rover.rear_axle_m
     velocity = true_velocity(truth, drive.t_s)
     overlap = (drive.t_s >= truth.t_s[0]) & (drive.t_s <= truth.t_s[-1])
-    use = np.isfinite(drive.trace_rad) & (velocity.speed_m_s > SLOWEST_M_S) & overlap
-    if np.count_nonzero(use) < FEWEST_TRACES:
+    use = np.isfinite(drive.trace_rad) & (velocity.speed_m_s > SCOMP_FIT.trace.slowest_m_s) & overlap
+    if np.count_nonzero(use) < SCOMP_FIT.trace.fewest:
         return model, rover.rear_axle_m
     seen, beta = drive.trace_rad[use], velocity.slip_angle_rad[use]
     straight, mirrored = (float(np.median(np.abs(sign * seen - beta))) for sign in (1, -1))
-    sign: Literal[-1, 1] = -1 if mirrored < 0.5 * straight else 1
+    sign: Literal[-1, 1] = -1 if mirrored < SCOMP_FIT.trace.inverted_share * straight else 1
     if sign < 0:
         notes.append("the trace angle is positive to the right: its sign is inverted")
     error = sign * seen - beta
-    near = np.abs(error) < LARGEST_TRACE_ERROR_RAD
-    if np.count_nonzero(near) < FEWEST_TRACES:
+    near = np.abs(error) < SCOMP_FIT.trace.greatest_error_rad
+    if np.count_nonzero(near) < SCOMP_FIT.trace.fewest:
         notes.append("the trace angles are far from the true ones: their errors keep the defaults")
         return model, rover.rear_axle_m
-    turn = (velocity.yaw_rate_rad_s / np.maximum(velocity.speed_m_s, SLOWEST_M_S))[use]
+    turn = (velocity.yaw_rate_rad_s / np.maximum(velocity.speed_m_s, SCOMP_FIT.trace.slowest_m_s))[use]
     step_s = float(np.median(np.diff(drive.t_s[use])))
     update, rear_axle_m = _trace_errors(error[near], turn[near], step_s, rover.rear_axle_m)
     return model.model_copy(update={"sign": sign, **update}), rear_axle_m
@@ -293,7 +282,7 @@ def _trace_errors(
     error: Array, turn: Array, step_s: float, rear_axle_m: float
 ) -> tuple[dict[str, object], float]:
     """Fit eq 2: error = offset - b turn + correlated noise; return the errors, and b."""
-    prior_weight = REAR_AXLE_PRIOR_SD_M**-2
+    prior_weight = SCOMP_FIT.trace.rear_axle_sd_m**-2
     b, offset, time_s, offset_weight = rear_axle_m, 0.0, TraceModel().noise_time_s, 1.0
     residual = error
     for _ in range(3):
@@ -303,13 +292,13 @@ def _trace_errors(
         pull = float(turn @ (offset - error)) / noise2
         b = (pull + rear_axle_m * prior_weight) / (float(turn @ turn) / noise2 + prior_weight)
         weight = len(error) / noise2
-        offset_weight = weight + TRACE_OFFSET_PRIOR_RAD**-2
+        offset_weight = weight + SCOMP_FIT.trace.offset_sd_rad**-2
         offset = weight * float(np.mean(error + b * turn)) / offset_weight
     return {
         "offset_rad": offset,
         "offset_sd_rad": offset_weight**-0.5,
-        "noise_rad": max(float(np.std(residual)), math.radians(0.2)),
-        "noise_time_s": min(max(time_s, 0.05), 2.0),
+        "noise_rad": max(float(np.std(residual)), SCOMP_FIT.trace.least_noise_rad),
+        "noise_time_s": min(max(time_s, SCOMP_FIT.trace.time_range_s[0]), SCOMP_FIT.trace.time_range_s[1]),
     }, b
 
 
@@ -318,13 +307,13 @@ def _at_least(residual: Array, smallest_deg: float) -> float:
 
 
 def _correlation_time_s(residual: Array) -> float:
-    """Return the correlation time of the residual in the windows, within [2, 20] s."""
-    return min(max(_memory_s(residual, WINDOW_S), WINDOW_S), 20.0)
+    """Return the correlation time of the residual in the windows, not below their length."""
+    return min(max(_memory_s(residual, WINDOW_S), WINDOW_S), SCOMP_FIT.pitch.longest_memory_s)
 
 
 def _smooth_time_s(residual: Array) -> float:
-    """Return the time of a Matern process of order 3/2 with the same neighbour correlation, in [4, 20] s."""
-    times_s = np.geomspace(4.0, 20.0, 100)
+    """Return the time of a Matern process of order 3/2 with the same neighbour correlation."""
+    times_s = np.geomspace(SCOMP_FIT.roll.shortest_memory_s, SCOMP_FIT.pitch.longest_memory_s, 100)
     paces = math.sqrt(3.0) * WINDOW_S / times_s
     return float(
         times_s[np.argmin(np.abs((1.0 + paces) * np.exp(-paces) - _neighbour_correlation(residual)))]

@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.surface_fit import steady_drift_rad, travel_direction_rad
 
@@ -16,15 +17,6 @@ ROLLING_SURFACE = "table_surface"
 
 NOMINAL_MM_PER_PX = 1.84
 """From the data set's own `config/camera_params.json`."""
-
-CALIBRATED_MM_PER_PX = 2.03
-"""From its runs on the smooth table (36 runs, BrOleg5/research-wheel-slippage @ b4303b4)."""
-
-LEAST_RUNS = 3
-LEAST_SLIP = 0.01
-LEAST_SPEED_SPAN_M_S = 0.05
-CONSTANT_SHARE = 0.35
-"""An effect below this share of the apparent slip leaves the slip constant, as an error of scale would be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +52,14 @@ def find_scale(runs: Sequence[RunWindows]) -> CameraScale:
     if not any(run.camera_in_pixels for run in runs):
         return CameraScale(None, None, "The true pose is given in metres: there is no camera scale to find.")
     rolling = [run for run in runs if run.camera_in_pixels and run.surface == ROLLING_SURFACE]
-    if len(rolling) < LEAST_RUNS:
+    if len(rolling) < SLIP_FIT.camera.least_runs:
+        mm_per_px = SLIP_FIT.camera.calibrated_mm_per_px
         verdict = (
-            f"Fewer than {LEAST_RUNS} training runs on {ROLLING_SURFACE}: the scale of the data set's own "
-            f"table runs is taken, {CALIBRATED_MM_PER_PX:g} mm/px, and a scale error cannot be "
+            f"Fewer than {SLIP_FIT.camera.least_runs} training runs on {ROLLING_SURFACE}: the scale of the "
+            f"data set's own table runs is taken, {mm_per_px:g} mm/px, and a scale error cannot be "
             "distinguished from slip."
         )
-        return CameraScale(CALIBRATED_MM_PER_PX, None, verdict)
+        return CameraScale(mm_per_px, None, verdict)
     encoder_m = np.array([run.encoder_distance_m().sum() for run in rolling])
     camera_px = np.array([run.camera_distance_m(1.0).sum() for run in rolling])
     if not (camera_px > 0.0).all():
@@ -94,9 +87,9 @@ def _judge(rolling: Sequence[RunWindows], slip: Array, mm_per_px: float) -> Came
     fit = waves @ np.linalg.lstsq(waves, slip, rcond=None)[0]
     by_direction = float(np.ptp(fit)) / 2.0
     by_current = _effect(current_a, slip)
-    has_speeds = float(np.ptp(speed)) > LEAST_SPEED_SPAN_M_S
+    has_speeds = float(np.ptp(speed)) > SLIP_FIT.camera.least_speed_span_m_s
     by_speed = _effect(speed, slip) if has_speeds else 0.0
-    limit = CONSTANT_SHARE * abs(mean)
+    limit = SLIP_FIT.camera.constant_share * abs(mean)
     is_constant = max(by_direction, by_current, by_speed) < limit
     facts = (
         f"{len(rolling)} runs on {ROLLING_SURFACE}: at the nominal {NOMINAL_MM_PER_PX:g} mm/px the wheels "
@@ -104,8 +97,8 @@ def _judge(rolling: Sequence[RunWindows], slip: Array, mm_per_px: float) -> Came
         f"direction changes this by at most {by_direction:.3f}, current by {by_current:.3f}"
     )
     facts += f", speed by {by_speed:.3f}. " if has_speeds else f" (one speed only, {speed.mean():.2f} m/s). "
-    if abs(mean) < LEAST_SLIP:
-        verdict = f"The nominal scale holds within {LEAST_SLIP:g}."
+    if abs(mean) < SLIP_FIT.camera.least_slip:
+        verdict = f"The nominal scale holds within {SLIP_FIT.camera.least_slip:g}."
     elif is_constant:
         verdict = (
             "The same in all directions and independent of current: this is a SCALE ERROR of the camera, not "
@@ -121,7 +114,9 @@ def _judge(rolling: Sequence[RunWindows], slip: Array, mm_per_px: float) -> Came
         f" The camera sees them go {math.degrees(drift_rad):.1f} deg to the left of the encoders' course: "
         "its marker is turned to the right by as much, and this is taken off the drift on all surfaces."
     )
-    return CameraScale(mm_per_px, is_constant and abs(mean) >= LEAST_SLIP, facts + verdict, drift_rad)
+    return CameraScale(
+        mm_per_px, is_constant and abs(mean) >= SLIP_FIT.camera.least_slip, facts + verdict, drift_rad
+    )
 
 
 def _effect(cause: Array, slip: Array) -> float:

@@ -7,13 +7,12 @@ from pathlib import Path
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.identify.slip.camera_scale import CameraScale, find_scale
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.runs import read_windows, surface_parts
 from rover_hil.identify.slip.scores import FittedMaps, RunError, score_runs
-from rover_hil.identify.slip.surface_fit import LEAST_RUNS, fit_surface_map, travel_direction_rad
+from rover_hil.identify.slip.surface_fit import fit_surface_map, travel_direction_rad
 from rover_hil.identify.slip.wheel_fit import collect_samples, fit_wheel_maps
-
-FOLDS = 5
 
 Advance = Callable[[], None]
 """Called after each piece of work, for a progress bar."""
@@ -57,7 +56,7 @@ def read_all(files: Sequence[Path], motor: MotorSettings, advance: Advance) -> l
 
 
 def identify_slip_maps(runs: Sequence[RunWindows], advance: Advance) -> SlipIdentification:
-    """Fit all maps and cross-validate them; `advance` is called `FOLDS` + 1 times.
+    """Fit all maps and cross-validate them; `advance` is called once more than there are folds.
 
     Raises:
         ConfigError: scikit-learn is not installed.
@@ -85,7 +84,7 @@ def fit_maps(
     m_per_px: float,
     camera_drift_rad: float = 0.0,
     *,
-    least_runs: int = LEAST_RUNS,
+    least_runs: int = SLIP_FIT.surface.least_runs,
 ) -> FittedMaps:
     """Return all maps fitted to `runs`; scale and drift are those of the camera, for runs in pixels.
 
@@ -108,17 +107,19 @@ def _single(names: Sequence[str]) -> list[str]:
 def _cross_validate(runs: Sequence[RunWindows], scale: CameraScale, advance: Advance) -> tuple[Errors, int]:
     """Leave out a fifth of the runs five times; every surface and all directions are in every fold.
 
-    A surface of `LEAST_RUNS` runs has one less here. Returns the errors, and how many runs have none as the
-    others are too few to fit.
+    A surface with the fewest runs that are allowed has one less here. Returns the errors, and how many runs
+    have none as the others are too few to fit.
     """
     ordered = sorted(runs, key=lambda run: (run.surface, travel_direction_rad(run), str(run.path)))
     errors: Errors = {}
     not_validated = 0
-    for fold in range(FOLDS):
-        kept = [run for index, run in enumerate(ordered) if index % FOLDS != fold]
-        left_out = ordered[fold::FOLDS]
+    for fold in range(SLIP_FIT.validation.folds):
+        kept = [run for index, run in enumerate(ordered) if index % SLIP_FIT.validation.folds != fold]
+        left_out = ordered[fold :: SLIP_FIT.validation.folds]
         try:
-            maps = fit_maps(kept, scale.m_per_px, scale.drift_rad or 0.0, least_runs=LEAST_RUNS - 1)
+            maps = fit_maps(
+                kept, scale.m_per_px, scale.drift_rad or 0.0, least_runs=SLIP_FIT.surface.least_runs - 1
+            )
         except LogError:
             not_validated += len(left_out)
         else:

@@ -9,10 +9,8 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags
 from rover_hil.datasets.log import LogRows, read_drive
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun
-
-LONGEST_GAP_S = 0.15
-"""Nothing is interpolated further away than this from a reading of a wheel."""
 
 
 def read_log_run(path: Path, surface: str) -> MeasuredRun:
@@ -94,11 +92,11 @@ def _check_positions(path: Path, tables: Sequence[Array], t_s: Array) -> None:
 
 
 def _is_near(table: Array, t_s: Array) -> Flags:
-    """Return which times have a reading of `table` within `LONGEST_GAP_S`."""
+    """Return which times have a reading of `table` near enough."""
     after = np.searchsorted(table[:, 0], t_s).clip(0, len(table) - 1)
     before = (after - 1).clip(0)
     away_s = np.minimum(np.abs(table[after, 0] - t_s), np.abs(table[before, 0] - t_s))
-    near: Flags = away_s <= LONGEST_GAP_S
+    near: Flags = away_s <= SLIP_FIT.window.longest_gap_s
     return near
 
 

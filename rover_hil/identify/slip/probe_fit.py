@@ -14,20 +14,14 @@ from controllers.slip.effort.yaw_excitation import (
 )
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import MeasuredRun, to_wheels
 from rover_hil.identify.slip.wheel_fit import fit_rising_table
-from rover_hil.identify.slip.windows import LONGEST_WINDOW_S, TOO_NOISY, slip_problem
+from rover_hil.identify.slip.windows import TOO_NOISY, slip_problem
 
-LEAST_WINDOWS = 100
-SECTORS = 12
-SECTOR_RAD = math.tau / SECTORS
-FIX_REACH_S = 0.3
-"""Between pose fixes the motion is taken as steady; not further than this from the ends of a window."""
-NO_FIX_NEAR = f"no pose fix within {FIX_REACH_S:g} s of the ends of a window"
+NO_FIX_NEAR = f"no pose fix within {SLIP_FIT.probe.fix_reach_s:g} s of the ends of a window"
 CURABLE = (TOO_NOISY, NO_FIX_NEAR)
 """Problems that a longer window may solve."""
-LEAST_SHARE = 0.03
-"""Share of the windows that makes a sector a trained direction: at corners every direction occurs."""
 
 
 def probe_windows(run: MeasuredRun, probe: YawExcitationMap) -> tuple[Array, Counter[str]]:
@@ -64,7 +58,7 @@ def probe_windows(run: MeasuredRun, probe: YawExcitationMap) -> tuple[Array, Cou
         if not response.reason:
             losses.append(response.transmission_loss)
             problem = _slip_problem(run, first, index + 1)
-            if problem in CURABLE and run.t_s[index + 1] - run.t_s[first] < LONGEST_WINDOW_S:
+            if problem in CURABLE and run.t_s[index + 1] - run.t_s[first] < SLIP_FIT.window.longest_s:
                 continue
             wheels_m, body_m = encoder_m[first : index + 1].sum(), true_m[first : index + 1].sum()
             if problem:
@@ -84,7 +78,7 @@ def _slip_problem(run: MeasuredRun, start: int, end: int) -> str:
         return ""
     times_s = run.t_s[[start, end]]
     first, last = (int(np.argmin(np.abs(run.camera_t_s - time_s))) for time_s in times_s)
-    if np.abs(run.camera_t_s[[first, last]] - times_s).max() > FIX_REACH_S:
+    if np.abs(run.camera_t_s[[first, last]] - times_s).max() > SLIP_FIT.probe.fix_reach_s:
         return NO_FIX_NEAR
     moved_m = run.rover.wheel_radius_m * float(np.abs(run.position_rad[end] - run.position_rad[start]).max())
     return slip_problem(run, first, last, moved_m)
@@ -99,11 +93,11 @@ def fit_probe(runs: Sequence[MeasuredRun], probe: YawExcitationMap) -> tuple[Yaw
     windows = [probe_windows(run, probe) for run in runs]
     rows = np.concatenate([found for found, _ in windows])
     rejected = sum((counts for _, counts in windows), Counter[str]())
-    if len(rows) < LEAST_WINDOWS:
+    if len(rows) < SLIP_FIT.probe.least_windows:
         reasons = "".join(f"; {count} rejected: {reason}" for reason, count in rejected.items())
         raise LogError(
-            f"{len(runs)} runs give {len(rows)} windows with excitation, {LEAST_WINDOWS} needed: "
-            f"drive more{reasons}"
+            f"{len(runs)} runs give {len(rows)} windows with excitation, "
+            f"{SLIP_FIT.probe.least_windows} needed: drive more{reasons}"
         )
     losses, slips = fit_rising_table(rows[:, 0], rows[:, 1])
     if len(losses) < 2:
@@ -113,10 +107,13 @@ def fit_probe(runs: Sequence[MeasuredRun], probe: YawExcitationMap) -> tuple[Yaw
     fitted = probe.model_copy(update={"transmission_losses": losses, "slips": slips})
     residual = rows[:, 1] - [slip_of(fitted, value) for value in rows[:, 0].tolist()]
     distance_m = np.hypot(rows[:, 2], rows[:, 3])
-    fast = distance_m > np.median(distance_m) / 2.0
+    fast = distance_m > SLIP_FIT.probe.fast_share * np.median(distance_m)
     directions_rad = np.arctan2(rows[fast, 3], rows[fast, 2])
-    sectors, counts = np.unique(np.round(directions_rad / SECTOR_RAD) % SECTORS, return_counts=True)
-    driven = sectors[counts >= LEAST_SHARE * counts.sum()] * SECTOR_RAD
+    sector_rad = math.tau / SLIP_FIT.probe.sectors
+    sectors, counts = np.unique(
+        np.round(directions_rad / sector_rad) % SLIP_FIT.probe.sectors, return_counts=True
+    )
+    driven = sectors[counts >= SLIP_FIT.probe.least_share * counts.sum()] * sector_rad
     low, high = np.quantile(distance_m[fast] / rows[fast, 4], (0.05, 0.95)).tolist()
     fitted = fitted.model_copy(
         update={

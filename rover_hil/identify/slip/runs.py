@@ -16,12 +16,12 @@ from drivers.robotino_board.scales import MAX_RAW
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
 from rover_hil.identify.slip.averages import read_average_runs
 from rover_hil.identify.slip.log_runs import read_log_run
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import MeasuredRun, RunWindows
 from rover_hil.identify.slip.windows import form_windows
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 SURFACE_ENDING = "_surface"
-LEAST_READINGS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def _read_csv_run(path: Path, surface: str) -> MeasuredRun:
 
 
 def _check_currents(run: MeasuredRun) -> None:
-    if len(run.t_s) < LEAST_READINGS:
+    if len(run.t_s) < SLIP_FIT.window.least_run_readings:
         raise LogError(f"{run.path}: holds {len(run.t_s)} readings of the wheels: give the run of a drive")
     turned = np.abs(np.gradient(run.position_rad, run.t_s, axis=0)).max(axis=0) > EFFORT.motor.slowest_rad_s
     silent = turned & (np.abs(run.current_a) == 0.0).all(axis=0)

@@ -7,23 +7,8 @@ import numpy as np
 from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
-
-HARMONICS = 6
-"""Three wheels with rollers make patterns of 120 and 60 degrees; uneven wheel loads make the others."""
-
-RIDGE = 2.0
-"""Weight of (order * amplitude)^2 against one window's squared error; cross-validated within training."""
-
-START_S = 0.4
-"""Left out at the start of a run: the rover still accelerates."""
-
-LEAST_SPEED_M_S = 0.05
-LEAST_SPEED_SPAN_M_S = 0.05
-LEAST_RUNS = 3
-LEAST_WINDOWS = 2 * HARMONICS
-LEAST_RUN_SD_N = 0.3
-LEAST_WINDOW_SD_N = 0.1
 
 
 def travel_work_j(run: RunWindows) -> Array:
@@ -37,7 +22,7 @@ def fit_surface_map(
     m_per_px: float,
     camera_drift_rad: float = 0.0,
     *,
-    least_runs: int = LEAST_RUNS,
+    least_runs: int = SLIP_FIT.surface.least_runs,
 ) -> SurfaceMap:
     """Return the map of all surfaces in `runs`.
 
@@ -79,7 +64,9 @@ def _drift_rad(run: RunWindows, windows: Flags) -> Array:
 
 def _is_steady(run: RunWindows) -> Flags:
     """Return which windows are steady travel."""
-    steady: Flags = (run.start_s >= START_S) & (run.encoder_distance_m() > LEAST_SPEED_M_S * run.elapsed_s)
+    steady: Flags = (run.start_s >= SLIP_FIT.surface.start_s) & (
+        run.encoder_distance_m() > SLIP_FIT.surface.least_speed_m_s * run.elapsed_s
+    )
     return steady
 
 
@@ -91,13 +78,14 @@ def _fit_surface(name: str, tables: Sequence[Array], least_runs: int) -> Surface
         )
     run_of = np.concatenate([np.full(len(table), index) for index, table in enumerate(tables)])
     direction, speed, force_n, slip, drift_rad = np.concatenate(tables).T
-    if len(direction) < LEAST_WINDOWS * least_runs // LEAST_RUNS:
+    if len(direction) < SLIP_FIT.surface.least_windows * least_runs // SLIP_FIT.surface.least_runs:
         raise LogError(
             f"surface '{name}' has too little steady travel in its {len(tables)} runs: give longer ones"
         )
-    low, high = np.quantile(speed, (0.05, 0.95)).tolist()
+    tail = SLIP_FIT.surface.speed_tail
+    low, high = np.quantile(speed, (tail, 1.0 - tail)).tolist()
     held = np.clip(speed, low, high)
-    with_speed = high - low > LEAST_SPEED_SPAN_M_S
+    with_speed = high - low > SLIP_FIT.surface.least_speed_span_m_s
     equal = np.ones(len(slip))
     force_curve, force_residual_n = _fit_curve(direction, held, force_n, equal, with_speed)
     slip_curve, _ = _fit_curve(direction, held, slip, equal, with_speed)
@@ -110,8 +98,8 @@ def _fit_surface(name: str, tables: Sequence[Array], least_runs: int) -> Surface
         force_n=force_curve,
         slip=slip_curve,
         drift_rad=drift_curve,
-        force_window_sd_n=max(float(force_residual_n.std()), LEAST_WINDOW_SD_N),
-        force_run_sd_n=max(float(means.std()), LEAST_RUN_SD_N),
+        force_window_sd_n=max(float(force_residual_n.std()), SLIP_FIT.surface.least_window_sd_n),
+        force_run_sd_n=max(float(means.std()), SLIP_FIT.surface.least_run_sd_n),
         speed_range_m_s=(low, high),
     )
 
@@ -139,7 +127,7 @@ def _fit_curve(
     direction: Array, speed: Array, values: Array, weights: Array, with_speed: bool
 ) -> tuple[DirectionCurve, Array]:
     """Return the curve by ridge regression, and its residuals."""
-    orders = np.arange(1, HARMONICS + 1)
+    orders = np.arange(1, SLIP_FIT.surface.harmonics + 1)
     middle = float(speed.mean())
     angles = np.outer(direction, orders)
     columns = [np.ones(len(values)), *np.cos(angles).T, *np.sin(angles).T]
@@ -149,12 +137,12 @@ def _fit_curve(
         penalties.append(0.0)
     matrix = np.column_stack(columns)
     weighted = matrix.T * weights
-    normal = weighted @ matrix + RIDGE * np.diag(np.square(penalties))
+    normal = weighted @ matrix + SLIP_FIT.surface.ridge * np.diag(np.square(penalties))
     factors = np.linalg.solve(normal, weighted @ values)
     curve = DirectionCurve(
         mean=float(factors[0]),
-        cosines=tuple(factors[1 : HARMONICS + 1].tolist()),
-        sines=tuple(factors[HARMONICS + 1 : 2 * HARMONICS + 1].tolist()),
+        cosines=tuple(factors[1 : SLIP_FIT.surface.harmonics + 1].tolist()),
+        sines=tuple(factors[SLIP_FIT.surface.harmonics + 1 : 2 * SLIP_FIT.surface.harmonics + 1].tolist()),
         speed_slope=float(factors[-1]) if with_speed else 0.0,
         speed_m_s=middle,
     )

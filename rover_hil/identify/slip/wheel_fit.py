@@ -9,13 +9,11 @@ from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_map import Feature, MonotoneMap, PolynomialMap, TractionMap, WheelMap
 from drivers.errors import ConfigError, LogError
 from rover_hil.datasets.arrays import Array
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
 
-VALID_QUANTILES = (0.005, 0.995)
-TABLE_POINTS = 25
 POINT_DECIMALS = 4
 LEAST_SPAN = 10.0 ** (1 - POINT_DECIMALS)
-LEAST_SAMPLES = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +48,10 @@ def collect_samples(runs: Sequence[RunWindows], m_per_px: float) -> WheelSamples
         features = (run.paper_torque_nm, run.current_a, run.wheel_torque_nm)
         columns.append(np.stack([slip[usable], *((forward * values)[usable] for values in features)]))
     table = np.concatenate(columns, axis=1)
-    if table.shape[1] < LEAST_SAMPLES:
+    if table.shape[1] < SLIP_FIT.wheel.least_samples:
         raise LogError(
             f"{len(runs)} training runs hold {table.shape[1]} usable wheel windows, fewer than "
-            f"{LEAST_SAMPLES}: give more runs, with currents below the sensor's end"
+            f"{SLIP_FIT.wheel.least_samples}: give more runs, with currents below the sensor's end"
         )
     samples = WheelSamples(*table)
     for name in ("current_a", "paper_torque_nm", "wheel_torque_nm"):
@@ -118,7 +116,7 @@ def fit_parabola(samples: WheelSamples, feature: Feature) -> PolynomialMap:
 
 
 def fit_monotone(samples: WheelSamples, feature: Feature) -> MonotoneMap:
-    """Fit a curve that never falls (isotonic regression), kept at `TABLE_POINTS` quantiles of the feature."""
+    """Fit a curve that never falls (isotonic regression), kept at some quantiles of the feature."""
     values = samples.feature(feature)
     low, high = valid_range(values)
     points, slips = fit_rising_table(values, samples.slip)
@@ -136,8 +134,11 @@ def fit_rising_table(values: Array, slip: Array) -> tuple[tuple[float, ...], tup
     except ImportError as error:
         raise _scikit_missing() from error
     curve = IsotonicRegression(out_of_bounds="clip").fit(values, slip)
+    tail = SLIP_FIT.wheel.tail
     # Rounded, so that points stay apart when they are written with few digits.
-    points = np.unique(np.quantile(values, np.linspace(*VALID_QUANTILES, TABLE_POINTS)).round(POINT_DECIMALS))
+    points = np.unique(
+        np.quantile(values, np.linspace(tail, 1.0 - tail, SLIP_FIT.wheel.table_points)).round(POINT_DECIMALS)
+    )
     slips = np.maximum.accumulate(curve.predict(points))
     return tuple(points.tolist()), tuple(slips.tolist())
 
@@ -166,7 +167,8 @@ def fit_traction(samples: WheelSamples, feature: Feature) -> TractionMap:
 
 def valid_range(values: Array) -> tuple[float, float]:
     """Return the range that holds nearly all training values."""
-    low, high = np.quantile(values, VALID_QUANTILES).tolist()
+    tail = SLIP_FIT.wheel.tail
+    low, high = np.quantile(values, (tail, 1.0 - tail)).tolist()
     return low, high
 
 

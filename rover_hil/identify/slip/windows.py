@@ -14,20 +14,11 @@ import numpy as np
 from controllers.slip.effort.motor_model import EffortObserver, MotorSettings, WheelEffort
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags, in_body_frame
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, RunWindows, to_wheels
 
-WINDOW_S = 0.5
-LEAST_WINDOW_S = 0.25
-LEAST_READINGS = 4
-LONGEST_WINDOW_S = 2.5
-"""With pose fixes: long enough for one fix every two seconds, short enough for slip to stay alike."""
-SLIP_SD = 0.05
-"""Greatest standard deviation of a window's slip by the noise of its fixes: about as much as slip scatters
-around the maps of the measured runs."""
-JUMP_SHARE, JUMP_SDS = 1.5, 5.0
-"""A fix further away than this share of the wheels' distance and so many standard deviations is wrong."""
-NO_FIX = f"no pose fix for more than {LONGEST_WINDOW_S:g} s"
-TOO_NOISY = f"too little motion within {LONGEST_WINDOW_S:g} s for the noise of the pose fixes"
+NO_FIX = f"no pose fix for more than {SLIP_FIT.window.longest_s:g} s"
+TOO_NOISY = f"too little motion within {SLIP_FIT.window.longest_s:g} s for the noise of the pose fixes"
 CONTRADICTION = "a pose fix further away than the wheels can have moved"
 
 
@@ -83,12 +74,16 @@ def slip_problem(run: MeasuredRun, start: int, end: int, moved_m: float) -> str:
     if run.fix_sd_m is None:
         return ""
     sd_m = float(np.hypot(run.fix_sd_m[start], run.fix_sd_m[end]))
-    if np.hypot(*(run.camera[end] - run.camera[start])[:2]) > JUMP_SHARE * moved_m + JUMP_SDS * sd_m:
+    if (
+        np.hypot(*(run.camera[end] - run.camera[start])[:2])
+        > SLIP_FIT.window.jump_share * moved_m + SLIP_FIT.window.jump_sd * sd_m
+    ):
         return CONTRADICTION
     times_s = run.camera_t_s[start : end + 1]
-    if np.diff(times_s).max() > LONGEST_WINDOW_S:
+    if np.diff(times_s).max() > SLIP_FIT.window.longest_s:
         return NO_FIX
-    return TOO_NOISY if sd_m > SLIP_SD * moved_m or times_s[-1] - times_s[0] > LONGEST_WINDOW_S else ""
+    is_too_long = times_s[-1] - times_s[0] > SLIP_FIT.window.longest_s
+    return TOO_NOISY if is_too_long or sd_m > SLIP_FIT.window.slip_sd * moved_m else ""
 
 
 def _spans(run: MeasuredRun) -> tuple[list[tuple[int, int]], Counter[str]]:
@@ -102,12 +97,12 @@ def _spans(run: MeasuredRun) -> tuple[list[tuple[int, int]], Counter[str]]:
     for frame in frames[1:]:
         is_last = frame == frames[-1]
         elapsed_s = t_s[frame] - t_s[start]
-        if elapsed_s < (LEAST_WINDOW_S if is_last else WINDOW_S):
+        if elapsed_s < (SLIP_FIT.window.least_length_s if is_last else SLIP_FIT.window.length_s):
             continue
         problem = slip_problem(
             run, start, frame, float(np.abs(positions_m[frame] - positions_m[start]).max())
         )
-        if problem == TOO_NOISY and elapsed_s < LONGEST_WINDOW_S and not is_last:
+        if problem == TOO_NOISY and elapsed_s < SLIP_FIT.window.longest_s and not is_last:
             continue  # longer, it may be known well enough
         if problem:
             rejected[problem] += 1
@@ -117,9 +112,10 @@ def _spans(run: MeasuredRun) -> tuple[list[tuple[int, int]], Counter[str]]:
     if rejected and not spans:
         counts = ", ".join(f"{reason} ({count})" for reason, count in rejected.items())
         raise LogError(f"{run.path}: no window of its {run.truth} can be used: {counts}")
-    if not spans or len(run.t_s) < LEAST_READINGS:
+    if not spans or len(run.t_s) < SLIP_FIT.window.least_readings:
         raise LogError(
-            f"{run.path} holds less than {WINDOW_S} s of camera and wheels together: give a longer run"
+            f"{run.path} holds less than {SLIP_FIT.window.length_s} s of camera and wheels together: "
+            "give a longer run"
         )
     return spans, rejected
 

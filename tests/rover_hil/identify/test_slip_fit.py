@@ -8,8 +8,9 @@ import pytest
 
 from controllers.slip.effort.slip_map import PolynomialMap, TractionMap, slip_at
 from drivers.errors import ConfigError, LogError
-from rover_hil.identify.slip.camera_scale import CALIBRATED_MM_PER_PX, NOMINAL_MM_PER_PX, find_scale
+from rover_hil.identify.slip.camera_scale import NOMINAL_MM_PER_PX, find_scale
 from rover_hil.identify.slip.identification import fit_maps, identify_slip_maps
+from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.scores import BEST, BEST_KNOWN, ENCODER, Score, score_runs
 from rover_hil.identify.slip.surface_fit import fit_surface_map
@@ -213,7 +214,7 @@ def test_an_error_of_scale_is_told_from_slip() -> None:
 def test_without_the_table_the_known_scale_is_taken_and_said() -> None:
     runs = [dataclasses.replace(run, surface="lawn") for run in table_runs(2.1)]
     scale = find_scale(runs)
-    assert (scale.mm_per_px, scale.is_scale_error) == (CALIBRATED_MM_PER_PX, None)
+    assert (scale.mm_per_px, scale.is_scale_error) == (SLIP_FIT.camera.calibrated_mm_per_px, None)
     assert "a scale error cannot be distinguished from slip" in scale.verdict
 
 

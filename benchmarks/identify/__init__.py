@@ -1,0 +1,1 @@
+"""Benchmarks of the identification of motors, slip maps and sComp."""
