@@ -57,7 +57,7 @@ EXCITATION = YawExcitationMap(
     source="simulated",
     amplitude_rad_s=0.5,
     frequency_hz=5.0,
-    lost=(0.0, 1.0),
+    transmission_losses=(0.0, 1.0),
     slips=(0.0, 1.0),
     slip_sd=0.1,
     directions_rad=(0.0,),
@@ -99,7 +99,7 @@ def motor_figures(records: Mapping[str, tuple[MotorRecord, dict[str, float]]]) -
 def shaken_drive(seed: int) -> MeasuredRun:
     """Return a drive to the left with yaw excitation; each stretch has another transmission loss."""
     rng, period_s = np.random.default_rng(seed), 0.02
-    t_s = period_s * np.arange(1, round(len(LOSSES) * STRETCH_S / period_s))
+    t_s = np.asarray(period_s * np.arange(1, round(len(LOSSES) * STRETCH_S / period_s)), np.float64)
     lost = np.array(LOSSES)[(t_s / STRETCH_S).astype(int)] + 0.01 * rng.normal(size=t_s.size)
     rates = 0.5 * np.sin(math.tau * 5.0 * t_s)
     kinematics = OmniKinematics(ROBOTINO)
