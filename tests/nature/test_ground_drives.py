@@ -15,7 +15,7 @@ from tests.nature.ground_drives.camera import HEIGHT, WIDTH, draw_rig
 from tests.nature.ground_drives.draw import World, draw_world
 from tests.nature.ground_drives.ground import Ground, Terrain
 from tests.nature.ground_drives.light import Box, ShadowPlane, Sun, self_shadow, shade
-from tests.nature.ground_drives.noise import Image, Points
+from tests.nature.ground_drives.noise import Points
 from tests.nature.ground_drives.rut import Pass, Strength, Tread, print_pass
 
 FOLDER = Path(ground_drives.__file__).parent
@@ -233,6 +233,20 @@ def test_bars_stand_closer_on_the_ground_when_the_wheel_slips(slip: float) -> No
     assert pitch_m == pytest.approx(0.024 * (1.0 - slip), rel=0.03)
 
 
+def test_bars_lie_along_the_axle_of_a_wheel_that_slides() -> None:
+    ground = _flat()
+    print_pass(np.random.default_rng(1), ground, _straight_pass(0.3, slip_angle_rad=0.3), TREAD, STRENGTH)
+    pitch_m = 0.024 * 0.7
+    x = 0.002 * np.arange(60, 340)
+    phases = []
+    for row in (140, 160):  # 0.02 m to the right and to the left of the path
+        floor = ground.height[row - 2 : row + 3, 60:340].mean(axis=0)
+        phases.append(np.angle(np.sum((floor - floor.mean()) * np.exp(-2j * np.pi * x / pitch_m))))
+    moved = np.angle(np.exp(1j * (phases[1] - phases[0])))
+    expected = np.angle(np.exp(-2j * np.pi * 0.04 * np.tan(0.3) / pitch_m))
+    assert np.angle(np.exp(1j * (moved - expected))) == pytest.approx(0.0, abs=0.4)
+
+
 def test_hard_ground_takes_no_print() -> None:
     ground = _flat()
     path = _straight_pass()
@@ -269,20 +283,22 @@ def test_the_shadow_of_a_part_lies_where_the_sun_puts_it() -> None:
     assert (x, y) == pytest.approx((-0.9, 0.2), abs=0.005)
 
 
-def _still_pictures(scene: str, parts: bool) -> tuple[Image, Image]:
-    world = _blank(draw_world(scene, 2, 40))
-    if not parts:
-        world = replace(world, shadows=replace(world.shadows, parts=()))
-    renderer = Renderer(scene, 2, 40, world)
-    return renderer.light(0.5), renderer.light(6.0)
-
-
 def test_the_rovers_own_shadow_stays_in_the_picture_while_the_rover_moves() -> None:
-    first, second = _still_pictures("bare_shadow", parts=True)
-    without, _ = _still_pictures("bare_shadow", parts=False)
-    share = float((first.mean(axis=2) < 0.6 * without.mean(axis=2)).mean())
-    assert share > 0.03
+    world = _blank(draw_world("bare_shadow", 2, 40))
+    bare = replace(world, shadows=replace(world.shadows, parts=()))
+    renderer = Renderer("bare_shadow", 2, 40, world)
+    first, second = renderer.light(0.5), renderer.light(6.0)
     assert np.abs(first - second).max() < 0.02 * float(first.max())
+    # It is dark where the part of the ground that a pixel sees, in the rover's frame, lies in shadow.
+    dark = first.mean(axis=2) < 0.6 * Renderer("bare_shadow", 2, 40, bare).light(0.5).mean(axis=2)
+    plane, rig = world.shadows, world.rig
+    expected = plane.transmission(world.sun, (0.0, 0.0, 0.0), np.eye(3), 0.0) < 0.55
+    rows, columns = np.mgrid[0:HEIGHT:4, 0:WIDTH:4]
+    rays = rig.rays(columns.ravel().astype(np.float64), rows.ravel().astype(np.float64))
+    ground = rig.position[:2] + rays[:, :2] * (rig.position[2] / -rays[:, 2:])
+    column, row = np.round((ground - plane.left_back) / plane.cell_m).astype(int).T
+    assert 0.05 < float(dark.mean()) < 0.95
+    assert float((expected[row, column] == dark[::4, ::4].ravel()).mean()) > 0.98
 
 
 def test_the_rovers_own_shadow_turns_in_the_picture_when_the_rover_turns() -> None:

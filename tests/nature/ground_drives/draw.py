@@ -123,7 +123,7 @@ def draw_world(scene: str, seed: int, frames: int) -> World:
         _draw_cloud(generator(scene, seed, "cloud"), recipe, len(motion.time_s)),
         _draw_sensor(generator(scene, seed, "sensor"), recipe),
         _draw_sensors(generator(scene, seed, "sensors")),
-        np.radians(0.6) * smooth_noise(generator(scene, seed, "compass"), len(motion.time_s), 6.0),
+        _draw_compass(generator(scene, seed, "compass"), len(motion.time_s)),
     )
 
 
@@ -468,13 +468,17 @@ def _draw_sensor(rng: np.random.Generator, recipe: Recipe) -> Sensor:
     )
 
 
+def _draw_compass(rng: np.random.Generator, count: int) -> Points:
+    """Return the slow disturbance of the compass every 10 ms, rad: iron in ground and rover."""
+    return np.asarray(np.radians(rng.uniform(0.1, 0.8)) * smooth_noise(rng, count, 6.0), np.float64)
+
+
 def _draw_sensors(rng: np.random.Generator) -> Sensors:
     return Sensors(
         wheel_noise=rng.uniform(0.001, 0.006),
         wheel_scale=rng.normal(0.0, 0.004),
         compass_noise_deg=rng.uniform(0.2, 0.6),
         compass_offset_deg=rng.normal(0.0, 0.8),
-        compass_wander_deg=rng.uniform(0.1, 0.8),
         gyro_noise_dps=rng.uniform(0.05, 0.2),
         gyro_offset_dps=tuple(rng.normal(0.0, 0.08, 3).tolist()),
     )

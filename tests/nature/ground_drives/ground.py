@@ -90,7 +90,7 @@ def scatter_stones(
     shapes = {int(r): stone_shapes(rng, int(r), 12) for r in np.unique(cells)}
     spread = rng.uniform(0.1, 0.35)
     tones = np.exp(rng.normal(0.0, spread, count))
-    hues = np.exp(rng.normal(0.0, 0.3 * spread, (count, 3)))
+    hues = np.exp(rng.normal(0.0, 0.15 * spread, (count, 3)))
     tops, lefts = rng.integers(0, rows, count), rng.integers(0, columns, count)
     for i in np.argsort(radii):
         r = int(cells[i])

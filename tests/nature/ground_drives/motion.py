@@ -163,7 +163,6 @@ class Sensors:
     wheel_scale: float
     compass_noise_deg: float
     compass_offset_deg: float
-    compass_wander_deg: float
     gyro_noise_dps: float
     gyro_offset_dps: tuple[float, float, float]
 
