@@ -230,13 +230,14 @@ def _own_trace(
 def _old_traces(rng: np.random.Generator, recipe: Recipe, rig: Rig, motion: Motion, ground: Ground) -> None:
     """Print traces of earlier drives of this rover and of other vehicles, more or less weathered."""
     own = Tread(rig.wheel_width_m, 2 * np.pi * rig.wheel_radius_m / rig.lugs)
+    others_only = recipe.prints == (NO_PRINT,)  # hard ground: the rover did not print earlier either
     for _ in range(whole(rng, recipe.old)):
         along = rng.uniform() < recipe.along
         turn = rng.normal(0.0, 0.12) if along else rng.uniform(0.3, np.pi - 0.3)
         middle = rng.choice(len(motion.time_s))
         side = rig.half_track_m + (rng.normal(0.0, 0.2) if along else rng.normal(0.0, 0.3))
         centre = np.asarray((motion.x[middle] - 0.7, motion.y[middle] + side))
-        if rng.uniform() < 0.5:
+        if rng.uniform() < 0.5 and not others_only:
             tread, tracks = own, [-2 * rig.half_track_m, 0.0]
         else:
             width = float(
@@ -250,7 +251,7 @@ def _old_traces(rng: np.random.Generator, recipe: Recipe, rig: Rig, motion: Moti
         rim = rng.uniform(1.0, 1.2)
         for offset in tracks:
             print_pass(rng, ground, _old_pass(centre, turn, bend, offset, rim), tread, strength)
-        weathered(rng, ground, before, rng.uniform(0.0, 0.7))
+        weathered(rng, ground, before, rng.uniform(0.2 if others_only else 0.0, 0.75))
 
 
 def _old_pass(centre: Points, turn: float, bend_per_m: float, offset_m: float, rim_per_m: float) -> Pass:
