@@ -150,7 +150,7 @@ class ControlLoop:
                 commanded_rad_s=self._commanded_rad_s,
                 measured_rad_s=odometry.wheel_speed_rad_s,
                 distance_m=distance_m,
-                is_still=self._estimator.is_still(now_ns),
+                is_still=self._estimator.is_still,
                 evidence=self._estimator.evidence,
                 gyro_bias_rad_s=estimate.gyro_bias_rad_s,
                 rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,

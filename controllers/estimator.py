@@ -40,6 +40,7 @@ class Estimator:
         odometry: Wheel odometry.
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
         evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
+        is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Estimator:
         self._driven_ns: int | None = None
         self._unseen = UnseenMotion(self._effects)
         self.evidence: TurnEvidence | None = None
+        self.is_still = False
         self._yaw_source = YawSource.WHEELS
         self._bias_seen_ns: int | None = None
         self.motion_ns: int | None = None
@@ -109,10 +111,12 @@ class Estimator:
             increment = self._slip.compensate(
                 increment, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
             )
-        is_still = self.is_still(now_ns)
+        is_still = self.is_still = self._is_still(now_ns)
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
-            self._wheel_turn = self._wheel_turn.add(self._effects, increment.turned_rad, increment.duration_s)
+            self._wheel_turn = self._wheel_turn.with_increment(
+                self._effects, increment.turned_rad, increment.duration_s
+            )
             self._fixes.move(self.motion_ns, self._move(increment, self._turn(increment, now_ns, is_still)))
         innovations = [
             self._correct_heading(sample, t_ns) for sample, t_ns in self._headings if self._is_usable(t_ns)
@@ -124,7 +128,8 @@ class Estimator:
         if is_still and gyro.t_ns != self._bias_seen_ns and self._roles.gyro is not None:
             self._bias_seen_ns = gyro.t_ns
             innovations.append(self._filter.correct_bias(self._roles.gyro, gyro.rate_rad_s))
-        self._unseen.limit(*self._variances())
+        if self.unseen_m or self.unseen_rad:
+            self._unseen.limit(*self._variances())
         return tuple(innovations)
 
     def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float) -> None:
@@ -137,7 +142,7 @@ class Estimator:
         x_m, y_m, by_wheels_rad = greatest_motion(self._effects, wheel_rad or (0.0,) * len(self._effects))
         self._widen((x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0)))
 
-    def is_still(self, now_ns: int) -> bool:
+    def _is_still(self, now_ns: int) -> bool:
         """Return whether the wheels have been at rest for a while, as commanded.
 
         Encoders that are stuck must not pass for rest: the gyro's bias would be what the rover turns.

@@ -44,6 +44,7 @@ class _ExtendedKalmanFilter(Protocol):
     P: Array
     F: Array
     Q: Array
+    predict_x: Callable[[float], None]
 
     def predict(self) -> None: ...
 
@@ -73,10 +74,14 @@ class GuardedFilter:
     ) -> None:
         # Imported here because it pulls in scipy.stats: about a second that `--help` must not cost.
         from filterpy.kalman import ExtendedKalmanFilter
+        from scipy.linalg.lapack import dpotrf
 
+        self._factorise: Callable[[Array], tuple[Array, int]] = dpotrf
         self._filter: _ExtendedKalmanFilter = ExtendedKalmanFilter(dim_x=len(state), dim_z=1)
         self._filter.x = np.array(state, dtype=float)
         self._filter.P = np.diag(np.array(variances, dtype=float))
+        # F x is right for a linear model only; `predict` is given the state.
+        self._filter.predict_x = lambda _: None
         self._angles = tuple(angles)
         self._gate_probability = gate_probability
         # With one degree of freedom the chi-square quantile is that of a normal deviate, squared.
@@ -109,11 +114,9 @@ class GuardedFilter:
         if not 0.0 <= dt_s < math.inf:
             return False
         before = (self._filter.x, self._filter.P)
-        self._filter.F, self._filter.Q = transition, noise
+        self._filter.x, self._filter.F, self._filter.Q = np.array(state, dtype=float), transition, noise
         with np.errstate(all="ignore"):
             self._filter.predict()
-        # filterpy has moved x by F x, which is right for a linear model only.
-        self._filter.x = np.array(state, dtype=float)
         return self._settle(before)
 
     def update(self, name: str, residual: float, row: Array, variance: float) -> Innovation:
@@ -190,24 +193,22 @@ class GuardedFilter:
     def _settle(self, before: tuple[Array, Array]) -> bool:
         """Wrap angles and make the covariance valid; return to `before` if a number is not finite."""
         state, covariance = self._filter.x, self._filter.P
-        if not (math.isfinite(float(state.sum())) and math.isfinite(float(covariance.sum()))):
+        if not (math.isfinite(sum(state.tolist())) and math.isfinite(float(covariance.sum()))):
             self._filter.x, self._filter.P = before
             return False
         for index in self._angles:
             state[index] = wrap_angle(float(state[index]))
-        self._filter.P = _positive(0.5 * (covariance + covariance.T))
+        covariance = 0.5 * (covariance + covariance.T)
+        _, failed_at = self._factorise(covariance)
+        self._filter.P = _lift(covariance) if failed_at else covariance
         return True
 
 
-def _positive(covariance: Array) -> Array:
-    """Return the symmetric matrix, its eigenvalues raised above zero where rounding made it indefinite."""
-    try:
-        np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError:
-        # As correlations, so that a large variance does not drown a small one.
-        scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-        scales = np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(covariance / scales)
-        lifted: Array = (vectors * np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
-        return 0.5 * (lifted + lifted.T)
-    return covariance
+def _lift(covariance: Array) -> Array:
+    """Return the symmetric matrix that rounding made indefinite, its eigenvalues raised above zero."""
+    # As correlations, so that a large variance does not drown a small one.
+    scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    scales = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(covariance / scales)
+    lifted: Array = (vectors * np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
+    return 0.5 * (lifted + lifted.T)

@@ -82,6 +82,8 @@ class FixQueue:
 
     def move(self, t_ns: int, step: Step) -> None:
         """Record the step that ended at `t_ns`; after a gap the motion starts anew."""
+        if not self._newest_ns:
+            return
         start_ns = t_ns - nanoseconds(step.duration_s)
         marks = self._marks
         # Durations are rounded to less than a microsecond.

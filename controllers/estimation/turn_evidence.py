@@ -1,14 +1,12 @@
 """The same turn of the rover by gyro and by wheels, side by side."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple
 
 from controllers.motion.kinematics import BodyMotion
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WheelTurn:
+class WheelTurn(NamedTuple):
     """Turn of the rover by its wheels, as if they rolled, in rad over `duration_s`.
 
     Attributes:
@@ -25,7 +23,9 @@ class WheelTurn:
         """The turn, positive to the left."""
         return self.left_rad - self.right_rad
 
-    def add(self, effects: Sequence[BodyMotion], turned_rad: Sequence[float], duration_s: float) -> Self:
+    def with_increment(
+        self, effects: Sequence[BodyMotion], turned_rad: Sequence[float], duration_s: float
+    ) -> "WheelTurn":
         """Return this turn with one more increment.
 
         Args:
@@ -33,16 +33,19 @@ class WheelTurn:
             turned_rad: Angle of each wheel.
             duration_s: Of the increment.
         """
-        parts = [effect[2] * angle for effect, angle in zip(effects, turned_rad, strict=True)]
-        return type(self)(
+        left_rad = right_rad = 0.0
+        for effect, angle_rad in zip(effects, turned_rad, strict=True):
+            part_rad = effect[2] * angle_rad
+            left_rad += max(0.0, part_rad)
+            right_rad += max(0.0, -part_rad)
+        return WheelTurn(
             duration_s=self.duration_s + duration_s,
-            left_rad=self.left_rad + sum(part for part in parts if part > 0.0),
-            right_rad=self.right_rad - sum(part for part in parts if part < 0.0),
+            left_rad=self.left_rad + left_rad,
+            right_rad=self.right_rad + right_rad,
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TurnEvidence:
+class TurnEvidence(NamedTuple):
     """One interval that both gyro and wheels have measured.
 
     Attributes:

@@ -18,7 +18,7 @@ class UnseenMotion:
 
     def __init__(self, effects: Sequence[BodyMotion]) -> None:
         self._effects = effects
-        self._fastest_rad_s = [0.0] * len(effects)
+        self._speeds_rad_s: tuple[Sequence[float], ...] = ([0.0] * len(effects),)
         self._position_m2 = 0.0
         self._yaw_rad2 = 0.0
 
@@ -34,9 +34,7 @@ class UnseenMotion:
 
     def note_speeds(self, *speeds_rad_s: Sequence[float], is_measured: bool) -> None:
         """Take measured speeds and set-points; while the wheels are not measured the fastest ones hold."""
-        if not is_measured:
-            speeds_rad_s = (self._fastest_rad_s, *speeds_rad_s)
-        self._fastest_rad_s = [max(speeds, key=abs) for speeds in zip(*speeds_rad_s, strict=True)]
+        self._speeds_rad_s = speeds_rad_s if is_measured else (self._fastest_rad_s(), *speeds_rad_s)
 
     def greatest_motion(self, duration_s: float, turn_unknown_s: float) -> BodyMotion:
         """Return how far the rover can have moved.
@@ -59,5 +57,8 @@ class UnseenMotion:
         self._position_m2 = min(self._position_m2, position_m2)
         self._yaw_rad2 = min(self._yaw_rad2, yaw_rad2)
 
+    def _fastest_rad_s(self) -> list[float]:
+        return [max(speeds, key=abs) for speeds in zip(*self._speeds_rad_s, strict=True)]
+
     def _reach(self, duration_s: float) -> BodyMotion:
-        return greatest_motion(self._effects, [speed * duration_s for speed in self._fastest_rad_s])
+        return greatest_motion(self._effects, [speed * duration_s for speed in self._fastest_rad_s()])

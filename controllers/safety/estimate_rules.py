@@ -31,29 +31,22 @@ class UnseenMotionRule(StopRule):
     """
 
     def __init__(self, settings: UnseenSettings, roles: DeviceRoles) -> None:
-        self._limits = (settings.unseen_position_m, settings.unseen_yaw_rad)
-        self._severities = (
-            Severity.STOP if roles.fixes else Severity.FINAL,
-            Severity.STOP if roles.fixes or roles.headings else Severity.FINAL,
-        )
+        self._settings = settings
+        self._position_severity = Severity.STOP if roles.fixes else Severity.FINAL
+        self._yaw_severity = Severity.STOP if roles.fixes or roles.headings else Severity.FINAL
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return a reason for position and yaw where they are too uncertain."""
-        found = zip(
-            ("position", "yaw"),
-            (cycle.unseen_m, cycle.unseen_rad),
-            ("m", "rad"),
-            self._limits,
-            self._severities,
-            strict=True,
-        )
-        for what, unseen, unit, limit, severity in found:
-            if unseen > limit:
-                text = (
-                    f"pose filter: {what} uncertain by {unseen:.2f} {unit}, motion was not measured: "
-                    f"needs {'a fix' if severity is Severity.STOP else 'a restart at a known pose'}"
-                )
-                yield StopReason(f"unseen {what}", text, severity)
+        if cycle.unseen_m > self._settings.unseen_position_m:
+            yield _unseen("position", f"{cycle.unseen_m:.2f} m", self._position_severity)
+        if cycle.unseen_rad > self._settings.unseen_yaw_rad:
+            yield _unseen("yaw", f"{cycle.unseen_rad:.2f} rad", self._yaw_severity)
+
+
+def _unseen(what: str, by: str, severity: Severity) -> StopReason:
+    needed = "a fix" if severity is Severity.STOP else "a restart at a known pose"
+    text = f"pose filter: {what} uncertain by {by}, motion was not measured: needs {needed}"
+    return StopReason(f"unseen {what}", text, severity)
 
 
 class MotionRule(StopRule):
@@ -63,13 +56,13 @@ class MotionRule(StopRule):
     """
 
     def __init__(self, roles: DeviceRoles) -> None:
-        self._roles = roles
+        self._limit_ns = nanoseconds(roles.motion_age_s)
+        self._text = f"{roles.wheels}: no wheel motion measured for {roles.motion_age_s:g} s"
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return a reason when the motion is unknown for too long."""
-        age_s = self._roles.motion_age_s
-        if cycle.motion_ns is None or cycle.now_ns - cycle.motion_ns > nanoseconds(age_s):
-            yield StopReason("no motion", f"{self._roles.wheels}: no wheel motion measured for {age_s:g} s")
+        if cycle.motion_ns is None or cycle.now_ns - cycle.motion_ns > self._limit_ns:
+            yield StopReason("no motion", self._text)
 
 
 class FiniteEstimateRule(StopRule):

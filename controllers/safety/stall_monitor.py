@@ -79,7 +79,7 @@ class StallMonitor(StopRule):
                 self._wheels[wheel] = _Wheel()
             else:
                 self._count(self._wheels[wheel], elapsed_ns, commanded, turning)
-            yield from self._judge(wheel, commanded, measured)
+                yield from self._judge(wheel, commanded, measured)
 
     def _least_speed(self, set_point_rad_s: float) -> float:
         settings = self._settings

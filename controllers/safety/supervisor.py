@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.settings import SafetySettings, make_rules
 from drivers.clock import nanoseconds
 from drivers.samples import Sample
@@ -57,6 +57,8 @@ class SafetySupervisor:
     def __init__(self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> None:
         self._settings = settings
         self._rules = make_rules(settings, roles, wheel_count)
+        # Most rules need no samples, and there are many samples.
+        self._observers = [rule for rule in self._rules if type(rule).observe is not StopRule.observe]
         self._stops: dict[str, _Stops] = {}
         self._healthy_since_ns: int | None = None
         self._doubted_rad: dict[str, float] = {}
@@ -66,7 +68,7 @@ class SafetySupervisor:
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
-        for rule in self._rules:
+        for rule in self._observers:
             rule.observe(sample, t_ns)
 
     def update(self, cycle: Cycle) -> None:

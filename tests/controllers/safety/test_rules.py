@@ -119,7 +119,7 @@ def test_the_motion_may_be_unknown_for_twice_the_age_limit_of_the_wheels(
     motion_ms: int | None, stops: bool
 ) -> None:
     motion_ns = None if motion_ms is None else motion_ms * MS
-    found = check(MotionRule(ROLES), cycle=replace(CYCLE, motion_ns=motion_ns))
+    found = check(MotionRule(ROLES), cycle=CYCLE._replace(motion_ns=motion_ns))
     reason = StopReason("no motion", "wheels: no wheel motion measured for 0.2 s")
     assert found == ([reason] if stops else [])
 
@@ -128,7 +128,7 @@ def test_the_estimate_must_be_finite() -> None:
     rule = FiniteEstimateRule()
     assert check(rule) == []
     reason = StopReason("not finite", "pose filter: the estimate is not finite")
-    assert check(rule, cycle=replace(CYCLE, estimate_is_finite=False)) == [reason]
+    assert check(rule, cycle=CYCLE._replace(estimate_is_finite=False)) == [reason]
 
 
 def test_before_the_first_cycle_the_supervisor_has_no_reason() -> None:
