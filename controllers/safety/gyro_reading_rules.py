@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Annotated
 
@@ -47,36 +48,43 @@ STANDARD_ERRORS = 4.0
 """The average at rest counts with this many of its standard errors; chosen by hand."""
 
 
+@dataclass(slots=True)
+class _Stuck:
+    """Time for which the wheels have turned since the reading changed, and their difference to the gyro."""
+
+    duration_s: float = 0.0
+    difference_rad: float = 0.0
+
+
 class StuckGyroRule(StopRule):
     """Stops when the gyro repeats one reading while the wheels turn: noise changes every reading."""
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._gyro = roles.gyro
-        self._reading_rad_s = math.nan
-        self._stuck_s = 0.0
-        self._wheels_rad = 0.0
+        self._reading_rad_s: float | None = None
+        self._stuck = _Stuck()
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a reading of the gyro."""
         if isinstance(sample, RateSample) and sample.device == self._gyro:
             if sample.rate_z_rad_s != self._reading_rad_s:
-                self._stuck_s = self._wheels_rad = 0.0
+                self._stuck = _Stuck()
             self._reading_rad_s = sample.rate_z_rad_s
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Count the time while wheels turned and the reading stayed; return a reason when it is too long."""
         if cycle.is_still:
-            self._stuck_s = self._wheels_rad = 0.0
-        elif cycle.evidence is not None:
-            self._stuck_s += cycle.evidence.wheels.duration_s
-            self._wheels_rad += abs(cycle.evidence.wheels.turn_rad - cycle.evidence.gyro_rad)
-        if self._stuck_s > self._settings.gyro_stuck_s:
+            self._stuck = _Stuck()
+        elif cycle.evidence is not None and self._reading_rad_s is not None:
+            self._stuck.duration_s += cycle.evidence.wheels.duration_s
+            self._stuck.difference_rad += abs(cycle.evidence.wheels.turn_rad - cycle.evidence.gyro_rad)
+        if self._stuck.duration_s > self._settings.gyro_stuck_s:
             text = (
                 f"{self._gyro}: yaw rate stuck at {self._reading_rad_s:g} rad/s for "
                 f"{self._settings.gyro_stuck_s:g} s while the wheels turned"
             )
-            yield StopReason("gyro stuck", text, yaw_rad=self._wheels_rad)
+            yield StopReason("gyro stuck", text, yaw_rad=self._stuck.difference_rad)
 
 
 class GyroJumpRule(StopRule):
@@ -99,13 +107,13 @@ class GyroJumpRule(StopRule):
         if not isinstance(sample, RateSample) or sample.device != self._gyro:
             return
         rate_rad_s = sample.rate_z_rad_s
-        steady_ns, steady_rad_s = self._steady or (t_ns, rate_rad_s)
+        steady_ns, steady_rad_s = (t_ns, rate_rad_s) if self._steady is None else self._steady
         change_rad_s = rate_rad_s - steady_rad_s
         is_sudden = self._sudden is not None or t_ns - steady_ns <= JUMP_NS
         if not is_sudden or abs(change_rad_s) <= self._settings.gyro_jump_rad_s:
             self._steady, self._sudden = (t_ns, rate_rad_s), None
             return
-        if self._sudden is None or self._sudden[1] * change_rad_s <= 0.0:
+        if self._sudden is None or math.copysign(1.0, self._sudden[1]) != math.copysign(1.0, change_rad_s):
             self._sudden = (t_ns, change_rad_s)
             return
         if self._jump is None:
@@ -124,8 +132,8 @@ class GyroJumpRule(StopRule):
                 self._jump = None
         if self._jump is not None and self._cycles >= CYCLES:
             jump_ns, change_rad_s = self._jump
-            turned_rad = abs(change_rad_s) * seconds(max(0, cycle.now_ns - jump_ns))
-            text = f"{self._gyro}: yaw rate jumped by {change_rad_s:.2f} rad/s within {JUMP_NS / 1e9:g} s"
+            turned_rad = abs(change_rad_s) * seconds(cycle.now_ns - jump_ns)
+            text = f"{self._gyro}: yaw rate jumped by {change_rad_s:.2f} rad/s within {seconds(JUMP_NS):g} s"
             yield StopReason("gyro jump", text, yaw_rad=turned_rad)
 
     def _is_of_wheels(self) -> bool:

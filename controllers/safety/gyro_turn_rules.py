@@ -118,8 +118,9 @@ class GyroFollowsRule(StopRule):
     def _take(self, evidence: TurnEvidence) -> None:
         settings, moments, wheels = self._settings, self._moments, evidence.wheels
         moments.add(wheels.duration_s, wheels.turn_rad, evidence.gyro_rad)
-        is_turning = moments.wheel_variance > settings.gyro_follow_rad_s**2
-        if is_turning and moments.covariance < settings.gyro_follow_share * moments.wheel_variance:
+        wheel_variance = moments.wheel_variance
+        is_turning = wheel_variance > settings.gyro_follow_rad_s**2
+        if is_turning and moments.covariance < settings.gyro_follow_share * wheel_variance:
             self._lost_s += wheels.duration_s
             self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
         elif is_turning:
@@ -131,8 +132,6 @@ class _Moments:
 
     def __init__(self) -> None:
         self._weight = self._wheels = self._gyro = self._square = self._product = 0.0
-        self.wheel_variance = 0.0
-        self.covariance = 0.0
 
     def add(self, duration_s: float, wheels_rad: float, gyro_rad: float) -> None:
         wheels, gyro = wheels_rad / duration_s, gyro_rad / duration_s
@@ -142,6 +141,11 @@ class _Moments:
         self._gyro += share * (gyro - self._gyro)
         self._square += share * (wheels * wheels - self._square)
         self._product += share * (wheels * gyro - self._product)
-        mean_wheels = self._wheels / self._weight
-        self.wheel_variance = self._square / self._weight - mean_wheels**2
-        self.covariance = (self._product - mean_wheels * self._gyro) / self._weight
+
+    @property
+    def wheel_variance(self) -> float:
+        return self._square / self._weight - (self._wheels / self._weight) ** 2
+
+    @property
+    def covariance(self) -> float:
+        return (self._product - self._wheels / self._weight * self._gyro) / self._weight

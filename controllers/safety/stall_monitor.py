@@ -95,7 +95,8 @@ class StallMonitor(StopRule):
         if set_point >= settings.stall_set_point_rad_s:
             wheel.stalled_ns += elapsed_ns
         elif set_point >= settings.creep_set_point_rad_s:
-            wheel.creep_rad += commanded * seconds(elapsed_ns)
+            # Only the size of the sum counts, so that -= is as good.
+            wheel.creep_rad += commanded * seconds(elapsed_ns)  # pragma: no mutate
         wheel.missing_rad += math.copysign(set_point - turning, commanded) * seconds(elapsed_ns)
 
     def _judge(self, index: int, commanded: float, measured: float) -> Iterator[StopReason]:

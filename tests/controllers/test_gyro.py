@@ -49,3 +49,35 @@ def test_freshness_ends_after_150_ms() -> None:
     gyro.feed(0, 1.0)
     assert gyro.is_fresh(150 * MS)
     assert not gyro.is_fresh(150 * MS + 1)
+
+
+def test_readings_at_the_limits_count() -> None:
+    gyro = GyroIntegrator(0.15, 2.0)
+    assert gyro.rate_rad_s == 0.0
+    assert gyro.feed(100 * MS, 2.0)
+    assert gyro.is_fresh(250 * MS)
+    assert gyro.feed(250 * MS, -2.0)
+    assert gyro.take() == (0.0, 0.15)
+    assert not gyro.has_gap
+
+
+def test_a_reading_that_is_too_great_is_remembered_until_the_next_one() -> None:
+    gyro = GyroIntegrator(0.15, 2.0)
+    assert gyro.rejected_rad_s is None
+    assert not gyro.feed(0, -2.1)
+    assert gyro.rejected_rad_s == -2.1
+    assert gyro.feed(MS, 1.0)
+    assert gyro.rejected_rad_s is None
+
+
+def test_a_gap_is_remembered_until_it_is_cleared() -> None:
+    gyro = GyroIntegrator(0.15)
+    assert gyro.has_gap is False
+    gyro.feed(0, 1.0)
+    assert gyro.has_gap is False
+    gyro.feed(151 * MS, 1.0)
+    assert gyro.has_gap is True
+    gyro.feed(152 * MS, 1.0)
+    assert gyro.has_gap is True
+    gyro.clear_gap()
+    assert gyro.has_gap is False

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from controllers.estimation.turn_evidence import WheelTurn
 from controllers.estimation.unseen_motion import UnseenMotion
 from controllers.motion.kinematics import OmniKinematics, greatest_motion, wheel_effects
 from tests.controllers.simulated import OMNI
@@ -37,3 +38,54 @@ def test_what_a_measurement_has_removed_is_known_again() -> None:
     unseen.add(0.09, 0.04)
     unseen.limit(0.16, 0.01)
     assert (unseen.position_m, unseen.yaw_rad) == pytest.approx((0.3, 0.1))
+
+
+def test_before_the_first_speeds_nothing_is_unknown() -> None:
+    unseen = UnseenMotion(EFFECTS)
+    assert (unseen.position_m, unseen.yaw_rad) == (0.0, 0.0)
+    assert unseen.greatest_motion(1.0, 1.0) == (0.0, 0.0, 0.0)
+
+
+def test_variances_of_several_gaps_add_up() -> None:
+    unseen = UnseenMotion(EFFECTS)
+    unseen.add(0.05, 0.01)
+    unseen.add(0.04, 0.03)
+    assert (unseen.position_m, unseen.yaw_rad) == pytest.approx((0.3, 0.2))
+
+
+@pytest.mark.parametrize("turn_unknown_s", [0.25, 2.0])
+def test_an_unknown_turn_leads_to_the_side(turn_unknown_s: float) -> None:
+    unseen = UnseenMotion(EFFECTS)
+    unseen.note_speeds(OmniKinematics(OMNI).wheel_speeds(0.1, 0.0, 0.0), is_measured=True)
+    ahead_m, aside_m, _ = unseen.greatest_motion(2.0, 0.0)
+    x_m, y_m, yaw_rad = unseen.greatest_motion(2.0, turn_unknown_s)
+    assert yaw_rad == pytest.approx(turn_unknown_s * 0.1 * np.cos(np.radians(30.0)) / (3.0 * 0.125))
+    assert x_m == ahead_m
+    # Half of the product of distance and turn; one radian at most.
+    assert y_m == pytest.approx(aside_m + 0.5 * ahead_m * min(yaw_rad, 1.0))
+
+
+def test_speeds_of_a_wheel_must_not_be_missing() -> None:
+    unseen = UnseenMotion(EFFECTS)
+    unseen.note_speeds((1.0, 1.0, 1.0), (1.0, 1.0), is_measured=True)
+    with pytest.raises(ValueError, match="shorter"):
+        unseen.greatest_motion(1.0, 1.0)
+
+
+def test_the_wheels_turn_the_rover_to_both_sides_at_once() -> None:
+    effects = ((1.0, 0.0, 0.5), (0.0, 1.0, -0.25))
+    turn = WheelTurn().with_increment(effects, (0.25, 0.5), 0.125)
+    assert turn == WheelTurn(duration_s=0.125, left_rad=0.125, right_rad=0.125)
+    assert turn.turn_rad == 0.0
+    turn = turn.with_increment(effects, (-0.5, -1.0), 0.25)
+    assert turn == WheelTurn(duration_s=0.375, left_rad=0.375, right_rad=0.375)
+    turn = turn.with_increment(((0.0, 0.0, 1.0),) * 2, (1.0, 0.5), 0.5)
+    assert turn == WheelTurn(duration_s=0.875, left_rad=1.875, right_rad=0.375)
+    assert turn.turn_rad == 1.5
+    turn = turn.with_increment(((0.0, 0.0, 1.0),) * 2, (-1.0, -0.5), 0.125)
+    assert turn == WheelTurn(duration_s=1.0, left_rad=1.875, right_rad=1.875)
+
+
+def test_every_wheel_must_have_turned_by_a_known_angle() -> None:
+    with pytest.raises(ValueError, match="shorter"):
+        WheelTurn().with_increment(EFFECTS, (0.1, 0.1), 0.1)

@@ -101,7 +101,6 @@ def test_other_samples_do_not_change_the_reading() -> None:
 
 def test_rates_that_are_too_great_stop_when_no_other_has_come_for_the_age_limit() -> None:
     bench = Bench(GreatestRateRule(ROLES))
-    assert bench.cycle() == []
     for _ in range(2):
         for _ in range(5):
             assert bench.cycle(rejected_rad_s=30.0) == []
@@ -294,3 +293,93 @@ def test_after_a_pause_of_the_readings_any_change_is_possible() -> None:
     assert jumps.read(0.0, 1.0, 2.0, 3.0, period_s=0.051) == []
     jumps.rule.observe(PowerSample(device="imu", t_ns=0, voltage_v=24.0), 0)
     assert jumps.read(3.0, 4.0, 4.0, period_s=0.05) != []
+
+
+def turning(wheels_rad_s: float, duration_s: float = 0.25) -> TurnEvidence:
+    return TurnEvidence(
+        gyro_rad=0.0, wheels=WheelTurn(duration_s=duration_s, left_rad=wheels_rad_s * duration_s)
+    )
+
+
+def test_a_reading_may_stay_for_exactly_the_limit_and_there_must_be_one() -> None:
+    rule = StuckGyroRule(GyroReadingSettings(gyro_stuck_s=1.0), ROLES)
+    cycle = Cycle(now_ns=0, evidence=turning(0.5))
+    for _ in range(8):
+        assert list(rule.check(cycle)) == []
+    rule.observe(reading(0.2), 0)
+    for _ in range(4):
+        assert list(rule.check(cycle)) == []
+    assert list(rule.check(cycle)) != []
+
+
+def test_a_change_of_exactly_the_limit_is_no_jump() -> None:
+    jumps = Jumps()
+    jumps.rule = GyroJumpRule(GyroReadingSettings(gyro_jump_rad_s=0.5), ROLES)
+    assert jumps.read(0.25, 0.75, 0.75) == []
+    assert jumps.read(0.2, 0.2) != []
+
+
+def after_a_jump(*wheels_rad_s: float) -> list[bool]:
+    """Let the reading jump by 0.5 rad/s three cycles before the end; return which cycles gave a reason."""
+    rule = GyroJumpRule(SETTINGS, ROLES)
+    found: list[bool] = []
+    rule.observe(reading(0.0), 0)
+    for index, rate_rad_s in enumerate(wheels_rad_s):
+        if index == len(wheels_rad_s) - 3:
+            rule.observe(reading(0.5), nanoseconds(0.02))
+            rule.observe(reading(0.5), nanoseconds(0.04))
+        cycle = Cycle(now_ns=nanoseconds(0.04), evidence=turning(rate_rad_s))
+        found.append(bool(list(rule.check(cycle))))
+    return found
+
+
+def test_the_wheels_have_three_cycles_to_show_a_jump_of_their_own() -> None:
+    assert after_a_jump(0.0, 0.0, 0.0) == [False, False, True]
+    assert after_a_jump(0.0, 0.0, 0.0, 0.0) == [False] * 3 + [True]
+
+
+@pytest.mark.parametrize(
+    ("wheels_rad_s", "is_jump"),
+    [
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.26), False),
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.25), True),
+        ((0.0, 0.0, 0.26, 0.26, 0.26, 0.26), False),
+        ((0.0, 0.26, 0.26, 0.26, 0.26, 0.26), True),
+        ((0.0, 0.0, 0.26, 0.26, 0.26, 0.26, 0.26), True),
+    ],
+)
+def test_the_wheels_are_compared_from_two_cycles_before_the_jump_on(
+    wheels_rad_s: tuple[float, ...], is_jump: bool
+) -> None:
+    *before, last = after_a_jump(*wheels_rad_s)
+    assert (before, last) == ([False] * len(before), is_jump)
+
+
+def test_a_jump_of_the_wheels_in_the_third_cycle_settles_it() -> None:
+    rule = GyroJumpRule(SETTINGS, ROLES)
+    for t_s, rate_rad_s in ((0.0, 0.0), (0.02, 0.5), (0.04, 0.5)):
+        rule.observe(reading(rate_rad_s), nanoseconds(t_s))
+    for wheels_rad_s in (0.0, 0.0, 0.5, 0.5, 0.5):
+        assert list(rule.check(Cycle(now_ns=0, evidence=turning(wheels_rad_s)))) == []
+
+
+def test_one_average_follows_the_other_without_a_pause() -> None:
+    bench = rest_bench()
+    rest(bench, 0.07, 0.0, 16 * STEP_S)
+    found = rest(bench, 0.0, 0.0, 16 * STEP_S)
+    assert [bool(reasons) for reasons in found] == [True] * 14 + [False] * 2
+
+
+def test_a_change_and_an_offset_of_exactly_the_limit_give_no_reason() -> None:
+    settings = GyroReadingSettings(gyro_rest_s=0.3, gyro_rest_rad_s=0.0625, gyro_step_rad_s=0.0625)
+    bench = Bench(GyroRestRule(settings, ROLES))
+
+    def steady(rate_rad_s: float, **flags: bool) -> list[StopReason]:
+        found = [bench.cycle(*[reading(rate_rad_s)] * 2, **flags) for _ in range(20)]  # type: ignore[arg-type]
+        return flat(found)
+
+    steady(0.0, is_still=True)
+    steady(0.0)
+    assert steady(0.0625, is_still=True) == []
+    steady(0.0)
+    assert {reason.cause for reason in steady(0.063, is_still=True)} == {"gyro bias", "gyro rest"}

@@ -106,7 +106,7 @@ def turn(
 
 @pytest.mark.parametrize("share", [0.15, 0.5, 1.0, 1.3])
 def test_a_gyro_that_follows_is_right_however_much_the_wheels_slip(share: float) -> None:
-    assert turn(follows(), share, 5.0) == []
+    assert [reason for reasons in cycles(follows(), share, 5.0) for reason in reasons] == []
 
 
 @pytest.mark.parametrize(("share", "percent"), [(0.0, 0), (-1.0, -100), (0.05, 5)])
@@ -125,7 +125,7 @@ def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: fl
         "of the changes of the wheels' turn rate for 0.7 s: no signal, wrong axis, wrong sign, or wheels "
         "without grip",
     )
-    assert int(measured) == pytest.approx(percent, abs=4)
+    assert int(measured) == percent
     # As far as the two differ: the steady turn, and the gyro's bias the other way.
     assert reason.yaw_rad == pytest.approx(((1.0 - share) * 0.4 - 0.1) * STEP_S * len(severities), rel=0.1)
 
@@ -151,3 +151,34 @@ def test_a_pause_of_the_changes_neither_counts_nor_clears() -> None:
     assert [reason.severity for reason in turn(rule, 0.0, 0.1)] == [Severity.SIGN]
     assert [reason.severity for reason in turn(rule, 0.0, 5.0, amplitude_rad_s=0.0)] == [Severity.SIGN]
     assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.STOP]
+
+
+def test_the_difference_counts_from_the_rest() -> None:
+    rule = follows()
+    turn(rule, 0.0, 0.8)
+    assert check(rule, None, is_still=True) == []
+    found = cycles(rule, 0.0, 0.8)
+    (reason,) = found[-1]
+    assert reason.yaw_rad == pytest.approx(0.3 * STEP_S * sum(map(len, found)), rel=0.2)
+
+
+def test_the_limits_are_exact() -> None:
+    def step(
+        rule: GyroFollowsRule, wheels_rad_s: float, gyro_rad_s: float, duration_s: float
+    ) -> list[StopReason]:
+        wheels = WheelTurn(duration_s=duration_s, left_rad=wheels_rad_s * duration_s)
+        return check(rule, TurnEvidence(gyro_rad=gyro_rad_s * duration_s, wheels=wheels))
+
+    long_s, half_s = 1024.0, 0.25 * math.log(2.0)
+    """After the first the averages are those of its rates, after the second half-way to the next ones."""
+    rule = follows(gyro_follow_rad_s=0.0625)
+    assert step(rule, 0.0, 0.0, long_s) == []
+    assert step(rule, 0.125, 0.0, half_s) == []  # a standard deviation of 0.0625
+    rule = follows(gyro_follow_share=0.125)
+    assert step(rule, 0.0, 0.0, long_s) == []
+    assert step(rule, 0.125, 0.125 * 0.125, half_s) == []
+    rule = follows(gyro_follow_share=0.126, gyro_follow_s=2.0 * half_s)
+    assert step(rule, 0.0, 0.0, long_s) == []
+    (sign,) = step(rule, 0.125, 0.125 * 0.125, half_s)
+    (stop,) = step(rule, 0.125, 0.125 * 0.125, half_s)
+    assert (sign.severity, stop.severity) == (Severity.SIGN, Severity.STOP)

@@ -193,3 +193,29 @@ def test_a_wheel_without_a_measurement_is_an_error() -> None:
     monitor = StallMonitor(StallSettings(), 2)
     with pytest.raises(ValueError, match="argument 2 is shorter"):
         list(monitor.check(Cycle(now_ns=0, commanded_rad_s=(3.0, 3.0), measured_rad_s=(0.0,))))
+
+
+def reasons_at(times_s: list[float], commanded: float, *measured: float) -> list[StopReason]:
+    """Return the reasons of the last cycle; the wheel turns at the last speed from the second cycle on."""
+    monitor = StallMonitor(StallSettings(), 1)
+    for index, t_s in enumerate(times_s):
+        speed = measured[min(index, len(measured) - 1)]
+        cycle = Cycle(now_ns=nanoseconds(t_s), commanded_rad_s=(commanded,), measured_rad_s=(speed,))
+        found = list(monitor.check(cycle))
+    return found
+
+
+def test_the_limits_of_a_reversed_wheel_are_exact() -> None:
+    reversed_text = "wheel 0: turns against its set-point for 0.5 s: commanded {} rad/s, measured {} rad/s"
+    (reason,) = reasons_at([0.0, 0.5], 0.25, -0.25)
+    assert reason.text.startswith(reversed_text.format("0.25", "-0.25"))
+    (reason,) = reasons_at([0.0, 0.5], 3.0, -0.021)
+    assert reason.text.startswith(reversed_text.format("3.00", "-0.02"))
+    for found in (reasons_at([0.0, 0.5], 3.0, -0.02), reasons_at([0.0, 0.5 - 1e-9], 3.0, 0.0, -1.0)):
+        assert found == [StopReason("stall", "wheel 0: does not follow its set-point", Severity.SIGN)]
+
+
+def test_set_points_may_add_up_to_less_than_the_creep_angle() -> None:
+    times_s = [0.5 * index for index in range(13)]
+    assert reasons_at(times_s[:-1], 0.25, 0.0) == []
+    assert reasons_at(times_s, 0.25, 0.0) != []

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
@@ -131,6 +132,33 @@ def test_settling_starts_again_after_an_interruption() -> None:
     watch.cycle(LinkSample(device="imu", t_ns=watch.now_ns, up=False, reason="unplugged"))
     watch.cycle(LinkSample(device="imu", t_ns=watch.now_ns, up=True, reason="reopened"))
     assert watch.healthy_until_running() == pytest.approx(500, abs=10)
+
+
+GYRO_ONLY = DeviceRoles(wheels="wheels", gyro="imu", required={})
+
+
+def gyro_reason(*cycles: Cycle) -> str:
+    """Return the reason after these cycles, in each of which the gyro reads 0.5 rad/s twice."""
+    supervisor = SafetySupervisor(SafetySettings(gyro_follow_s=0.1), GYRO_ONLY, wheel_count=2)
+    for cycle in cycles:
+        for _ in range(2):
+            supervisor.observe(rate(cycle.now_ns, 0.5), cycle.now_ns)
+        supervisor.update(cycle._replace(motion_ns=cycle.now_ns))
+    return supervisor.reason
+
+
+def test_the_rules_about_the_gyro_know_their_limits_and_its_name() -> None:
+    too_great = [Cycle(now_ns=index * SECOND_NS, rejected_rate_rad_s=9.0) for index in range(2)]
+    assert gyro_reason(*too_great) == "imu: yaw rate 9.0 rad/s: the rover cannot turn that fast"
+    at_rest = [Cycle(now_ns=index * SECOND_NS, is_still=True) for index in range(3)]
+    assert gyro_reason(*at_rest) == "imu: reads 0.500 rad/s at rest, its bias was 0.000 rad/s"
+    swinging = [
+        Cycle(
+            now_ns=index, evidence=TurnEvidence(gyro_rad=0.0, wheels=WheelTurn(duration_s=0.1, left_rad=turn))
+        )
+        for index, turn in enumerate((0.1, 0.0, 0.1, 0.0))
+    ]
+    assert gyro_reason(*swinging).startswith("imu: yaw rate follows 0 % of the changes")
 
 
 SILENCES = [

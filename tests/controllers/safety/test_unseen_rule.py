@@ -58,3 +58,22 @@ def test_a_stop_adds_the_doubt_of_its_wheels_once_and_that_of_the_yaw_as_it_grow
     assert doubts(first._replace(yaw_rad=0.5)) == [((), 0.0)]
     assert doubts() == []
     assert doubts(first) == [((1.0, 2.0), 0.3)]
+
+
+def test_a_stop_of_a_cycle_is_in_its_doubts() -> None:
+    supervisor = SafetySupervisor(SafetySettings(bumper_stops=False), NOTHING, 1)
+    assert supervisor.doubts == []
+    for index in range(60):
+        supervisor.update(
+            Cycle(
+                now_ns=index * 20_000_000,
+                motion_ns=index * 20_000_000,
+                commanded_rad_s=(2.0,),
+                measured_rad_s=(0.0,),
+            )
+        )
+        if supervisor.doubts:
+            break
+    ((wheel_rad, yaw_rad),) = supervisor.doubts
+    assert wheel_rad == pytest.approx((2.0,))
+    assert yaw_rad == 0.0
