@@ -4,6 +4,7 @@ import cmath
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,10 +50,13 @@ class Geometry:
 
     def twist(self, wheel_rad_s: NDArray[np.float64]) -> tuple[complex, float]:
         """Body velocity of rolling wheels, by least squares."""
+        x, y, turn = (self._least_squares @ wheel_rad_s).tolist()
+        return complex(x, y), turn
+
+    @cached_property
+    def _least_squares(self) -> NDArray[np.float64]:
         unit_twists = ((1.0 + 0j, 0.0), (1j, 0.0), (0j, 1.0))
-        columns = np.stack([self.wheel_speeds(v, w) for v, w in unit_twists], axis=1)
-        x, y, turn = np.linalg.lstsq(columns, wheel_rad_s, rcond=None)[0]
-        return complex(x, y), float(turn)
+        return np.linalg.pinv(np.stack([self.wheel_speeds(v, w) for v, w in unit_twists], axis=1))
 
 
 def omni_geometry(angles_deg: Sequence[float] = (60.0, 180.0, 300.0)) -> Geometry:
@@ -119,7 +123,7 @@ class SimulatedRover:
         velocity, self.yaw_rate_rad_s = self.geometry.twist(self.speed_rad_s * (1.0 - self.slip))
         turn_rad = self.yaw_rate_rad_s * dt_s
         # Exact arc of a constant twist: its chord points half the turn ahead.
-        chord_s = dt_s * float(np.sinc(0.5 * turn_rad / math.pi))
+        chord_s = dt_s * math.sin(0.5 * turn_rad) / (0.5 * turn_rad) if turn_rad else dt_s
         self.place += cmath.rect(chord_s, self.yaw_rad + 0.5 * turn_rad) * velocity
         self.yaw_rad += turn_rad
         self.t_ns += TICK_NS

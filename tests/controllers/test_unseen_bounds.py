@@ -53,12 +53,12 @@ def test_variances_of_several_gaps_add_up() -> None:
     assert (unseen.position_m, unseen.yaw_rad) == pytest.approx((0.3, 0.2))
 
 
-@pytest.mark.parametrize("turn_unknown_s", [0.25, 2.0])
+@pytest.mark.parametrize("turn_unknown_s", [0.25, 6.0])
 def test_an_unknown_turn_leads_to_the_side(turn_unknown_s: float) -> None:
     unseen = UnseenMotion(EFFECTS)
     unseen.note_speeds(OmniKinematics(OMNI).wheel_speeds(0.1, 0.0, 0.0), is_measured=True)
-    ahead_m, aside_m, _ = unseen.greatest_motion(2.0, 0.0)
-    x_m, y_m, yaw_rad = unseen.greatest_motion(2.0, turn_unknown_s)
+    ahead_m, aside_m, _ = unseen.greatest_motion(6.0, 0.0)
+    x_m, y_m, yaw_rad = unseen.greatest_motion(6.0, turn_unknown_s)
     assert yaw_rad == pytest.approx(turn_unknown_s * 0.1 * np.cos(np.radians(30.0)) / (3.0 * 0.125))
     assert x_m == ahead_m
     # Half of the product of distance and turn; one radian at most.
