@@ -63,21 +63,19 @@ def test_readings_at_the_limits_count() -> None:
 
 def test_a_reading_that_is_too_great_is_remembered_until_the_next_one() -> None:
     gyro = GyroIntegrator(0.15, 2.0)
-    assert gyro.rejected_rad_s is None
-    assert not gyro.feed(0, -2.1)
-    assert gyro.rejected_rad_s == -2.1
-    assert gyro.feed(MS, 1.0)
-    assert gyro.rejected_rad_s is None
+    rejected: list[float | None] = [gyro.rejected_rad_s]
+    for t_ns, rate_rad_s in ((0, -2.1), (MS, 1.0)):
+        assert gyro.feed(t_ns, rate_rad_s) == (rate_rad_s == 1.0)
+        rejected.append(gyro.rejected_rad_s)
+    assert rejected == [None, -2.1, None]
 
 
 def test_a_gap_is_remembered_until_it_is_cleared() -> None:
     gyro = GyroIntegrator(0.15)
-    assert gyro.has_gap is False
-    gyro.feed(0, 1.0)
-    assert gyro.has_gap is False
-    gyro.feed(151 * MS, 1.0)
-    assert gyro.has_gap is True
-    gyro.feed(152 * MS, 1.0)
-    assert gyro.has_gap is True
+    has_gap = [gyro.has_gap]
+    for t_ns in (0, 151 * MS, 152 * MS):
+        gyro.feed(t_ns, 1.0)
+        has_gap.append(gyro.has_gap)
     gyro.clear_gap()
-    assert gyro.has_gap is False
+    has_gap.append(gyro.has_gap)
+    assert list(map(repr, has_gap)) == ["False", "False", "True", "True", "False"]

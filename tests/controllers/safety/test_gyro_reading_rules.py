@@ -375,7 +375,7 @@ def test_a_change_and_an_offset_of_exactly_the_limit_give_no_reason() -> None:
     bench = Bench(GyroRestRule(settings, ROLES))
 
     def steady(rate_rad_s: float, **flags: bool) -> list[StopReason]:
-        found = [bench.cycle(*[reading(rate_rad_s)] * 2, **flags) for _ in range(20)]  # type: ignore[arg-type]
+        found = [bench.cycle(*[reading(rate_rad_s)] * 2, **flags) for _ in range(20)]
         return flat(found)
 
     steady(0.0, is_still=True)
