@@ -10,6 +10,7 @@ Exit code 1 when the program grows by more than 5 MB in the second half, stops t
 
 import argparse
 import json
+import math
 import re
 import signal
 import subprocess
@@ -80,15 +81,16 @@ def main() -> int:
         stops = json.loads((folder / "out" / "summary.json").read_text())["stops"]
         log_mb = (folder / "out" / "run.mcap").stat().st_size / 1e6
     # Afterwards the program reads its whole log for the report.
-    table = np.array([row for row in rows if WARM_UP_S < row[0] < duration_s])
+    table = np.array([row for row in rows if WARM_UP_S < row[0] < duration_s]).reshape(-1, 3)
     half = table[table[:, 0] > duration_s / 2]
-    growth_mb = (half[-1, 1:] - half[0, 1:]).tolist()
+    growth_mb = (half[-1, 1:] - half[0, 1:]).tolist() if len(half) else [math.inf]
     print(
         json.dumps(
             {
                 "minutes": arguments.minutes,
-                "program_mb": [float(table[0, 1]), float(table[-1, 1])],
-                "simulator_mb": [float(table[0, 2]), float(table[-1, 2])],
+                "driven_s": rows[-1][0],
+                "program_mb": table[[0, -1], 1].tolist() if len(table) else [],
+                "simulator_mb": table[[0, -1], 2].tolist() if len(table) else [],
                 "growth_in_second_half_mb": growth_mb,
                 "stops": stops,
                 "log_mb": round(log_mb, 1),
@@ -97,7 +99,8 @@ def main() -> int:
             indent=2,
         )
     )
-    return 0 if growth_mb[0] <= GROWTH_BAR_MB and not stops else 1
+    is_complete = rows[-1][0] >= duration_s - EVERY_S
+    return 0 if is_complete and growth_mb[0] <= GROWTH_BAR_MB and not stops else 1
 
 
 if __name__ == "__main__":
