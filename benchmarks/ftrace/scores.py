@@ -49,12 +49,12 @@ class Judged:
         run: Frames in a row, up to this one, of a trace not found.
         misidentified: Found, and more than 5 deg from the current direction and from the chord, or more than
             half a wheel's width from both lines.
-        hold_deg: Error against the current direction, the last angle found held on misses; before the first
-            one the wheel's own axis is taken.
+        hold_deg: Error against the current direction, the last angle held where none is given; before the
+            first one the wheel's own axis is taken.
         chord_deg: Error of the angle against the chord, NaN where not found.
         path_deg: Error of the chord of the path found, NaN where not found.
         told: An angle is told: found, or kept from the frames before.
-        right: It is within 5 deg of the current direction.
+        right: The trace is there, and the angle is within 5 deg of the current direction.
         confidence: In it.
         tracked: The trace was known from the frame before.
         spent_ms: Time used.
@@ -88,11 +88,11 @@ def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Ju
         detected=found.detected,
         run=_runs(present & ~found.detected, present),
         misidentified=seen & ((angle_off > RIGHT_WITHIN_DEG) | (place_off > wheel_width_m / 2)),
-        hold_deg=_held(found.theta_deg, found.detected) - theta,
+        hold_deg=_held(found.theta_deg, np.isfinite(found.theta_deg)) - theta,
         chord_deg=np.where(seen, found.theta_deg - chord, np.nan),
         path_deg=np.where(seen, found.path_off_deg, np.nan),
         told=np.isfinite(found.theta_deg),
-        right=np.nan_to_num(error, nan=np.inf) < RIGHT_WITHIN_DEG,
+        right=present & (np.nan_to_num(error, nan=np.inf) < RIGHT_WITHIN_DEG),
         confidence=found.confidence,
         tracked=found.tracked,
         spent_ms=found.spent_ms,
@@ -143,9 +143,9 @@ def roc_area(confidence: Floats, right: Flags) -> float:
     return float(1 - (below[0] + below[1]).mean() / (2 * len(good)))
 
 
-def _held(theta_deg: Floats, detected: Flags) -> Floats:
+def _held(theta_deg: Floats, given: Flags) -> Floats:
     held, last = np.empty_like(theta_deg), 0.0
-    for place, (angle, is_found) in enumerate(zip(theta_deg.tolist(), detected.tolist(), strict=True)):
+    for place, (angle, is_found) in enumerate(zip(theta_deg.tolist(), given.tolist(), strict=True)):
         last = angle if is_found else last
         held[place] = last
     return held

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from controllers.ftrace.ground.frame import Frame, is_usable
+from controllers.ftrace.ground.frame import Frame, Reading, is_usable
 from controllers.ftrace.hough.tracker import HoughTracker
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
 from controllers.ftrace.rig import RigGeometry
@@ -17,6 +17,7 @@ from drivers.samples import Image
 
 Rates = tuple[float, float, float]
 Method = Literal["fused", "hough"]
+Source = Literal["trace", "flow", "held", "none"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,18 +27,26 @@ class TraceAngle:
     Attributes:
         t_ns: Time of the frame.
         detected: The trace is detected in this frame.
-        theta_rad: Angle of the wheel's current velocity from its axis, counter-clockwise; for at most
-            `parameters.most_misses` frames after the last trace that of the kept path; None without one.
-        offset_m: Place of the trace at the contact, left of it positive; None like `theta_rad`.
+        theta_rad: Angle of the wheel's current velocity from its axis, counter-clockwise; None without a
+            source.
+        theta_sd_rad: Standard deviation of `theta_rad`; None where unknown (`hough`, and without a source).
+        source: Where the angle comes from. `trace`: the trace, with the motion of the ground; `flow`: the
+            motion of the ground and the gyro alone, no trace is detected; `held`: neither, the direction is
+            predicted for at most `parameters.most_misses` frames; `none`: there is none.
+        offset_m: Place of the trace at the contact, left of it positive; for at most `parameters.most_misses`
+            frames after the last trace that of the kept path; None without one.
         distance_m: Distance of the trace's line from the vehicle's origin, positive when it passes left of it
-            (the paper's d_t); None like `theta_rad`.
-        confidence: 0..1, probability that the error of `theta_rad` is below 5 deg.
+            (the paper's d_t); None like `offset_m`.
+        confidence: 0..1, probability that the wheel's own trace is in this frame, at least 0.20 m of it, and
+            that `theta_rad` is right within 5 deg. It is also given where no trace is detected.
         path_m: Centre line of the trace in the vehicle frame, rows of x, y, z; empty without one.
     """
 
     t_ns: int
     detected: bool
     theta_rad: float | None
+    theta_sd_rad: float | None
+    source: Source
     offset_m: float | None
     distance_m: float | None
     confidence: float
@@ -45,7 +54,7 @@ class TraceAngle:
 
     @property
     def theta_deg(self) -> float:
-        """`theta_rad` in degrees; NaN without a trace."""
+        """`theta_rad` in degrees; NaN where unknown."""
         return float("nan") if self.theta_rad is None else float(np.degrees(self.theta_rad))
 
 
@@ -70,7 +79,7 @@ class TraceEstimator:
         self._ground = GroundPatch(rig)
         make = HoughTracker if method == "hough" else RutTracker
         self._tracker: HoughTracker | RutTracker = make(self._ground, parameters)
-        self._misses = parameters.most_misses + 1
+        self._misses = self._unmeasured = parameters.most_misses + 1
         self._confidence = 0.0
         self._t_ns: int | None = None
         self._rates: Rates | None = None
@@ -96,21 +105,38 @@ class TraceEstimator:
         """
         frame = self._frame(t_ns, image, wheel_speed_m_s, rates_rad_s)
         reading = self._tracker.track(frame)
+        most = self._parameters.most_misses
         self._misses = 0 if reading.found else self._misses + 1
-        is_kept = self._misses <= self._parameters.most_misses and reading.theta_rad is not None
-        if self._misses == self._parameters.most_misses + 1:
+        self._unmeasured = 0 if reading.found or reading.by_motion else self._unmeasured + 1
+        if self._misses == most + 1:
             self._tracker.lose()
-        self._confidence = reading.confidence if reading.found else self._confidence / 2
-        theta = reading.theta_rad if is_kept else None
+        source = self._source(reading)
+        theta = None if source == "none" else reading.theta_rad
+        # Evidence against the trace counts; a frame without any halves what was known before.
+        has_evidence = reading.found or reading.confidence > 0
+        self._confidence = reading.confidence if has_evidence else self._confidence / 2
+        line = None if theta is None or self._misses > most else (theta, reading.offset_m)
         return TraceAngle(
             t_ns=t_ns,
             detected=reading.found,
             theta_rad=theta,
-            offset_m=None if theta is None else reading.offset_m,
-            distance_m=None if theta is None else self._distance(theta, reading.offset_m),
-            confidence=self._confidence if is_kept else 0.0,
-            path_m=self._ground.to_vehicle(*reading.path_m.T) if is_kept else np.zeros((0, 3)),
+            theta_sd_rad=None if theta is None else reading.theta_sd_rad,
+            source=source,
+            offset_m=None if line is None else line[1],
+            distance_m=None if line is None else self._distance(*line),
+            confidence=0.0 if source == "none" else self._confidence,
+            path_m=np.zeros((0, 3)) if line is None else self._ground.to_vehicle(*reading.path_m.T),
         )
+
+    def _source(self, reading: Reading) -> Source:
+        """Return the source of the angle."""
+        if reading.theta_rad is None:
+            return "none"
+        if reading.found:
+            return "trace"
+        if reading.by_motion:
+            return "flow"
+        return "held" if self._unmeasured <= self._parameters.most_misses else "none"
 
     def _frame(self, t_ns: int, image: Image, speed_m_s: float | None, rates: Rates | None) -> Frame:
         if self._t_ns is not None and t_ns <= self._t_ns:

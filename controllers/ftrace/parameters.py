@@ -30,6 +30,20 @@ class FrameParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StructureParameters:
+    """Fine structure of the ground, independent of light.
+
+    Chosen on the three drives of `trace_drives`, and on development drives of two renderers.
+    """
+
+    fine_m: float = 0.036  # differences of log grey over more than this are light
+    near_m: float = 0.124  # side of the window in which the strength of the differences is measured
+    faintest: float = 0.01  # strength, in log grey, below which differences are noise
+    clip: float = 2.5  # limit of the structure, in units of its strength: edges of shadows
+    contrast: float = 40.0  # grey levels per unit in the pictures that are compared
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FlowParameters:
     """Motion of the rover from the optical flow of the ground."""
 
@@ -37,6 +51,7 @@ class FlowParameters:
     window_m: float = 0.060  # side of a point's window
     least_points: int = 14  # that follow the ground
     point_sd_m: float = 0.0006  # of the motion of a point
+    most_direction_sd_rad: float = 0.05  # of a direction that is given without a trace
     standing_m: float = 0.008  # from this motion on, points that do not move are rejected
     standing_share: float = 0.3  # a point with less than this share of the expected motion does not move
     rounds: int = 4  # of the robust fit
@@ -44,7 +59,8 @@ class FlowParameters:
     most_scale_m: float = 0.0025  # greatest scatter of points that follow the ground
     inlier_weight: float = 0.2  # least weight of a point that moves with the ground
     covariance_factor: float = 2.0  # neighbouring windows overlap: there are fewer independent points
-    contrast: float = 160.0  # grey levels per unit of log grey in the pictures that are compared
+    group_m: float = 0.0012  # motions closer than this are alike
+    group_stride: int = 2  # every so many motions is tried as the middle of a group
     reach_m: float = 0.12  # frames further apart share too little ground: they are matched first
     least_share: float = 0.3  # of the points that must move with the ground
     slip_guess: float = 0.15  # expected slip where the ground's motion is not measured
@@ -93,7 +109,7 @@ class SectionParameters:
     softness: float = 0.12  # of a kernel's edges, in half widths
     least_weight: float = 0.5  # share of a block that must be in view
     clip: float = 2.5  # limit of an answer, in standard deviations: no stone decides alone
-    energy_floor: float = 0.02  # of the gradients of log grey, before the logarithm
+    energy_floor: float = 0.5  # of the gradients of the fine structure, before the logarithm
     texture_m: tuple[float, float] = (0.012, 0.044)  # window of the roughness, along and across
     grey_floor: float = 12.0  # grey levels added before the logarithm
     least_blocks: int = 4  # that a curve must have in view
@@ -135,78 +151,54 @@ class SearchParameters:
     most_steps: tuple[int, int, int] = (22, 5, 2)  # along each main direction of the covariance
     near_blocks: int = 9  # in a second sum of the answers, for a trace that has just begun
     both_penalty: float = 3.0  # two overlapping traces must score better than one by this
-    temper: float = 16.0  # answers of neighbouring curves and blocks are correlated: this many count as one
     touching_widths: float = 1.1  # traces further apart do not touch; in widths of the wheel
-    surround_m: tuple[float, float] = (0.28, 0.016)  # reach and step of the neighbouring curves
-    surround_widths: float = 1.0  # curves this near to the front wheel's trace are left out
+    known_m: float = 0.012  # a path known better than this is not searched
+    contradiction_sd: float = 3.0  # a trace contradicts the motion of the ground from here on
     most_beside: float = 0.5  # a trace further from the path is not the wheel's own; in widths of the wheel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PresenceParameters:
-    """Decision whether the trace is present. Strengths are squared answers, floors standard deviations."""
+    """Decision whether the trace is present; odds as logarithms."""
 
     least_length_m: float = 0.20  # of a trace that counts as present
-    kept_length_m: float = 0.13  # of one that was present, or is the first of the drive
-    ends_m: float = 0.055  # the ends of the trace cover their blocks in part only
-    full_answer: float = 0.75  # a block that answers with this share of the usual strength is covered
-    start_error_m: float = 0.01  # of the distance travelled, for the first trace
-    # Accepted before the rover can have left a trace.
-    start_strength: float = 130.0  # with `start_floor`: accepted at once
-    start_floor: float = 6.0
-    start_clearness: float = 1.7  # in every frame so far, and at least in `start_frames`
-    start_frames: int = 2
-    start_two_sided: float = 90.0  # strength on both sides
-    start_moved_m: float = 0.01  # least travel with a floor above `start_roughness`
-    light_known_m: float = 0.06  # least travel otherwise: until then shadows cannot be separated from tone
-    start_roughness: float = 5.5
-    full_share: float = 0.5  # answer of the farthest third of the view, over the rest, where a trace fills it
-    background_share: float = 0.5  # of the clearness before, subtracted from what looks alike
-    # Accepted later.
-    lock_margin: float = 14.0  # of the strength over that of the neighbours, in all of the last frames
-    lock_frames: int = 5
-    lock_far_frames: int = 2  # where frames are further apart than `memory_m`
-    lasting_strength: float = 46.0  # mean strength that needs no margin, as among shadows
-    lock_floor: float = 3.5  # in this frame
-    mean_lock_floor: float = 2.2  # on average
-    sure_m: float = 0.20  # clearness summed over distance that needs no floor, as of a plain band of tone
-    most_sure_m: float = 0.45
-    # Kept, and found again.
-    mean_keep_floor: float = 0.5
-    keep_agreement: float = 3.7  # with the signature, in standard deviations
-    bare_agreement: float = 5.5  # keeps a trace for any strength of the neighbours
-    sure_agreement: float = 6.5
-    again_agreement: float = 5.0  # with `again_floor`: a lost trace is found again
-    again_floor: float = 1.8
-    range_blocks: int = 5  # least length of the stretch that agrees
-    # Clearness, about a logarithm of odds per metre.
-    surround: float = 5.0  # usual strength of ground without a trace
-    clear_ratio: float = 1.3  # of the strength over that of the neighbours
-    most_log_ratio: float = 1.0  # edges of shadows are strong: floor or tone must show as well
-    floor_share: float = 0.3
-    usual_floor: float = 1.0
-    most_floor: float = 5.0
-    usual_likeness: float = 0.7  # cosine between the sums of answers
-    most_likeness: float = 0.9
-    memory_m: float = 0.10  # of averages
-    least_gain: float = 0.05  # of averages, per frame
+    start_error_m: float = 0.02  # of the distance travelled, for the first trace
+    lock_odds: float = 2.5  # a trace appears
+    keep_odds: float = -1.0  # a trace that was present remains
+    start_odds: float = 5.0  # a trace has filled the view since the first frame
+    light_known_m: float = 0.06  # least travel for that: until then shadows cannot be separated from tone
     signature_gain: float = 0.1  # per frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConfidenceParameters:
-    """Logistic regression of the error of an angle.
+class StripParameters:
+    """Distributions of the answers of strips of ground, bare or with a trace.
 
-    Fitted on drives of the simulated rear scene (seeds 0 to 2 and 10 to 12) and of another renderer, each
-    half tested on the other one, with an earlier method: the present one made too few errors to fit.
+    Means and standard deviations are of even parts (right plus left over root 2: tone, wall, roughness, rough
+    walls, rough floor) and odd parts (right minus left) of the answers.
     """
 
-    constant: float = -15.06
-    spread: float = -2.41  # per logarithm of the spread of likely curves
-    residual: float = -0.96  # per logarithm of the scatter of the blocks about the curve
-    bend: float = -1.47  # per logarithm of the change of direction along the curve
-    least_m: float = 0.001  # added to spread and residual
-    least_bend_rad: float = 0.02  # added to the change of direction
+    views: int = 24  # kept of each strip
+    view_m: float = 0.010  # least travel between two views
+    least_strips: int = 4  # of a stretch of trace
+    bare_sd: float = 0.30  # of the mean of many strips of bare ground
+    strip_sd: float = 0.65  # of a single strip
+    independent: float = 0.43  # share of strips that count as independent: neighbours are alike
+    trace_mean: tuple[float, ...] = (0.0, 0.0, 0.0, 1.45, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0)
+    trace_sd: tuple[float, ...] = (1.1, 0.6, 0.85, 0.8, 0.8, 0.45, 1.1, 0.5, 0.4, 0.35)
+    edge_sd: float = 1.2  # of the answers on the side on which the edge of a shadow runs
+    log_edge: float = -2.3  # logarithm of the probability that one runs there
+    log_change: float = -3.5  # logarithm of the probability that a trace begins or ends at a given strip
+    search_cost: float = 4.0  # logarithm of the number of independent places that a search tries
+    other_reading: float = 2.0  # logarithm of how much less likely two overlapping traces are than one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConfidenceParameters:
+    """Logistic regression of "trace present, angle within 5 deg" on the logarithm of the odds."""
+
+    constant: float = -1.0
+    odds: float = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,6 +241,7 @@ class FTraceParameters:
     most_misses: int = 3  # frames in a row without a trace for which the last one is kept
     turn: TurnParameters = TurnParameters()
     frame: FrameParameters = FrameParameters()
+    structure: StructureParameters = StructureParameters()
     flow: FlowParameters = FlowParameters()
     matching: MatchingParameters = MatchingParameters()
     shading: ShadingParameters = ShadingParameters()
@@ -256,6 +249,7 @@ class FTraceParameters:
     path: PathParameters = PathParameters()
     search: SearchParameters = SearchParameters()
     presence: PresenceParameters = PresenceParameters()
+    strips: StripParameters = StripParameters()
     confidence: ConfidenceParameters = ConfidenceParameters()
     hough: HoughParameters = HoughParameters()
     fuzzy: FuzzyParameters = FuzzyParameters()

@@ -106,6 +106,7 @@ def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool
     """Print a summary."""
     detected = [item.angle.detected for item in found]
     degrees = [item.angle.theta_deg for item in found if item.angle.detected]
+    by_flow = sum(item.angle.source == "flow" for item in found)
     if as_json:
         summary = {
             "frames": len(found),
@@ -113,10 +114,12 @@ def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool
             "longest_gap_frames": longest_gap(detected),
             "mean_theta_t_deg": float(np.mean(degrees)) if degrees else None,
             "method": method,
+            "by_flow": by_flow,
         }
         print(json.dumps(summary))  # noqa: T201
         return
     mean = f", mean angle {np.mean(degrees):+.1f} deg" if degrees else ""
     Console(highlight=False, soft_wrap=True).print(
-        f"trace in {len(degrees)} of {len(found)} frames{mean}; {out}"
+        f"trace in {len(degrees)} of {len(found)} frames{mean}; "
+        f"angle without a trace, by the motion of the ground, in {by_flow}; {out}"
     )

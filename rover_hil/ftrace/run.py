@@ -1,5 +1,6 @@
 """Runs the trace estimator over recorded frames."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,7 +13,7 @@ from drivers.samples import Image
 from rover_hil.ftrace.frames import FrameSource, to_grey
 from rover_hil.ftrace.telemetry import TelemetryRow
 
-HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected"
+HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected,source,theta_sd_deg"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +54,12 @@ def estimate(
 
 
 def csv_row(item: FrameAngle) -> str:
-    """Return a line of the output; angles in degrees, `nan` without a trace."""
+    """Return a line of the output; angles in degrees, `nan` where unknown."""
     angle = item.angle
     distance = float("nan") if angle.distance_m is None else angle.distance_m
     found = f"{angle.theta_deg:.4f},{distance:.5f},{angle.confidence:.4f},{int(angle.detected)}"
-    return f"{item.number},{item.t_s:.6f},{found}"
+    sd_deg = float("nan") if angle.theta_sd_rad is None else math.degrees(angle.theta_sd_rad)
+    return f"{item.number},{item.t_s:.6f},{found},{angle.source},{sd_deg:.4f}"
 
 
 def longest_gap(found: list[bool]) -> int:

@@ -116,6 +116,8 @@ class TraceRecord(TypedDict):
     detected: bool
     theta_rad: float | None
     confidence: float
+    source: NotRequired[str]
+    theta_sd_rad: NotRequired[float | None]
 
 
 class DriftRecord(TypedDict):

@@ -42,5 +42,10 @@ class LiveTraceFinder:
         grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
         found = self._estimator.step(t_ns, grey, wheel_speed_m_s=wheel_speed_m_s, rates_rad_s=rates_rad_s)
         return TraceReading(
-            t_ns=t_ns, detected=found.detected, theta_rad=found.theta_rad, confidence=found.confidence
+            t_ns=t_ns,
+            detected=found.detected,
+            theta_rad=found.theta_rad,
+            confidence=found.confidence,
+            source=found.source,
+            theta_sd_rad=found.theta_sd_rad,
         )

@@ -38,6 +38,7 @@ class SeenTrace:
     theta_rad: float | None
     looked_ns: list[int] = field(default_factory=list)
     rates: list[Rates | None] = field(default_factory=list)
+    source: str = "trace"
 
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
@@ -45,8 +46,15 @@ class SeenTrace:
         assert wheel_speed_m_s == pytest.approx(RIM_M_S) or wheel_speed_m_s == 0.0
         self.looked_ns.append(frame.t_ns)
         self.rates.append(rates_rad_s)
-        seen = self.theta_rad is not None
-        return TraceReading(t_ns=frame.t_ns, detected=seen, theta_rad=self.theta_rad, confidence=float(seen))
+        seen = self.theta_rad is not None and self.source == "trace"
+        return TraceReading(
+            t_ns=frame.t_ns,
+            detected=seen,
+            theta_rad=self.theta_rad,
+            confidence=float(seen),
+            source="none" if self.theta_rad is None else self.source,
+            theta_sd_rad=0.015,
+        )
 
 
 class Bench:
@@ -134,6 +142,27 @@ def test_the_trace_turns_the_way() -> None:
     velocity = bench.told.body_motion((1.0,) * 4)
     assert velocity[0] == pytest.approx(ROVER.wheel_radius_m * (1.0 - report.slip))
     assert velocity[1] == pytest.approx(velocity[0] * math.tan(report.slip_angle_rad))
+
+
+def test_without_a_trace_the_motion_of_the_ground_gives_the_direction() -> None:
+    finder = SeenTrace(math.radians(-9.0), source="flow")
+    bench = Bench(finder)
+    bench.run(1.0, rim_m_s=0.0)  # the gyro's bias is learnt
+    bench.run(20.0)
+    report = bench.told.report()
+    assert report is not None
+    assert math.degrees(report.slip_angle_rad) == pytest.approx(-9.0, abs=1.5)
+    assert report.reason == ""
+    assert not any(reading.detected for reading in bench.readings)
+
+
+def test_a_direction_held_from_earlier_frames_is_not_used() -> None:
+    bench = Bench(SeenTrace(math.radians(-9.0), source="held"))
+    bench.run(10.0)
+    report = bench.told.report()
+    assert report is not None
+    assert abs(math.degrees(report.slip_angle_rad)) < 3.0
+    assert report.reason == "no trace"
 
 
 def test_each_frame_is_told_once_with_the_rates() -> None:
@@ -246,7 +275,14 @@ class AnyTrace:
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
     ) -> TraceReading | None:
-        return TraceReading(t_ns=frame.t_ns, detected=True, theta_rad=self.theta_rad, confidence=1.0)
+        return TraceReading(
+            t_ns=frame.t_ns,
+            detected=True,
+            theta_rad=self.theta_rad,
+            confidence=1.0,
+            source="trace",
+            theta_sd_rad=None,
+        )
 
 
 @settings(deadline=None, max_examples=60)

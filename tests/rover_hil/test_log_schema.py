@@ -70,7 +70,9 @@ OUTPUT = StepOutput(
     scomp=ScompReport(
         slip=0.1,
         slip_angle_rad=0.2,
-        trace=TraceReading(t_ns=5, detected=True, theta_rad=0.15, confidence=0.9),
+        trace=TraceReading(
+            t_ns=5, detected=True, theta_rad=0.15, confidence=0.9, source="trace", theta_sd_rad=0.01
+        ),
         reason="",
     ),
 )
@@ -85,7 +87,7 @@ RECORD = (
     b'"cross_track_m":null,"slip":{"map":"linear_m","surface":null,"drift_rad":0.01,"wheels":['
     b'{"current_a":0.5,"paper_torque_nm":0.1,"wheel_torque_nm":0.2,"slip":0.3,"valid":false,'
     b'"reason":"too slow"}]},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
-    b'"theta_rad":0.15,"confidence":0.9},"reason":""}}'
+    b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""}}'
 )
 
 

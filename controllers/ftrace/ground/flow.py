@@ -1,8 +1,9 @@
 """Motion of the rover between two frames, from the optical flow of the rectified ground.
 
-Points of the ground are followed from patch to patch (pyramidal Lucas-Kanade). A robust fit with the gyro's
-angles as prior gives the motion of the contact, the turn, and the change of roll and pitch. Points that do
-not move with the ground are rejected.
+Points of the ground are followed from patch to patch (pyramidal Lucas-Kanade), in pictures of the fine
+structure of the ground. The densest group of similar motions starts a robust fit with the gyro's angles as
+prior, which gives the motion of the contact, the turn, and the change of roll and pitch. Points on passing
+shadows, and on shadows of the rover, are not in this group.
 """
 
 from dataclasses import dataclass
@@ -69,8 +70,8 @@ class GroundFlow:
         """Return the motion between two patches, or None where too few points can be followed.
 
         Args:
-            before: Earlier ground, slow light removed.
-            after: Later ground.
+            before: Fine structure of the earlier ground, in grey levels.
+            after: That of the later ground.
             expected_m: Expected motion, forward and left.
             frame: The later frame, for the angles by the gyro.
         """
@@ -93,32 +94,62 @@ class GroundFlow:
         if usable.sum() < self._parameters.least_points:
             return None
         free = 0.5 * max(length, RESOLUTION_M)
+        start = self._densest(moved, usable, prior, free)
+        if start is None:
+            return None
         return self._solve(
-            moved, usable, overlapping, prior, np.array([free, free, yaw_sd, roll_sd, pitch_sd])
+            moved, usable, overlapping, start, prior, np.array([free, free, yaw_sd, roll_sd, pitch_sd])
         )
 
+    def _densest(self, moved: Floats, usable: Mask, prior: Floats, reach_m: float) -> Floats | None:
+        """Return the motion that most points share, with the turns of the prior; None if too few do.
+
+        Only motions within `reach_m` of the expected one count.
+        """
+        numbers = self._parameters
+        turned = (self._design @ np.r_[0.0, 0.0, prior[2:]]).reshape(2, -1)
+        to_left, backwards = (moved.T - turned)[:, usable]
+        shifts = np.stack([backwards, -to_left], axis=1)
+        shifts = shifts[np.hypot(*(shifts - prior[:2]).T) < max(reach_m, numbers.group_m)]
+        if len(shifts) < numbers.least_points:
+            return None
+        apart = np.hypot(*(shifts[:, None] - shifts[None, :: numbers.group_stride]).transpose(2, 0, 1))
+        near = apart < numbers.group_m
+        middle = shifts[near[:, near.sum(axis=0).argmax()]].mean(axis=0)
+        return np.asarray(np.r_[middle, prior[2:]], np.float64)
+
     def _solve(
-        self, moved: Floats, usable: Mask, overlapping: int, prior: Floats, prior_sd: Floats
+        self,
+        moved: Floats,
+        usable: Mask,
+        overlapping: int,
+        start: Floats,
+        prior: Floats,
+        prior_sd: Floats,
     ) -> Motion | None:
-        """Fit the motion to the points with Tukey weights."""
+        """Fit the motion to the points with Tukey weights, from a start near it."""
+        numbers = self._parameters
         target = moved.T.reshape(-1)
         information = np.diag(1 / prior_sd**2)
-        x, scale = prior, RESOLUTION_M / 2
+        x, scale = start, numbers.group_m
         normal: Floats = information
         weight: Floats = usable.astype(np.float64)
-        for _ in range(self._parameters.rounds):
+        for _ in range(numbers.rounds):
             error = np.hypot(*np.asarray(target - self._design @ x, np.float64).reshape(2, -1))
-            scale = max(self._parameters.point_sd_m, 1.2 * float(np.median(error[usable])))
-            bent = np.clip(1 - (error / (self._parameters.cut * scale)) ** 2, 0.0, 1.0) ** 2
+            group = error[usable & (error < numbers.cut * scale)]
+            if len(group) < numbers.least_points:
+                return None
+            scale = max(numbers.point_sd_m, 1.2 * float(np.median(group)))
+            bent = np.clip(1 - (error / (numbers.cut * scale)) ** 2, 0.0, 1.0) ** 2
             weight = np.asarray(np.where(usable, bent, 0.0), np.float64)
             both = np.asarray(np.concatenate([weight, weight]) / scale**2, np.float64)
             normal = np.asarray(self._design.T @ (both[:, None] * self._design) + information, np.float64)
             pulled = self._design.T @ (both * target) + information @ prior
             x = np.asarray(np.linalg.solve(normal, pulled), np.float64)
-        inliers = int((weight > self._parameters.inlier_weight).sum())
-        if inliers < self._parameters.least_points or scale > self._parameters.most_scale_m:
+        inliers = int((weight > numbers.inlier_weight).sum())
+        if inliers < numbers.least_points or scale > numbers.most_scale_m:
             return None
-        sd = np.sqrt(self._parameters.covariance_factor * np.diag(np.linalg.inv(normal)))
+        sd = np.sqrt(numbers.covariance_factor * np.diag(np.linalg.inv(normal)))
         return Motion(
             forward_m=float(x[0]),
             left_m=float(x[1]),

@@ -38,13 +38,17 @@ class Reading:
     Attributes:
         found: The trace is detected in this frame.
         theta_rad: Angle of the current velocity from the wheel's axis, or None where unknown.
+        theta_sd_rad: Its standard deviation; None where unknown.
+        by_motion: The angle is measured by the motion of the ground, without the trace.
         offset_m: Place of the trace at the contact, left of it positive.
-        confidence: 0..1, probability that the error of `theta_rad` is below 5 deg.
+        confidence: 0..1, probability that the wheel's trace is in this frame and has this angle within 5 deg.
         path_m: Centre line: rows of (behind, left of the contact) in the wheel's axes.
     """
 
     found: bool
     theta_rad: float | None
+    theta_sd_rad: float | None
+    by_motion: bool
     offset_m: float
     confidence: float
     path_m: Floats

@@ -32,8 +32,8 @@ class GroundMatch:
         """Return motion of the contact forward and left in m, or None where no place matches.
 
         Args:
-            before: Earlier ground, slow light removed.
-            after: Later ground.
+            before: Fine structure of the earlier ground, in grey levels.
+            after: That of the later ground.
             distance_m: Distance by the wheel's speed.
             turn_rad: Turn between the two.
         """

@@ -52,6 +52,8 @@ class HoughTracker:
         return Reading(
             found=found,
             theta_rad=theta,
+            theta_sd_rad=None,
+            by_motion=False,
             offset_m=offset,
             confidence=match if found else 0.0,
             path_m=np.stack([s, offset - s * np.tan(theta or 0.0)], axis=1),

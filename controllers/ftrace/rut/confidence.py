@@ -1,30 +1,15 @@
-"""Confidence of an angle: a logistic regression on the quality of the curve."""
-
-from dataclasses import dataclass
+"""Confidence of a trace: a logistic regression on the evidence of its strips."""
 
 import numpy as np
 
 from controllers.ftrace.parameters import ConfidenceParameters
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CurveQuality:
-    """Predictors of the error of a curve.
+def confidence(log_odds: float, parameters: ConfidenceParameters) -> float:
+    """Return the probability, 0..1, that the wheel's trace is in view and its angle is within 5 deg.
 
-    Attributes:
-        spread_m: Spread of the curves that fit about as well.
-        residual_m: Scatter of the blocks about the curve.
-        bend_rad: Change of direction along the curve.
+    Args:
+        log_odds: Logarithm of the odds of a trace against bare ground.
+        parameters: Fitted numbers.
     """
-
-    spread_m: float
-    residual_m: float
-    bend_rad: float
-
-
-def confidence(quality: CurveQuality, parameters: ConfidenceParameters) -> float:
-    """Return the probability, 0..1, that the error of the angle is below 5 deg."""
-    slopes = parameters.spread, parameters.residual, parameters.bend
-    least = np.array([parameters.least_m, parameters.least_m, parameters.least_bend_rad])
-    values = np.array([quality.spread_m, quality.residual_m, quality.bend_rad])
-    return float(1 / (1 + np.exp(-parameters.constant - np.dot(slopes, np.log(values + least)))))
+    return float(1 / (1 + np.exp(-np.clip(parameters.constant + parameters.odds * log_odds, -30.0, 30.0))))

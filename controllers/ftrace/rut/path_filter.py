@@ -58,6 +58,11 @@ class PathFilter:
         return float(-np.arctan(self._state[0]))
 
     @property
+    def theta_sd_rad(self) -> float:
+        """Standard deviation of `theta_rad`."""
+        return float(np.sqrt(max(self._covariance[0, 0], 0.0)) / (1 + self._state[0] ** 2))
+
+    @property
     def slope(self) -> float:
         """Slope dy/ds at the contact."""
         return float(self._state[0])

@@ -37,15 +37,6 @@ class Roughness:
     bars: Patch
     grain: Patch
 
-    @property
-    def mean(self) -> Patch:
-        """Both together."""
-        return np.asarray((self.bars + self.grain) / 2, np.float32)
-
-    def without(self, field: Patch) -> "Roughness":
-        """Return the roughness without a field that both share."""
-        return Roughness(self.bars - field, self.grain - field)
-
 
 @dataclass(frozen=True, slots=True)
 class CrossSections:
@@ -104,9 +95,9 @@ class RutFinder:
         self._sample = np.flatnonzero(self._flat_valid)[::MEDIAN_STRIDE]
         self._block = np.arange(self.blocks)
 
-    def roughness(self, detail: Patch) -> Roughness:
-        """Return the roughness along and across the direction of travel."""
-        smooth = cv2.GaussianBlur(detail, (5, 5), 1.0)
+    def roughness(self, structure: Patch) -> Roughness:
+        """Return the roughness along and across the direction of travel, from the fine structure."""
+        smooth = cv2.GaussianBlur(structure[: self._rows], (5, 5), 1.0)
         along = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 0, 1)), self._texture_window)
         across = cv2.blur(np.abs(cv2.Sobel(smooth, cv2.CV_32F, 1, 0)), self._texture_window)
         floor = self._parameters.energy_floor
@@ -165,10 +156,10 @@ class RutFinder:
             for part, count in zip(np.hsplit(sums, len(reaches)), counts.T, strict=True)
         ]
 
-    def answers_on(self, sections: CrossSections, edges_m: Edges) -> Floats:
-        """Return the answers block by block along one curve, where they are valid: kernel, block."""
+    def answers_on(self, sections: CrossSections, edges_m: Edges) -> tuple[Floats, Mask]:
+        """Return the answers block by block along curves (curve, block, kernel), and the blocks in view."""
         answers, valid = self._answers(sections, edges_m)
-        return np.asarray(answers[valid].T)
+        return answers, np.asarray(valid.all(axis=0))
 
     def points(
         self, sections: CrossSections, curve_m: Floats, edges_m: Edges, signature: Floats
@@ -226,23 +217,6 @@ class RutFinder:
         valid = near < self._parameters.least_weight
         valid[:, :reach] = valid[:, -reach:] = False
         return valid
-
-
-def floor_evidence(answers: Floats, least_blocks: int) -> float:
-    """Return the evidence of the sure kernels on the weaker side, in about standard deviations.
-
-    It is the greatest over all lengths of trace that begin at the wheel.
-
-    Args:
-        answers: Along one curve: kernel, block, the nearest first.
-        least_blocks: Shorter lengths do not count.
-    """
-    count = np.arange(1, answers.shape[1] + 1)[least_blocks:]
-    if not count.size:
-        return 0.0
-    sides = answers.reshape(2, -1, answers.shape[1])[:, SURE].sum(axis=1)
-    sums = np.cumsum(sides, axis=1)[:, least_blocks:] / np.sqrt(count * (SURE.stop - SURE.start))
-    return float(sums.min(axis=0).max())
 
 
 def two_sided(sums: Floats, one_sided_share: float) -> Floats:

@@ -28,13 +28,18 @@ class TraceReading:
         t_ns: Time of exposure.
         detected: The trace is in the frame.
         theta_rad: Direction of the rear left wheel's velocity in the body, left positive; None where unknown.
-        confidence: 0..1, probability that the error of `theta_rad` is below 5 deg.
+        confidence: 0..1, probability that the trace is in the frame and `theta_rad` is right within 5 deg.
+        source: Where `theta_rad` comes from: `trace`; `flow`, the motion of the ground without a trace;
+            `held`, predicted from earlier frames; `none`.
+        theta_sd_rad: Standard deviation of `theta_rad`; None where unknown.
     """
 
     t_ns: int
     detected: bool
     theta_rad: float | None
     confidence: float
+    source: str
+    theta_sd_rad: float | None
 
 
 class TraceFinder(Protocol):
@@ -191,16 +196,24 @@ class ScompCompensator:
         return trace
 
     def _measure_trace(self, rim_m_s: float) -> TraceReading | None:
-        """Find the trace in the newest frame and correct the filter with it."""
+        """Find the trace in the newest frame and correct the filter with it.
+
+        Without a trace, the direction of the motion of the ground is used with its own standard deviation.
+        """
         frame, self._frame = self._frame, None
         if frame is None or self._finder is None:
             return None
         self._frame_ns = _exposed_ns(frame)
         reading = self._finder.find(frame, rim_m_s, self._rates)
-        if reading is not None and reading.detected and reading.theta_rad is not None:
+        if reading is None or reading.theta_rad is None:
+            return reading
+        innovation = None
+        if reading.detected:
             innovation = self._filter.correct_trace(reading.theta_rad)
-            if innovation is not None and innovation.accepted:
-                self._since_trace_s = 0.0
+        elif reading.source == "flow" and reading.theta_sd_rad is not None:
+            innovation = self._filter.correct_trace(reading.theta_rad, reading.theta_sd_rad)
+        if innovation is not None and innovation.accepted:
+            self._since_trace_s = 0.0
         return reading
 
     def _uncertainty(self) -> str:

@@ -144,8 +144,10 @@ class ScompFilter:
             self._compass_rejections = 0
         return innovation
 
-    def correct_trace(self, angle_rad: float) -> Innovation | None:
+    def correct_trace(self, angle_rad: float, sd_rad: float = 0.0) -> Innovation | None:
         """Correct by a new trace angle; None at a standstill, where a trace has no direction of velocity.
+
+        `sd_rad` is the additional standard deviation of a direction measured without the trace.
 
         After more than `most_trace_rejections` rejections in a row the ground has changed: the slip angle
         then becomes as uncertain as its difference from the reading.
@@ -165,7 +167,7 @@ class ScompFilter:
         if self.motion.is_gyro:
             row[BIAS] = arm_s
             rate_sd_rad_s = self._parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
-        variance = SCOMP.correction.trace_grain_rad**2 + (arm_s * rate_sd_rad_s) ** 2
+        variance = SCOMP.correction.trace_grain_rad**2 + sd_rad**2 + (arm_s * rate_sd_rad_s) ** 2
         innovation = self._filter.update("trace", residual, row, variance)
         self._trace_rejections = 0 if innovation.accepted else self._trace_rejections + 1
         if self._trace_rejections > SCOMP.correction.most_trace_rejections and math.isfinite(residual):

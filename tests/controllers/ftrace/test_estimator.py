@@ -118,7 +118,8 @@ def test_nothing_is_found_before_the_wheel_left_a_trace(left: Drive, left_angles
     early = [angle for angle, truth in zip(angles, sequence.truth, strict=True) if truth.visible_m < 0.15]
     assert len(early) > 10
     assert not any(angle.detected for angle in early)
-    assert all(angle.theta_rad is None for angle in early)
+    assert all(angle.source == "flow" for angle in early[2:])
+    assert all(angle.distance_m is None for angle in early)
 
 
 def test_ground_without_a_trace() -> None:
@@ -126,7 +127,10 @@ def test_ground_without_a_trace() -> None:
     angles = follow(sequence, grey_frames(sequence), "fused")
 
     assert not any(angle.detected for angle in angles)
-    assert all(np.isnan(angle.theta_deg) for angle in angles)
+    assert all(angle.source == "flow" for angle in angles[2:])
+    true_deg = np.array([row.theta_t_deg for row in sequence.truth])
+    assert rms(np.array([angle.theta_deg for angle in angles])[2:] - true_deg[2:]) < 1.0
+    assert max(angle.confidence for angle in angles) < 0.3
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])

@@ -6,6 +6,7 @@ import pytest
 
 from controllers.ftrace.ground.flow import GroundFlow
 from controllers.ftrace.ground.frame import Frame
+from controllers.ftrace.ground.structure import FineStructure
 from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch
 from drivers.samples import Image
@@ -82,3 +83,21 @@ def test_other_ground_is_not_followed() -> None:
     motion = GroundFlow(ground, DEFAULTS.flow).measure(before, after, (0.016, 0.0), frame_of(0.0))
 
     assert motion is None or motion.share < 0.3
+
+
+def test_shadows_that_pass_over_the_ground_do_not_change_the_motion() -> None:
+    """Half of the ground is under a hard shadow, which moves against the ground."""
+    ground = GroundPatch(geometry())
+    structure, flow = FineStructure(ground, DEFAULTS.structure), GroundFlow(ground, DEFAULTS.flow)
+    pictures = []
+    for picture, first in zip(moved(ground, 0.014, 0.003, 0.0), (20, 12), strict=True):
+        light = np.ones(ground.shape, np.float32)
+        light[:, first : first + ground.shape[1] // 2] = 0.35
+        log_grey = np.log(light * (picture / 4 + 100) + 12).astype(np.float32)
+        pictures.append(structure.picture(structure.of(log_grey)))
+
+    motion = flow.measure(pictures[0], pictures[1], (0.014, 0.0), frame_of(0.0))
+
+    assert motion is not None
+    assert motion.forward_m == pytest.approx(0.014, abs=4e-4)
+    assert motion.left_m == pytest.approx(0.003, abs=4e-4)
