@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_filter import PoseEstimate
+from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.estimator import Estimator
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
@@ -41,6 +42,9 @@ class StepOutput:
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
         slip: Slip of the wheels by effort; None without this compensation, or without fresh motion.
         scomp: Slip of the rover by sComp; None without it, or without fresh motion.
+        contradiction: How far the wheels contradict each other; None where they are not redundant, or
+            without fresh motion.
+        steering_rad: Present steering angles of the wheels; None where none steers.
     """
 
     t_ns: int
@@ -55,6 +59,8 @@ class StepOutput:
     cross_track_m: float | None
     slip: SlipReport | None = None
     scomp: ScompReport | None = None
+    contradiction: ContradictionReport | None = None
+    steering_rad: tuple[float, ...] | None = None
 
 
 class ControlLoop:
@@ -98,7 +104,15 @@ class ControlLoop:
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
-        self._follower = None if mission is None else PathFollower(mission, kinematics.moves_sideways)
+        self._steering_rad: tuple[float, ...] = ()
+        self._follower = None
+        if mission is not None:
+            self._follower = PathFollower(
+                mission,
+                kinematics.moves_sideways,
+                turns_on_spot=kinematics.turns_on_spot,
+                turn_radius_m=kinematics.turn_radius_m,
+            )
 
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
         """Run one cycle at `now_ns` with the samples that arrived since the last one, in order of arrival."""
@@ -107,7 +121,7 @@ class ControlLoop:
             t_ns = min(sample.t_ns, now_ns)
             self._supervisor.observe(sample, t_ns)
             self._estimator.take(sample, t_ns)
-        innovations = self._estimator.advance(now_ns, self._commanded_rad_s)
+        innovations = self._estimator.advance(now_ns, self._commanded_rad_s, self._steering_rad)
         estimate = self._estimator.estimate(now_ns)
         guidance = self._guide(now_ns, estimate, innovations)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
@@ -122,11 +136,18 @@ class ControlLoop:
             odometry=odometry.pose,
             odometry_rebases=odometry.rebases,
             innovations=innovations,
-            command=WheelCommand(t_ns=now_ns, expires_ns=now_ns + self._expiry_ns, speed_rad_s=speed_rad_s),
+            command=WheelCommand(
+                t_ns=now_ns,
+                expires_ns=now_ns + self._expiry_ns,
+                speed_rad_s=speed_rad_s,
+                steering_rad=self._steering_rad or None,
+            ),
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
             slip=self._effort.report() if self._effort is not None and is_fresh else None,
             scomp=self._scomp.report() if self._scomp is not None and is_fresh else None,
+            contradiction=self._estimator.contradiction.report if is_fresh else None,
+            steering_rad=self._estimator.steering.angles_rad or None,
         )
 
     def _is_motion_fresh(self, now_ns: int) -> bool:
@@ -179,7 +200,9 @@ class ControlLoop:
         if self._effort is not None and self._effort.excitation is not None:
             yaw_rate_rad_s += self._effort.excitation.yaw_rate_rad_s(seconds(now_ns))
         twist = (guidance.velocity_x_m_s, guidance.velocity_y_m_s, yaw_rate_rad_s)
-        wanted_rad_s = self._kinematics.wheel_speeds(*twist)
+        wanted_rad_s, self._steering_rad = self._kinematics.set_points(
+            *twist, self._estimator.steering.angles_rad
+        )
         changes_rad_s = None if self._effort is None else self._effort.set_point_changes(twist)
         if changes_rad_s is not None:
             wanted_rad_s = tuple(map(operator.add, wanted_rad_s, changes_rad_s))

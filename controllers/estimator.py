@@ -1,6 +1,7 @@
 """Estimate of the pose from samples."""
 
 import math
+from dataclasses import replace
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator
@@ -11,7 +12,10 @@ from controllers.estimation.pose_fixes import FixQueue, Step, late
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.estimation.unseen_motion import UnseenMotion
-from controllers.motion.kinematics import BodyMotion, Kinematics, greatest_motion, wheel_effects
+from controllers.estimation.wheel_contradiction import WheelContradiction
+from controllers.motion.body_motion import BodyMotion
+from controllers.motion.kinematics import Kinematics, greatest_motion, wheel_effects
+from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
 from controllers.slip.protocol import SlipCompensator
 from drivers.clock import nanoseconds, seconds
@@ -38,6 +42,8 @@ class Estimator:
 
     Attributes:
         odometry: Wheel odometry.
+        steering: Steering angles of the wheels.
+        contradiction: How far the wheels contradict each other.
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
         evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
         is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
@@ -52,11 +58,19 @@ class Estimator:
         slip: SlipCompensator[object] | None = None,
     ) -> None:
         self._slip = slip
+        self._kinematics = kinematics
+        self.steering = SteeringAngles(kinematics.steering_rates_rad_s)
+        self.contradiction = WheelContradiction(kinematics)
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
         self._effects = wheel_effects(kinematics)
+        self._effects_at_rad = self.steering.angles_rad
         fastest_turn_rad_s = wheel_speed_limit_rad_s * sum(abs(effect[2]) for effect in self._effects)
+        if kinematics.steering_rates_rad_s:  # straight wheels do not turn the rover
+            fastest_turn_rad_s = wheel_speed_limit_rad_s / max(
+                map(abs, kinematics.wheel_speeds(0.0, 0.0, 1.0))
+            )
         self._gyro = GyroIntegrator(
             roles.max_age_s(roles.gyro), ESTIMATION.odometry.plausible_speed * fastest_turn_rad_s
         )
@@ -81,8 +95,8 @@ class Estimator:
         if self._slip is not None:
             self._slip.feed(sample, t_ns)
         if isinstance(sample, WheelSample):
-            if device == self._roles.wheels and sample.position_rad is not None:
-                self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
+            if device == self._roles.wheels:
+                self._take_wheel(sample, t_ns)
         elif isinstance(sample, RateSample):
             if device == self._roles.gyro:
                 self._gyro.feed(t_ns, sample.rate_z_rad_s)
@@ -94,14 +108,27 @@ class Estimator:
             # After a break the codec counts turns from zero.
             self.odometry.rebase()
 
-    def advance(self, now_ns: int, set_speed_rad_s: tuple[float, ...] = ()) -> tuple[Innovation, ...]:
+    def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
+        if sample.steering_rad is not None:
+            self.steering.measure(sample.wheel, sample.steering_rad)
+        if sample.position_rad is not None:
+            self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
+
+    def advance(
+        self,
+        now_ns: int,
+        set_speed_rad_s: tuple[float, ...] = (),
+        set_steering_rad: tuple[float, ...] = (),
+    ) -> tuple[Innovation, ...]:
         """Update the estimate with the samples taken; return the innovations of the corrections.
 
         Args:
             now_ns: Time of the cycle.
             set_speed_rad_s: Set-points of the wheels since the last cycle; empty for none.
+            set_steering_rad: Steering set-points since the last cycle; empty for none.
         """
-        increment = self.odometry.take()
+        self._steer(now_ns, set_steering_rad)
+        increment = self.odometry.take(self.steering.angles_rad)
         self.evidence = None
         if any(set_speed_rad_s):
             self._driven_ns = now_ns
@@ -111,6 +138,8 @@ class Estimator:
             increment = self._slip.compensate(
                 increment, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
             )
+        if increment is not None:
+            increment = self._compare_wheels(increment)
         is_still = self.is_still = self._is_still(now_ns)
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
@@ -131,6 +160,20 @@ class Estimator:
         if self.unseen_m or self.unseen_rad:
             self._unseen.limit(*self._variances())
         return tuple(innovations)
+
+    def _compare_wheels(self, increment: BodyIncrement) -> BodyIncrement:
+        """Return the increment, unsure where the wheels contradict each other."""
+        contradiction = self.contradiction.add(increment)
+        if contradiction is None or contradiction.wheel is None:
+            return increment
+        return replace(increment, is_sure=False)
+
+    def _steer(self, now_ns: int, set_steering_rad: tuple[float, ...]) -> None:
+        self.steering.follow(now_ns, set_steering_rad)
+        if self.steering.angles_rad != self._effects_at_rad:
+            self._effects_at_rad = self.steering.angles_rad
+            self._effects = wheel_effects(self._kinematics, self._effects_at_rad)
+            self._unseen.turn_wheels(self._effects)
 
     def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float) -> None:
         """Widen the estimate by motion that was measured wrongly.

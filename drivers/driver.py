@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds, seconds
 from drivers.errors import LinkTimeoutError, NotConnectedError, StaleSampleError
@@ -113,6 +113,26 @@ class DriveCodec(Codec[bytes], Protocol):
 
     def encode_stop(self) -> Sequence[bytes]:
         """Return what switches the drive off after standstill; may be empty."""
+        ...
+
+
+@runtime_checkable
+class SteeringCodec(DriveCodec, Protocol):
+    """A codec of a drive that also steers wheels.
+
+    Attributes:
+        steered_wheels: Indices of the wheels that it steers; empty where the device has no such signal.
+    """
+
+    steered_wheels: tuple[int, ...]
+
+    def encode_set_points(
+        self, speed_rad_s: Sequence[float], steering_rad: Sequence[float]
+    ) -> tuple[Sequence[bytes], tuple[float, ...], tuple[float, ...]]:
+        """Return payloads for speeds and steering angles, and the ones they really mean.
+
+        Both hold `wheel_count` finite numbers. `encode_speeds` keeps the last steering angles.
+        """
         ...
 
 
@@ -352,6 +372,7 @@ class WheelDrive(Driver[bytes]):
         super().__init__(name, link, codec, clock, max_age_s=max_age_s, tap=tap)
         self._drive_codec = codec
         self.wheel_count = codec.wheel_count
+        self._steering_codec = codec if isinstance(codec, SteeringCodec) and codec.steered_wheels else None
         self._started = False
         self._turn = threading.Lock()
         self._fault_ns: dict[int, int] = {}
@@ -386,10 +407,24 @@ class WheelDrive(Driver[bytes]):
                 self._started = False
             if not self._started:
                 self._started = self._send(self._drive_codec.encode_start(), sent)
-            payloads, really = self._drive_codec.encode_speeds(speeds)
+            payloads, really, steering_rad = self._encode(speeds, command.steering_rad)
             delivered = self._send(payloads, sent)
         self._note_sent(now_ns, sent)
-        return SentCommand(t_ns=now_ns, speed_rad_s=really, delivered=delivered)
+        return SentCommand(t_ns=now_ns, speed_rad_s=really, delivered=delivered, steering_rad=steering_rad)
+
+    def _encode(
+        self, speeds: Sequence[float], steering_rad: tuple[float, ...] | None
+    ) -> tuple[Sequence[bytes], tuple[float, ...], tuple[float, ...] | None]:
+        """Return payloads and what they mean; steering angles that are malformed do not change."""
+        codec = self._steering_codec
+        if (
+            codec is None
+            or steering_rad is None
+            or len(steering_rad) != self.wheel_count
+            or not all(map(math.isfinite, steering_rad))
+        ):
+            return (*self._drive_codec.encode_speeds(speeds), None)
+        return codec.encode_set_points(speeds, steering_rad)
 
     def stop(self) -> None:
         """Send zero speeds three times, then switch the drive off. Silent when the link is down."""

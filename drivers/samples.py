@@ -42,6 +42,7 @@ class WheelSample(Sample):
         current_a: Motor current.
         current_is_signed: False where the device reports a magnitude only; the sign must then be inferred.
         voltage_v: Voltage at the motor's terminals where the device measures it, never the bus voltage.
+        steering_rad: Steering angle, counter-clockwise from straight ahead.
     """
 
     wheel: int
@@ -50,6 +51,7 @@ class WheelSample(Sample):
     current_a: float | None = None
     current_is_signed: bool = True
     voltage_v: float | None = None
+    steering_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,11 +170,16 @@ class LinkSample(Sample):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelCommand:
-    """Wheel speed set-points in rad/s at the wheel, one per wheel, and until when they hold."""
+    """Wheel speed set-points in rad/s at the wheel, one per wheel, and until when they hold.
+
+    Attributes:
+        steering_rad: Steering set-points, one per wheel; None where the drive keeps its last ones.
+    """
 
     t_ns: int
     expires_ns: int
     speed_rad_s: tuple[float, ...]
+    steering_rad: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,8 +190,10 @@ class SentCommand:
         t_ns: Host monotonic time of sending.
         speed_rad_s: Set-points after the device's own rounding and clipping.
         delivered: False when the link was down or full and nothing went out.
+        steering_rad: Steering set-points of all wheels; None for a drive that does not steer.
     """
 
     t_ns: int
     speed_rad_s: tuple[float, ...]
     delivered: bool
+    steering_rad: tuple[float, ...] | None = None

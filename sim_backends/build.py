@@ -34,6 +34,7 @@ from sim_backends.devices.xsens import XsensEmulatorSettings, make_xsens
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import EmulatorSettings, SimulationSettings
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
@@ -128,6 +129,10 @@ def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
             from sim_backends.plants.el_dorado.plant import ElDoradoPlant
 
             return ElDoradoPlant(four_wheels, rng, start_ns)
+        case WheelsPlantSettings() as any_wheels:
+            from sim_backends.plants.wheels.plant import WheelsPlant
+
+            return WheelsPlant(any_wheels, rng, start_ns)
 
 
 def _make_image_device(

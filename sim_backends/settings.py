@@ -17,11 +17,12 @@ from sim_backends.devices.xsens import XsensEmulatorSettings
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
+from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.faults import FaultSettings
 
 PlantSettings: TypeAlias = Annotated[
-    RobotinoPlantSettings | ElDoradoPlantSettings, Field(discriminator="type")
+    RobotinoPlantSettings | ElDoradoPlantSettings | WheelsPlantSettings, Field(discriminator="type")
 ]
 EmulatorSettings: TypeAlias = Annotated[
     CameraEmulatorSettings

@@ -15,6 +15,7 @@ class BodyIncrement:
 
     Attributes:
         turned_rad: Angle of each wheel.
+        steering_rad: Steering angle of each wheel half-way; empty where none steers.
         is_sure: False where the wheels slip by an unknown amount.
     """
 
@@ -24,6 +25,7 @@ class BodyIncrement:
     duration_s: float
     turned_rad: tuple[float, ...] = ()
     is_sure: bool = True
+    steering_rad: tuple[float, ...] = ()
 
 
 @dataclass(slots=True)
@@ -87,6 +89,7 @@ class WheelOdometry:
         self.rebases = 0
         self.lost_s = 0.0
         self._lost_ns: int | None = None
+        self._steering_rad: tuple[float, ...] = ()
 
     def feed(self, wheel: int, t_ns: int, position_rad: float) -> bool:
         """Take the position of a wheel; return False when it is not finite or newer, or the wheel unknown."""
@@ -104,11 +107,17 @@ class WheelOdometry:
         self._missing.discard(wheel)
         return True
 
-    def take(self) -> BodyIncrement | None:
-        """Return the motion since the last increment; None until all wheels have reported again."""
+    def take(self, steering_rad: tuple[float, ...] = ()) -> BodyIncrement | None:
+        """Return the motion since the last increment; None until all wheels have reported again.
+
+        Args:
+            steering_rad: Present steering angle of each wheel; empty where none steers.
+        """
         self.lost_s = 0.0
         if self._missing:
             return None
+        before_steering_rad = self._steering_rad or steering_rad
+        self._steering_rad = steering_rad
         tracks = [track for track in self._tracks if track is not None]
         before_ns, self.t_ns = self.t_ns, min(track.newest_ns for track in tracks)
         before_rad, self._base_rad = self._base_rad, [track.position_at(self.t_ns) for track in tracks]
@@ -119,7 +128,10 @@ class WheelOdometry:
                 self.lost_s = max(0.0, seconds(self.t_ns - self._lost_ns))
             return None
         turned_rad = [new - old for new, old in zip(self._base_rad, before_rad, strict=True)]
-        return self._integrate(turned_rad, seconds(self.t_ns - before_ns))
+        middle_rad = tuple(
+            0.5 * (before + now) for before, now in zip(before_steering_rad, steering_rad, strict=True)
+        )
+        return self._integrate(turned_rad, seconds(self.t_ns - before_ns), middle_rad)
 
     def rebase(self) -> None:
         """Forget the base, as after a broken link: the motion in between is unknown."""
@@ -146,8 +158,10 @@ class WheelOdometry:
         elapsed_s = seconds(t_ns - track.newest_ns) + ESTIMATION.odometry.arrival_jitter_s
         return abs(position_rad - track.newest_rad) > self._plausible_rad_s * elapsed_s
 
-    def _integrate(self, turned_rad: list[float], elapsed_s: float) -> BodyIncrement:
-        x_m, y_m, turn_rad = self._kinematics.body_motion(turned_rad)
+    def _integrate(
+        self, turned_rad: list[float], elapsed_s: float, steering_rad: tuple[float, ...]
+    ) -> BodyIncrement:
+        x_m, y_m, turn_rad = self._kinematics.body_motion(turned_rad, steering_rad)
         self.pose = move(self.pose, x_m, y_m, turn_rad)
         velocity_x, velocity_y, yaw_rate = self.velocity
         self.velocity = (
@@ -160,7 +174,12 @@ class WheelOdometry:
             for speed, turned in zip(self.wheel_speed_rad_s, turned_rad, strict=True)
         )
         return BodyIncrement(
-            x_m=x_m, y_m=y_m, turn_rad=turn_rad, duration_s=elapsed_s, turned_rad=tuple(turned_rad)
+            x_m=x_m,
+            y_m=y_m,
+            turn_rad=turn_rad,
+            duration_s=elapsed_s,
+            turned_rad=tuple(turned_rad),
+            steering_rad=steering_rad,
         )
 
     def _watch_standstill(self, is_new_base: bool) -> None:

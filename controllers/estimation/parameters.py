@@ -26,9 +26,19 @@ class PoseParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ContradictionParameters:
+    """What redundant wheels may contradict each other without a sign of slip or fault."""
+
+    window_s: float = 0.5  # time constant of the sums that are compared
+    encoder_m: float = 0.0005  # error of the difference of two positions, at the rim
+    slip: float = 0.1  # slip and side slip of rolling wheels, per distance of the rim
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EstimationParameters:
     """All tuned numbers, by their part of the estimate."""
 
+    contradiction: ContradictionParameters = ContradictionParameters()
     odometry: OdometryParameters = OdometryParameters()
     pose: PoseParameters = PoseParameters()
 

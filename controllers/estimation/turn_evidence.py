@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from controllers.motion.kinematics import BodyMotion
+from controllers.motion.body_motion import BodyMotion
 
 
 class WheelTurn(NamedTuple):

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from controllers.motion.kinematics import BodyMotion, greatest_motion
+from controllers.motion.body_motion import BodyMotion
+from controllers.motion.kinematics import greatest_motion
 
 
 class UnseenMotion:
@@ -21,6 +22,10 @@ class UnseenMotion:
         self._speeds_rad_s: tuple[Sequence[float], ...] = ([0.0] * len(effects),)
         self._position_m2 = 0.0
         self._yaw_rad2 = 0.0
+
+    def turn_wheels(self, effects: Sequence[BodyMotion]) -> None:
+        """Take the effects of wheels that have steered."""
+        self._effects = effects
 
     @property
     def position_m(self) -> float:

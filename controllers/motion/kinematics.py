@@ -1,22 +1,34 @@
 """Kinematics of rolling wheels. Plain floats: faster than arrays for so few numbers."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
+from controllers.motion.body_motion import BodyMotion, Residuals, SetPoints
 from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
-
-BodyMotion = tuple[float, float, float]
-"""Forward, to the left, and counter-clockwise: m/s, m/s, rad/s or m, m, rad."""
+from controllers.motion.wheels_kinematics import WheelsKinematics
 
 
 class Kinematics(Protocol):
-    """Geometry of a rover's wheels."""
+    """Geometry of a rover's wheels.
+
+    Attributes:
+        wheel_count: Number of wheels.
+        moves_sideways: Whether the rover can move in any direction at any heading.
+        turns_on_spot: Whether it can turn without moving forwards.
+        turn_radius_m: Least radius of an arc, 0 where every arc is possible.
+        steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
+            where none steers.
+    """
 
     wheel_count: int
     moves_sideways: bool
+    turns_on_spot: bool
+    turn_radius_m: float
+    steering_rates_rad_s: tuple[float, ...]
 
     def wheel_speeds(
         self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float
@@ -24,15 +36,67 @@ class Kinematics(Protocol):
         """Return the wheel speeds in rad/s for a body velocity; without the sideways part if impossible."""
         ...
 
-    def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
+    def set_points(
+        self,
+        velocity_x_m_s: float,
+        velocity_y_m_s: float,
+        yaw_rate_rad_s: float,
+        steering_rad: Sequence[float] = (),
+    ) -> SetPoints:
+        """Return wheel speeds and steering angles for a body velocity, given the present steering angles."""
+        ...
+
+    def body_motion(self, wheel_values: Sequence[float], steering_rad: Sequence[float] = ()) -> BodyMotion:
         """Return the body motion of rolling wheels: from rad/s a velocity, from rad an increment.
 
         With more wheels than degrees of freedom it is the least-squares solution.
+
+        Args:
+            wheel_values: One per wheel.
+            steering_rad: Steering angles, one per wheel; empty for zeros.
         """
         ...
 
+    def residuals(
+        self, wheel_values: Sequence[float], steering_rad: Sequence[float] = ()
+    ) -> Residuals | None:
+        """Return what the least squares over all wheels leave; None where the wheels are not compared."""
+        ...
 
-class OmniKinematics:
+
+class _FixedWheels(ABC):
+    """What kinematics without steering and without a limit of the turn radius have in common."""
+
+    turns_on_spot = True
+    turn_radius_m = 0.0
+    steering_rates_rad_s: tuple[float, ...] = ()
+
+    @abstractmethod
+    def wheel_speeds(
+        self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float
+    ) -> tuple[float, ...]:
+        """Return the wheel speeds in rad/s."""
+
+    def set_points(
+        self,
+        velocity_x_m_s: float,
+        velocity_y_m_s: float,
+        yaw_rate_rad_s: float,
+        steering_rad: Sequence[float] = (),
+    ) -> SetPoints:
+        """Return the wheel speeds; there are no steering angles."""
+        return SetPoints(self.wheel_speeds(velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s), ())
+
+    def residuals(
+        self,
+        wheel_values: Sequence[float],
+        steering_rad: Sequence[float] = (),
+    ) -> Residuals | None:
+        """Return None: the wheels are not compared."""
+        return None
+
+
+class OmniKinematics(_FixedWheels):
     """Three omnidirectional wheels: R w = J v, rows of J = [-sin th, cos th, L].
 
     Source: Robotino paper (003), inverse kinematics; J is inverted numerically, for any angles.
@@ -54,12 +118,16 @@ class OmniKinematics:
         """Return the three wheel speeds in rad/s."""
         return _multiply(self._to_wheels, (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s))
 
-    def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
+    def body_motion(
+        self,
+        wheel_values: Sequence[float],
+        steering_rad: Sequence[float] = (),
+    ) -> BodyMotion:
         """Return the body motion of rolling wheels."""
         return _multiply(self._to_body, wheel_values)
 
 
-class SkidSteerKinematics:
+class SkidSteerKinematics(_FixedWheels):
     """Four wheels in two fixed rows, left and right; the sideways velocity is always zero."""
 
     wheel_count = 4
@@ -78,7 +146,11 @@ class SkidSteerKinematics:
         right = (velocity_x_m_s + turn_m_s) / self._radius_m
         return (left, right, left, right)
 
-    def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
+    def body_motion(
+        self,
+        wheel_values: Sequence[float],
+        steering_rad: Sequence[float] = (),
+    ) -> BodyMotion:
         """Return the body motion of rolling wheels: least squares of both sides."""
         front_left, front_right, rear_left, rear_right = wheel_values
         left_m = 0.5 * self._radius_m * (front_left + rear_left)
@@ -90,14 +162,21 @@ def make_kinematics(settings: RoverSettings) -> Kinematics:
     """Return the kinematics that the settings describe."""
     if isinstance(settings, OmniRoverSettings):
         return OmniKinematics(settings)
-    return SkidSteerKinematics(settings)
+    if isinstance(settings, SkidSteerRoverSettings):
+        return SkidSteerKinematics(settings)
+    return WheelsKinematics(settings)
 
 
-def wheel_effects(kinematics: Kinematics) -> tuple[BodyMotion, ...]:
-    """Return for each wheel the body motion when it alone turns by one radian."""
+def wheel_effects(kinematics: Kinematics, steering_rad: Sequence[float] = ()) -> tuple[BodyMotion, ...]:
+    """Return for each wheel the body motion when it alone turns by one radian.
+
+    Args:
+        kinematics: Geometry of the wheels.
+        steering_rad: Steering angles, one per wheel; empty for zeros.
+    """
     count = kinematics.wheel_count
     return tuple(
-        kinematics.body_motion([1.0 if wheel == turning else 0.0 for wheel in range(count)])
+        kinematics.body_motion([1.0 if wheel == turning else 0.0 for wheel in range(count)], steering_rad)
         for turning in range(count)
     )
 

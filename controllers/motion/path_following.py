@@ -43,17 +43,28 @@ class PathFollower:
     Args:
         mission: Path, speed and gains.
         moves_sideways: Whether the rover can move in any direction at any heading.
+        turns_on_spot: Whether it can turn without moving forwards.
+        turn_radius_m: Least radius of an arc that it can drive.
 
     Raises:
         ConfigError: The rover cannot move sideways but the mission holds its heading, or two corners are
             within the position tolerance of each other.
     """
 
-    def __init__(self, mission: MissionSettings, moves_sideways: bool) -> None:
+    def __init__(
+        self,
+        mission: MissionSettings,
+        moves_sideways: bool,
+        *,
+        turns_on_spot: bool = True,
+        turn_radius_m: float = 0.0,
+    ) -> None:
         for conflict in find_mission_conflicts(mission, moves_sideways):
             raise ConfigError(conflict)
         self._mission = mission
         self._moves_sideways = moves_sideways
+        self._turns_on_spot = turns_on_spot
+        self._turn_radius_m = turn_radius_m
         self._lines = list(pairwise(corner_points(mission)))
         self._index = 0
 
@@ -88,17 +99,21 @@ class PathFollower:
             max(mission.approach_gain_per_s * remaining_m, SLOWEST_SHARE * mission.speed_m_s),
         )
         course_error_rad = wrap_angle(course_rad - pose.yaw_rad)
+        limit_rad_s = mission.yaw_rate_limit_rad_s
         if self._moves_sideways:
             facing_rad = 0.0 if mission.heading == "hold" else line_rad
             turn_rad = wrap_angle(facing_rad - pose.yaw_rad)
+            forward_m_s = speed_m_s * math.cos(course_error_rad)
             sideways_m_s = speed_m_s * math.sin(course_error_rad)
         else:
             turn_rad, sideways_m_s = wrap_angle(course_error_rad - drift_rad), 0.0
+            forward_m_s = speed_m_s * math.cos(course_error_rad)
             if abs(course_error_rad) > SPOT_TURN_RAD:
-                speed_m_s = 0.0
-        limit_rad_s = mission.yaw_rate_limit_rad_s
+                forward_m_s = 0.0 if self._turns_on_spot else SLOWEST_SHARE * mission.speed_m_s
+            if forward_m_s != 0.0 and self._turn_radius_m > 0.0:
+                limit_rad_s = min(limit_rad_s, forward_m_s / self._turn_radius_m)
         return Guidance(
-            velocity_x_m_s=speed_m_s * math.cos(course_error_rad),
+            velocity_x_m_s=forward_m_s,
             velocity_y_m_s=sideways_m_s,
             yaw_rate_rad_s=min(limit_rad_s, max(-limit_rad_s, mission.heading_gain_per_s * turn_rad)),
             cross_track_m=cross_m,
@@ -114,7 +129,7 @@ def find_mission_conflicts(mission: MissionSettings, moves_sideways: bool) -> It
         moves_sideways: Whether the rover can move in any direction at any heading.
     """
     if mission.heading == "hold" and not moves_sideways:
-        yield 'mission.heading: a skid-steer rover cannot hold its heading, set it to "along_path"'
+        yield 'mission.heading: this rover cannot move sideways and hold its heading, set it to "along_path"'
     for start, end in pairwise(corner_points(mission)):
         if math.dist(start, end) <= mission.position_tolerance_m:
             yield (

@@ -6,10 +6,9 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
+from controllers.motion.wheel_constraints import find_wheel_conflicts
+from controllers.motion.wheel_settings import WheelRadius, WheelSettings
 from drivers.settings import Settings
-
-WheelRadius = Annotated[float, Field(ge=0.005, le=1.0)]
-
 
 CLOSEST_WHEELS_DEG = 15.0
 
@@ -53,6 +52,31 @@ class SkidSteerRoverSettings(Settings):
     track_m: Annotated[float, Field(ge=0.05, le=5.0)]
 
 
+class WheelsRoverSettings(Settings):
+    """Any set of wheels, in the order of the wheel device.
+
+    The number of motions that the wheels allow must equal the number that motors and steering control. A
+    rover that moves sideways has only wheels with rollers, or only wheels that steer by half a turn.
+
+    Attributes:
+        wheels: The wheels.
+    """
+
+    kinematics: Literal["wheels"]
+    wheels: Annotated[tuple[WheelSettings, ...], Field(min_length=2, max_length=32)]
+
+    @property
+    def wheel_radius_m(self) -> float:
+        """Greatest radius of the wheels."""
+        return max(wheel.radius_m for wheel in self.wheels)
+
+    @model_validator(mode="after")
+    def _check_wheels(self) -> Self:
+        for conflict in find_wheel_conflicts(self.wheels):
+            raise ValueError(conflict)
+        return self
+
+
 RoverSettings: TypeAlias = Annotated[
-    OmniRoverSettings | SkidSteerRoverSettings, Field(discriminator="kinematics")
+    OmniRoverSettings | SkidSteerRoverSettings | WheelsRoverSettings, Field(discriminator="kinematics")
 ]

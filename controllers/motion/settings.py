@@ -17,8 +17,8 @@ class PathSettings(Settings):
 
     Attributes:
         speed_m_s: Speed along the path away from corners.
-        heading: `hold` keeps the heading at the start, `along_path` points along the path. A skid-steer rover
-            can only do the latter.
+        heading: `hold` keeps the heading at the start, `along_path` points along the path. A rover that
+            cannot move sideways can only do the latter.
         position_tolerance_m: A corner or the end counts as reached within this distance before it, along the
             path.
         lookahead_m: The rover steers to the point of the path at this distance ahead.

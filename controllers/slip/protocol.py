@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
 from controllers.estimation.odometry import BodyIncrement
-from controllers.motion.kinematics import BodyMotion
+from controllers.motion.body_motion import BodyMotion
 from drivers.samples import Sample
 
 ReportT = TypeVar("ReportT", covariant=True)

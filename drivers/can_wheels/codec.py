@@ -59,6 +59,7 @@ class _WheelPart:
         self._speed = scales.get("speed")
         self._current = scales.get("current")
         self._voltage = scales.get("voltage")
+        self._steering = scales.get("steering")
         self.unwrapper = None if span is None else Unwrapper(span)
         self.signals = tuple(scale.signal for scale in scales.values())
 
@@ -68,6 +69,7 @@ class _WheelPart:
 
     def read(self, t_ns: int, values: Mapping[str, float]) -> Sample:
         position, speed, current, voltage = self._position, self._speed, self._current, self._voltage
+        steering = self._steering
         return WheelSample(
             device=self._device,
             t_ns=t_ns,
@@ -77,6 +79,7 @@ class _WheelPart:
             current_a=None if current is None else current.to_si(values[current.signal]),
             current_is_signed=self._current_is_signed,
             voltage_v=None if voltage is None else voltage.to_si(values[voltage.signal]),
+            steering_rad=None if steering is None else steering.to_si(values[steering.signal]),
         )
 
     def _position_rad(self, scale: Scale, values: Mapping[str, float]) -> float:
@@ -129,12 +132,13 @@ _Part: TypeAlias = _WheelPart | _PowerPart | _FaultPart
 
 
 class _Outbox:
-    """One set-point message and the wheels that it commands."""
+    """One set-point message and the wheels that it commands: speeds, and steering angles."""
 
     def __init__(self, writer: MessageWriter) -> None:
         self.writer = writer
         self.fixed: dict[str, float] = {}
         self.wheels: list[tuple[int, Scale]] = []
+        self.steered: list[tuple[int, Scale]] = []
 
 
 class CanWheelsCodec:
@@ -168,6 +172,10 @@ class CanWheelsCodec:
             self._inboxes[bus_id(message)] = (reader, tuple(parts))
         self._writers: dict[str, MessageWriter] = {}
         self._outboxes = self._make_outboxes()
+        self._steering_rad = [0.0] * self.wheel_count
+        self.steered_wheels = tuple(
+            index for index, wheel in enumerate(bus.mapping.wheel) if wheel.steering_setpoint is not None
+        )
 
     def reset(self) -> None:
         """Forget counters and turns; faults that are still active are reported again."""
@@ -211,8 +219,21 @@ class CanWheelsCodec:
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
         """Return the set-point messages, and the speeds they mean after clipping and rounding.
 
-        A wheel without a set-point in the mapping gets none; its speed is given as 0.
+        A wheel without a set-point in the mapping gets none; its speed is given as 0. Steering angles stay at
+        their last set-points, 0 at first.
         """
+        payloads, meant, _ = self.encode_set_points(speed_rad_s, self._steering_rad)
+        return payloads, meant
+
+    def encode_set_points(
+        self, speed_rad_s: Sequence[float], steering_rad: Sequence[float]
+    ) -> tuple[Sequence[bytes], tuple[float, ...], tuple[float, ...]]:
+        """Return the set-point messages, and the speeds and steering angles they mean.
+
+        A steering angle without a signal in the mapping is given as 0.
+        """
+        self._steering_rad = list(steering_rad)
+        angles = [0.0] * self.wheel_count
         meant = [0.0] * self.wheel_count
         payloads = []
         for outbox in self._outboxes:
@@ -221,8 +242,12 @@ class CanWheelsCodec:
                 raw = scale.to_raw(speed_rad_s[wheel])
                 raw_by_signal[scale.signal] = raw
                 meant[wheel] = scale.to_si(raw)
+            for wheel, scale in outbox.steered:
+                raw = scale.to_raw(steering_rad[wheel])
+                raw_by_signal[scale.signal] = raw
+                angles[wheel] = scale.to_si(raw)
             payloads.append(outbox.writer.write(raw_by_signal))
-        return payloads, tuple(meant)
+        return payloads, tuple(meant), tuple(angles)
 
     def _parts_by_message(self, device: str) -> dict[str, list[_Part]]:
         mapping = self._bus.mapping
@@ -245,15 +270,20 @@ class CanWheelsCodec:
     def _make_outboxes(self) -> list[_Outbox]:
         outboxes: dict[str, _Outbox] = {}
         for index, wheel in enumerate(self._bus.mapping.wheel):
-            if wheel.setpoint is None:
-                continue
-            name = wheel.setpoint.message
-            outbox = outboxes.get(name)
-            if outbox is None:
-                outbox = outboxes[name] = _Outbox(self._writer(name))
-            outbox.fixed.update(raw_values(self._bus.message(name), wheel.setpoint.fixed))
-            outbox.wheels.append((index, self._bus.setpoint_scale(wheel, wheel.setpoint)))
+            if wheel.setpoint is not None:
+                outbox = self._outbox(outboxes, wheel.setpoint.message)
+                message = self._bus.message(wheel.setpoint.message)
+                outbox.fixed.update(raw_values(message, wheel.setpoint.fixed))
+                outbox.wheels.append((index, self._bus.setpoint_scale(wheel, wheel.setpoint)))
+            if wheel.steering_setpoint is not None:
+                outbox = self._outbox(outboxes, wheel.steering_setpoint.message)
+                outbox.steered.append((index, self._bus.steering_scale(wheel, wheel.steering_setpoint)))
         return list(outboxes.values())
+
+    def _outbox(self, outboxes: dict[str, _Outbox], message: str) -> _Outbox:
+        if message not in outboxes:
+            outboxes[message] = _Outbox(self._writer(message))
+        return outboxes[message]
 
     def _writer(self, message: str) -> MessageWriter:
         writer = self._writers.get(message)

@@ -100,6 +100,22 @@ class Setpoint(SpeedSource):
             yield self.message, signal, value
 
 
+class SteeringSource(MeasuredSignal):
+    """The signal with the steering angle of a wheel.
+
+    Attributes:
+        zero: Its value straight ahead, in its unit.
+    """
+
+    unit: Literal["rad", "deg"]
+    zero: float = 0.0
+
+    @property
+    def si_per_unit(self) -> float:
+        """Size of the unit in rad."""
+        return {"rad": 1.0, "deg": math.pi / 180.0}[self.unit]
+
+
 class CurrentSource(MeasuredSignal):
     """The signal with a current."""
 
@@ -132,6 +148,10 @@ class WheelMapping(Settings):
         current_is_signed: False where the drive reports only the magnitude of the motor current.
         voltage: Voltage at the motor's terminals, never the supply.
         setpoint: Set-point signal; without it the wheel is only measured.
+        steering: Signal with the measured steering angle, counter-clockwise. Without it the controller
+            assumes that the wheel follows its set-points.
+        steering_setpoint: Signal of the steering set-point; it may be in the message of the speed.
+        steering_sign: -1 where steering angles count clockwise.
         fault: Error words and flags of the wheel's drive; 0 means no fault.
     """
 
@@ -144,6 +164,9 @@ class WheelMapping(Settings):
     current_is_signed: bool = True
     voltage: VoltageSource | None = None
     setpoint: Setpoint | None = None
+    steering: SteeringSource | None = None
+    steering_setpoint: SteeringSource | None = None
+    steering_sign: Literal[1, -1] = 1
     fault: tuple[SignalName, ...] = ()
 
     @model_validator(mode="after")
@@ -214,7 +237,8 @@ class CanWheelsMapping(Settings):
 
     Attributes:
         dbc: Name of the DBC file in the same folder.
-        wheel: In the rover's order: front left, front right, rear left, rear right.
+        wheel: In the rover's order: that of [[rover.wheels]], or front left, front right, rear left, rear
+            right.
         fault: Error words of the whole rover.
         start: Sent in this order before the first set-point.
         stop: Sent in this order after standstill.

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from drivers.can_wheels.mapping import (
     Protection,
     Setpoint,
     SignalName,
+    SteeringSource,
     WheelMapping,
 )
 from drivers.can_wheels.signals import Scale, make_scale, raw_limits, raw_value
@@ -50,7 +51,7 @@ class BusDescription:
         return next((entry for entry in self.mapping.protection if message in entry.messages), None)
 
     def wheel_scales(self, wheel: WheelMapping) -> dict[str, Scale]:
-        """Return the conversions of a wheel's signals, by quantity: position, speed, current, voltage."""
+        """Return the conversions of a wheel's signals, by quantity, e.g. position or steering."""
         turning = wheel.sign / wheel.gear_ratio
         sources: dict[str, tuple[MeasuredSignal | None, float]] = {
             "position": (wheel.position, turning),
@@ -62,11 +63,17 @@ class BusDescription:
             quantity: self._scale(source, factor)
             for quantity, (source, factor) in sources.items()
             if source is not None
-        }
+        } | ({} if wheel.steering is None else {"steering": self.steering_scale(wheel, wheel.steering)})
 
     def setpoint_scale(self, wheel: WheelMapping, setpoint: Setpoint) -> Scale:
         """Return the conversion of a wheel's speed set-point."""
         return self._scale(setpoint, wheel.sign / wheel.gear_ratio)
+
+    def steering_scale(self, wheel: WheelMapping, source: SteeringSource) -> Scale:
+        """Return the conversion of a wheel's steering angle, measured or commanded."""
+        scale = self._scale(source, wheel.steering_sign)
+        zero_rad = wheel.steering_sign * source.zero * source.si_per_unit
+        return replace(scale, si_offset=scale.si_offset - zero_rad)
 
     def power_scales(self, power: PowerMapping) -> tuple[Scale, Scale | None]:
         """Return the conversions of supply voltage and current."""

@@ -45,6 +45,7 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
     except ValueError as error:
         raise ConfigError(f"{name_or_path} is not valid TOML: {error}") from error
     _rename_old_sections(table)
+    _simulate_the_same_wheels(table)
     unreadable = _inline_files(table)
     try:
         config = Config.model_validate(table)
@@ -128,6 +129,19 @@ def _rename_old_sections(table: Table) -> None:
         note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
         print(note, file=sys.stderr)  # noqa: T201 - a note to the user
         table["scomp"] = table.pop(OLD_SCOMP_KEY)
+
+
+def _simulate_the_same_wheels(table: Table) -> None:
+    """Give a simulated rover without wheels of its own those of the section [rover]."""
+    rover, simulation = table.get("rover"), table.get("simulation")
+    plant = simulation.get("plant") if isinstance(simulation, dict) else None
+    if (
+        isinstance(rover, dict)
+        and isinstance(plant, dict)
+        and plant.get("type") == "wheels"
+        and "wheels" in rover
+    ):
+        plant.setdefault("wheels", rover["wheels"])
 
 
 def _inline_files(table: Table) -> dict[KeyPath, str]:

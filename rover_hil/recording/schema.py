@@ -46,6 +46,7 @@ END = "/end"
 
 # The errors of a million wrong items would take gigabytes.
 Numbers: TypeAlias = Annotated[tuple[float, ...], FailFast()]
+MaybeNumbers: TypeAlias = Annotated[tuple[float, ...] | None, FailFast()]
 
 
 class PoseRecord(TypedDict):
@@ -87,6 +88,7 @@ class WheelCommandRecord(TypedDict):
     t_ns: int
     expires_ns: int
     speed_rad_s: Numbers
+    steering_rad: NotRequired[MaybeNumbers]
 
 
 class WheelSlipRecord(TypedDict):
@@ -129,6 +131,15 @@ class DriftRecord(TypedDict):
     reason: str
 
 
+class ContradictionRecord(TypedDict):
+    """How far redundant wheels contradict each other."""
+
+    scaled: float
+    wheel: int | None
+    rolling_m: Numbers
+    side_m: Numbers
+
+
 class EstimateRecord(TypedDict):
     """All that a cycle computed, on `ESTIMATE`."""
 
@@ -144,6 +155,8 @@ class EstimateRecord(TypedDict):
     cross_track_m: float | None
     slip: NotRequired[SlipRecord | None]
     drift: NotRequired[DriftRecord | None]
+    contradiction: NotRequired[ContradictionRecord | None]
+    steering_rad: NotRequired[MaybeNumbers]
 
 
 class TracesRecord(TypedDict):
@@ -158,6 +171,7 @@ class SetPointRecord(TypedDict):
     t_ns: NotRequired[int]
     speed_rad_s: Numbers
     delivered: NotRequired[bool]
+    steering_rad: NotRequired[MaybeNumbers]
 
 
 class TruthRecord(TypedDict):
@@ -179,6 +193,7 @@ class TruthRecord(TypedDict):
     slip: NotRequired[Numbers]
     battery_v: NotRequired[float]
     bumper_pressed: NotRequired[bool]
+    steering_rad: NotRequired[MaybeNumbers]
 
 
 class CycleRecord(TypedDict):
@@ -238,6 +253,7 @@ _pose = _copy(PoseRecord)
 _innovation = _copy(InnovationRecord)
 _wheel_command = _copy(WheelCommandRecord)
 _wheel_slip = _copy(WheelSlipRecord)
+_contradiction = _copy(ContradictionRecord)
 _trace = _copy(TraceRecord)
 set_point_record = _copy(SetPointRecord)
 """From a `SentCommand`."""
@@ -262,6 +278,8 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "cross_track_m": output.cross_track_m,
         "slip": None if output.slip is None else _slip(output.slip),
         "drift": None if output.scomp is None else _drift(output.scomp),
+        "contradiction": None if output.contradiction is None else _contradiction(output.contradiction),
+        "steering_rad": output.steering_rad,
     }
 
 

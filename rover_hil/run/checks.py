@@ -6,6 +6,7 @@ from pathlib import Path
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.path_following import find_mission_conflicts
 from drivers.device_settings import DriveSettings
+from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError
 from rover_hil.config import Draft, Rule
 from rover_hil.config.schema import MISSING_SIMULATION
@@ -52,6 +53,26 @@ def _find_wheel_count_conflict(draft: Draft) -> Iterator[str]:
         yield conflict
 
 
+def _find_missing_steering(draft: Draft) -> Iterator[str]:
+    name = draft.config.roles.wheels
+    device = draft.config.devices.get(name)
+    rates_rad_s = make_kinematics(draft.config.rover).steering_rates_rad_s
+    if not rates_rad_s or not isinstance(device, DriveSettings):
+        return
+    try:
+        codec = device.make_codec(name)
+    except ConfigError:
+        return  # reported with the data files
+    steered = codec.steered_wheels if isinstance(codec, SteeringCodec) else ()
+    missing = [str(wheel) for wheel, rate in enumerate(rates_rad_s) if rate > 0.0 and wheel not in steered]
+    if missing:
+        yield (
+            f"rover.wheels: wheels {', '.join(missing)} steer, but device '{name}' has no steering "
+            "set-points for them: use can_wheels with a mapping that has steering_setpoint, or remove the "
+            "steering"
+        )
+
+
 def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
     mission = draft.config.mission
     if mission is not None:
@@ -96,6 +117,7 @@ ROVER_CHECKS = (
     Rule(("devices",), _find_shared_ports),
     Rule(("devices",), _find_data_file_mistakes),
     Rule(("rover", "roles", "devices"), _find_wheel_count_conflict),
+    Rule(("rover", "roles", "devices"), _find_missing_steering),
     Rule(("rover", "mission"), _find_mission_conflicts),
     Rule(("scomp",), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),

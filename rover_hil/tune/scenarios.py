@@ -11,6 +11,7 @@ from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.site import random_site
+from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.settings import PlantSettings, SimulationSettings
 
 FIRST_TRAIN_SEED = 1
@@ -59,7 +60,7 @@ def with_scenario(config: Config, seed: int) -> Config:
 def _random_ground(plant: PlantSettings, rng: np.random.Generator) -> PlantSettings:
     """Return the plant on random ground."""
     match plant:
-        case RobotinoPlantSettings():
+        case RobotinoPlantSettings() | WheelsPlantSettings():
             return plant.model_copy(update={"site": random_site(rng)})
         case ElDoradoPlantSettings(ground=ground):
             inclination_deg = min(STEEPEST_DEG, ground.inclination_deg * rng.uniform(*INCLINATION_FACTOR))

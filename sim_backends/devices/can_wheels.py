@@ -26,7 +26,7 @@ from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.settings import Settings
 from sim_backends.world.line import NEVER_NS, Line
-from sim_backends.world.plant import Plant, Truth
+from sim_backends.world.plant import Plant, SteeredPlant, Truth
 from sim_backends.world.sensor_errors import standard_normals
 from sim_backends.world.world import EmulatedDevice
 
@@ -104,6 +104,8 @@ class CanNodes:
         self._watchdog_ns = nanoseconds(settings.watchdog_s)
         self._readers: dict[int, MessageReader] = {}
         self._setpoints: dict[int, list[tuple[int, Scale]]] = {}
+        self._steering: dict[int, list[tuple[int, Scale]]] = {}
+        self._angles_rad = [0.0 for _ in wheels]
         self._start = self._listen_for_frames(bus.mapping.start)
         self._stop = self._listen_for_frames(bus.mapping.stop)
         self._missing = set(range(len(self._start)))
@@ -153,6 +155,8 @@ class CanNodes:
             self._switch_off()
         if key in self._setpoints and not self._missing:
             self._take_setpoints(t_ns, self._setpoints[key], values)
+        if key in self._steering and not self._missing:
+            self._steer(self._steering[key], values)
 
     def _take_setpoints(
         self, t_ns: int, scales: Iterable[tuple[int, Scale]], values: Mapping[str, float]
@@ -162,6 +166,13 @@ class CanNodes:
             self._deadlines_ns[wheel] = t_ns + self._watchdog_ns
             self._has_expired[wheel] = False
         self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
+
+    def _steer(self, scales: Iterable[tuple[int, Scale]], values: Mapping[str, float]) -> None:
+        """Pass the set-points on; without a watchdog: a steering drive that gets none keeps its angle."""
+        for wheel, scale in scales:
+            self._angles_rad[wheel] = scale.to_si(values[scale.signal])
+        if isinstance(self._plant, SteeredPlant):
+            self._plant.set_steering(tuple(self._angles_rad))
 
     def _expire(self, wheel: int) -> None:
         self._has_expired[wheel] = True
@@ -190,6 +201,10 @@ class CanNodes:
                 key = self._listen(wheel.setpoint.message)
                 scale = self._bus.setpoint_scale(wheel, wheel.setpoint)
                 self._setpoints.setdefault(key, []).append((index, scale))
+            if wheel.steering_setpoint is not None:
+                key = self._listen(wheel.steering_setpoint.message)
+                scale = self._bus.steering_scale(wheel, wheel.steering_setpoint)
+                self._steering.setdefault(key, []).append((index, scale))
 
     def _listen(self, name: str) -> int:
         message = self._bus.message(name)
@@ -234,6 +249,8 @@ class CanNodes:
             return self._raw_position(index, wheel, scale)
         if quantity == "speed":
             return self._raw_speed(index, scale)
+        if quantity == "steering":
+            return lambda truth: scale.to_raw((truth.steering_rad or (0.0,) * (index + 1))[index])
         return self._raw_current(index, scale, is_signed=wheel.current_is_signed)
 
     def _raw_position(self, index: int, wheel: WheelMapping, scale: Scale) -> RawSignal:
@@ -307,6 +324,11 @@ def make_can_node(
         raise ConfigError(
             f"simulated bus '{name}': motor voltages and supply current are not simulated, "
             f"but {bus.mapping_file.name} names them: simulate with a mapping without them"
+        )
+    if any(wheel.steering_setpoint for wheel in mapping.wheel) and not isinstance(plant, SteeredPlant):
+        raise ConfigError(
+            f"simulated bus '{name}': {bus.mapping_file.name} steers wheels, but the simulated rover does "
+            "not steer: choose a plant that does"
         )
     to_host = Line(can_frame_bits, device.bit_rate)
     to_device = Line(can_frame_bits, device.bit_rate)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,6 +15,7 @@ class Truth:
     Attributes:
         motor_current_a: Signed; positive drives forward.
         slip: Longitudinal slip ratio of each wheel, 1 - v / (r omega) when driving.
+        steering_rad: Steering angle of each wheel, counter-clockwise; None for a rover that does not steer.
     """
 
     t_ns: int
@@ -32,6 +33,7 @@ class Truth:
     slip: tuple[float, ...]
     battery_v: float
     bumper_pressed: bool
+    steering_rad: tuple[float, ...] | None = None
 
 
 class Plant(Protocol):
@@ -49,4 +51,13 @@ class Plant(Protocol):
 
     def truth(self) -> Truth:
         """Return the state at the time reached."""
+        ...
+
+
+@runtime_checkable
+class SteeredPlant(Plant, Protocol):
+    """A simulated rover that also follows steering set-points."""
+
+    def set_steering(self, angle_rad: Sequence[float]) -> None:
+        """Set the steering angles, counter-clockwise, one per wheel; ignored where a wheel is fixed."""
         ...

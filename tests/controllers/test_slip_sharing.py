@@ -2,7 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.motion.kinematics import BodyMotion, OmniKinematics
+from controllers.motion.body_motion import BodyMotion
+from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.slip_sharing import share_slip
 from tests.controllers.simulated import OMNI
 

@@ -59,7 +59,7 @@ def mistakes(command: str, path: str) -> list[str]:
             "el-dorado",
             'heading = "along_path"\n',
             "",
-            'mission.heading: a skid-steer rover cannot hold its heading, set it to "along_path"',
+            'mission.heading: this rover cannot move sideways and hold its heading, set it to "along_path"',
         ),
         (
             "robotino",

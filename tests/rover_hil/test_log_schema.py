@@ -9,6 +9,7 @@ from pydantic_core import to_json
 from controllers.control_loop import StepOutput
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_filter import PoseEstimate, YawSource
+from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
 from controllers.safety import Mode
@@ -49,7 +50,7 @@ OUTPUT = StepOutput(
         Innovation(name="compass", residual=0.1, variance=0.2, nis=0.05, accepted=True),
         Innovation(name="late", residual=None, variance=None, nis=None, accepted=False),
     ),
-    command=WheelCommand(t_ns=7, expires_ns=9, speed_rad_s=(1.0, 2.0)),
+    command=WheelCommand(t_ns=7, expires_ns=9, speed_rad_s=(1.0, 2.0), steering_rad=(0.1, 0.0)),
     limit=Limit.ACCELERATION,
     cross_track_m=None,
     slip=SlipReport(
@@ -75,6 +76,8 @@ OUTPUT = StepOutput(
         ),
         reason="",
     ),
+    contradiction=ContradictionReport(scaled=1.5, wheel=1, rolling_m=(0.0, 0.01), side_m=(0.0, 0.002)),
+    steering_rad=(0.05, 0.0),
 )
 RECORD = (
     b'{"t_ns":7,"mode":"running","reason":"","estimate":{"t_ns":6,"x_m":1.0,"y_m":2.0,'
@@ -83,11 +86,13 @@ RECORD = (
     b'"odometry":{"x_m":1.1,"y_m":2.2,"yaw_rad":0.3},"odometry_rebases":1,"innovations":['
     b'{"name":"compass","residual":0.1,"variance":0.2,"nis":0.05,"accepted":true},'
     b'{"name":"late","residual":null,"variance":null,"nis":null,"accepted":false}],'
-    b'"command":{"t_ns":7,"expires_ns":9,"speed_rad_s":[1.0,2.0]},"limit":"acceleration",'
+    b'"command":{"t_ns":7,"expires_ns":9,"speed_rad_s":[1.0,2.0],"steering_rad":[0.1,0.0]},"limit":"acceleration",'
     b'"cross_track_m":null,"slip":{"map":"linear_m","surface":null,"drift_rad":0.01,"wheels":['
     b'{"current_a":0.5,"paper_torque_nm":0.1,"wheel_torque_nm":0.2,"slip":0.3,"valid":false,'
     b'"reason":"too slow"}]},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
-    b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""}}'
+    b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""},'
+    b'"contradiction":{"scaled":1.5,"wheel":1,"rolling_m":[0.0,0.01],"side_m":[0.0,0.002]},'
+    b'"steering_rad":[0.05,0.0]}'
 )
 
 
@@ -104,7 +109,8 @@ def test_nothing_that_a_cycle_computes_is_left_out() -> None:
 
 def test_a_cycle_of_an_older_log_is_read() -> None:
     older = json.loads(RECORD)
-    del older["slip"], older["drift"]
+    del older["slip"], older["drift"], older["contradiction"], older["steering_rad"]
+    del older["command"]["steering_rad"]
     record = ESTIMATE_SHAPE.validate_python(older)
     assert "slip" not in record
     assert record["estimate"]["x_m"] == 1.0

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from controllers.estimation.odometry import BodyIncrement
-from controllers.motion.kinematics import BodyMotion, Kinematics
+from controllers.motion.body_motion import BodyMotion
+from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.motor_model import EffortFlag, EffortObserver, WheelEffort
 from controllers.slip.effort.parameters import EFFORT

@@ -7,7 +7,8 @@ from typing import Protocol
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
-from controllers.motion.kinematics import BodyMotion, Kinematics
+from controllers.motion.body_motion import BodyMotion
+from controllers.motion.kinematics import Kinematics
 from controllers.roles import DeviceRoles
 from controllers.slip.scomp.filter import ScompFilter, StartHeading
 from controllers.slip.scomp.motion_model import Motion, expected_drift

@@ -131,6 +131,7 @@ class ElDoradoPlant:
             slip=tuple(state.slip.tolist()),
             battery_v=settings.battery_v - settings.battery_resistance_ohm * supply_a,
             bumper_pressed=False,
+            steering_rad=tuple(self._steer_rad.tolist()),
         )
 
     def _currents_a(self) -> list[float]:
