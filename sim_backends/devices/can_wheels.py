@@ -95,6 +95,7 @@ class CanNodes:
         self._settings = settings
         self._bus = bus
         self._plant = plant
+        self._steered_plant = plant if isinstance(plant, SteeredPlant) else None
         self._to_host = to_host
         self._noise = standard_normals(rng)
         wheels = range(len(bus.mapping.wheel))
@@ -171,8 +172,8 @@ class CanNodes:
         """Pass the set-points on; without a watchdog: a steering drive that gets none keeps its angle."""
         for wheel, scale in scales:
             self._angles_rad[wheel] = scale.to_si(values[scale.signal])
-        if isinstance(self._plant, SteeredPlant):
-            self._plant.set_steering(tuple(self._angles_rad))
+        if self._steered_plant is not None:
+            self._steered_plant.set_steering(tuple(self._angles_rad))
 
     def _expire(self, wheel: int) -> None:
         self._has_expired[wheel] = True

@@ -49,6 +49,11 @@ class WheelsPlant:
         self.wheel_count = count
         self._settings = settings
         self._rover = make_rover(settings)
+        # Plain numbers for speed: `truth` is called several times in each control cycle.
+        self._places_m: list[list[float]] = self._rover.place[:count].tolist()
+        self._rollers_rad: list[float] = self._rover.roller.tolist()
+        motors = [wheel.motor or WheelMotor() for wheel in settings.wheels]
+        self._stall_a = self._rover.driven * [motor.stall_current_a for motor in motors]
         self._ground = rasterise(settings.site, float(np.mean(self._rover.radius_m)), rng)
         self._grid_ns = self._t_ns = start_ns
         self._offset_rad = np.radians(
@@ -133,7 +138,7 @@ class WheelsPlant:
             wheel_position_rad=tuple((state.angle_rad + since_s * state.speed_rad_s).tolist()),
             wheel_speed_rad_s=tuple(state.speed_rad_s.tolist()),
             motor_current_a=tuple(currents),
-            slip=tuple(self._slip(wheel) for wheel in range(self.wheel_count)),
+            slip=self._slips(),
             battery_v=settings.battery_v - settings.battery_resistance_ohm * supply_a,
             bumper_pressed=False,
             steering_rad=steering_rad,
@@ -141,25 +146,32 @@ class WheelsPlant:
 
     def _currents_a(self) -> list[float]:
         """Return the current of each motor on its torque-speed line."""
-        state, rover = self._state, self._rover
-        stall_a = [(wheel.motor or WheelMotor()).stall_current_a for wheel in self._settings.wheels]
-        share = state.duty - state.speed_rad_s / rover.no_load_rad_s
-        currents: list[float] = (np.array(stall_a) * share * rover.driven).tolist()
+        state = self._state
+        currents: list[float] = (
+            self._stall_a * (state.duty - state.speed_rad_s / self._rover.no_load_rad_s)
+        ).tolist()
         return currents
 
-    def _slip(self, wheel: int) -> float:
-        """Return the slip ratio along the direction in which the wheel has traction, -1 to 1."""
-        state, rover = self._state, self._rover
+    def _slips(self) -> tuple[float, ...]:
+        """Return the slip ratio of each wheel along the direction in which it has traction, -1 to 1."""
+        state = self._state
         x, y, turn = state.twist.tolist()
-        velocity = np.array([x - turn * rover.place[wheel, 1], y + turn * rover.place[wheel, 0]])
-        along = rover.angle[wheel] + state.steer_rad[wheel]
-        rim = rover.radius_m[wheel] * state.speed_rad_s[wheel] * np.array([math.cos(along), math.sin(along)])
-        traction = along if math.isnan(rover.roller[wheel]) else along + 0.5 * math.pi + rover.roller[wheel]
-        unit = np.array([math.cos(traction), math.sin(traction)])
-        rim_m_s, ground_m_s = float(unit @ rim), float(unit @ velocity)
-        faster = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
-        difference = math.copysign(1.0, faster) * (rim_m_s - ground_m_s)
-        return min(max(difference / max(abs(faster), SLIP_FLOOR_M_S), -1.0), 1.0)
+        slips = []
+        for (place_x, place_y), along, roller, rim in zip(
+            self._places_m,
+            (self._rover.angle + state.steer_rad).tolist(),
+            self._rollers_rad,
+            (self._rover.radius_m * state.speed_rad_s).tolist(),
+            strict=True,
+        ):
+            traction = along if math.isnan(roller) else along + 0.5 * math.pi + roller
+            cosine, sine = math.cos(traction), math.sin(traction)
+            rim_m_s = rim * math.cos(traction - along)
+            ground_m_s = cosine * (x - turn * place_y) + sine * (y + turn * place_x)
+            faster = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
+            difference = math.copysign(1.0, faster) * (rim_m_s - ground_m_s)
+            slips.append(min(max(difference / max(abs(faster), SLIP_FLOOR_M_S), -1.0), 1.0))
+        return tuple(slips)
 
 
 def make_rover(settings: WheelsPlantSettings) -> Rover:
@@ -171,7 +183,8 @@ def make_rover(settings: WheelsPlantSettings) -> Rover:
     wheels, castors = settings.wheels, settings.castors
     motors = [wheel.motor or WheelMotor() for wheel in wheels]
     servos = [wheel.steering for wheel in wheels]
-    place = np.array([(contact.x_m, contact.y_m) for contact in (*wheels, *castors)])
+    places = [(wheel.x_m, wheel.y_m) for wheel in wheels] + [(castor.x_m, castor.y_m) for castor in castors]
+    place = np.array(places)
     ahead_m, aside_m, mass_kg = settings.centre_of_mass_x_m, settings.centre_of_mass_y_m, settings.mass_kg
     load_n = _loads(place, mass_kg * STANDARD_GRAVITY_M_S2, (ahead_m, aside_m))
     spread_m = np.ptp(place, axis=0) + 2.0 * max(wheel.radius_m for wheel in wheels)
@@ -211,7 +224,7 @@ def _loads(place: Array, weight_n: float, centre_m: tuple[float, float]) -> Arra
     """Return the static load on each contact: equal springs under a stiff body, the least unequal loads."""
     balance = np.vstack((np.ones(len(place)), place.T))
     wanted = weight_n * np.array([1.0, *centre_m])
-    load: Array = np.linalg.lstsq(balance, wanted, rcond=None)[0]
+    load: Array = np.linalg.pinv(balance) @ wanted
     if not np.allclose(balance @ load, wanted, atol=1e-6 * weight_n) or float(np.min(load)) <= 0.0:
         raise ConfigError(
             "simulation.plant: the centre of mass is not between the contacts, so the simulated rover falls "
