@@ -74,7 +74,7 @@ class Estimator:
         self._gyro = GyroIntegrator(
             roles.max_age_s(roles.gyro), ESTIMATION.odometry.plausible_speed * fastest_turn_rad_s
         )
-        self._filter = PoseFilter(settings, roles.headings, roles.fixes)
+        self._filter = PoseFilter(settings, roles.headings, roles.fixes, is_compensated=slip is not None)
         self._fixes = FixQueue(roles.fixes)
         self._headings: list[tuple[HeadingSample, int]] = []
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
@@ -203,6 +203,10 @@ class Estimator:
         """Return the estimate; before the first motion of the wheels is known it is the start, `now_ns`."""
         pose = self._filter.pose
         velocity_x_m_s, velocity_y_m_s, _ = self._body_velocity()
+        yaw_rate_rad_s = self._yaw_rate_rad_s()
+        xx, xy, x_yaw, yy, y_yaw, yaw_rad2 = self._filter.covariance
+        if self._yaw_source is YawSource.GYRO:
+            yaw_rad2 += (yaw_rate_rad_s * self._settings.gyro_delay_sd_s) ** 2
         return PoseEstimate(
             t_ns=now_ns if self.motion_ns is None else self.motion_ns,
             x_m=pose.x_m,
@@ -210,9 +214,9 @@ class Estimator:
             yaw_rad=pose.yaw_rad,
             velocity_x_m_s=velocity_x_m_s,
             velocity_y_m_s=velocity_y_m_s,
-            yaw_rate_rad_s=self._yaw_rate_rad_s(),
+            yaw_rate_rad_s=yaw_rate_rad_s,
             gyro_bias_rad_s=self._filter.gyro_bias_rad_s,
-            covariance=self._filter.covariance,
+            covariance=(xx, xy, x_yaw, yy, y_yaw, yaw_rad2),
             yaw_source=self._yaw_source,
         )
 

@@ -54,9 +54,15 @@ ROVERS = {"robotino": robotino, "el-dorado": el_dorado}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """One cycle: its output and the true pose x, y, yaw, relative to the start."""
+    """One cycle: its output and the true pose x, y, yaw, relative to the start.
+
+    Attributes:
+        t_s: Since the start of the run.
+        age_s: How old the estimate is: the time since the wheel positions that it is based on.
+    """
 
     t_s: float
+    age_s: float
     output: StepOutput
     truth: tuple[float, float, float]
 
@@ -132,5 +138,6 @@ def drive(
             way = complex(truth.x_m - begin.x_m, truth.y_m - begin.y_m)
             turned = way * complex(math.cos(begin.yaw_rad), -math.sin(begin.yaw_rad))
             pose = (turned.real, turned.imag, truth.yaw_rad - begin.yaw_rad)
-            driven.moments.append(Moment(t_s=t_s, output=output, truth=pose))
+            age_s = seconds(now_ns - output.estimate.t_ns)
+            driven.moments.append(Moment(t_s=t_s, age_s=age_s, output=output, truth=pose))
     return driven

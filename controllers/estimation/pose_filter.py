@@ -85,7 +85,7 @@ class PoseEstimate:
 
 
 class PoseFilter:
-    """State [x, y, yaw, gyro bias, offsets, origins]: one offset per heading device and reference.
+    """State [x, y, yaw, gyro bias, offsets, origins, slip]: one offset per heading device and reference.
 
     An offset is the heading at a yaw of zero. It starts unknown. While the rover settles the yaw is certain,
     so the first headings give the offset, and later ones correct the yaw as far as the offset is known.
@@ -95,14 +95,25 @@ class PoseFilter:
     estimated in the same way: the first fix ties the frames together, best while the rover is at rest, and
     later ones correct pose and origin as far as each is known. The mission stays in the local frame.
 
+    The slip that remains is a share of the travel, along it and across: two first-order Gauss-Markov
+    processes over the distance (Gelb 1974, section 3.8). Its effect on the position grows with the distance,
+    not with its root, and fixes correct it together with the position. These states are left out where both
+    standard deviations are 0.
+
     Args:
         settings: Noise.
         heading_devices: Names of the devices that give headings.
         fix_devices: Names of the devices that give absolute fixes.
+        is_compensated: Whether slip is compensated where an increment is sure.
     """
 
     def __init__(
-        self, settings: FilterSettings, heading_devices: Sequence[str], fix_devices: Sequence[str] = ()
+        self,
+        settings: FilterSettings,
+        heading_devices: Sequence[str],
+        fix_devices: Sequence[str] = (),
+        *,
+        is_compensated: bool = False,
     ) -> None:
         sources = [(device, reference) for device in heading_devices for reference in HeadingReference]
         self._settings = settings
@@ -110,13 +121,18 @@ class PoseFilter:
         first_origin = FIRST_OFFSET + len(sources)
         self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
         self._rejections: dict[str, int] = {}
-        size = first_origin + 3 * len(fix_devices)
+        first_slip = first_origin + 3 * len(fix_devices)
+        self._slip = slice(first_slip, first_slip + 2 if settings.has_slip else first_slip)
+        self._is_compensated = is_compensated
+        slip_variances = self._slip_variances(is_sure=True) if settings.has_slip else ()
+        size = self._slip.stop
         self._filter = GuardedFilter(
             state=[0.0] * size,
             variances=[CERTAIN] * BIAS
             + [settings.gyro_bias_rad_s**2]
             + [UNKNOWN_ANGLE_RAD2] * len(sources)
-            + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices),
+            + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices)
+            + [max(variance, CERTAIN) for variance in slip_variances],
             angles=[YAW, *self._offset_index.values(), *(i + YAW for i in self._origin_index.values())],
             gate_probability=settings.gate_probability,
         )
@@ -153,7 +169,10 @@ class PoseFilter:
         state = self._filter.state
         before = Pose(x_m=state[X], y_m=state[Y], yaw_rad=state[YAW])
         turn_rad = turn.angle_rad - state[BIAS] * turn.covered_s
-        after = move(before, increment.x_m, increment.y_m, turn_rad)
+        travel_m = complex(increment.x_m, increment.y_m)
+        if self._settings.has_slip:
+            travel_m *= 1.0 + complex(*state[self._slip])
+        after = move(before, travel_m.real, travel_m.imag, turn_rad)
         state[:BIAS] = after.x_m, after.y_m, after.yaw_rad
         moved_x_m, moved_y_m = after.x_m - before.x_m, after.y_m - before.y_m
         transition = self._transition
@@ -163,10 +182,15 @@ class PoseFilter:
         transition[Y, BIAS] = -0.5 * moved_x_m * turn.covered_s
         transition[YAW, BIAS] = -turn.covered_s
         self._set_noise(increment, turn)
+        if self._settings.has_slip:
+            rolled_m = complex(increment.x_m, increment.y_m) * cmath.rect(
+                1.0, before.yaw_rad + 0.5 * turn_rad
+            )
+            self._let_slip_change(rolled_m, state, is_sure=increment.is_sure)
         self._filter.predict(increment.duration_s, state, transition, self._noise)
         return Step(
-            x_m=increment.x_m,
-            y_m=increment.y_m,
+            x_m=travel_m.real,
+            y_m=travel_m.imag,
             turn_rad=turn_rad,
             duration_s=increment.duration_s,
             position_m2=float(self._noise[X, X]),
@@ -279,6 +303,24 @@ class PoseFilter:
             np.array([slopes.real, slopes.imag, yaw_row]),
             np.array([position_m2, position_m2, yaw_rad2]),
         )
+
+    def _let_slip_change(self, rolled_m: complex, state: list[float], *, is_sure: bool) -> None:
+        """Set the slip's part of transition, noise and `state` for wheels that rolled by `rolled_m`."""
+        settings, along, across = self._settings, self._slip.start, self._slip.start + 1
+        keep = math.exp(-abs(rolled_m) / settings.slip_distance_m)
+        variances = self._slip_variances(is_sure=is_sure)
+        effects = (rolled_m, 1j * rolled_m)
+        for index, effect, variance in zip((along, across), effects, variances, strict=True):
+            self._transition[X, index], self._transition[Y, index] = effect.real, effect.imag
+            self._transition[index, index] = keep
+            self._noise[index, index] = (1.0 - keep * keep) * variance
+            state[index] *= keep
+
+    def _slip_variances(self, *, is_sure: bool) -> tuple[float, float]:
+        """Return the variances of the slip along and across the travel."""
+        settings = self._settings
+        slip_sd = settings.slip_sd if is_sure and self._is_compensated else settings.unsure_slip_sd
+        return slip_sd**2, (settings.cross_slip_ratio * slip_sd) ** 2
 
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
         settings = self._settings

@@ -13,9 +13,16 @@ class FilterSettings(Settings):
     Attributes:
         position_noise_m_sqrt_m: Standard deviation of the position after one metre, from wheel slip.
         unsure_position_noise_m_sqrt_m: The same where the compensated slip is flagged as not valid.
+        slip_sd: Standard deviation of the slip that compensation leaves, as a share of the travel. It changes
+            slowly, so that its effect on the position grows with the distance.
+        unsure_slip_sd: The same without compensation, or where the compensated slip is flagged as not valid.
+        cross_slip_ratio: Slip across the travel, over that along it.
+        slip_distance_m: The correlation of the slip falls to 37 % over this distance.
         wheel_yaw_noise_rad_sqrt_rad: Standard deviation of the wheels' yaw after turning by one radian.
         wheel_yaw_noise_rad_sqrt_m: Standard deviation of the wheels' yaw after driving one metre.
         gyro_noise_rad_sqrt_s: Standard deviation of the integrated gyro after one second (angle random walk).
+        gyro_delay_sd_s: Standard deviation of the unknown delay of the gyro behind the wheels. While the
+            rover turns the yaw is wrong by the turn in this time.
         gyro_rate_noise_rad_s: Standard deviation of one gyro reading.
         gyro_bias_rad_s: Standard deviation of the gyro's bias at the start.
         gyro_bias_walk_rad_s_sqrt_s: Standard deviation of the bias' change within one second.
@@ -28,9 +35,14 @@ class FilterSettings(Settings):
 
     position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
     unsure_position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.2
+    slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    unsure_slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    cross_slip_ratio: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    slip_distance_m: Annotated[float, Field(ge=0.01, le=100.0)] = 0.5
     wheel_yaw_noise_rad_sqrt_rad: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.1
     wheel_yaw_noise_rad_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
     gyro_noise_rad_sqrt_s: Annotated[float, Field(ge=1e-6, le=0.1)] = 0.002
+    gyro_delay_sd_s: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
     gyro_rate_noise_rad_s: Annotated[float, Field(ge=1e-5, le=0.5)] = 0.01
     gyro_bias_rad_s: Annotated[float, Field(ge=1e-6, le=0.5)] = 0.02
     gyro_bias_walk_rad_s_sqrt_s: Annotated[float, Field(ge=1e-7, le=0.01)] = 1e-4
@@ -38,3 +50,8 @@ class FilterSettings(Settings):
     heading_lag_s: Annotated[float, Field(ge=0, le=2.0)] = 0.0
     standstill_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.3
     gate_probability: Annotated[float, Field(ge=0.5, lt=1.0)] = 0.9995
+
+    @property
+    def has_slip(self) -> bool:
+        """Whether slip is a part of the estimate."""
+        return self.slip_sd > 0.0 or self.unsure_slip_sd > 0.0

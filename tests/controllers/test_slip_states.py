@@ -1,0 +1,96 @@
+"""The slip that remains, as a state of the pose filter that changes slowly."""
+
+import math
+
+import numpy as np
+import pytest
+
+from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.pose_fixes import WayBack
+from controllers.estimation.settings import FilterSettings
+from drivers.samples import PoseFixSample
+
+STEP_M = 0.01
+SETTINGS = FilterSettings(
+    position_noise_m_sqrt_m=1e-4,
+    unsure_position_noise_m_sqrt_m=1e-4,
+    slip_sd=0.1,
+    unsure_slip_sd=0.4,
+    cross_slip_ratio=0.5,
+    slip_distance_m=0.5,
+)
+
+
+def driven(
+    settings: FilterSettings, distance_m: float, *, is_compensated: bool, is_sure: bool = True
+) -> PoseFilter:
+    """Return a filter that has rolled straight ahead."""
+    pose_filter = PoseFilter(settings, (), ("camera",), is_compensated=is_compensated)
+    roll(pose_filter, distance_m, is_sure=is_sure)
+    return pose_filter
+
+
+def roll(pose_filter: PoseFilter, distance_m: float, *, is_sure: bool = True) -> None:
+    for _ in range(round(distance_m / STEP_M)):
+        increment = BodyIncrement(x_m=STEP_M, y_m=0.0, turn_rad=0.0, duration_s=0.1, is_sure=is_sure)
+        pose_filter.predict(increment, Turn(angle_rad=0.0, source=YawSource.GYRO))
+
+
+def integrated_sd_m(slip_sd: float, distance_m: float, correlation_m: float) -> float:
+    """Return the standard deviation of an integrated first-order Gauss-Markov process."""
+    share = distance_m / correlation_m
+    return slip_sd * correlation_m * math.sqrt(2.0 * (share - 1.0 + math.exp(-share)))
+
+
+@pytest.mark.parametrize("distance_m", [0.1, 0.5, 3.0])
+@pytest.mark.parametrize(("is_compensated", "is_sure", "slip_sd"), [(True, True, 0.1), (False, True, 0.4)])
+def test_the_position_spreads_as_an_integrated_gauss_markov_process(
+    distance_m: float, is_compensated: bool, is_sure: bool, slip_sd: float
+) -> None:
+    pose_filter = driven(SETTINGS, distance_m, is_compensated=is_compensated, is_sure=is_sure)
+    xx, _, _, yy, _, _ = pose_filter.covariance
+    expected_m = integrated_sd_m(slip_sd, distance_m, 0.5)
+    assert math.sqrt(xx) == pytest.approx(expected_m, rel=0.03)
+    assert math.sqrt(yy) == pytest.approx(0.5 * expected_m, rel=0.03)
+
+
+def test_slip_that_becomes_unsure_spreads_more_over_the_next_half_metre() -> None:
+    sure, unsure = (driven(SETTINGS, 0.5, is_compensated=True) for _ in range(2))
+    roll(sure, 0.5)
+    roll(unsure, 0.5, is_sure=False)
+    assert unsure.covariance[0] > 2.0 * sure.covariance[0]
+
+
+def test_fixes_of_a_rover_that_slips_correct_the_way_after_them() -> None:
+    """Wheels roll 1 m for 0.8 m on the ground; after that fix the next 0.1 m are shortened, too."""
+    pose_filter = PoseFilter(SETTINGS, (), ("camera",), is_compensated=False)
+    here = WayBack(x_m=0.0, y_m=0.0, turned_rad=0.0, position_m2=0.0, yaw_rad2=0.0)
+
+    def fix(x_m: float) -> None:
+        sample = PoseFixSample(
+            device="camera",
+            t_ns=1,
+            t_capture_ns=1,
+            x_m=x_m,
+            y_m=0.0,
+            yaw_rad=0.0,
+            position_std_m=0.002,
+            yaw_std_rad=0.01,
+        )
+        assert all(innovation.accepted for innovation in pose_filter.correct_pose(sample, here))
+
+    fix(0.0)
+    for number in range(1, 11):
+        roll(pose_filter, 0.1)
+        fix(0.08 * number)
+    before_m = pose_filter.pose.x_m
+    roll(pose_filter, 0.1)
+    assert pose_filter.pose.x_m - before_m == pytest.approx(0.08, abs=0.01)
+
+
+def test_without_slip_states_nothing_changes() -> None:
+    plain = SETTINGS.model_copy(update={"slip_sd": 0.0, "unsure_slip_sd": 0.0})
+    pose_filter = driven(plain, 1.0, is_compensated=False)
+    assert np.sqrt(pose_filter.covariance[0]) < 1e-3
+    assert pose_filter.pose.x_m == pytest.approx(1.0)
