@@ -14,6 +14,8 @@ from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.path_following import Guidance, PathFollower
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import OmniRoverSettings
+from controllers.motion.settings import SmallTurnsMission
+from controllers.motion.small_turns import SmallTurns
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
@@ -89,7 +91,7 @@ class ControlLoop:
         self._kinematics = kinematics
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
-        self._effort = _make_effort(settings, kinematics, roles.wheels)
+        self._effort = _make_effort(settings, kinematics, roles)
         scomp = settings.scomp
         self._steers_against_drift = scomp is not None and scomp.steer_against_drift
         self._scomp = None if scomp is None else ScompCompensator(scomp, roles, kinematics, finder)
@@ -105,8 +107,10 @@ class ControlLoop:
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._steering_rad: tuple[float, ...] = ()
-        self._follower = None
-        if mission is not None:
+        self._follower: PathFollower | SmallTurns | None = None
+        if isinstance(mission, SmallTurnsMission):
+            self._follower = SmallTurns(mission)
+        elif mission is not None:
             self._follower = PathFollower(
                 mission,
                 kinematics.moves_sideways,
@@ -187,7 +191,10 @@ class ControlLoop:
         if self._scomp is not None and self._steers_against_drift:
             drift_rad = self._scomp.slip_angle_rad
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
-        guidance = self._follower.guide(pose, drift_rad)
+        if isinstance(self._follower, SmallTurns):
+            guidance = self._follower.guide(pose, seconds(now_ns))
+        else:
+            guidance = self._follower.guide(pose, drift_rad)
         if guidance.finished:
             supervisor.finish()
         return guidance
@@ -197,9 +204,14 @@ class ControlLoop:
             self._limiter.stop()
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
         yaw_rate_rad_s = guidance.yaw_rate_rad_s
-        if self._effort is not None and self._effort.excitation is not None:
-            yaw_rate_rad_s += self._effort.excitation.yaw_rate_rad_s(seconds(now_ns))
-        twist = (guidance.velocity_x_m_s, guidance.velocity_y_m_s, yaw_rate_rad_s)
+        velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
+        excited = None if self._effort is None else self._effort.excited
+        if excited is not None:
+            now_s = seconds(now_ns)
+            yaw_rate_rad_s += excited.excitation.yaw_rate_rad_s(now_s)
+            if excited.waits_in_place(now_s):
+                velocity_x_m_s = velocity_y_m_s = 0.0
+        twist = (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s)
         wanted_rad_s, self._steering_rad = self._kinematics.set_points(
             *twist, self._estimator.steering.angles_rad
         )
@@ -209,8 +221,10 @@ class ControlLoop:
         return self._limiter.limit(now_ns, wanted_rad_s, self._estimator.odometry.wheel_speed_rad_s)
 
 
-def _make_effort(settings: ControlSettings, kinematics: Kinematics, wheels: str) -> EffortCompensator | None:
+def _make_effort(
+    settings: ControlSettings, kinematics: Kinematics, roles: DeviceRoles
+) -> EffortCompensator | None:
     slip, rover = settings.slip, settings.rover
     if slip is None or not isinstance(rover, OmniRoverSettings):
         return None
-    return EffortCompensator(slip, rover, kinematics, wheels)
+    return EffortCompensator(slip, rover, kinematics, roles)

@@ -127,6 +127,14 @@ class CanDeviceSettings(ByteDeviceSettings):
 class DriveSettings(ByteDeviceSettings):
     """A device that also turns wheels."""
 
+    def wheel_age_s(self, request_period_s: float) -> float | None:
+        """Return how old the wheels' positions are at their time stamp; None where it is unknown.
+
+        Args:
+            request_period_s: Time between two requests of the host.
+        """
+        return None
+
     @abstractmethod
     def make_codec(self, name: str) -> DriveCodec:
         """Build the codec of the drive called `name`."""

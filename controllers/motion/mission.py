@@ -1,6 +1,11 @@
 """Missions as corner points in the local frame."""
 
-from controllers.motion.settings import LineMission, MissionSettings, RectangleMission
+from controllers.motion.settings import (
+    LineMission,
+    MissionSettings,
+    RectangleMission,
+    SmallTurnsMission,
+)
 
 Point = tuple[float, float]
 
@@ -13,4 +18,6 @@ def corner_points(mission: MissionSettings) -> tuple[Point, ...]:
     if isinstance(mission, RectangleMission):
         length_m, width_m = mission.length_m, mission.width_m
         return (start, (length_m, 0.0), (length_m, width_m), (0.0, width_m), start)
+    if isinstance(mission, SmallTurnsMission):
+        return (start, start)
     return (start, *mission.points)

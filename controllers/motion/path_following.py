@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from controllers.motion.mission import Point, corner_points
 from controllers.motion.planar import Pose, wrap_angle
-from controllers.motion.settings import MissionSettings
+from controllers.motion.settings import MissionSettings, SmallTurnsMission
 from drivers.errors import ConfigError
 
 # Chosen by hand.
@@ -130,6 +130,8 @@ def find_mission_conflicts(mission: MissionSettings, moves_sideways: bool) -> It
     """
     if mission.heading == "hold" and not moves_sideways:
         yield 'mission.heading: this rover cannot move sideways and hold its heading, set it to "along_path"'
+    if isinstance(mission, SmallTurnsMission):
+        return
     for start, end in pairwise(corner_points(mission)):
         if math.dist(start, end) <= mission.position_tolerance_m:
             yield (

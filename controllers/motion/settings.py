@@ -71,8 +71,25 @@ class WaypointsMission(PathSettings):
     points: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=10_000)]
 
 
+class SmallTurnsMission(PathSettings):
+    """Small turns to and fro in place, frequency after frequency: identifies the gyro.
+
+    Attributes:
+        frequencies_hz: Of the turns, in order.
+        each_s: Time for each.
+        turn_rate_rad_s: Amplitude of the commanded yaw rate.
+    """
+
+    type: Literal["small_turns"]
+    frequencies_hz: Annotated[
+        tuple[Annotated[float, Field(ge=0.2, le=15.0)], ...], Field(min_length=1, max_length=100)
+    ] = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 5.0, 2.0)
+    each_s: Annotated[float, Field(ge=1.0, le=60.0)] = 6.0
+    turn_rate_rad_s: Annotated[float, Field(ge=0.02, le=2.0)] = 0.35
+
+
 MissionSettings: TypeAlias = Annotated[
-    RectangleMission | LineMission | WaypointsMission, Field(discriminator="type")
+    RectangleMission | LineMission | WaypointsMission | SmallTurnsMission, Field(discriminator="type")
 ]
 
 

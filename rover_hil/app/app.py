@@ -497,6 +497,28 @@ def calibrate_camera(
     )
 
 
+@calibrate_app.command("imu")
+def calibrate_imu(
+    source: Annotated[str, typer.Argument(help="Configuration whose rover is to turn, or a log (.mcap).")],
+    out: Annotated[Path, out_option("File to write, TOML; page and log beside it have its name.")],
+    virtual: Annotated[bool, typer.Option(help="Turn the simulated rover.")] = False,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Identify gain, delay and bandwidth of the gyro, by a minute of small turns in place.
+
+    The rover needs firm ground and half a metre of free space. The page with the picture is written before
+    the file. Exit code 1: the constants are not sure; the file is not written.
+
+    Example: `rover-hil calibrate imu robotino --virtual --out gyro.toml`
+
+    Data: a drive of your rover on firm ground, or a log of one; docs/how-to/calibrate_the_gyro.md.
+    """
+    from rover_hil.app.calibrate_imu import calibrate_imu as calibrate
+
+    sys.exit(calibrate(source, virtual=virtual, out=out, as_json=as_json, force=force))
+
+
 import_app = typer.Typer(cls=Group, help="Turn measured data of others into logs.")
 app.add_typer(import_app, name="import")
 

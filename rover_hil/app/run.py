@@ -75,7 +75,7 @@ def run_rover(
             if virtual:
                 result = run_virtual(config, log_path, limit_s, show)
             else:
-                result = _run_real(config, log_path, limit_s, show, realtime=realtime)
+                result = run_real(config, log_path, limit_s, show, realtime=realtime)
         except KeyboardInterrupt:
             if not log_path.exists():
                 raise
@@ -140,9 +140,14 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
         return _execute(executive, log, limit_s)
 
 
-def _run_real(
+def run_real(
     config: Config, log_path: Path, limit_s: float, show: StatusDisplay, *, realtime: bool
 ) -> RunResult:
+    """Run the rover of `config` on its real ports, into the log `log_path`; arguments as for `run_virtual`.
+
+    Raises:
+        NotConnectedError: A device cannot be opened.
+    """
     clock = SystemClock(REALTIME_SPIN_S if realtime else 0.0)
     if realtime:
         enter_realtime()

@@ -118,8 +118,12 @@ class Config(ControlSettings):
 
     def device_roles(self) -> DeviceRoles:
         """Return the roles as the controller needs them."""
+        wheels = self.devices[self.roles.wheels]
         return DeviceRoles(
             wheels=self.roles.wheels,
+            wheel_age_s=(
+                wheels.wheel_age_s(1.0 / self.loop.rate_hz) if isinstance(wheels, DriveSettings) else None
+            ),
             required={name: self.devices[name].max_age_s for name in self.roles.names()},
             gyro=self.roles.gyro,
             headings=self.roles.headings,

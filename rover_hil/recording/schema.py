@@ -15,6 +15,7 @@ from typing_extensions import TypedDict
 from controllers.control_loop import StepOutput
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.slip.effort.compensator import SlipReport
+from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.scomp.compensator import ScompReport
 from drivers.driver import Health
 from drivers.link import LinkChange
@@ -102,6 +103,16 @@ class WheelSlipRecord(TypedDict):
     reason: str
 
 
+class RoverSlipRecord(TypedDict):
+    """Slip of the rover by the yaw excitation, and the check of the gyro."""
+
+    slip: float
+    sd: float
+    source: str
+    reason: str
+    gyro_lag_s: float | None
+
+
 class SlipRecord(TypedDict):
     """Slip of all wheels by their effort."""
 
@@ -109,6 +120,7 @@ class SlipRecord(TypedDict):
     surface: str | None
     drift_rad: float
     wheels: Annotated[tuple[WheelSlipRecord, ...], FailFast()]
+    rover: NotRequired[RoverSlipRecord | None]
 
 
 class TraceRecord(TypedDict):
@@ -304,6 +316,17 @@ def _slip(report: SlipReport) -> SlipRecord:
         "surface": report.surface,
         "drift_rad": report.drift_rad,
         "wheels": tuple(map(_wheel_slip, report.wheels)),
+        "rover": None if report.rover is None else _rover_slip(report.rover),
+    }
+
+
+def _rover_slip(found: RoverSlip) -> RoverSlipRecord:
+    return {
+        "slip": found.slip,
+        "sd": found.sd,
+        "source": found.source.value,
+        "reason": found.reason,
+        "gyro_lag_s": found.gyro_lag_s,
     }
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from statistics import fmean
 
-from controllers.motion.settings import LineMission, RectangleMission
+from controllers.motion.settings import LineMission, RectangleMission, SmallTurnsMission
 from controllers.safety import Mode
 from rover_hil.report.drift_summary import DriftSummary
 from rover_hil.report.run_data import RunData
@@ -141,6 +141,8 @@ def _what(run: RunData) -> str:
         driven = f"Rectangle of {length(mission.length_m)} × {length(mission.width_m)}"
     elif isinstance(mission, LineMission):
         driven = f"Straight line of {length(mission.length_m)}"
+    elif isinstance(mission, SmallTurnsMission):
+        driven = "Small turns in place"
     else:
         driven = f"Path through {len(mission.points)} points"
     rovers = {"virtual": " on the simulated rover", "real": " on the rover"}

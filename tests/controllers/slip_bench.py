@@ -9,10 +9,11 @@ import numpy as np
 from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
+from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import SlipSettings
 from drivers.samples import WheelSample
-from tests.controllers.simulated import OMNI
+from tests.controllers.simulated import OMNI, ROLES
 from tests.controllers.slip_maps import ALL_AROUND, make_maps
 
 PERIOD_S = 0.02
@@ -36,14 +37,17 @@ class Bench:
     drift_rad: float = 0.0
     directions_rad: tuple[float, ...] = ALL_AROUND
     known: tuple[str, ...] = ()
+    gyro_response: GyroResponse | None = None
     t_ns: int = 0
     way: complex = 0j
     told: BodyIncrement = field(init=False)
 
     def __post_init__(self) -> None:
         maps = make_maps(self.drift_rad, self.directions_rad)
-        slip = SlipSettings(maps=maps, use=self.use, known_surfaces=self.known)
-        self.slip = EffortCompensator(slip, OMNI, KINEMATICS, "wheels")
+        slip = SlipSettings(
+            maps=maps, use=self.use, known_surfaces=self.known, gyro_response=self.gyro_response
+        )
+        self.slip = EffortCompensator(slip, OMNI, KINEMATICS, ROLES)
 
     @property
     def report(self) -> SlipReport:

@@ -1,6 +1,7 @@
 """Slip of the wheels from known efforts, and where no slip may be given."""
 
 import math
+from datetime import date
 
 import pytest
 from hypothesis import given, settings
@@ -9,6 +10,14 @@ from hypothesis import strategies as st
 from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
 from controllers.slip.effort.compensator import SlipReport
+from controllers.slip.effort.excited_slip import RoverSlip, SlipSource
+from controllers.slip.effort.gyro_response import GyroResponse
+from controllers.slip.effort.gyro_watch import (
+    EARLIER_THAN_CALIBRATED,
+    LATER_THAN_CALIBRATED,
+    LATER_THAN_FAST,
+    NOT_COMPARED,
+)
 from controllers.slip.effort.parameters import EFFORT
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES
@@ -279,43 +288,125 @@ def test_a_direction_outside_the_training_range_is_flagged(use: str) -> None:
     assert report.wheels[0].reason == "direction 115 deg is outside the training range"
 
 
-def excite(bench: Bench, lost: float, duration_s: float, *, has_gyro: bool = True) -> SlipReport:
-    """Go ahead with a yaw excitation of which `lost` does not reach the body."""
-    for step in range(round(duration_s / PERIOD_S)):
-        rate_rad_s = 0.5 * math.sin(math.tau * PROBE.frequency_hz * step * PERIOD_S)
-        speeds = KINEMATICS.wheel_speeds(0.15, 0.0, rate_rad_s)
-        gyro_rate_rad_s = (1.0 - lost) * rate_rad_s if has_gyro else None
-        report = bench.step(speeds, (0.5, 0.0, -0.5), gyro_rate_rad_s=gyro_rate_rad_s)
+HALF = math.pi * PROBE.frequency_hz * PERIOD_S
+MEAN = math.sin(HALF) / HALF
+"""Of a sinusoid over a period, over its value in the middle."""
+
+
+def excite(
+    bench: Bench,
+    lost: float,
+    duration_s: float,
+    *,
+    has_gyro: bool = True,
+    speed_m_s: float = 0.15,
+    late_s: float = 0.0,
+) -> SlipReport:
+    """Go ahead with a yaw excitation of which `lost` does not reach the body; the gyro is late."""
+    for _ in range(round(duration_s / PERIOD_S)):
+        angle = math.tau * PROBE.frequency_hz * (bench.t_ns * 1e-9 + PERIOD_S)
+        speeds = KINEMATICS.wheel_speeds(speed_m_s, 0.0, 0.5 * MEAN * math.sin(angle - HALF))
+        gyro = (1.0 - lost) * 0.5 * math.sin(angle - math.tau * PROBE.frequency_hz * late_s)
+        report = bench.step(speeds, (0.5, 0.0, -0.5), gyro_rate_rad_s=gyro if has_gyro else None)
     return report
 
 
-def test_the_excitation_gives_the_slip_of_all_wheels() -> None:
+def compared() -> Bench:
+    """Return a bench that has compared gyro and wheels in place."""
     bench = Bench(use="yaw_probe")
+    excite(bench, 0.0, 1.5, speed_m_s=0.0)
+    return bench
+
+
+def rover_slip(report: SlipReport) -> RoverSlip:
+    assert report.rover is not None
+    return report.rover
+
+
+def test_the_excitation_gives_the_slip_of_all_wheels() -> None:
+    bench = compared()
     report = excite(bench, 0.2, 3.0)
     assert [wheel.slip for wheel in report.wheels] == pytest.approx([0.4] * 3, abs=1e-6)
     assert all(wheel.valid for wheel in report.wheels)
     assert bench.way.real == pytest.approx(3.0 * 0.15 * 0.6, rel=0.01)
     assert report.drift_rad == 0.0
+    assert rover_slip(report).source == "excitation"
+
+
+def test_without_comparison_in_place_no_slip_is_valid() -> None:
+    report = excite(Bench(use="yaw_probe"), 0.2, 2.0)
+    assert {wheel.reason for wheel in report.wheels} == {NOT_COMPARED}
+    assert rover_slip(report).slip == 0.0
+
+
+@pytest.mark.parametrize(
+    ("late_s", "reason"), [(0.004, ""), (0.009, LATER_THAN_FAST), (0.04, LATER_THAN_FAST)]
+)
+def test_a_late_gyro_that_was_not_calibrated_gives_no_valid_slip(late_s: float, reason: str) -> None:
+    bench = Bench(use="yaw_probe")
+    excite(bench, 0.0, 1.2, speed_m_s=0.0, late_s=late_s)
+    report = excite(bench, 0.2, 2.0, late_s=late_s)
+    assert {wheel.reason for wheel in report.wheels} == {reason}
+
+
+def test_the_constants_of_the_gyro_are_taken_out_of_the_loss() -> None:
+    gyro = GyroResponse(source="by hand", identified_on=date(2026, 1, 1), gain=0.9, delay_s=0.04)
+    bench = Bench(use="yaw_probe", gyro_response=gyro)
+    excite(bench, 0.1, 1.2, speed_m_s=0.0, late_s=0.04)
+    report = excite(bench, 1.0 - 0.9 * 0.8, 2.0, late_s=0.04)
+    assert rover_slip(report).reason == ""
+    assert rover_slip(report).slip == pytest.approx(0.4, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "reason"), [(0.0, EARLIER_THAN_CALIBRATED), (0.06, LATER_THAN_CALIBRATED)]
+)
+def test_a_gyro_that_contradicts_its_constants_gives_no_valid_slip(late_s: float, reason: str) -> None:
+    gyro = GyroResponse(source="by hand", identified_on=date(2026, 1, 1), delay_s=0.03)
+    bench = Bench(use="yaw_probe", gyro_response=gyro)
+    excite(bench, 0.0, 1.2, speed_m_s=0.0, late_s=late_s)
+    assert rover_slip(excite(bench, 0.2, 2.0, late_s=late_s)).reason == reason
 
 
 def test_the_excitation_needs_a_gyro_and_no_currents() -> None:
-    bench = Bench(use="yaw_probe")
+    bench = compared()
     excite(bench, 0.2, 2.0)
     report = excite(bench, 0.2, 2.0, has_gyro=False)
     assert {wheel.reason for wheel in report.wheels} == {"too few readings of the gyro"}
-    assert PRIOR < report.wheels[0].slip < 0.35
+    assert rover_slip(report).source == "held"
+    assert 0.2 < report.wheels[0].slip < 0.35
+    report = excite(bench, 0.2, 20.0, has_gyro=False)
+    assert (rover_slip(report).source, rover_slip(report).slip) == ("encoders", 0.0)
+
+
+def test_after_the_encoders_two_windows_are_needed() -> None:
+    bench = compared()
+    excite(bench, 0.2, 20.0, has_gyro=False)
+    sources = [rover_slip(excite(bench, 0.2, 0.02)).source for _ in range(75)]
+    reasons = [rover_slip(excite(bench, 0.2, 0.02)).reason for _ in range(1)]
+    assert sources.index(SlipSource.EXCITATION) >= 40
+    assert reasons == [""]
+
+
+def test_a_surface_that_the_user_named_comes_before_the_held_slip() -> None:
+    bench = Bench(use="yaw_probe", known=("soft",))
+    report = bench.drive(25.0, 2.0)
+    assert rover_slip(report).source == "map"
+    assert rover_slip(report).slip == pytest.approx(0.5)
+    assert not any(wheel.valid for wheel in report.wheels)
 
 
 def test_a_transmission_loss_outside_the_table_is_flagged() -> None:
-    report = excite(Bench(use="yaw_probe"), 0.8, 2.0)
-    assert {(wheel.slip, wheel.valid) for wheel in report.wheels} == {(1.0, False)}
+    bench = compared()
+    report = excite(bench, 0.8, 2.0)
+    assert {wheel.valid for wheel in report.wheels} == {False}
     assert report.wheels[0].reason == "lost share of 0.80 is outside the training range"
 
 
 def test_only_the_yaw_probe_excites_the_yaw() -> None:
-    assert Bench(use="yaw_probe").slip.excitation is not None
-    assert Bench(use="surfaces").slip.excitation is None
-    assert Bench(use="line").slip.excitation is None
+    assert Bench(use="yaw_probe").slip.excited is not None
+    assert Bench(use="surfaces").slip.excited is None
+    assert Bench(use="line").slip.excited is None
 
 
 def test_stale_currents_are_none() -> None:

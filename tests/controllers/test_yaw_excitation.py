@@ -39,7 +39,10 @@ def response(
         t_s = step * period_s
         angle = math.tau * PROBE.frequency_hz * t_s + phase_rad
         slow_rad_s = trend_rad_s2 * t_s
-        wheels = amplitude_rad_s * math.sin(angle) + slow_rad_s
+        # The wheels give the mean over the period before, the gyro the rate at its end.
+        half = math.pi * PROBE.frequency_hz * period_s
+        mean = math.sin(half) / half
+        wheels = amplitude_rad_s * mean * math.sin(angle - half) + slow_rad_s - 0.5 * trend_rad_s2 * period_s
         gyro = (1.0 - lost) * amplitude_rad_s * math.sin(angle - delay_rad) + slow_rad_s + bias_rad_s
         noise = noise_rad_s * rng.normal(size=2)
         found = probe.step(period_s, wheels + noise[0], gyro + noise[1])
@@ -109,9 +112,11 @@ def test_a_window_holds_nothing_of_the_one_before() -> None:
     for step in range(1, 101):
         angle = math.tau * PROBE.frequency_hz * step * PERIOD_S
         share = 1.0 if step * PERIOD_S <= 1.0 else 0.4
-        found.append(probe.step(PERIOD_S, 0.5 * math.sin(angle), 0.5 * share * math.sin(angle)))
+        wheels = 0.5 * math.sin(angle - math.pi * PROBE.frequency_hz * PERIOD_S)
+        found.append(probe.step(PERIOD_S, wheels, 0.5 * share * math.sin(angle)))
     losses = [each.transmission_loss for each in found if each is not None]
-    assert (losses[0], losses[-1]) == pytest.approx((0.0, 0.6), abs=1e-6)
+    mean = np.sinc(PROBE.frequency_hz * PERIOD_S)
+    assert (losses[0], losses[-1]) == pytest.approx((1.0 - mean, 1.0 - 0.4 * mean), abs=1e-6)
 
 
 @settings(max_examples=30)

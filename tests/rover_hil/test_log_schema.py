@@ -14,6 +14,7 @@ from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
 from controllers.safety import Mode
 from controllers.slip.effort.compensator import SlipReport, WheelSlip
+from controllers.slip.effort.excited_slip import RoverSlip, SlipSource
 from controllers.slip.scomp.compensator import ScompReport, TraceReading
 from drivers.samples import PoseFixSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
@@ -67,6 +68,7 @@ OUTPUT = StepOutput(
                 reason="too slow",
             ),
         ),
+        rover=RoverSlip(slip=0.3, sd=0.05, source=SlipSource.EXCITATION, reason="", gyro_lag_s=0.001),
     ),
     scomp=ScompReport(
         slip=0.1,
@@ -89,7 +91,8 @@ RECORD = (
     b'"command":{"t_ns":7,"expires_ns":9,"speed_rad_s":[1.0,2.0],"steering_rad":[0.1,0.0]},"limit":"acceleration",'
     b'"cross_track_m":null,"slip":{"map":"linear_m","surface":null,"drift_rad":0.01,"wheels":['
     b'{"current_a":0.5,"paper_torque_nm":0.1,"wheel_torque_nm":0.2,"slip":0.3,"valid":false,'
-    b'"reason":"too slow"}]},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
+    b'"reason":"too slow"}],"rover":{"slip":0.3,"sd":0.05,"source":"excitation",'
+    b'"reason":"","gyro_lag_s":0.001}},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
     b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""},'
     b'"contradiction":{"scaled":1.5,"wheel":1,"rolling_m":[0.0,0.01],"side_m":[0.0,0.002]},'
     b'"steering_rad":[0.05,0.0]}'

@@ -10,6 +10,8 @@ from controllers.estimation.odometry import BodyIncrement
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
+from controllers.roles import DeviceRoles
+from controllers.slip.effort.excited_slip import ExcitedSlip, RoverSlip, SlipSource
 from controllers.slip.effort.motor_model import EffortFlag, EffortObserver, WheelEffort
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
@@ -19,8 +21,8 @@ from controllers.slip.effort.stuck_wheels import StuckWheels
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Travel
 from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
-from controllers.slip.effort.yaw_excitation import YawExcitation, range_problem, slip_of
-from drivers.samples import Sample, WheelSample
+from drivers.clock import seconds
+from drivers.samples import RateSample, Sample, WheelSample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,12 +55,14 @@ class SlipReport:
         surface: The recognised surface; None where it is unknown.
         drift_rad: Angle from the encoders' course to the true course, positive to the left.
         wheels: One after the other.
+        rover: Slip of the rover by the yaw excitation; None where another map is in use.
     """
 
     map: str
     surface: str | None
     drift_rad: float
     wheels: tuple[WheelSlip, ...]
+    rover: RoverSlip | None = None
 
 
 class _WindowSlip(NamedTuple):
@@ -76,25 +80,30 @@ class EffortCompensator:
         settings: Maps and which of them to use.
         rover: Geometry of the wheels.
         kinematics: Of the same rover.
-        wheels: Name of the wheel device.
+        roles: Which device is what.
 
     Attributes:
         efforts: Of the wheels, as of the newest increment; empty before the first.
-        excitation: Excites the yaw; None where another map is in use.
+        excited: Slip by the yaw excitation; None where another map is in use.
     """
 
     def __init__(
-        self, settings: SlipSettings, rover: OmniRoverSettings, kinematics: Kinematics, wheels: str
+        self, settings: SlipSettings, rover: OmniRoverSettings, kinematics: Kinematics, roles: DeviceRoles
     ) -> None:
         count = kinematics.wheel_count
         surfaces, probe_map = settings.maps.surfaces, settings.maps.yaw_probe
         if settings.known_surfaces:
             surfaces = surfaces.only(settings.known_surfaces)
         self._report: SlipReport | None = None
-        self._device = wheels
+        self._device = roles.wheels
+        self._gyro = roles.gyro
+        self._gyro_ns: int | None = None
         self.efforts: tuple[WheelEffort, ...] = ()
-        self.excitation = YawExcitation(probe_map) if settings.use == YAW_PROBE and probe_map else None
-        self._probe_map = probe_map
+        self.excited = (
+            ExcitedSlip(probe_map, settings.gyro_response, roles.wheel_age_s)
+            if settings.use == YAW_PROBE and probe_map
+            else None
+        )
         correction = settings.torque_correction
         self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
@@ -105,8 +114,11 @@ class EffortCompensator:
         self._surface = self._tracker.step(NO_TRAVEL)
         self._currents: list[WheelSample | None] = [None] * count
         self._current_ns = [-1] * count
+        self._wheel_ns = [0] * count
         self._observers: list[EffortObserver] = []
         self._window_slip = _WindowSlip(None, 0.0, "too little way so far")
+        if self.excited is not None:
+            self._window_slip = _WindowSlip((0.0,) * count, 0.0, self.excited.slip.reason)
         self._slips = [self._tracker.prior_slip] * count
         self._held = [self._tracker.prior_slip] * count
         self._window_rad = [0.0] * count
@@ -119,13 +131,22 @@ class EffortCompensator:
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
+        if isinstance(sample, RateSample) and sample.device == self._gyro and self._is_newer(t_ns):
+            self._gyro_ns = t_ns
         if not isinstance(sample, WheelSample) or sample.device != self._device:
             return
-        if not 0 <= sample.wheel < len(self._currents) or t_ns <= self._current_ns[sample.wheel]:
+        if not 0 <= sample.wheel < len(self._currents):
+            return
+        if sample.position_rad is not None:
+            self._wheel_ns[sample.wheel] = max(t_ns, self._wheel_ns[sample.wheel])
+        if t_ns <= self._current_ns[sample.wheel]:
             return
         if sample.current_a is not None and math.isfinite(sample.current_a):
             self._currents[sample.wheel] = sample
             self._current_ns[sample.wheel] = t_ns
+
+    def _is_newer(self, gyro_ns: int) -> bool:
+        return self._gyro_ns is None or gyro_ns > self._gyro_ns
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
@@ -162,6 +183,7 @@ class EffortCompensator:
             surface=self._surface.surface,
             drift_rad=self._window_slip.drift_rad,
             wheels=tuple(wheels),
+            rover=None if self.excited is None else self.excited.slip,
         )
         return replace(
             increment,
@@ -225,7 +247,7 @@ class EffortCompensator:
     def _update(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> complex:
         """Update the slip of the window; return the correction of the motion reported since the last one."""
         found = self._slip_by_surface(increment)
-        if self.excitation is not None:
+        if self.excited is not None:
             found = self._slip_by_excitation(increment, gyro_rate_rad_s)
         if found is None or self._wheel_map is not None:
             return 0j
@@ -258,20 +280,26 @@ class EffortCompensator:
     def _slip_by_excitation(
         self, increment: BodyIncrement, gyro_rate_rad_s: float | None
     ) -> _WindowSlip | None:
-        if self.excitation is None or self._probe_map is None:
+        if self.excited is None:
             return None
         rate_rad_s = increment.turn_rad / increment.duration_s
-        response = self.excitation.step(increment.duration_s, rate_rad_s, gyro_rate_rad_s)
+        response = self.excited.excitation.step(
+            increment.duration_s, rate_rad_s, gyro_rate_rad_s, self._gyro_after_s()
+        )
         if response is None:
             return None
-        if response.reason:
-            return _WindowSlip(None, 0.0, response.reason)
         x_m, y_m, _ = self._kinematics.body_motion(self._window_rad)
-        problem = range_problem(self._probe_map, response.transmission_loss, complex(x_m, y_m))
-        slip = slip_of(self._probe_map, response.transmission_loss)
-        missing_rad_s = (1.0 - slip) * response.wheel_rate_rad_s - response.gyro_rate_rad_s
-        slips = share_slip(self._kinematics, self._window_rad, slip, missing_rad_s * self._window_s)
-        return _WindowSlip(slips, 0.0, problem)
+        is_mapped = bool(self._settings.known_surfaces) and self._surface.valid
+        found = self.excited.take(response, complex(x_m, y_m), self._surface.slip if is_mapped else None)
+        if found.source is not SlipSource.EXCITATION:
+            return _WindowSlip((found.slip,) * self._kinematics.wheel_count, 0.0, found.reason)
+        missing_rad_s = (1.0 - found.slip) * response.wheel_rate_rad_s - response.gyro_rate_rad_s
+        slips = share_slip(self._kinematics, self._window_rad, found.slip, missing_rad_s * self._window_s)
+        return _WindowSlip(slips, 0.0, "")
+
+    def _gyro_after_s(self) -> float:
+        """Return by how much the gyro's time stamp is after that of the wheels."""
+        return 0.0 if self._gyro_ns is None else seconds(self._gyro_ns - min(self._wheel_ns))
 
     def _wheel_slip(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> WheelSlip:
         effort = self.efforts[wheel]

@@ -55,6 +55,52 @@ class ExcitationParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WatchParameters:
+    """Comparison of gyro and wheels in place.
+
+    Chosen on two kinds of simulated rover (`sim_backends/plants/robotino` with sites 0 to 11,
+    `tests/nature/omni_contact.py` with floors 0 to 9): in place the contact lags by at most 3 ms at 5 Hz
+    on the softest ground, a low-pass of 20 Hz by 8 ms, one of 10 Hz by 15 ms.
+    """
+
+    greatest_lag_s: float = 0.006  # of the gyro beyond the assumed lag, in either direction
+    greatest_wheel_age_s: float = 0.025  # of positions of an unknown age: by so much the gyro may be ahead
+    in_place_m_s: float = 0.03  # slower travel counts as in place
+    greatest_share: float = 1.15  # a larger one is a contact that springs
+    least_windows: int = 2  # for a verdict
+    weight: float = 0.5  # of the newest window in the mean lag
+    longest_s: float = 2.5  # the rover waits in place for a verdict no longer than this
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactParameters:
+    """Slip from the complex response of the body to the excitation, where wheel and gyro times are known.
+
+    Fitted by least squares, each group with equal weight, to windows of drives on two kinds of simulated
+    rover: `sim_backends/plants/robotino` on random patchworks (random_site, seeds 0 to 11) and on
+    patchworks of surfaces with random constants (seeds 0 to 19), and `tests/nature/omni_contact.py` (three
+    contact laws, floors 0 to 9) with a relaxation length of 1, 5 and 15 mm. Residual by group: 0.02 to 0.10.
+    """
+
+    gain: float = 0.985  # of the gyro over the wheels on firm ground, both sampled at 50 Hz
+    speed_m_s: float = 0.13  # at which the numbers hold; the lag of a contact is proportional to the speed
+    least_speed_m_s: float = 0.05  # slower travel counts as this
+    in_phase: float = 1.839  # factor on what the body lacks in phase, 2 / pi atan(Re 1/H - 1)
+    lagging: float = 0.273  # factor on what it lags, 2 / pi atan(Im 1/H)
+    product: float = -1.776  # factor on the product of the two
+    lagging_square: float = 0.107  # factor on the square of the second
+    sd: float = 0.015  # standard deviation of small slips
+    sd_share: float = (
+        0.27  # and its growth with slip: the slope of the force measures a secant worse and worse
+    )
+    greatest_sd: float = 0.16
+    springing_sd: float = 0.05  # in addition where the body swings further than the wheels: relaxation length
+    unsure_lag_s: float = 0.002  # standard deviation of the lag of a gyro that was not calibrated
+    unsure_gain: float = 0.03  # and of its gain
+    least_lag_sd_s: float = 0.001  # of a calibrated gyro: time stamps scatter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SharingParameters:
     """Slip of each wheel from that of the rover."""
 
@@ -75,6 +121,9 @@ class HoldParameters:
     """Slip between two values, and direction of travel."""
 
     hold_s: float = 1.0  # without a new value the slip of a wheel decays to the surface's with this time
+    fade_s: float = 5.0  # the same with the yaw excitation, to the encoders' slip of zero
+    encoders_below: float = 0.02  # a held slip below this counts as that of the encoders
+    windows_to_return: int = 2  # valid windows of the excitation that end a fall-back
     least_speed_m_s: float = 0.02  # slower travel has no direction
 
 
@@ -86,6 +135,8 @@ class EffortParameters:
     stuck: StuckParameters = StuckParameters()
     surface: SurfaceParameters = SurfaceParameters()
     excitation: ExcitationParameters = ExcitationParameters()
+    watch: WatchParameters = WatchParameters()
+    contact: ContactParameters = ContactParameters()
     sharing: SharingParameters = SharingParameters()
     range: RangeParameters = RangeParameters()
     hold: HoldParameters = HoldParameters()

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.slip_map import SlipMapFile
 from drivers.settings import Settings
 
@@ -41,12 +42,15 @@ class SlipSettings(Settings):
         use: `yaw_probe` excites the yaw a little and measures how much of the motion is lost; `surfaces` uses
             the map of the recognised surface; the name of a wheel map uses that one.
         known_surfaces: Where the ground is known: only these surfaces are considered.
+        gyro_response: Constants of the gyro by `rover-hil calibrate imu`: path of the file. Without them the
+            yaw probe accepts only a gyro that is fast, and says so.
         torque_correction: Also corrects the set-points; without it they stay as they are.
     """
 
     maps: SlipMapFile
     use: str = SURFACES
     known_surfaces: tuple[str, ...] = ()
+    gyro_response: GyroResponse | None = None
     torque_correction: TorqueCorrectionSettings | None = None
 
     @model_validator(mode="after")

@@ -1,0 +1,1 @@
+"""Identify how a gyro follows turns: gain, delay and bandwidth."""
