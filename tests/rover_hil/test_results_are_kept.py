@@ -40,6 +40,7 @@ COMMANDS = [
     ("terrain papers --out a", ["a/report.html", "a/traverse.csv", "a/limits.csv", "a/measured_wheels.csv"]),
     ("terrain fit data --out a", ["a/report.html", "a/soil.csv", "a/cells.csv", "a/soil.toml"]),
     (" ".join(CALIBRATE), ["a.json"]),
+    ("calibrate imu robotino --virtual --out a.toml", ["a.toml"]),
     ("import robotino exp00.csv --out a.mcap", ["a.mcap"]),
 ]
 CASES = [(line, name) for line, names in COMMANDS for name in names]

@@ -71,7 +71,7 @@ class ExcitedSlip:
         self, settings: YawExcitationMap, gyro: GyroResponse | None, wheel_age_s: float | None
     ) -> None:
         self._settings = settings
-        sensors = sensor_response(gyro, wheel_age_s or 0.0, settings.frequency_hz)
+        sensors = sensor_response(settings, gyro, wheel_age_s or 0.0)
         self.excitation = YawExcitation(settings, sensors)
         lag_sd_s = 0.0 if gyro is None else _lag_sd_s(gyro, settings.frequency_hz)
         self.watch = GyroWatch(

@@ -7,7 +7,6 @@ from it.
 
 import cmath
 import math
-from datetime import date
 from typing import Annotated
 
 from pydantic import Field
@@ -20,7 +19,7 @@ class GyroResponse(Settings):
 
     Attributes:
         source: The log that they were identified from.
-        identified_on: Day of the identification.
+        identified_on: Day of the identification, as 2026-01-31.
         gain: Reading over true yaw rate of slow turns, by the geometry of the wheels; 0.5 to 2.
         gain_sd: Its standard deviation.
         delay_s: From the turn to the time stamp of its reading, beside the lag. Negative where the age of the
@@ -32,7 +31,7 @@ class GyroResponse(Settings):
     """
 
     source: str
-    identified_on: date
+    identified_on: str
     gain: Annotated[float, Field(ge=0.5, le=2.0)] = 1.0
     gain_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     delay_s: Annotated[float, Field(ge=-0.1, le=0.3)] = 0.0

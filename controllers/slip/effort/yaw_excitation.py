@@ -153,16 +153,19 @@ def _fit_sinusoid(frequency_hz: float, t_s: Array, values: Array) -> tuple[Array
     return found, math.sqrt(2.0 * float(np.mean((values - columns @ found) ** 2)))
 
 
-def sensor_response(gyro: GyroResponse | None, wheel_age_s: float, frequency_hz: float) -> complex:
+def sensor_response(settings: YawExcitationMap, gyro: GyroResponse | None, wheel_age_s: float) -> complex:
     """Return gyro over wheels for an oscillation without slip.
 
     Args:
+        settings: The excitation.
         gyro: Constants of the gyro; None for one that is fast and right.
         wheel_age_s: Age of the wheels' positions at their time stamp: by this the gyro is ahead.
-        frequency_hz: Of the oscillation.
     """
+    frequency_hz = settings.frequency_hz
     ahead = cmath.exp(1j * math.tau * frequency_hz * wheel_age_s)
-    return ahead * (EFFORT.contact.gain if gyro is None else gyro.at(frequency_hz))
+    if gyro is not None:
+        return ahead * gyro.at(frequency_hz)
+    return ahead * (EFFORT.contact.gain if settings.reads == "contact" else 1.0)
 
 
 class ContactSlip(NamedTuple):

@@ -18,8 +18,8 @@ from rover_hil.identify.gyro.turns import BLOCK_S, GRID_S, Turns
 GROUPS = 10
 GREATEST_BANDWIDTH_HZ = 200.0
 SLOWEST_LAG_S = 0.3
-DELAYS_S = (-0.04, 0.0, 0.04, 0.08)
-LAGS_S = (0.002, 0.02)
+STARTS = ((-0.03, 0.005), (0.01, 0.005), (0.05, 0.005), (0.0, 0.03))
+"""Delay and lag from which the fit starts; the best result is used."""
 LEAST_SD_S = 0.0015
 """Of delay and lag: what the jackknife cannot see, e.g. the contact's lag and the positions' age."""
 LEAST_GAIN_SD = 0.01
@@ -83,7 +83,7 @@ def fit_response(turns: Turns) -> ResponseFit:
     """Return the constants of the gyro that fit the turns best."""
     groups = [turns.blocks[first::GROUPS] for first in range(min(GROUPS, len(turns.blocks)))]
     best = min(
-        (_fit(turns, turns.blocks, (delay_s, lag_s)) for delay_s in DELAYS_S for lag_s in LAGS_S),
+        (_fit(turns, turns.blocks, start) for start in STARTS),
         key=lambda found: found.residual,
     )
     others = [_fit(turns, np.setdiff1d(turns.blocks, group), (best.delay_s, best.lag_s)) for group in groups]

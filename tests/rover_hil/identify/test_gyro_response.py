@@ -1,0 +1,118 @@
+"""`rover-hil calibrate imu` on turns of which gain, delay and low-pass are known."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from controllers.motion.kinematics import OmniKinematics
+from drivers.errors import ConfigError, LogError
+from drivers.samples import RateSample, Sample, WheelSample
+from rover_hil.app.app import app
+from rover_hil.app.calibrate_imu import calibrate_imu, turning_config
+from rover_hil.config import load_config
+from rover_hil.config.loader import read_config_text
+from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.identify.gyro.response_fit import fit_response
+from rover_hil.identify.gyro.turns import read_turns
+from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.writer import LogWriter
+
+FREQUENCIES_HZ = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
+EACH_S = 3.0
+AMPLITUDE_RAD_S = 0.3
+WHEEL_PERIOD_S = 1.0 / 43.0
+GYRO_PERIOD_S = 0.02
+
+
+def write_turns(
+    path: Path,
+    *,
+    gain: float = 1.0,
+    delay_s: float = 0.0,
+    low_pass_hz: float = math.inf,
+    speed_m_s: float = 0.0,
+    has_gyro: bool = True,
+) -> Path:
+    """Write turns in place at several frequencies, of a rover whose wheels do not slip.
+
+    The response of the gyro to a sinusoid is written in closed form, transients left out.
+    """
+    config = turning_config(load_config("robotino"))
+    age_s = config.device_roles().wheel_age_s or 0.0
+    kinematics, rng = OmniKinematics(ROBOTINO), np.random.default_rng(3)
+    end_s = EACH_S * len(FREQUENCIES_HZ)
+    events: list[tuple[float, bool]] = [(t, True) for t in np.arange(0.0, end_s, WHEEL_PERIOD_S).tolist()]
+    events += [(t, False) for t in np.arange(0.005, end_s, GYRO_PERIOD_S).tolist()] if has_gyro else []
+    with LogWriter(
+        path,
+        1_000_000_000,
+        config.model_dump_json(by_alias=True).encode(),
+        collect_data_files(config),
+        "virtual",
+    ) as log:
+        for t_s, is_wheel in sorted(events):
+            t_ns = 1_000_000_000 + round((t_s + (age_s if is_wheel else 0.0)) * 1e9)
+            turning = math.tau * FREQUENCIES_HZ[int(t_s / EACH_S)]
+            samples: list[Sample]
+            if is_wheel:
+                angle_rad = AMPLITUDE_RAD_S / turning * (1.0 - math.cos(turning * t_s))
+                turned = kinematics.wheel_speeds(speed_m_s * t_s, 0.0, angle_rad)
+                samples = [
+                    WheelSample(device="board", t_ns=t_ns, wheel=wheel, position_rad=each, current_a=0.1)
+                    for wheel, each in enumerate(turned)
+                ]
+            else:
+                lag = turning / (math.tau * low_pass_hz)
+                share = gain / math.hypot(1.0, lag)
+                rate = share * AMPLITUDE_RAD_S * math.sin(turning * (t_s - delay_s) - math.atan(lag))
+                noise = 0.002 * float(rng.normal())
+                samples = [RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=rate + 0.01 + noise)]
+            log.samples(t_ns, samples)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("gain", "delay_s", "low_pass_hz"), [(1.0, 0.0, math.inf), (0.95, 0.04, 20.0), (1.05, 0.0, 10.0)]
+)
+def test_the_constants_are_found(tmp_path: Path, gain: float, delay_s: float, low_pass_hz: float) -> None:
+    path = write_turns(tmp_path / "turns.mcap", gain=gain, delay_s=delay_s, low_pass_hz=low_pass_hz)
+    found = fit_response(read_turns(path))
+    assert found.problem == ""
+    assert found.gain == pytest.approx(gain, abs=3.0 * found.gain_sd)
+    assert found.delay_s == pytest.approx(delay_s, abs=3.0 * found.delay_sd_s)
+    assert found.lag_s == pytest.approx(1.0 / (math.tau * low_pass_hz), abs=3.0 * found.lag_sd_s)
+    assert max(found.delay_sd_s, found.lag_sd_s) < 0.004
+
+
+def test_ground_that_is_not_firm_gives_a_page_and_no_file(tmp_path: Path) -> None:
+    path, out = write_turns(tmp_path / "turns.mcap", gain=0.7), tmp_path / "gyro.toml"
+    assert calibrate_imu(str(path), virtual=False, out=out, as_json=False) == 1
+    assert not out.exists()
+    assert "the ground is not firm" in out.with_suffix(".html").read_text("utf-8")
+
+
+def test_the_command_writes_what_the_configuration_reads(tmp_path: Path) -> None:
+    path, out = write_turns(tmp_path / "turns.mcap", delay_s=0.04, low_pass_hz=20.0), tmp_path / "gyro.toml"
+    result = CliRunner().invoke(app, ["calibrate", "imu", str(path), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    config = tmp_path / "rover.toml"
+    text = read_config_text("robotino")
+    config.write_text(
+        text.replace('use = "yaw_probe"', f'use = "yaw_probe"\ngyro_response = "{out}"'), "utf-8"
+    )
+    slip = load_config(str(config)).slip
+    assert slip is not None
+    assert slip.gyro_response is not None
+    assert slip.gyro_response.delay_s == pytest.approx(0.04, abs=0.005)
+    with pytest.raises(ConfigError, match="never overwritten"):
+        calibrate_imu(str(path), virtual=False, out=out, as_json=False)
+
+
+def test_logs_without_turns_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="no yaw rates"):
+        read_turns(write_turns(tmp_path / "a.mcap", has_gyro=False))
+    with pytest.raises(LogError, match="turned in place for 0 s"):
+        read_turns(write_turns(tmp_path / "b.mcap", speed_m_s=0.1))
