@@ -137,6 +137,8 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
     residual = np.where(np.isfinite(residual), residual, 0.0)
     sizes = np.array([item.sd for item in free])
     columns = here.derivatives(point, free) * sizes
+    # A parameter whose step has no solution carries no information.
+    columns = np.where(np.isfinite(columns), columns, 0.0)
     pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
     shift, noise = np.zeros(len(free)), None
     for _ in range(2):
