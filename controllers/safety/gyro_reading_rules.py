@@ -44,6 +44,9 @@ CYCLES = 3
 JUMP_NS = nanoseconds(0.05)
 """Readings that are further apart may differ by any amount."""
 
+STAYS = 0.5
+"""A jump stays when the next reading differs by this share of the limit; chosen by hand."""
+
 STANDARD_ERRORS = 4.0
 """The average at rest counts with this many of its standard errors; chosen by hand."""
 
@@ -99,7 +102,7 @@ class GyroJumpRule(StopRule):
         self._steady: tuple[int, float] | None = None
         self._sudden: tuple[int, float] | None = None
         self._jump: tuple[int, float] | None = None
-        self._wheels_rad_s: deque[float] = deque(maxlen=CYCLES + 2)
+        self._rates_rad_s = deque([(0.0, 0.0)], maxlen=CYCLES + 2)
         self._cycles = 0
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -110,7 +113,9 @@ class GyroJumpRule(StopRule):
         steady_ns, steady_rad_s = (t_ns, rate_rad_s) if self._steady is None else self._steady
         change_rad_s = rate_rad_s - steady_rad_s
         is_sudden = self._sudden is not None or t_ns - steady_ns <= JUMP_NS
-        if not is_sudden or abs(change_rad_s) <= self._settings.gyro_jump_rad_s:
+        # The rover goes on turning: by the next reading a part of the jump may be gone.
+        share = 1.0 if self._sudden is None else STAYS
+        if not is_sudden or abs(change_rad_s) <= share * self._settings.gyro_jump_rad_s:
             self._steady, self._sudden = (t_ns, rate_rad_s), None
             return
         if self._sudden is None or math.copysign(1.0, self._sudden[1]) != math.copysign(1.0, change_rad_s):
@@ -124,9 +129,10 @@ class GyroJumpRule(StopRule):
         """Return a reason after a jump, until the wheels are at rest."""
         if cycle.is_still:
             self._jump = None
+            self._rates_rad_s.extend([(0.0, 0.0)] * (CYCLES + 2))
         if cycle.evidence is not None:
-            wheels = cycle.evidence.wheels
-            self._wheels_rad_s.append(wheels.turn_rad / wheels.duration_s)
+            gyro_rad, wheels = cycle.evidence.gyro_rad, cycle.evidence.wheels
+            self._rates_rad_s.append((gyro_rad / wheels.duration_s, wheels.turn_rad / wheels.duration_s))
             self._cycles = 0 if self._jump is None else self._cycles + 1
             if self._cycles == CYCLES and self._is_of_wheels():
                 self._jump = None
@@ -137,9 +143,13 @@ class GyroJumpRule(StopRule):
             yield StopReason("gyro jump", text, yaw_rad=turned_rad)
 
     def _is_of_wheels(self) -> bool:
-        """Return whether the wheels' turn rate has jumped, too, by more than half: a wheel has jammed."""
-        change_rad_s = self._wheels_rad_s[-1] - self._wheels_rad_s[0]
-        return self._jump is not None and change_rad_s / self._jump[1] > 0.5
+        """Return whether the wheels' turn rate has changed alike: a wheel has jammed.
+
+        What counts is the difference of both changes over the same cycles: the rover turned before, too.
+        """
+        (gyro_rad_s, wheels_rad_s), newest_rad_s = self._rates_rad_s[0], self._rates_rad_s[-1]
+        difference_rad_s = (newest_rad_s[0] - gyro_rad_s) - (newest_rad_s[1] - wheels_rad_s)
+        return self._jump is not None and difference_rad_s / self._jump[1] < 0.5
 
 
 class GreatestRateRule(StopRule):

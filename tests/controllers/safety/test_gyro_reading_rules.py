@@ -222,6 +222,7 @@ class Jumps:
     def __init__(self) -> None:
         self.rule = GyroJumpRule(SETTINGS, ROLES)
         self.now_s = 0.0
+        self.rate_rad_s = 0.0
 
     def read(
         self,
@@ -231,15 +232,16 @@ class Jumps:
         wheels_rad_s: float = 0.1,
         judged: bool = True,
     ) -> list[StopReason]:
-        """Return the reasons after these readings, and after the wheels have been judged."""
+        """Return the reasons after these readings, and after gyro and wheels have been compared."""
         for rate_rad_s in rates_rad_s:
             self.now_s += period_s
             self.rule.observe(reading(rate_rad_s), nanoseconds(self.now_s))
             self.rule.observe(reading(-9.0 * rate_rad_s, "other"), nanoseconds(self.now_s))
+            self.rate_rad_s = rate_rad_s
         found: list[StopReason] = []
         for _ in range(3 if judged else 1):
             wheels = WheelTurn(duration_s=STEP_S, left_rad=wheels_rad_s * STEP_S)
-            evidence = TurnEvidence(gyro_rad=0.0, wheels=wheels)
+            evidence = TurnEvidence(gyro_rad=self.rate_rad_s * STEP_S, wheels=wheels)
             now_ns = nanoseconds(self.now_s)
             found = list(self.rule.check(Cycle(now_ns=now_ns, is_still=is_still, evidence=evidence)))
         return found
@@ -250,7 +252,8 @@ def test_a_reading_that_jumps_and_stays_is_named_until_the_wheels_are_at_rest(
     rates: tuple[float, ...], jump: str
 ) -> None:
     jumps = Jumps()
-    (reason,) = jumps.read(0.1, *rates)
+    jumps.read(0.1)
+    (reason,) = jumps.read(*rates)
     assert (reason.cause, reason.severity) == ("gyro jump", Severity.STOP)
     assert reason.text == f"imu: yaw rate jumped by {jump} rad/s within 0.05 s"
     assert reason.yaw_rad == pytest.approx(0.5 * 0.02)
@@ -268,6 +271,7 @@ def test_a_reading_that_jumps_and_stays_is_named_until_the_wheels_are_at_rest(
         (0.1, 0.6, 0.1, 0.1),
         (0.1, 0.6, -0.5, 0.1),
         (0.1, 0.45, 0.8, 0.45),
+        (0.1, 0.6, 0.27, 0.1),
         (0.1, 0.6, 0.1, 0.6, 0.1),
         (math.nan, 0.1, math.nan, 0.1, math.nan),
         (0.0, 0.3, 0.6, 0.9, 0.6, 0.3, 0.0),
@@ -288,11 +292,43 @@ def test_a_jump_of_the_wheels_too_is_none_of_the_gyro(wheels_rad_s: float, is_ju
     assert bool(jumps.read(wheels_rad_s=wheels_rad_s)) == is_jump
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("rates", "is_jump"), [((0.6, 0.28), True), ((0.6, 0.26), False)])
+def test_half_of_the_limit_must_stay_of_a_jump(rates: tuple[float, ...], is_jump: bool, side: float) -> None:
+    jumps = Jumps()
+    jumps.read(0.1 * side, wheels_rad_s=0.0)
+    found = jumps.read(*(side * rate for rate in rates), wheels_rad_s=-0.2 * side)
+    assert bool(found) == is_jump
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_jump_while_the_rover_turns_ever_faster_is_one_of_the_gyro(side: float) -> None:
+    jumps = Jumps()
+    turn_rad_s = 0.0
+    for _ in range(8):
+        turn_rad_s += 0.1
+        assert jumps.read(side * turn_rad_s, wheels_rad_s=side * turn_rad_s, judged=False) == []
+    for _ in range(4):
+        turn_rad_s += 0.1
+        found = jumps.read(side * (turn_rad_s + 0.5), wheels_rad_s=side * turn_rad_s, judged=False)
+    assert [reason.cause for reason in found] == ["gyro jump"]
+
+
+def test_a_jump_in_the_first_cycles_after_a_rest_is_compared_with_the_rest() -> None:
+    jumps = Jumps()
+    jumps.read(0.9, 0.9, wheels_rad_s=0.9)
+    jumps.read(0.0, 0.0, is_still=True)
+    for _ in range(4):
+        found = jumps.read(0.5, wheels_rad_s=0.0, judged=False)
+    assert [reason.cause for reason in found] == ["gyro jump"]
+
+
 def test_after_a_pause_of_the_readings_any_change_is_possible() -> None:
     jumps = Jumps()
     assert jumps.read(0.0, 1.0, 2.0, 3.0, period_s=0.051) == []
     jumps.rule.observe(PowerSample(device="imu", t_ns=0, voltage_v=24.0), 0)
-    assert jumps.read(3.0, 4.0, 4.0, period_s=0.05) != []
+    jumps.read(3.0, period_s=0.05)
+    assert jumps.read(4.0, 4.0, period_s=0.05) != []
 
 
 def turning(wheels_rad_s: float, duration_s: float = 0.25) -> TurnEvidence:
