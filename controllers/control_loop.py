@@ -102,7 +102,9 @@ class ControlLoop:
             roles,
             self._effort or self._scomp,
         )
-        self._supervisor = SafetySupervisor(settings.safety, roles, kinematics.wheel_count)
+        self._supervisor = SafetySupervisor(
+            settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s
+        )
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count

@@ -32,12 +32,13 @@ def main() -> int:
     parser.add_argument("--missions", type=int, default=300)
     parser.add_argument("--el-dorado", type=int, default=20, help="how many of them the El-Dorado drives")
     parser.add_argument("--first", type=int, default=20_000, help="seed of the first mission")
+    parser.add_argument("--processes", type=int, help="default: one for each processor")
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.missions)
     count = arguments.missions - arguments.el_dorado
     rovers = ["robotino"] * count + ["el-dorado"] * arguments.el_dorado
     console, stopped, ends = Console(), 0, Counter[str]()
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(arguments.processes) as pool:
         found = pool.map(reasons, rovers, seeds)
         missions = zip(rovers, seeds, found, strict=True)
         for rover, seed, (end, stops) in track(missions, total=len(rovers), console=Console(stderr=True)):

@@ -20,13 +20,20 @@ from controllers.safety.gyro_reading_rules import (
     StuckGyroRule,
 )
 from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
+from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 
 
 class SafetySettings(
-    BumperSettings, InnovationSettings, StallSettings, GyroTurnSettings, GyroReadingSettings, UnseenSettings
+    BumperSettings,
+    InnovationSettings,
+    StallSettings,
+    GyroTurnSettings,
+    GyroReadingSettings,
+    HeadingTurnSettings,
+    UnseenSettings,
 ):
     """When the rover stops, and when it moves again.
 
@@ -46,7 +53,9 @@ class SafetySettings(
     forget_stops_m: Annotated[float, Field(ge=0.01, le=1000.0)] = 1.0
 
 
-def make_rules(settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> tuple[StopRule, ...]:
+def make_rules(
+    settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float = 0.0
+) -> tuple[StopRule, ...]:
     """Return the rules in the order in which their reasons are reported: the likelier cause first."""
     return (
         BumperRule(settings),
@@ -61,6 +70,7 @@ def make_rules(settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -
         GyroDifferenceRule(settings, roles),
         GyroFollowsRule(settings, roles),
         GyroRestRule(settings, roles),
+        HeadingTurnRule(settings, roles, heading_lag_s),
         InnovationMonitor(settings),
         StallMonitor(settings, wheel_count),
         UnseenMotionRule(settings, roles),

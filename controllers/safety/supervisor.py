@@ -46,6 +46,7 @@ class SafetySupervisor:
         settings: Thresholds and waiting times.
         roles: Which devices are required, and as what.
         wheel_count: Number of wheels.
+        heading_lag_s: Time constant of the heading devices.
 
     Attributes:
         mode: The mode after the last `update`.
@@ -54,9 +55,11 @@ class SafetySupervisor:
             and of the yaw in rad.
     """
 
-    def __init__(self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int) -> None:
+    def __init__(
+        self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float = 0.0
+    ) -> None:
         self._settings = settings
-        self._rules = make_rules(settings, roles, wheel_count)
+        self._rules = make_rules(settings, roles, wheel_count, heading_lag_s)
         # Most rules need no samples, and there are many samples.
         self._observers = [rule for rule in self._rules if type(rule).observe is not StopRule.observe]
         self._stops: dict[str, _Stops] = {}

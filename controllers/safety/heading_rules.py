@@ -1,0 +1,160 @@
+"""Stop rule that compares the turn by the gyro with the turn by a heading device."""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from statistics import fmean, variance
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from controllers.roles import DeviceRoles
+from controllers.safety.reasons import Cycle, StopReason, StopRule
+from drivers.clock import nanoseconds, seconds
+from drivers.samples import HeadingSample, RateSample, Sample
+from drivers.settings import Settings
+
+
+class HeadingTurnSettings(Settings):
+    """Which differences between gyro and heading devices their errors can explain.
+
+    Attributes:
+        heading_turn_s: Turns by gyro and by headings are compared over this time, less at first.
+        heading_difference_rad: The rover stops when they differ by this much more than `heading_share` of the
+            turn and the scatter of the headings can explain; greater than the resolution of the headings.
+        heading_share: Share of the turn by which deviation and lag of a compass may falsify it.
+    """
+
+    heading_turn_s: Annotated[float, Field(ge=1.0, le=60.0)] = 6.0
+    heading_difference_rad: Annotated[float, Field(ge=0.001, le=3.0)] = 0.01
+    heading_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
+
+
+AVERAGE_S = 1.0
+"""Headings are averaged over this time at both ends of the comparison; chosen by hand."""
+
+READINGS = 3
+"""Fewer headings have no scatter to judge them by; chosen by hand."""
+
+STANDARD_ERRORS = 3.0
+"""The averages count with this many standard errors of their difference; chosen by hand."""
+
+
+class _Heading(NamedTuple):
+    """A heading and what the gyro had turned by then, since any time, as late as the heading device."""
+
+    t_ns: int
+    heading_rad: float
+    gyro_rad: float
+    bias_rad_s: float
+
+
+class HeadingTurnRule(StopRule):
+    """Stops when gyro and heading device turn differently: wrong sign, wrong axis, a bias that has changed.
+
+    Two sensors cannot outvote each other: the reason names both. While the rover does not turn, a wrong sign
+    cannot be seen. The bias is that of the begin of the comparison, as later ones contain the fault. A heading
+    that the filter rejects begins a new comparison: `InnovationMonitor` judges it.
+
+    Args:
+        settings: Thresholds.
+        roles: Gyro and heading devices.
+        heading_lag_s: Time constant of the heading devices.
+    """
+
+    def __init__(self, settings: HeadingTurnSettings, roles: DeviceRoles, heading_lag_s: float) -> None:
+        self._settings = settings
+        self._roles = roles
+        self._lag_s = heading_lag_s
+        self._rate: tuple[int, float] | None = None
+        self._gyro_rad = 0.0
+        self._late_rad = 0.0
+        self._bias_rad_s = 0.0
+        self._headings: dict[str, deque[_Heading]] = {}
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        """Take a reading of the gyro or a heading."""
+        if isinstance(sample, RateSample) and sample.device == self._roles.gyro:
+            self._turn(t_ns, sample.rate_z_rad_s)
+        elif (
+            isinstance(sample, HeadingSample)
+            and sample.device in self._roles.headings
+            and math.isfinite(sample.heading_rad)
+        ):
+            self._take(f"{sample.device} {sample.reference}", t_ns, sample.heading_rad)
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Compare the turns; return a reason for every heading device that contradicts the gyro."""
+        self._bias_rad_s = cycle.gyro_bias_rad_s
+        for innovation in cycle.innovations:
+            if not innovation.accepted:
+                self._headings.pop(innovation.name, None)
+        for name, headings in self._headings.items():
+            if cycle.is_still:
+                _keep(headings, AVERAGE_S)
+            yield from self._compare(name, headings)
+
+    def _turn(self, t_ns: int, rate_rad_s: float) -> None:
+        """Integrate the gyro; a gap begins new comparisons."""
+        before, self._rate = self._rate, (t_ns, rate_rad_s)
+        elapsed_s = math.inf if before is None else seconds(t_ns - before[0])
+        if not math.isfinite(rate_rad_s):
+            self._rate = None
+        if before is None or self._rate is None or elapsed_s > self._roles.max_age_s(self._roles.gyro):
+            self._headings.clear()
+        elif elapsed_s <= 0.0:
+            self._rate = before
+        else:
+            self._gyro_rad += 0.5 * (before[1] + rate_rad_s) * elapsed_s
+            share = -math.expm1(-elapsed_s / self._lag_s) if self._lag_s else 1.0
+            self._late_rad += share * (self._gyro_rad - self._late_rad)
+
+    def _take(self, name: str, t_ns: int, heading_rad: float) -> None:
+        headings = self._headings.setdefault(name, deque())
+        if headings and t_ns <= headings[-1].t_ns:
+            return
+        before_rad = headings[-1].heading_rad if headings else heading_rad
+        heading_rad = before_rad + math.remainder(heading_rad - before_rad, math.tau)
+        headings.append(_Heading(t_ns, heading_rad, self._late_rad, self._bias_rad_s))
+        _keep(headings, self._settings.heading_turn_s + AVERAGE_S)
+
+    def _compare(self, name: str, headings: deque[_Heading]) -> Iterator[StopReason]:
+        average_ns = nanoseconds(AVERAGE_S)
+        first_ns, last_ns = headings[0].t_ns, headings[-1].t_ns
+        first = [heading for heading in headings if heading.t_ns <= first_ns + average_ns]
+        last = [heading for heading in headings if heading.t_ns > last_ns - average_ns]
+        if last_ns - first_ns < 2 * average_ns or min(len(first), len(last)) < READINGS:
+            return
+        bias_rad_s = first[-1].bias_rad_s
+
+        def gyro_rad(heading: _Heading) -> float:
+            return heading.gyro_rad - bias_rad_s * seconds(heading.t_ns - first_ns)
+
+        turned_rad = fmean(heading.heading_rad for heading in last)
+        turned_rad -= fmean(heading.heading_rad for heading in first)
+        by_gyro_rad = fmean(map(gyro_rad, last)) - fmean(map(gyro_rad, first))
+        difference_rad = by_gyro_rad - turned_rad
+        angles_rad = [gyro_rad(heading) for heading in headings]
+        greatest_rad = max(abs(turned_rad), max(angles_rad) - min(angles_rad))
+        scatter_rad2 = sum(
+            variance(heading.heading_rad - gyro_rad(heading) for heading in part) / len(part)
+            for part in (first, last)
+        )
+        limit_rad = (
+            self._settings.heading_difference_rad
+            + self._settings.heading_share * greatest_rad
+            + STANDARD_ERRORS * math.sqrt(scatter_rad2)
+        )
+        if abs(difference_rad) > limit_rad:
+            text = (
+                f"{self._roles.gyro}: turned by {by_gyro_rad:.3f} rad in {seconds(last_ns - first_ns):.1f} s, "
+                f"{name} by {turned_rad:.3f} rad: one of them has a wrong sign, axis or bias, or a magnetic "
+                "field has turned the heading"
+            )
+            yield StopReason("gyro heading", text, yaw_rad=abs(difference_rad))
+
+
+def _keep(headings: deque[_Heading], duration_s: float) -> None:
+    """Remove headings that are older than the newest one by more than this."""
+    while headings[-1].t_ns - headings[0].t_ns > nanoseconds(duration_s):
+        headings.popleft()
