@@ -2,8 +2,9 @@
 
 import math
 from collections import deque
-from collections.abc import Iterator
-from statistics import fmean, variance
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from statistics import fmean
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
@@ -53,8 +54,8 @@ class HeadingTurnRule(StopRule):
     """Stops when gyro and heading device turn differently: wrong sign, wrong axis, a bias that has changed.
 
     Two sensors cannot outvote each other: the reason names both. While the rover does not turn, a wrong sign
-    cannot be seen. The bias is that of the begin of the comparison, as later ones contain the fault. A heading
-    that the filter rejects begins a new comparison: `InnovationMonitor` judges it.
+    cannot be seen. The bias is that of the begin of the comparison, as later ones contain the fault. A
+    heading that the filter rejects begins a new comparison: `InnovationMonitor` judges it.
 
     Args:
         settings: Thresholds.
@@ -71,6 +72,7 @@ class HeadingTurnRule(StopRule):
         self._late_rad = 0.0
         self._bias_rad_s = 0.0
         self._headings: dict[str, deque[_Heading]] = {}
+        self._found: dict[str, tuple[tuple[int, int], StopReason | None]] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a reading of the gyro or a heading."""
@@ -92,7 +94,12 @@ class HeadingTurnRule(StopRule):
         for name, headings in self._headings.items():
             if cycle.is_still:
                 _keep(headings, AVERAGE_S)
-            yield from self._compare(name, headings)
+            span_ns = (headings[0].t_ns, headings[-1].t_ns)
+            if name not in self._found or self._found[name][0] != span_ns:
+                self._found[name] = (span_ns, self._compare(name, headings))
+            reason = self._found[name][1]
+            if reason is not None:
+                yield reason
 
     def _turn(self, t_ns: int, rate_rad_s: float) -> None:
         """Integrate the gyro; a gap begins new comparisons."""
@@ -118,13 +125,13 @@ class HeadingTurnRule(StopRule):
         headings.append(_Heading(t_ns, heading_rad, self._late_rad, self._bias_rad_s))
         _keep(headings, self._settings.heading_turn_s + AVERAGE_S)
 
-    def _compare(self, name: str, headings: deque[_Heading]) -> Iterator[StopReason]:
+    def _compare(self, name: str, headings: deque[_Heading]) -> StopReason | None:
         average_ns = nanoseconds(AVERAGE_S)
         first_ns, last_ns = headings[0].t_ns, headings[-1].t_ns
         first = [heading for heading in headings if heading.t_ns <= first_ns + average_ns]
         last = [heading for heading in headings if heading.t_ns > last_ns - average_ns]
         if last_ns - first_ns < 2 * average_ns or min(len(first), len(last)) < READINGS:
-            return
+            return None
         bias_rad_s = first[-1].bias_rad_s
 
         def gyro_rad(heading: _Heading) -> float:
@@ -137,7 +144,7 @@ class HeadingTurnRule(StopRule):
         angles_rad = [gyro_rad(heading) for heading in headings]
         greatest_rad = max(abs(turned_rad), max(angles_rad) - min(angles_rad))
         scatter_rad2 = sum(
-            variance(heading.heading_rad - gyro_rad(heading) for heading in part) / len(part)
+            _scatter_rad2([heading.heading_rad - gyro_rad(heading) for heading in part]) / len(part)
             for part in (first, last)
         )
         limit_rad = (
@@ -145,13 +152,19 @@ class HeadingTurnRule(StopRule):
             + self._settings.heading_share * greatest_rad
             + STANDARD_ERRORS * math.sqrt(scatter_rad2)
         )
-        if abs(difference_rad) > limit_rad:
-            text = (
-                f"{self._roles.gyro}: turned by {by_gyro_rad:.3f} rad in {seconds(last_ns - first_ns):.1f} s, "
-                f"{name} by {turned_rad:.3f} rad: one of them has a wrong sign, axis or bias, or a magnetic "
-                "field has turned the heading"
-            )
-            yield StopReason("gyro heading", text, yaw_rad=abs(difference_rad))
+        if abs(difference_rad) <= limit_rad:
+            return None
+        text = (
+            f"{self._roles.gyro}: turn of {by_gyro_rad:.3f} rad in {seconds(last_ns - first_ns):.1f} s, "
+            f"by {name} {turned_rad:.3f} rad: one of them has a wrong sign, axis or bias, or a magnetic "
+            "field has turned the heading"
+        )
+        return StopReason("gyro heading", text, yaw_rad=abs(difference_rad))
+
+
+def _scatter_rad2(angles_rad: Sequence[float]) -> float:
+    """Return the variance by the differences of successive angles, in which a steady drift hardly counts."""
+    return 0.5 * fmean((after - before) ** 2 for before, after in pairwise(angles_rad))
 
 
 def _keep(headings: deque[_Heading], duration_s: float) -> None:

@@ -1,0 +1,229 @@
+"""The gyro against a heading device: which difference of their turns stops the rover."""
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+
+from controllers.estimation.guarded_filter import Innovation
+from controllers.roles import DeviceRoles
+from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
+from controllers.safety.reasons import Cycle, Severity, StopReason
+from drivers.clock import nanoseconds
+from drivers.samples import HeadingReference, HeadingSample, PowerSample, RateSample, Sample
+
+ROLES = DeviceRoles(wheels="wheels", gyro="imu", headings=("compass",), required={"imu": 0.1})
+NAME = f"compass {HeadingReference.MAGNETIC}"
+REJECTED = Innovation(name=NAME, residual=1.0, variance=0.1, nis=10.0, accepted=False)
+RATE_STEP_S = 0.02
+HEADING_STEP_S = 0.1
+
+Turn = Callable[[float], float]
+"""From the time in s to an angle in rad, or to its rate."""
+
+
+def constant(rate_rad_s: float) -> Turn:
+    return lambda _: rate_rad_s
+
+
+class Bench:
+    """The rule on cycles of 20 ms, a gyro of 50 Hz and a compass of 10 Hz."""
+
+    def __init__(self, *, lag_s: float = 0.0, scatter_rad: float = 0.0, **settings: float) -> None:
+        self.rule = HeadingTurnRule(HeadingTurnSettings.model_validate(settings), ROLES, lag_s)
+        self.cycles = 0
+        self.heading_rad = 0.0
+        self.late_rad = 0.0
+        self.lag_s = lag_s
+        self.rng = np.random.default_rng(1)
+        self.scatter_rad = scatter_rad
+
+    @property
+    def now_s(self) -> float:
+        return self.cycles * RATE_STEP_S
+
+    def observe(self, sample: Sample, t_s: float | None = None) -> None:
+        self.rule.observe(sample, nanoseconds(self.now_s if t_s is None else t_s))
+
+    def check(
+        self, *, is_still: bool = False, bias_rad_s: float = 0.0, innovations: Iterable[Innovation] = ()
+    ) -> list[StopReason]:
+        cycle = Cycle(
+            now_ns=nanoseconds(self.now_s),
+            is_still=is_still,
+            gyro_bias_rad_s=bias_rad_s,
+            innovations=tuple(innovations),
+        )
+        return list(self.rule.check(cycle))
+
+    def drive(
+        self, duration_s: float, true_rad_s: Turn, gyro_rad_s: Turn, *, bias_rad_s: float = 0.0
+    ) -> tuple[float, StopReason] | None:
+        """Turn the rover; return the time of the first reason since the call, and the reason."""
+        begin_s = self.now_s
+        for _ in range(round(duration_s / RATE_STEP_S)):
+            self.cycles += 1
+            self.heading_rad += true_rad_s(self.now_s) * RATE_STEP_S
+            share = -math.expm1(-RATE_STEP_S / self.lag_s) if self.lag_s else 1.0
+            self.late_rad += share * (self.heading_rad - self.late_rad)
+            self.observe(rate(gyro_rad_s(self.now_s)))
+            if self.cycles % round(HEADING_STEP_S / RATE_STEP_S) == 0:
+                self.observe(heading(self.late_rad + self.rng.normal(0.0, self.scatter_rad)))
+            found = self.check(bias_rad_s=bias_rad_s)
+            if found:
+                return self.now_s - begin_s, found[0]
+        return None
+
+
+def rate(rate_rad_s: float, device: str = "imu") -> RateSample:
+    return RateSample(device=device, t_ns=0, rate_z_rad_s=rate_rad_s)
+
+
+def heading(heading_rad: float, device: str = "compass") -> HeadingSample:
+    return HeadingSample(
+        device=device,
+        t_ns=0,
+        heading_rad=math.remainder(heading_rad, math.tau),
+        reference=HeadingReference.MAGNETIC,
+    )
+
+
+def settle(bench: Bench, bias_rad_s: float = 0.0) -> None:
+    """Let gyro and compass agree for longer than a comparison."""
+    assert bench.drive(8.0, constant(0.0), constant(bias_rad_s), bias_rad_s=bias_rad_s) is None
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_gyro_with_the_wrong_sign_is_named_when_the_rover_turns(side: float) -> None:
+    bench = Bench()
+    settle(bench)
+    found = bench.drive(5.0, constant(0.01 * side), constant(-0.01 * side))
+    assert found is not None
+    time_s, reason = found
+    # The average is half a second late: 0.02 (t - 0.45) rad against 0.01 rad and a tenth of it.
+    assert time_s == pytest.approx(1.2, abs=0.15)
+    assert (reason.cause, reason.severity) == ("gyro heading", Severity.STOP)
+    assert reason.text.startswith("imu: turn of ")
+    assert reason.text.endswith(
+        "one of them has a wrong sign, axis or bias, or a magnetic field has turned the heading"
+    )
+    assert f"in 7.0 s, by {NAME} {0.007 * side:.3f} rad" in reason.text
+    assert 0.0105 < reason.yaw_rad < 0.0165
+
+
+def test_a_step_of_the_bias_of_half_a_degree_per_second_is_named_within_five_seconds() -> None:
+    for side in (1.0, -1.0):
+        bench = Bench(scatter_rad=math.radians(0.3), lag_s=0.45)
+        settle(bench, 0.003)
+        step_rad_s = side * math.radians(0.5)
+        found = bench.drive(6.0, constant(0.0), constant(0.003 + step_rad_s), bias_rad_s=0.003)
+        assert found is not None
+        assert 1.5 < found[0] < 5.0
+
+
+def test_scatter_lag_deviation_and_bias_are_no_contradiction() -> None:
+    bench = Bench(scatter_rad=math.radians(0.3), lag_s=0.45)
+
+    def turn(now_s: float) -> float:
+        return 0.4 * math.sin(0.7 * now_s)
+
+    assert (
+        bench.drive(60.0, lambda t_s: 1.1 * turn(t_s), lambda t_s: turn(t_s) + 0.02, bias_rad_s=0.02) is None
+    )
+
+
+def test_the_lag_of_the_heading_device_counts() -> None:
+    bench = Bench(lag_s=2.0, heading_share=0.0)
+    settle(bench)
+    assert bench.drive(20.0, constant(0.3), constant(0.3)) is None
+    bench.rule = HeadingTurnRule(HeadingTurnSettings(heading_share=0.0), ROLES, 0.0)
+    bench.heading_rad = bench.late_rad = 0.0
+    settle(bench)
+    assert bench.drive(20.0, constant(0.3), constant(0.3)) is not None
+
+
+def test_turns_are_compared_over_the_time_of_the_setting() -> None:
+    # 0.0025 rad/s are 0.015 rad in 6 s and 0.01 rad in 4 s; the limit is 0.01 rad and 0.2 of it.
+    for turn_s, is_named in ((6.0, True), (4.0, False)):
+        bench = Bench(heading_turn_s=turn_s)
+        settle(bench)
+        assert (bench.drive(30.0, constant(0.0), constant(0.0025)) is not None) == is_named
+
+
+def test_whole_turns_of_the_heading_do_not_count() -> None:
+    bench = Bench()
+    assert bench.drive(30.0, constant(1.0), constant(1.0)) is None
+
+
+def test_the_bias_of_the_begin_counts() -> None:
+    bench = Bench()
+    settle(bench)
+    # The filter takes the fault for a bias.
+    assert bench.drive(5.0, constant(0.0), constant(0.02), bias_rad_s=0.02) is not None
+
+
+def test_at_rest_only_the_last_second_is_kept() -> None:
+    bench = Bench()
+    bench.drive(1.5, constant(0.0), constant(0.0))
+    assert bench.drive(1.8, constant(0.0), constant(0.05)) is not None
+    assert bench.check(is_still=True) == []
+    assert bench.drive(0.8, constant(0.0), constant(0.0)) is None
+
+
+def test_a_rejected_heading_a_gap_of_the_gyro_and_one_that_is_not_finite_begin_a_new_comparison() -> None:
+    def none(bench: Bench) -> None:
+        bench.check()
+
+    def rejection(bench: Bench) -> None:
+        bench.check(innovations=(REJECTED,))
+
+    def gap(bench: Bench) -> None:
+        bench.cycles += 6
+        bench.observe(rate(0.0))
+
+    def not_finite(bench: Bench) -> None:
+        bench.observe(rate(math.nan))
+
+    for event, is_named in ((none, True), (rejection, False), (gap, False), (not_finite, False)):
+        bench = Bench()
+        settle(bench)
+        assert bench.drive(0.9, constant(0.0), constant(0.01)) is None
+        event(bench)
+        assert (bench.drive(1.5, constant(0.0), constant(0.01)) is not None) == is_named
+
+
+def test_other_samples_and_old_ones_have_no_effect() -> None:
+    bench = Bench()
+    settle(bench)
+    for _ in range(100):
+        bench.cycles += 1
+        bench.observe(rate(0.0))
+        bench.observe(rate(5.0), bench.now_s - 0.01)
+        bench.observe(rate(5.0, "other"))
+        bench.observe(heading(0.0))
+        bench.observe(heading(1.0), bench.now_s - 0.01)
+        bench.observe(heading(1.0, "other"))
+        bench.observe(heading(math.nan))
+        bench.observe(PowerSample(device="imu", t_ns=0, voltage_v=24.0))
+        assert bench.check() == []
+
+
+def test_less_than_three_headings_a_second_are_not_judged() -> None:
+    for step_s, is_named in ((0.3, True), (0.6, False)):
+        bench = Bench()
+        found: list[StopReason] = []
+        for index in range(500):
+            bench.cycles += 1
+            bench.observe(rate(0.1))
+            if index % round(step_s / RATE_STEP_S) == 0:
+                bench.observe(heading(0.0))
+            found += bench.check()
+        assert bool(found) == is_named
+
+
+def test_two_seconds_of_headings_are_needed() -> None:
+    bench = Bench()
+    found = bench.drive(5.0, constant(0.0), constant(0.5))
+    assert found is not None
+    assert found[0] == pytest.approx(2.1)
