@@ -403,10 +403,12 @@ class WheelDrive(Driver[bytes]):
             is_valid = len(speeds) == self.wheel_count and all(map(math.isfinite, speeds))
             if not is_valid or now_ns >= command.expires_ns:
                 speeds = (0.0,) * self.wheel_count
-            if self._needs_restart(now_ns, speeds):
-                self._started = False
-            if not self._started:
+            is_restart = self._needs_restart(now_ns, speeds)
+            if is_restart or not self._started:
                 self._started = self._send(self._drive_codec.encode_start(), sent)
+            if is_restart and self._started:  # a start that did not go out is tried again, and not counted
+                self._restarts += 1
+                self._fault_ns = dict.fromkeys(self._fault_ns, now_ns)
             payloads, really, steering_rad = self._encode(speeds, command.steering_rad)
             delivered = self._send(payloads, sent)
         self._note_sent(now_ns, sent)
@@ -426,8 +428,12 @@ class WheelDrive(Driver[bytes]):
             return (*self._drive_codec.encode_speeds(speeds), None)
         return codec.encode_set_points(speeds, steering_rad)
 
-    def stop(self) -> None:
-        """Send zero speeds three times, then switch the drive off. Silent when the link is down."""
+    def stop(self) -> int:
+        """Send zero speeds three times, then switch the drive off. Silent when the link is down.
+
+        Returns:
+            The time in ns at which it was sent: later than the call where a command went out first.
+        """
         self._require_open("stop")
         sent: list[tuple[bytes, bool]] = []
         with self._turn:
@@ -438,15 +444,12 @@ class WheelDrive(Driver[bytes]):
             self._send(self._drive_codec.encode_stop(), sent)
             self._started = False
         self._note_sent(now_ns, sent)
+        return now_ns
 
     def _needs_restart(self, now_ns: int, speeds: Sequence[float]) -> bool:
-        """Return True where a fault is old enough and the rover stands; count the restart."""
+        """Return whether a fault is old enough, and the rover stands."""
         is_due = any(now_ns - t_ns >= RESTART_AFTER_NS for t_ns in self._fault_ns.values())
-        if not is_due or any(speeds) or self._restarts >= RESTARTS:
-            return False
-        self._restarts += 1
-        self._fault_ns = dict.fromkeys(self._fault_ns, now_ns)
-        return True
+        return is_due and not any(speeds) and self._restarts < RESTARTS
 
     def _note_sample(self, sample: Sample) -> None:
         if isinstance(sample, FaultSample) and sample.wheel is not None:

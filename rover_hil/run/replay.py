@@ -1,7 +1,7 @@
 """Run a log again with the same raw bytes at the same times, and compare estimates and commands."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -13,7 +13,14 @@ from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.schema import LINK_SHAPE, SENT, estimate_record, samples_record, set_point_record
+from rover_hil.recording.schema import (
+    COMMAND,
+    LINK_SHAPE,
+    SENT,
+    estimate_record,
+    samples_record,
+    set_point_record,
+)
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
 
@@ -73,7 +80,7 @@ def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> Repl
     rig, links = build_replay_rig(config, VirtualClock(log.start_ns), NoTap())
     rig.connect(timeout_s=0.0)
     replayer = _Replayer(rig, links)
-    for message in log.messages():
+    for message in _in_order(log.messages()):
         if replayer.take(message, log):
             on_cycle()
     replayer.finish(is_complete=log.is_complete)
@@ -186,6 +193,25 @@ class _Replayer:
         if sent != recorded:
             was, now = (b" ".join(payloads).hex(" ") for payloads in (recorded, sent))
             self.result.note(t_ns, name, was, now)
+
+
+def _in_order(messages: Iterable[LogMessage]) -> Iterator[LogMessage]:
+    """Yield what the watchdog logged a cycle late in the cycle before whose command it was sent."""
+    cycle: list[LogMessage] = []
+    commanded_ns = -1
+    following: list[LogMessage] = []
+    for message in messages:
+        kind = message.topic[1:].partition("/")[0]
+        if kind in ("sent", "unsent", "watchdog") and message.t_ns < commanded_ns:
+            cycle.insert(len(cycle) - 1, message)
+            continue
+        following.append(message)
+        if kind == "cycle":
+            yield from cycle
+            cycle, following = following, []
+            commanded_ns = next((m.t_ns for m in cycle if m.topic == COMMAND), -1)
+    yield from cycle
+    yield from following
 
 
 def _link_change(message: LogMessage, log: LogReader) -> LinkChange:

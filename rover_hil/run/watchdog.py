@@ -18,8 +18,8 @@ class Watchdog:
         drive: The drive to stop.
         clock: The host's clock.
         limit_ns: Longest time between two feeds.
-        on_intervention: Called with the time of each intervention, after the drive has been stopped, because
-            a log that hangs may be what blocks the loop.
+        on_intervention: Called with the time at which each stop was sent, after the drive has been stopped,
+            because a log that hangs may be what blocks the loop.
     """
 
     def __init__(
@@ -57,8 +57,8 @@ class Watchdog:
             self._stopped.set()
             self.interventions += 1
             with suppress(LogError):  # the loop meets the same error, and ends
-                self._drive.stop()
-                self._on_intervention(now_ns)
+                # Not the time of the check: a command may have gone out in between, and replay must know.
+                self._on_intervention(self._drive.stop())
 
     def _run(self) -> None:
         while not self._ending.wait(CHECK_PERIOD_S):

@@ -422,6 +422,17 @@ def test_a_drive_with_a_fault_is_started_again_after_a_second_and_at_most_three_
     assert starts_after(toy, 30.0) == 2
 
 
+def test_only_starts_that_went_out_are_counted(toy: Toy) -> None:
+    toy.drive.connect()
+    toy.drive.command(toy.command(0, 0))
+    faulty(toy)
+    send_now = toy.link.send
+    toy.link.send = lambda payload: False  # type: ignore[method-assign]
+    assert starts_after(toy, 10.0) == 0
+    toy.link.send = send_now  # type: ignore[method-assign]
+    assert starts_after(toy, 30.0) == 3
+
+
 def test_a_fault_that_has_cleared_starts_nothing(toy: Toy) -> None:
     toy.drive.connect()
     toy.drive.command(toy.command(0, 0))

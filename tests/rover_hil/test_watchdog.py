@@ -1,7 +1,7 @@
 """The watchdog stops the drive when the loop goes silent, once per silence."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -9,12 +9,12 @@ import pytest
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds
-from drivers.driver import WheelDrive
+from drivers.driver import SentCommand, WheelDrive
 from drivers.errors import LogError
-from drivers.samples import Sample
+from drivers.samples import Sample, WheelCommand
 from rover_hil.config import load_config
 from rover_hil.recording.data_files import collect_data_files, restore_config
-from rover_hil.recording.reader import LogReader
+from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import Executive
@@ -121,8 +121,37 @@ def test_a_log_that_hangs_does_not_keep_it_from_stopping() -> None:
     watchdog.end()
 
 
-@pytest.mark.parametrize("stalls", [("in the step",), ("while logging",), ("in the step", "while logging")])
-def test_a_run_in_which_it_stopped_the_drive_replays_exactly(stalls: tuple[str, ...], tmp_path: Path) -> None:
+class LateStops(LogReader):
+    """A log in which a stop by the watchdog was written after the cycle before whose command it came."""
+
+    def messages(self) -> Iterator[LogMessage]:
+        """Yield them late."""
+        every = list(super().messages())
+        stops_ns = {message.t_ns for message in every if message.topic == "/watchdog"}
+        late: list[LogMessage] = []
+        for message in every:
+            if message.topic.startswith(("/sent/", "/watchdog")) and message.t_ns in stops_ns:
+                late.append(message)
+                continue
+            yield message
+            if message.topic == "/cycle":
+                yield from late
+                late.clear()
+
+
+@pytest.mark.parametrize("reader", [LogReader, LateStops])
+@pytest.mark.parametrize(
+    "stalls",
+    [
+        ("in the step",),
+        ("while logging",),
+        ("in the step", "while logging"),
+        ("in the step, stopped after the command",),
+    ],
+)
+def test_a_run_in_which_it_stopped_the_drive_replays_exactly(
+    stalls: tuple[str, ...], reader: type[LogReader], tmp_path: Path
+) -> None:
     config, clock, path = load_config("el-dorado"), VirtualClock(), tmp_path / "run.mcap"
     config_json = config.model_dump_json(by_alias=True).encode()
     with LogWriter(path, clock.now_ns(), config_json, collect_data_files(config), "virtual") as log:
@@ -133,6 +162,33 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(stalls: tuple[str, 
         def stall() -> None:
             clock.sleep_until(clock.now_ns() + 2 * LIMIT_NS)
             watchdog.check()
+            clock.sleep_until(clock.now_ns() + 1000)
+
+        def command_before_the_stop() -> None:
+            """Let the loop send its command between the check and the stop of the watchdog."""
+            clock.sleep_until(clock.now_ns() + 2 * LIMIT_NS)
+            is_checked, may_stop = threading.Event(), threading.Event()
+            stop_now, command_now = rig.drive.stop, rig.drive.command
+
+            def stop() -> int:
+                is_checked.set()
+                assert may_stop.wait(PATIENCE_S)
+                return stop_now()
+
+            def command(speeds: WheelCommand) -> SentCommand:
+                clock.sleep_until(clock.now_ns() + 1000)
+                sent = command_now(speeds)
+                clock.sleep_until(clock.now_ns() + 1000)
+                may_stop.set()
+                checking.join()
+                clock.sleep_until(clock.now_ns() + 1000)
+                rig.drive.stop, rig.drive.command = stop_now, command_now  # type: ignore[method-assign]
+                return sent
+
+            rig.drive.stop, rig.drive.command = stop, command  # type: ignore[method-assign]
+            checking = threading.Thread(target=watchdog.check)
+            checking.start()
+            assert is_checked.wait(PATIENCE_S)
 
         step_now: Callable[[int, list[Sample]], StepOutput] = rig.loop.step
         steps = 0
@@ -141,9 +197,9 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(stalls: tuple[str, 
             nonlocal steps
             steps += 1
             output = step_now(now_ns, samples)
-            if steps == 90 and "in the step" in stalls:
+            if steps == 90 and stalls[0].startswith("in the step"):
                 assert output.mode is Mode.RUNNING
-                stall()
+                (stall if stalls[0] == "in the step" else command_before_the_stop)()
             return output
 
         def on_cycle(now_ns: int) -> None:
@@ -154,7 +210,7 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(stalls: tuple[str, 
         executive = Executive(rig, log, config.loop.rate_hz, on_cycle=on_cycle, watchdog=watchdog)
         assert executive.run(2.5).watchdog_interventions == len(stalls)
         rig.close()
-    recorded = LogReader(path)
+    recorded = reader(path)
     with restore_config(recorded) as restored:
         result = replay(recorded, restored, lambda: None)
     assert result.cycles > 90
