@@ -78,6 +78,7 @@ class Case:
         frames: Makes what it does to the frames of a camera.
         is_unplug: The plug is pulled.
         pause_s: How long the process does not run.
+        by_heading: Only a heading can show it, once the gyro has turned wrongly by `HEADING_SHOWS_RAD`.
         why: Of a fault that cannot be noticed: why not.
     """
 
@@ -92,6 +93,7 @@ class Case:
     frames: Callable[[np.random.Generator], Disturb[CameraImage]] | None = None
     is_unplug: bool = False
     pause_s: float = 0.0
+    by_heading: bool = False
     why: str = ""
 
     @property
@@ -121,13 +123,16 @@ class _Device:
             | rest  # type: ignore[arg-type]
         )
 
-    def lasting(self, fault: str, change: Callable[[], Change], why: str = "") -> Case:
+    def lasting(
+        self, fault: str, change: Callable[[], Change], why: str = "", *, by_heading: bool = False
+    ) -> Case:
         """Return a case whose numbers are wrong until the end of the run."""
         return self.case(
             fault,
             Duty.PHYSICS if why else Duty.NOTICE,
             duration_s=FOR_EVER_S,
             to_host=lambda _: Changed(self.wire, change()),
+            by_heading=by_heading,
             why=why,
         )
 
@@ -213,23 +218,26 @@ def _wrong_wheels(rover: str) -> Iterator[Case]:
 
 
 def _wrong_gyros(rover: str) -> Iterator[Case]:
-    device = GYROS[rover]
+    device, has_heading = GYROS[rover], rover == COMPASS.rover
     yield device.case(
         "wrong values",
         Duty.NOTICE,
         duration_s=FOR_EVER_S,
         to_host=lambda rng: Changed(device.wire, RandomValues(rng, -32768, 32767)),
     )
-    yield device.lasting("reversed", lambda: Scaled(-1.0))
+    yield device.lasting("reversed", lambda: Scaled(-1.0), by_heading=has_heading)
     yield device.lasting("stuck", Held)
     yield device.lasting("dead (0)", lambda: Scaled(0.0))
     yield device.lasting("biased +0.5 rad/s", lambda: Biased(0.5 * GYRO_PER_RAD_S, (2,)))
     yield device.lasting("biased +30 rad/s", lambda: Biased(30.0 * GYRO_PER_RAD_S, (2,)))
-    yield device.lasting("rotated axis", lambda: Rotated((1, 2, 0)))
+    yield device.lasting("rotated axis", lambda: Rotated((1, 2, 0)), by_heading=has_heading)
     yield device.lasting(
         "biased +0.5 deg/s",
         lambda: Biased(np.radians(0.5) * GYRO_PER_RAD_S, (2,)),
-        "wheels that slip unevenly by a few percent turn the rover as slowly; only a heading shows it, later",
+        ""
+        if has_heading
+        else "wheels that slip unevenly by a few percent turn the rover as slowly; only a heading shows it",
+        by_heading=has_heading,
     )
     yield device.lasting("scaled by 1.1", lambda: Scaled(1.1), NO_EXCITATION)
     yield device.lasting("low-pass 0.5 s", lambda: LowPassed(0.5), NO_EXCITATION)

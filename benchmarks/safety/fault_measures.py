@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from benchmarks.safety.fault_cases import FOR_EVER_S, Case, Duty
 from benchmarks.safety.fault_runs import WATCHED_S
-from drivers.clock import nanoseconds, seconds
+from controllers.motion.rover_geometry import OmniRoverSettings
+from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds
 from drivers.errors import LogError
 from rover_hil.config import Config
 from rover_hil.recording.data_files import restore_config
@@ -26,6 +27,11 @@ ZERO_BAR_MS = 150.0
 NOTICE_BAR_S, NOTICE_BAR_M = 1.5, 0.15
 NEES_BAR = 16.27
 """99.9 % of a chi-square distribution with 3 degrees of freedom."""
+HEADING_SHOWS_RAD = math.radians(1.0)
+"""A gyro that has turned wrongly by this much shows in the headings of the simulated compass: three standard
+errors of averages of a second (0.4 deg), its resolution (0.1 deg), deviation and damping (0.5 deg)."""
+BEFORE_S = 3.0
+LEAST_SILENCE_S = 0.15
 DRIVING = ("running", "finished")
 
 
@@ -64,6 +70,7 @@ class Story:
     Attributes:
         raw_ns: Arrival times of the payloads of the faulty device.
         sample_ns: Stamps of its samples, in the order of the cycles, each with the time of its cycle.
+        rates: Its yaw rates in rad/s as received, each with its stamp.
         link_ns: When its link changed.
         breaks_ns: When its link went down.
         rejected: What its codec rejected until the end, by reason.
@@ -74,6 +81,7 @@ class Story:
     moments: list[Moment] = field(default_factory=list)
     raw_ns: list[int] = field(default_factory=list)
     sample_ns: list[tuple[int, int]] = field(default_factory=list)
+    rates: list[tuple[int, float]] = field(default_factory=list)
     link_ns: list[int] = field(default_factory=list)
     breaks_ns: list[int] = field(default_factory=list)
     rejected: Mapping[str, int] = field(default_factory=dict)
@@ -100,6 +108,11 @@ class Row:
             it begins to drive again; in between the fault misleads it until it is noticed.
         sigma_m: Position sigma when it drove again.
         sigma_deg: Yaw sigma then.
+        unseen_m: How far the rover could have moved while the device was silent: its true speed before,
+            times the silence; None where nothing was silent, or it did not drive again.
+        wider_m: Position sigma that was added, over that.
+        unseen_deg: How far it could have turned: with the wheels of one side at rest.
+        wider_deg: Yaw sigma that was added, over that.
         outcome: Stopped, resumed, ended how.
         replays: Whether the replay of the log is identical.
     """
@@ -120,6 +133,10 @@ class Row:
     nees_later: float | None = None
     sigma_m: float | None = None
     sigma_deg: float | None = None
+    unseen_m: float | None = None
+    wider_m: float | None = None
+    unseen_deg: float | None = None
+    wider_deg: float | None = None
     outcome: str = ""
     replays: bool | None = None
     message: str = ""
@@ -192,6 +209,8 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
     _measure_estimate(
         row, after, again, has_stopped=stop is not None, is_lasting=case.duration_s == FOR_EVER_S
     )
+    if again is not None and case.duration_s != FOR_EVER_S:
+        _measure_width(row, case, story, config, begin_ns, again)
     row.outcome = _tell(stop, again, story.end)
     _judge_bars(case, row, has_stopped=stop is not None)
     return row
@@ -214,6 +233,8 @@ def check_replay(row: Row, path: Path) -> None:
 
 def _find_detectable(case: Case, story: Story, begin_ns: int, age_limit_s: float | None) -> int | None:
     """Return when the fault could be seen: the link broke, or the newest stamp was too old in a cycle."""
+    if case.by_heading:
+        return _find_wrong_turn(story, begin_ns)
     if case.duty is not Duty.STOP:
         return begin_ns if case.duty is Duty.NOTICE else None
     if case.is_unplug:
@@ -227,6 +248,40 @@ def _find_detectable(case: Case, story: Story, begin_ns: int, age_limit_s: float
         if moment.t_ns > max(begin_ns, newest_ns + age_limit_ns):
             return newest_ns + age_limit_ns
     return None
+
+
+def _find_wrong_turn(story: Story, begin_ns: int) -> int | None:
+    """Return when the gyro has turned wrongly by what a compass shows; its bias is that before the fault."""
+    t_ns, rates_rad_s = np.array(story.rates).T
+    at_s = (t_ns - begin_ns) / NANOSECONDS_PER_SECOND
+    steps_rad = 0.5 * (rates_rad_s[1:] + rates_rad_s[:-1]) * np.diff(at_s)
+    yaw_rad = np.interp(t_ns, [m.t_ns for m in story.moments], [m.truth[2] for m in story.moments])
+    wrong_rad = np.concatenate(([0.0], np.cumsum(steps_rad))) - yaw_rad
+    first, begin = np.searchsorted(at_s, [-BEFORE_S, 0.0])
+    bias_rad_s = (wrong_rad[begin] - wrong_rad[first]) / (at_s[begin] - at_s[first])
+    wrong_rad -= wrong_rad[begin] + bias_rad_s * (at_s - at_s[begin])
+    shows = np.flatnonzero((at_s > 0.0) & (np.abs(wrong_rad) > HEADING_SHOWS_RAD))
+    return int(t_ns[shows[0]]) if len(shows) else None
+
+
+def _measure_width(row: Row, case: Case, story: Story, config: Config, begin_ns: int, again: Moment) -> None:
+    """Compare the sigma that the fault added with the greatest motion while its device was silent."""
+    stamps_ns = [stamp_ns for _, stamp_ns in story.sample_ns] or [m.t_ns for m in story.moments]
+    around = [t_ns for t_ns in sorted(stamps_ns) if begin_ns - nanoseconds(0.5) < t_ns <= again.t_ns]
+    silent_s = max((seconds(b - a) for a, b in pairwise(around)), default=0.0)
+    before = [m for m in story.moments if begin_ns - nanoseconds(1.0) <= m.t_ns < begin_ns]
+    if silent_s < LEAST_SILENCE_S or len(before) < 2:
+        return
+    speeds_m_s = [math.dist(a.truth[:2], b.truth[:2]) / seconds(b.t_ns - a.t_ns) for a, b in pairwise(before)]
+    rover = config.rover
+    arm_m = rover.base_radius_m if isinstance(rover, OmniRoverSettings) else 0.5 * rover.track_m
+    unseen_m = max(speeds_m_s) * silent_s
+    unseen_deg = math.degrees(unseen_m / arm_m)
+    was, now = before[-1].covariance, again.covariance
+    added_m = math.sqrt(max(0.0, now[0] + now[3] - was[0] - was[3]))
+    added_deg = math.degrees(math.sqrt(max(0.0, now[5] - was[5])))
+    row.unseen_m, row.wider_m = round(unseen_m, 3), round(added_m / unseen_m, 2)
+    row.unseen_deg, row.wider_deg = round(unseen_deg, 1), round(added_deg / unseen_deg, 2)
 
 
 def _count_invented(case: Case, story: Story, begin_ns: int) -> int:
@@ -294,19 +349,21 @@ def _judge_bars(case: Case, row: Row, *, has_stopped: bool) -> None:
         _judge_notice(case, row)
     is_noticed = has_stopped and not any("notice" in failure for failure in row.failures)
     is_lasting = case.duration_s == FOR_EVER_S
-    is_watched = not (case.duty is Duty.NOTICE and not has_stopped)
+    is_watched = has_stopped or case.duty is not Duty.NOTICE or row.detectable_s is None
     if is_watched and row.nees_later is not None and row.nees_later > NEES_BAR:
         what = "drives again" if has_stopped else "drives on"
         row.failures.append(f"{what} with NEES {row.nees_later:.0f}")
-    elif is_noticed and is_lasting and row.outcome.startswith("drives on"):
+    elif is_noticed and is_lasting and row.detectable_s is not None and row.outcome.startswith("drives on"):
         row.failures.append("drives on")
 
 
 def _judge_notice(case: Case, row: Row) -> None:
-    if row.stop_s is None:
+    if row.stop_s is None and row.detectable_s is not None:
         row.failures.append(f"not noticed in {row.driven_m:.2f} m")
-    elif row.stop_s > NOTICE_BAR_S and row.driven_m > NOTICE_BAR_M:
-        row.failures.append(f"noticed late: {row.stop_s:.1f} s, {row.driven_m:.2f} m")
+    elif row.stop_s is not None and row.detectable_s is not None:
+        late_s = row.stop_s - row.detectable_s
+        if late_s > NOTICE_BAR_S and row.driven_m * late_s / row.stop_s > NOTICE_BAR_M:
+            row.failures.append(f"noticed late: {late_s:.1f} s, {row.driven_m:.2f} m")
     if row.stop_s is not None and not any(name in row.message.lower() for name in case.names):
         row.failures.append("not named")
 
@@ -343,7 +400,9 @@ def _take_truth(story: Story, t_ns: int, value: object, device: str) -> None:
 
 def _take_samples(story: Story, t_ns: int, value: object, device: str) -> None:
     for samples in _record(value).values():
-        story.sample_ns += [(t_ns, sample["t_ns"]) for sample in samples if sample["device"] == device]
+        own = [sample for sample in samples if sample["device"] == device]
+        story.sample_ns += [(t_ns, sample["t_ns"]) for sample in own]
+        story.rates += [(s["t_ns"], s["rate_z_rad_s"]) for s in own if "rate_z_rad_s" in s]
 
 
 def _take_health(story: Story, t_ns: int, value: object, device: str) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.safety.fault_cases import Case
 from benchmarks.safety.fault_measures import Row, add_truth, check_replay, judge, read_story
-from benchmarks.safety.fault_process_cases import ProcessCase
+from benchmarks.safety.fault_process_cases import ROLL_OUT_S, ProcessCase
 from benchmarks.safety.fault_runs import rover_config, run_length_s
 from drivers.clock import SystemClock, nanoseconds, seconds
 from drivers.errors import LogError
@@ -25,6 +25,7 @@ CAMERA = re.compile(r"^camera = .*\n|^rig = .*\n|^\[devices\.camera\]\n(?:.+\n)+
 REST_RAD_S = 0.05
 MOVE_LIMIT_S = 90.0
 START_UP_S = 15.0
+REPORT_S = 60.0
 CLOCK = SystemClock()
 
 
@@ -44,7 +45,8 @@ def measure_processes(case: Case) -> Row:
             if isinstance(case, ProcessCase):
                 _act(case, program, simulator, folder, begin_ns)
             with suppress(subprocess.TimeoutExpired):
-                program.wait(2 * run_length_s(rover_config(case), case))
+                program.wait(START_UP_S + 2 * run_length_s(rover_config(case), case) + REPORT_S)
+            CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(2 * ROLL_OUT_S))  # the wheels come to rest
         return _judge(case, folder, begin_ns, program.poll())
 
 

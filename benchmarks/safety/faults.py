@@ -25,7 +25,8 @@ from benchmarks.safety.fault_runs import rover_config, run_case
 
 COLUMNS = (
     "rover | device | fault | must | detectable s | zero ms after | stop s | driven m | invented | error m | "
-    "error deg | NEES then | NEES later | sigma m | sigma deg | outcome | replay | verdict | message"
+    "error deg | NEES then | NEES later | sigma m | sigma deg | unseen m | added/unseen | unseen deg | "
+    "added/unseen | outcome | replay | verdict | message"
 )
 
 
@@ -52,8 +53,9 @@ def markdown(rows: Sequence[Row]) -> str:
 def _cells(row: Row) -> Iterable[str]:
     numbers = (row.detectable_s, row.zero_ms, row.stop_s, row.driven_m, row.invented)
     errors = (row.error_m, row.error_deg, row.nees_again, row.nees_later, row.sigma_m, row.sigma_deg)
+    widths = (row.unseen_m, row.wider_m, row.unseen_deg, row.wider_deg)
     yield from (row.rover, row.device, row.fault, row.duty)
-    yield from ("-" if number is None else f"{number:g}" for number in (*numbers, *errors))
+    yield from ("-" if number is None else f"{number:g}" for number in (*numbers, *errors, *widths))
     replay = {True: "identical", False: "DIFFERS", None: "-"}[row.replays]
     yield from (row.outcome, replay, row.verdict, row.message.replace("|", "/"))
 
