@@ -9,9 +9,9 @@ import pytest
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds
-from drivers.driver import SentCommand, WheelDrive
+from drivers.driver import WheelDrive
 from drivers.errors import LogError
-from drivers.samples import Sample, WheelCommand
+from drivers.samples import Sample, SentCommand, WheelCommand
 from rover_hil.config import load_config
 from rover_hil.recording.data_files import collect_data_files, restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
@@ -185,7 +185,7 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(
                 rig.drive.stop, rig.drive.command = stop_now, command_now  # type: ignore[method-assign]
                 return sent
 
-            rig.drive.stop, rig.drive.command = stop, command  # type: ignore[method-assign]
+            rig.drive.stop, rig.drive.command = stop, command  # type: ignore[method-assign, assignment]
             checking = threading.Thread(target=watchdog.check)
             checking.start()
             assert is_checked.wait(PATIENCE_S)
