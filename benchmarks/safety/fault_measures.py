@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.safety.fault_cases import FOR_EVER_S, Case, Duty
 from benchmarks.safety.fault_runs import WATCHED_S
-from controllers.motion.rover_geometry import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds
 from drivers.errors import LogError
 from rover_hil.config import Config
@@ -274,6 +274,7 @@ def _measure_width(row: Row, case: Case, story: Story, config: Config, begin_ns:
         return
     speeds_m_s = [math.dist(a.truth[:2], b.truth[:2]) / seconds(b.t_ns - a.t_ns) for a, b in pairwise(before)]
     rover = config.rover
+    assert isinstance(rover, OmniRoverSettings | SkidSteerRoverSettings)  # the shipped rovers of the matrix
     arm_m = rover.base_radius_m if isinstance(rover, OmniRoverSettings) else 0.5 * rover.track_m
     unseen_m = max(speeds_m_s) * silent_s
     unseen_deg = math.degrees(unseen_m / arm_m)

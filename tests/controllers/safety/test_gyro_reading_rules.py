@@ -331,9 +331,11 @@ def test_after_a_pause_of_the_readings_any_change_is_possible() -> None:
     assert jumps.read(4.0, 4.0, period_s=0.05) != []
 
 
-def turning(wheels_rad_s: float, duration_s: float = 0.25) -> TurnEvidence:
+def turning(wheels_rad_s: float, gyro_rad_s: float = 0.0) -> TurnEvidence:
+    duration_s = 0.25
     return TurnEvidence(
-        gyro_rad=0.0, wheels=WheelTurn(duration_s=duration_s, left_rad=wheels_rad_s * duration_s)
+        gyro_rad=gyro_rad_s * duration_s,
+        wheels=WheelTurn(duration_s=duration_s, left_rad=wheels_rad_s * duration_s),
     )
 
 
@@ -361,10 +363,11 @@ def after_a_jump(*wheels_rad_s: float) -> list[bool]:
     found: list[bool] = []
     rule.observe(reading(0.0), 0)
     for index, rate_rad_s in enumerate(wheels_rad_s):
+        gyro_rad_s = 0.5 if index >= len(wheels_rad_s) - 3 else 0.0
         if index == len(wheels_rad_s) - 3:
             rule.observe(reading(0.5), nanoseconds(0.02))
             rule.observe(reading(0.5), nanoseconds(0.04))
-        cycle = Cycle(now_ns=nanoseconds(0.04), evidence=turning(rate_rad_s))
+        cycle = Cycle(now_ns=nanoseconds(0.04), evidence=turning(rate_rad_s, gyro_rad_s))
         found.append(bool(list(rule.check(cycle))))
     return found
 
@@ -396,7 +399,7 @@ def test_a_jump_of_the_wheels_in_the_third_cycle_settles_it() -> None:
     for t_s, rate_rad_s in ((0.0, 0.0), (0.02, 0.5), (0.04, 0.5)):
         rule.observe(reading(rate_rad_s), nanoseconds(t_s))
     for wheels_rad_s in (0.0, 0.0, 0.5, 0.5, 0.5):
-        assert list(rule.check(Cycle(now_ns=0, evidence=turning(wheels_rad_s)))) == []
+        assert list(rule.check(Cycle(now_ns=0, evidence=turning(wheels_rad_s, 0.5)))) == []
 
 
 def test_one_average_follows_the_other_without_a_pause() -> None:
