@@ -251,7 +251,10 @@ def _find_detectable(case: Case, story: Story, begin_ns: int, age_limit_s: float
 
 
 def _find_wrong_turn(story: Story, begin_ns: int) -> int | None:
-    """Return when the gyro has turned wrongly by what a compass shows; its bias is that before the fault."""
+    """Return when the gyro has turned wrongly by what a compass shows; its bias is that before the fault.
+
+    None where it never has, or less than `NOTICE_BAR_S` before the end of the run.
+    """
     t_ns, rates_rad_s = np.array(story.rates).T
     at_s = (t_ns - begin_ns) / NANOSECONDS_PER_SECOND
     steps_rad = 0.5 * (rates_rad_s[1:] + rates_rad_s[:-1]) * np.diff(at_s)
@@ -261,7 +264,8 @@ def _find_wrong_turn(story: Story, begin_ns: int) -> int | None:
     bias_rad_s = (wrong_rad[begin] - wrong_rad[first]) / (at_s[begin] - at_s[first])
     wrong_rad -= wrong_rad[begin] + bias_rad_s * (at_s - at_s[begin])
     shows = np.flatnonzero((at_s > 0.0) & (np.abs(wrong_rad) > HEADING_SHOWS_RAD))
-    return int(t_ns[shows[0]]) if len(shows) else None
+    last_ns = story.moments[-1].t_ns - nanoseconds(NOTICE_BAR_S)
+    return int(t_ns[shows[0]]) if len(shows) and t_ns[shows[0]] <= last_ns else None
 
 
 def _measure_width(row: Row, case: Case, story: Story, config: Config, begin_ns: int, again: Moment) -> None:
