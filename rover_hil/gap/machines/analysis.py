@@ -55,7 +55,8 @@ class MachineFindings:
         holdout: Result on the locked runs; None without explanation.
         rival_terms: Free-form terms that the runs do not distinguish from the explanation.
         drafts: Terms that are missing, where no effect explains the gap.
-        tracked: The machine on its runs, with the force that keeps it there; None where there is no gap.
+        tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
+            ports, or where no such force is found.
         other_weighting: Sizes of the effects by the other weighting, random forces at the ports.
         runners_up: Further fits of the search with no more effects than the explanation, the best first.
         unlisted: Fits of free-form terms that are rivals or drafts, each with the model that has the term.
@@ -221,6 +222,8 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     best = findings.best
     free = fits.free(best.names, {})
     tracked = track(findings.problem, machine, free, best.fit.point)
+    if tracked is None:
+        return findings
     moved = {
         item.key: item.mean + item.sd * float(pull)
         for item, pull in zip(tracked.fit.free, tracked.pulls, strict=True)

@@ -63,8 +63,10 @@ class _Step:
     covariances: tuple[Array, ...]
 
 
-def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: Point) -> Tracked:
+def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: Point) -> Tracked | None:
     """Return the machine with the forces that keep it on its runs.
+
+    None where a small change of the parameters moves the prediction so far that no step is a number.
 
     Args:
         problem: Machine and observations.
@@ -78,8 +80,11 @@ def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: 
     forces = tuple(np.zeros(width) for _ in problem.sites)
     here, step = problem, None
     for turn in range(ROUNDS):
-        here = _forced(problem, machine, basis, forces)
-        step = _linearise(here, free, point, forces)
+        forced = _forced(problem, machine, basis, forces)
+        found = _linearise(forced, free, point, forces)
+        if found is None:
+            break
+        here, step = forced, found
         if turn == ROUNDS - 1:
             break
         moved = _line_search(problem, machine, basis, free, (point, forces), step)
@@ -87,7 +92,7 @@ def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: 
             break
         point, forces = moved
     if step is None:
-        raise AssertionError("there is at least one round")
+        return None
     return Tracked(
         problem=here,
         noise=step.noise,
@@ -122,7 +127,7 @@ def force_series(basis: ForceBasis, values: Array) -> Mapping[str, Array]:
     }
 
 
-def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequence[Array]) -> _Step:
+def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequence[Array]) -> _Step | None:
     machine = here.model
     if not isinstance(machine, MachineModel):
         raise AssertionError("a forced machine is a machine")
@@ -137,16 +142,19 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
     residual = np.where(np.isfinite(residual), residual, 0.0)
     sizes = np.array([item.sd for item in free])
     columns = here.derivatives(point, free) * sizes
-    # A parameter whose step has no solution carries no information.
-    columns = np.where(np.isfinite(columns), columns, 0.0)
     pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
     shift, noise = np.zeros(len(free)), None
     for _ in range(2):
         without = np.where(np.isfinite(observations.values), residual - columns @ shift, np.nan)
         noise = random_force_noise(here.observations, without, basis)
         jacobian, errors = noise.whiten(columns), noise.whiten(residual)
-        normal = jacobian.T @ jacobian + np.eye(len(free))
+        with np.errstate(over="ignore", invalid="ignore"):
+            normal = jacobian.T @ jacobian + np.eye(len(free))
+        if not np.isfinite(normal).all():
+            return None
         shift = np.linalg.solve(normal, jacobian.T @ errors - pull)
+        if not np.isfinite(shift).all():
+            return None
     if noise is None:
         raise AssertionError("estimated above")
     fit = Fit(

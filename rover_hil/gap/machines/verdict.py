@@ -9,6 +9,7 @@ from rover_hil.gap.machines.gap_tests import GAP_ALPHA
 from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
+from sim_backends.state_model.model import StateModel
 
 WHOLE = 0.9
 """Least share of the gap, on locked runs, that a name without reservation closes."""
@@ -274,6 +275,11 @@ def _weightings(findings: MachineFindings) -> dict[str, dict[str, float]]:
 
 def _warnings(findings: MachineFindings) -> list[str]:
     warnings = []
+    machine = findings.machine
+    if findings.tracked is None and isinstance(machine, StateModel) and machine.ports:
+        warnings.append(
+            "no random force keeps the machine on its runs: the sizes are not compared with a second weighting"
+        )
     for (effect, name), value in findings.other_weighting.items():
         if (effect, name) not in findings.best.fit.point:
             continue
