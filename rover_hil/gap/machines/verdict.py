@@ -278,7 +278,7 @@ def _warnings(findings: MachineFindings) -> list[str]:
     machine = findings.machine
     if findings.tracked is None and isinstance(machine, StateModel) and machine.ports:
         warnings.append(
-            "no random force keeps the machine on its runs: the sizes are not compared with a second weighting"
+            "no random force keeps the machine on its runs: sizes are not compared with a second weighting"
         )
     for (effect, name), value in findings.other_weighting.items():
         if (effect, name) not in findings.best.fit.point:
