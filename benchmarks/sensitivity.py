@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 FACTORS = (0.8, 1.2)
@@ -35,6 +36,28 @@ def changed(group: object, name: str, value: object) -> Iterator[None]:
         object.__setattr__(group, name, usual)
 
 
+@contextmanager
+def recorded_reads(parameters: object) -> Iterator[set[str]]:
+    """Give the set into which every number that is read meanwhile is put, as `group.name`."""
+    read: set[str] = set()
+    classes = {type(getattr(parameters, part.name)): part.name for part in fields(parameters)}  # type: ignore[arg-type]
+
+    def reader(label: str) -> Callable[[object, str], Any]:
+        def read_one(group: object, name: str) -> Any:
+            read.add(f"{label}.{name}")
+            return object.__getattribute__(group, name)
+
+        return read_one
+
+    for kind, label in classes.items():
+        type.__setattr__(kind, "__getattribute__", reader(label))
+    try:
+        yield read
+    finally:
+        for kind in classes:
+            type.__delattr__(kind, "__getattribute__")
+
+
 def print_table(
     parameters: object,
     score: Callable[[], Mapping[str, float]],
@@ -47,6 +70,8 @@ def print_table(
 ) -> None:
     """Print the figures at the usual values, and as Markdown how each number changes them.
 
+    A number that the usual computation does not read is listed below the table; it has no effect there.
+
     Args:
         parameters: Groups of numbers, as `controllers/slip/effort/parameters.py` has them.
         score: Computes the figures anew, by label.
@@ -56,25 +81,20 @@ def print_table(
         refusals: Errors by which a result is refused; the table says so.
         effects_only: Numbers that change no figure get one line of text in the end instead of rows.
     """
-    usual = score()
+    with recorded_reads(parameters) as read:
+        usual = score()
     print("as shipped: " + ", ".join(f"{label} {value:.3g}" for label, value in usual.items()))
     print("\n| number | value | " + " | ".join(usual) + " |\n" + "|---" * (2 + len(usual)) + "|")
     without_effect: list[str] = []
+    unread: list[str] = []
     for part in fields(parameters):  # type: ignore[arg-type]
-        if groups is not None and part.name not in groups.split(","):
-            continue
         group = getattr(parameters, part.name)
-        for name in (number.name for number in fields(group)):
-            if f"{part.name}.{name}" in leave_out:
+        for name in _names(part.name, group, leave_out, groups):
+            if f"{part.name}.{name}" not in read:
+                unread.append(f"{part.name}.{name}")
                 continue
             value = getattr(group, name)
-            results = []
-            for factor in FACTORS:
-                with changed(group, name, _of(name, value, factor, near_one)):
-                    try:
-                        results.append(score())
-                    except refusals:
-                        results.append(dict.fromkeys(usual, math.nan))
+            results = _results(group, name, partial(_score, score, usual, refusals), near_one)
             if effects_only and all(_is_same(result, usual) for result in results):
                 without_effect.append(f"{part.name}.{name}")
                 continue
@@ -85,6 +105,39 @@ def print_table(
             print(f"| {part.name}.{name} | {_text(value)} | {' | '.join(cells)} |", flush=True)
     if without_effect:
         print("\nwithout effect: " + ", ".join(without_effect))
+    if unread:
+        print("\nnot read by these cases: " + ", ".join(unread))
+
+
+def _names(part: str, group: Any, leave_out: tuple[str, ...], groups: str | None) -> list[str]:
+    """Return the names of the numbers of a group to vary."""
+    if groups is not None and part not in groups.split(","):
+        return []
+    names = (number.name for number in fields(group))
+    return [name for name in names if f"{part}.{name}" not in leave_out]
+
+
+def _results(
+    group: object, name: str, score: Callable[[], Mapping[str, float]], near_one: tuple[str, ...]
+) -> list[Mapping[str, float]]:
+    """Return the figures at each factor."""
+    results = []
+    for factor in FACTORS:
+        with changed(group, name, _of(name, getattr(group, name), factor, near_one)):
+            results.append(score())
+    return results
+
+
+def _score(
+    score: Callable[[], Mapping[str, float]],
+    usual: Mapping[str, float],
+    refusals: tuple[type[Exception], ...],
+) -> Mapping[str, float]:
+    """Return the figures, NaN where the data are refused."""
+    try:
+        return score()
+    except refusals:
+        return dict.fromkeys(usual, math.nan)
 
 
 def _is_same(result: Mapping[str, float], usual: Mapping[str, float]) -> bool:

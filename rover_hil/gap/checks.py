@@ -6,18 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import LEAST_SAMPLES, Group, group_runs, is_steady
-from rover_hil.gap.statistics.replicates import LEAST_FREEDOM, pooled_freedom
+from rover_hil.gap.data.parameters import DATA
+from rover_hil.gap.data.problem import Group, group_runs, is_steady
+from rover_hil.gap.statistics.parameters import STATISTICS
+from rover_hil.gap.statistics.replicates import pooled_freedom
 from sim_backends.models.interface import Array, DrivenModel, Machine, Model, Run
 
-MISSING_SHARE = 0.05
-CONTRADICTION_SD = 15.0
-IRREPRODUCIBLE_SHARE = 0.7
-LEAST_GROUPS = 3
-LEAST_SLOW_SAMPLES = 10
-"""Fewest values of a channel that is slower than its inputs."""
-REGULAR_SHARE = 0.95
-"""Least share of the values of a slower channel that arrive in its own rhythm."""
 SHOWN = 3
 """Series with gaps that a sentence lists."""
 
@@ -83,11 +77,11 @@ def _gaps_of(model: Model, run: Run) -> Iterator[MissingValues]:
 def samples_per_value(values: Array) -> int:
     """Return 2 or more where a series has a value at every second sample, or at fewer; 1 otherwise."""
     good = np.flatnonzero(np.isfinite(values))
-    if good.size < LEAST_SLOW_SAMPLES:
+    if good.size < DATA.checks.least_slow_samples:
         return 1
     every = int(np.median(np.diff(good)))
     in_rhythm = np.bincount(good % every).max() / good.size
-    return every if in_rhythm >= REGULAR_SHARE else 1
+    return every if in_rhythm >= DATA.checks.regular_share else 1
 
 
 def _expected(values: Array) -> Array:
@@ -191,9 +185,13 @@ def _lengths(model: Model, runs: Sequence[Run]) -> str:
         return ""
     for run in runs:
         for channel in model.channels:
-            size = run.measured[channel.name].size if channel.name in run.measured else LEAST_SAMPLES
-            if size < LEAST_SAMPLES:
-                return f"run {run.name}: {channel.name} has {size} samples, fewer than {LEAST_SAMPLES}"
+            size = (
+                run.measured[channel.name].size if channel.name in run.measured else DATA.runs.least_samples
+            )
+            if size < DATA.runs.least_samples:
+                return (
+                    f"run {run.name}: {channel.name} has {size} samples, fewer than {DATA.runs.least_samples}"
+                )
     return ""
 
 
@@ -203,7 +201,7 @@ def _complete(model: Model, runs: Sequence[Run]) -> str:
     unusable = [
         one
         for one in missing_values(model, runs)
-        if steady or one.is_input or one.count > MISSING_SHARE * one.total
+        if steady or one.is_input or one.count > DATA.checks.missing_share * one.total
     ]
     if not unusable:
         return ""
@@ -212,7 +210,8 @@ def _complete(model: Model, runs: Sequence[Run]) -> str:
     rule = (
         "a steady run needs every value"
         if steady
-        else f"at most {MISSING_SHARE:.0%} of the values of a series may be missing, and none of an input"
+        else f"at most {DATA.checks.missing_share:.0%} of the values of a series may be missing, and none of "
+        "an input"
     )
     return f"{shown}{more}; {rule}: repair the record or take the run out"
 
@@ -221,14 +220,15 @@ def _noise_known(model: Model, runs: Sequence[Run]) -> str:
     groups = group_runs(model, runs)
     for item, freedom in zip(model.channels, pooled_freedom(groups, model.channels), strict=True):
         known = bool(item.sigma) or item.quantum > 0.0
-        if freedom < LEAST_FREEDOM and not known:
+        if freedom < STATISTICS.replicates.least_freedom and not known:
             return (
                 f"channel {item.name} has no noise estimate: repeat runs under equal conditions "
-                f"({LEAST_FREEDOM} repetitions or more in all), or give the sensor's deviation in the model"
+                f"({STATISTICS.replicates.least_freedom} repetitions or more in all), or give the "
+                "sensor's deviation in the model"
             )
         values = [run.measured[item.name][0] for run in runs if item.name in run.measured]
         within = _within(groups, item.name)
-        if not known and freedom >= LEAST_FREEDOM and not np.any(within):
+        if not known and freedom >= STATISTICS.replicates.least_freedom and not np.any(within):
             return (
                 f"channel {item.name} has no noise estimate: all repetitions are equal to the last digit"
                 if np.ptp(values) > 0.0
@@ -254,20 +254,22 @@ def _replicates_agree(model: Model, runs: Sequence[Run]) -> str:
         within = _within(groups, channel.name)
         spread = 1.4826 * float(np.median(np.abs(within))) / math.sqrt(2.0) if within.size else 0.0
         spread = max(spread, channel.sigma or 0.0, channel.quantum)
-        if within.size < LEAST_FREEDOM or spread <= 0.0:
+        if within.size < STATISTICS.replicates.least_freedom or spread <= 0.0:
             continue
         judged += 1
         means = np.array(
             [group.site.measured[channel.name][0] for group in groups if channel.name in group.site.measured]
         )
         noise = float(np.mean(within**2)) / 2.0
-        if means.size >= LEAST_GROUPS and noise > IRREPRODUCIBLE_SHARE * (noise + float(np.var(means))):
+        if means.size >= DATA.checks.least_groups and noise > DATA.checks.irreproducible_share * (
+            noise + float(np.var(means))
+        ):
             loose.append(channel.name)
         for group in groups:
             values = np.array(
                 [run.measured[channel.name][0] for run in group.runs if channel.name in run.measured]
             )
-            if values.size > 1 and np.ptp(values) > CONTRADICTION_SD * spread:
+            if values.size > 1 and np.ptp(values) > DATA.checks.contradiction_sd * spread:
                 far.setdefault(", ".join(run.name for run in group.runs), []).append(channel.name)
     contradicting = [(names, channels) for names, channels in far.items() if len(channels) > 1]
     if contradicting:
@@ -286,7 +288,7 @@ def _replicates_agree(model: Model, runs: Sequence[Run]) -> str:
 
 def _conditions_vary(model: Model, runs: Sequence[Run]) -> str:
     groups = group_runs(model, runs)
-    if len(groups) >= LEAST_GROUPS:
+    if len(groups) >= DATA.checks.least_groups:
         return ""
     names = list(model.condition_units)
     constant = [name for name in names if len({run.conditions[name] for run in runs}) == 1]

@@ -11,13 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.data.problem import LEAST_RUNS, condition_key, is_steady
+from rover_hil.gap.data.parameters import DATA
+from rover_hil.gap.data.problem import condition_key, is_steady
 from sim_backends.models.interface import Model, Run
-
-LOCKED_SHARE = 0.25
-FEW_LEVELS = 8
-LEAST_GROUPS = 8
-"""Fewest groups to lock whole conditions."""
 
 
 class TooFewRunsError(ConfigError):
@@ -84,7 +80,7 @@ def require_runs(runs: Sequence[Run]) -> int:
     Raises:
         TooFewRunsError: There are fewer.
     """
-    least = LEAST_RUNS[is_steady(runs)]
+    least = DATA.runs.least_steady if is_steady(runs) else DATA.runs.least_series
     if len(runs) < least:
         raise TooFewRunsError(
             f"{len(runs)} runs are too few to split them for search and validation: measure {least} or more"
@@ -133,9 +129,9 @@ def _drawn(model: Model, runs: Sequence[Run], rng: np.random.Generator, steady: 
     for run in runs:
         key = condition_key(model, run)
         groups.setdefault(key, []).append(run.name)
-    if len(groups) < LEAST_GROUPS:
+    if len(groups) < DATA.plan.least_groups:
         return _single_runs(groups, rng)
-    target = LOCKED_SHARE * len(runs)
+    target = DATA.plan.locked_share * len(runs)
     conditions = np.array(list(groups))
     needed = _levels(conditions)
     kept = np.ones(len(conditions), dtype=bool)
@@ -154,7 +150,7 @@ def _drawn(model: Model, runs: Sequence[Run], rng: np.random.Generator, steady: 
 def _single_runs(groups: Mapping[tuple[float, ...], Sequence[str]], rng: np.random.Generator) -> set[str]:
     """Lock single runs where there are too few groups to lock whole ones."""
     count = sum(len(members) for members in groups.values())
-    target = max(1, math.floor(LOCKED_SHARE * count))
+    target = max(1, math.floor(DATA.plan.locked_share * count))
     shuffled = [list(rng.permutation(members)) for members in groups.values()]
     locked: set[str] = set()
     while len(locked) < target:
@@ -165,7 +161,7 @@ def _single_runs(groups: Mapping[tuple[float, ...], Sequence[str]], rng: np.rand
 
 def _levels(conditions: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[set[float]]:
     levels = [set(column) for column in conditions.T]
-    return [one if len(one) <= FEW_LEVELS else set() for one in levels]
+    return [one if len(one) <= DATA.plan.few_levels else set() for one in levels]
 
 
 def _levels_kept(

@@ -7,24 +7,16 @@ from scipy import stats
 
 from rover_hil.gap.data.problem import Key
 from rover_hil.gap.explain.candidates import Candidate, is_visible
-from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest
+from rover_hil.gap.explain.gap_test import GapTest
 from rover_hil.gap.explain.naming import Naming, unexplained_cost
 from rover_hil.gap.explain.next_run import propose, watch
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Findings
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
 from rover_hil.gap.statistics.jackknife import jackknife
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
-
-WHOLE_SHARE = 0.9
-"""Least share of the explainable gap for a name without reservation."""
-WHOLE_SHARE_OF_SERIES = 0.98
-"""The same for series, whose many samples show more of an effect."""
-HALF_SHARE = 0.5
-MOST_MEMBERS = 4
-POWER_Z = 1.28
-"""Standard normal quantile of 90 % power."""
 
 
 def refuse(answer: Answer, reason: str) -> Verdict:
@@ -35,7 +27,7 @@ def refuse(answer: Answer, reason: str) -> Verdict:
 
 def decide(findings: Findings) -> Verdict:
     """Return the verdict on findings."""
-    if findings.gap.p > GAP_ALPHA:
+    if findings.gap.p > EXPLAIN.gap.alpha:
         return _no_gap(findings)
     answer = _answer(findings)
     named = is_named(answer)
@@ -119,15 +111,19 @@ def _answer(findings: Findings) -> Answer:
         return Answer.NOT_IDENTIFIABLE if naming.scores and hidden else Answer.UNNAMED
     share = (
         1.0
-        if findings.remaining_gap is None or findings.remaining_gap.p > GAP_ALPHA
+        if findings.remaining_gap is None or findings.remaining_gap.p > EXPLAIN.gap.alpha
         else explained_share(findings)
     )
-    if not validation.is_confirmed or share < HALF_SHARE:
+    if not validation.is_confirmed or share < EXPLAIN.verdict.half_share:
         return Answer.UNNAMED
-    if len(naming.members) > MOST_MEMBERS:
+    if len(naming.members) > EXPLAIN.verdict.most_members:
         return Answer.NOT_IDENTIFIABLE
     is_single = len(naming.members) == 1
-    whole = WHOLE_SHARE if findings.prepared.problem.observations.is_steady else WHOLE_SHARE_OF_SERIES
+    whole = (
+        EXPLAIN.verdict.whole_share
+        if findings.prepared.problem.observations.is_steady
+        else EXPLAIN.verdict.whole_share_of_series
+    )
     if share < whole or (is_single and findings.alternatives):
         return Answer.PARTLY_NAMED
     return Answer.NAMED if is_single else Answer.NAMED_SET
@@ -235,7 +231,7 @@ def _sentence(findings: Findings, answer: Answer) -> str:
 def _unsure(findings: Findings) -> str:
     """Return why the names are not certain."""
     text = ""
-    if findings.remaining_gap is not None and findings.remaining_gap.p <= GAP_ALPHA:
+    if findings.remaining_gap is not None and findings.remaining_gap.p <= EXPLAIN.gap.alpha:
         text = f"; {1 - explained_share(findings):.0%} remains unexplained"
     for name, alternative in findings.alternatives.items():
         channel, term = alternative.split(": ", 1)
@@ -295,7 +291,7 @@ def _detectable(naming: Naming) -> list[dict[str, str | float]]:
     return [
         {
             "name": item.card.name,
-            "size": (naming.threshold + POWER_Z) * item.score.standard_error,
+            "size": (naming.threshold + EXPLAIN.verdict.power_z) * item.score.standard_error,
             "unit": item.score.direction.unit,
         }
         for item in naming.scores

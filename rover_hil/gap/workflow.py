@@ -12,10 +12,11 @@ from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.explain.alternative_models import find_alternative_terms
 from rover_hil.gap.explain.candidates import candidate_directions
-from rover_hil.gap.explain.gap_test import GAP_ALPHA, GapTest, find_gap
+from rover_hil.gap.explain.gap_test import GapTest, find_gap
 from rover_hil.gap.explain.holdout_validation import validate
 from rover_hil.gap.explain.localise_residuals import localise_residuals
-from rover_hil.gap.explain.naming import MORE_ALPHA, NAME_ALPHA, Naming, name_effects
+from rover_hil.gap.explain.naming import Naming, name_effects
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.prepare import Prepared, input_units, prepare, relearn_noise
 from rover_hil.gap.explain.residual_equations import Equation, find_equations
 from rover_hil.gap.explain.search import Explanation
@@ -32,7 +33,11 @@ from rover_hil.gap.statistics.score import score_all
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Machine, Model, Run
 
-ALPHAS = {"gap": GAP_ALPHA, "first name": NAME_ALPHA, "further name": MORE_ALPHA}
+ALPHAS = {
+    "gap": EXPLAIN.gap.alpha,
+    "first name": EXPLAIN.naming.alpha,
+    "further name": EXPLAIN.naming.more_alpha,
+}
 
 
 def analyse(
@@ -158,7 +163,7 @@ def _learn(
         localise_residuals(prepared.problem, prepared.noise, prepared.start.point, input_units(model))
     )
     findings = Findings(prepared=prepared, gap=gap, locations=locations, naming=naming)
-    if gap.p > GAP_ALPHA:
+    if gap.p > EXPLAIN.gap.alpha:
         return findings
     advance("testing the remaining gap")
     return _with_best(findings, naming.best, rng)
@@ -175,7 +180,7 @@ def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Gene
             observations, noise, prepared.scatter, fitted, prepared.terms, len(best.names), None, rng
         )
     equations: list[Equation] = []
-    if remaining_gap is None or remaining_gap.p <= GAP_ALPHA:
+    if remaining_gap is None or remaining_gap.p <= EXPLAIN.gap.alpha:
         named = () if best is None else best.names
         others = [item for item in findings.naming.scores if item.card.name not in named]
         changes = candidate_directions(prepared.problem, noise, fitted, others)

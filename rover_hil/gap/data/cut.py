@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.gap.data.problem import LEAST_SAMPLES
+from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Machine, Model, Run
 from sim_backends.state_model.model import StateModel, uniform_step_s
 
@@ -69,11 +69,11 @@ def _size(run: Run) -> int:
 
 def _parts(model: StateModel, run: Run, length_s: float) -> list[Run]:
     size, length = _size(run), _count(model, run, length_s)
-    if length < LEAST_SAMPLES:
-        least_s = LEAST_SAMPLES * _step_s(model, run)
+    if length < DATA.runs.least_samples:
+        least_s = DATA.runs.least_samples * _step_s(model, run)
         raise ConfigError(
             f"--cut {length_s:g}: run {run.name} has {length} samples in {length_s:g} s; at least "
-            f"{LEAST_SAMPLES} are needed: cut to {least_s:g} s or more"
+            f"{DATA.runs.least_samples} are needed: cut to {least_s:g} s or more"
         )
     count = max(1, math.floor(size / length + 0.5))
     if count == 1:
@@ -101,10 +101,10 @@ def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Ru
 
 def _without_beginning(run: Run, count: int, starts: set[str]) -> Run:
     left = _size(run) - count
-    if left < LEAST_SAMPLES:
+    if left < DATA.runs.least_samples:
         raise ConfigError(
-            f"--warm-up: {max(left, 0)} samples of run {run.name} are left; at least {LEAST_SAMPLES} are "
-            "needed: shorten the warm-up"
+            f"--warm-up: {max(left, 0)} samples of run {run.name} are left; at least "
+            f"{DATA.runs.least_samples} are needed: shorten the warm-up"
         )
     if count == 0:
         return run

@@ -19,7 +19,7 @@ from drivers.files import is_file, resolved
 from rover_hil.gap.data import readers
 from rover_hil.gap.data.columns import LogModel
 from rover_hil.gap.data.logs import find_logs, read_logs
-from rover_hil.gap.data.problem import LEAST_RUNS
+from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.reader import Reader
 from rover_hil.gap.data.table import read_table
 from sim_backends import models
@@ -114,7 +114,7 @@ def read_runs(model: Model, path: Path) -> list[Run]:
         runs = read_logs(reader.runs_of_log, path)
     else:
         raise ConfigError(f"{path}: the model cannot be compared with logs; give its measurements as a table")
-    if len(runs) < LEAST_RUNS[False] and reader.cut is not None:
+    if len(runs) < DATA.runs.least_series and reader.cut is not None:
         runs = [part for run in runs for part in reader.cut(run)]
     return runs
 

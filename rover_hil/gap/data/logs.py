@@ -11,9 +11,9 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.config import Config
 from rover_hil.datasets.log import POSE, read_drive
 from rover_hil.gap.data.columns import DriveLog
+from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Run
 
-LEAST_ROWS = 30
 WHEELS = ("enc_rad", "speed_rad_s", "current_a", "voltage_v", "set_rad_s")
 BODY = ("heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", *POSE)
 
@@ -51,7 +51,7 @@ def read_log(path: Path, name: str) -> DriveLog:
     drive = read_drive(path)
     columns = drive.table((*WHEELS, *BODY), outside=math.nan)
     count = len(drive.rows[drive.clock])
-    if count < LEAST_ROWS:
+    if count < DATA.runs.least_rows:
         raise LogError(f"log {path} holds {count} readings of the first wheel: give the log of a drive")
     return DriveLog(
         name=name, columns=columns, facts=_facts(drive.config), kind=drive.config.rover.kinematics

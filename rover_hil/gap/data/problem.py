@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import (
     DEVIATION,
     RUN_SEPARATOR,
@@ -23,19 +24,6 @@ Indices: TypeAlias = NDArray[np.intp]
 Key: TypeAlias = tuple[str, str]
 """Effect ("" for the base model) and parameter."""
 Point: TypeAlias = Mapping[Key, float]
-
-LEAST_RUNS = {True: 6, False: 4}
-"""Fewest runs that can be split: steady, series."""
-LEAST_SAMPLES = 30
-"""Fewest samples of a series."""
-
-LEAST_UNITS = 3
-"""Fewest units under test that are left out one by one; with fewer, runs are."""
-
-WEAK = 10.0
-"""Prior of an effect's strength in its natural sizes, too wide to bias it."""
-STEP_SHARE = 0.05
-EFFECT_STEP_SHARE = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +161,7 @@ class Problem:
         if not scattering:
             return self.observations.site
         labels = [scattering[0].owner_in(site) for site in self.sites]
-        if len(set(labels)) < LEAST_UNITS:
+        if len(set(labels)) < DATA.runs.least_units:
             return self.observations.site
         numbers: Indices = np.unique(labels, return_inverse=True)[1].astype(np.intp)
         return numbers[self.observations.site]
@@ -231,7 +219,7 @@ class Problem:
                 lower=item.lower,
                 upper=item.upper,
                 start=item.nominal,
-                step=STEP_SHARE * item.prior_sd,
+                step=DATA.fit.step_share * item.prior_sd,
             )
             for item in self.model.parameters
             if item.prior_sd > 0.0 and item.lower < item.upper and item.name not in leave_out
@@ -280,7 +268,7 @@ class Problem:
                     lower=-np.inf,
                     upper=np.inf,
                     start=0.0,
-                    step=STEP_SHARE * (parameter.prior_sd or sd),
+                    step=DATA.fit.step_share * (parameter.prior_sd or sd),
                 )
             )
         return found
@@ -301,7 +289,7 @@ class Problem:
                 lower=item.lower,
                 upper=item.upper,
                 start=item.nominal_in(site),
-                step=STEP_SHARE * item.prior_sd,
+                step=DATA.fit.step_share * item.prior_sd,
             )
             for item in model.run_parameters
             for site in self.sites
@@ -412,11 +400,11 @@ def effect_free(card: EffectCard, shapes: Mapping[str, float] | None = None) -> 
             Free(
                 key=(card.name, item.name),
                 mean=item.nominal if index == 0 else start,
-                sd=(WEAK if index == 0 else 1.0) * item.prior_sd,
+                sd=(DATA.fit.weak if index == 0 else 1.0) * item.prior_sd,
                 lower=item.lower,
                 upper=item.upper,
                 start=start,
-                step=EFFECT_STEP_SHARE * item.prior_sd,
+                step=DATA.fit.effect_step_share * item.prior_sd,
             )
         )
     return frees

@@ -14,11 +14,10 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import CsvTable, read_csv
+from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, DrivenModel, Machine, Model, Run
 
 TIME = "t_s"
-STEP_SHARE = 0.01
-"""Greatest difference of times from even ones, and of steps from those of the model, as a share of a step."""
 MOST_DIGITS = 9
 
 
@@ -122,13 +121,15 @@ def _even_times(t_s: Array, where: str, step_s: float | None) -> Array:
     step = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     even = t_s[0] + step * np.arange(t_s.size)
     error_s = float(np.abs(steps - step).max())
-    if error_s > STEP_SHARE * step and max(error_s, np.abs(even - t_s).max()) > _rounding_s(t_s, step):
+    if error_s > DATA.runs.step_share * step and max(error_s, np.abs(even - t_s).max()) > _rounding_s(
+        t_s, step
+    ):
         place = float(t_s[int(np.argmax(np.abs(steps - step)))])
         raise ConfigError(
             f"{where}: samples are {steps.min():.4g} to {steps.max():.4g} s apart, most unevenly near "
             f"{place:g} s: interpolate to equal steps"
         )
-    if step_s is not None and abs(step - step_s) > STEP_SHARE * step_s:
+    if step_s is not None and abs(step - step_s) > DATA.runs.step_share * step_s:
         raise ConfigError(
             f"{where}: samples are {step:.4g} s apart, the model has step_s = {step_s:g}: correct step_s, or "
             "leave it out and the times of the data are used"

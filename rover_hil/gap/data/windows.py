@@ -8,14 +8,9 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.datasets.arrays import in_body_frame
+from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Run
 
-WINDOW_S = 0.2
-LEAST_DURATION_S = 3.0
-MOST_WINDOWS = 400
-LEAST_WINDOWS = 30
-LEAST_STRETCH = 64
-LEAST_STRETCHES = 4
 OVERLAP = (2, 1)
 """Values at the start and end of a stretch that overlap with its neighbours."""
 
@@ -60,9 +55,11 @@ def windows_over(first_s: float, last_s: float, where: str) -> Windows:
         ConfigError: The drive is too short.
     """
     duration_s = last_s - first_s
-    if duration_s < LEAST_DURATION_S:
-        raise ConfigError(f"{where} lasts {duration_s:.1f} s: {LEAST_DURATION_S:g} s or more are needed")
-    count = min(max(math.floor(duration_s / WINDOW_S), LEAST_WINDOWS), MOST_WINDOWS)
+    if duration_s < DATA.windows.least_duration_s:
+        raise ConfigError(
+            f"{where} lasts {duration_s:.1f} s: {DATA.windows.least_duration_s:g} s or more are needed"
+        )
+    count = min(max(math.floor(duration_s / DATA.windows.window_s), DATA.windows.least), DATA.windows.most)
     return Windows(np.linspace(first_s, last_s, count + 1))
 
 
@@ -73,8 +70,8 @@ def stretches(run: Run) -> list[Run]:
     of the drive are counted with its first stretch.
     """
     size = run.inputs["t_s"].size
-    count = size // LEAST_STRETCH
-    if count < LEAST_STRETCHES:
+    count = size // DATA.windows.least_stretch
+    if count < DATA.windows.least_stretches:
         return [run]
     cuts = np.linspace(0, size, count + 1).astype(int)
     parts = []

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rover_hil.gap.explain.naming import ALIKE, Naming, set_reach
+from rover_hil.gap.explain.naming import Naming, set_reach
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.prepare import Prepared
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.explain.terms import directions
@@ -46,7 +47,7 @@ def _term(prepared: Prepared, part: Fit, best: Explanation, gain: float) -> str:
     reach = set_reach(noise.freedom)
     enough = {}
     for score in score_all(part, noise, directions(observations, noise, prepared.terms), is_steady=True):
-        is_alike = abs(float(score.projected @ effect)) >= ALIKE
+        is_alike = abs(float(score.projected @ effect)) >= EXPLAIN.naming.alike
         explained = one_sided_z(score) ** 2
         if explained >= gain + (reach if is_alike else -reach):
             enough[score.direction.name] = explained

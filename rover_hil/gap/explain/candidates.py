@@ -8,17 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_hil.gap.data.problem import Point, Problem, effect_free
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.score import Direction, Score, cosine, one_sided_z
 from sim_backends.models.interface import Array, EffectCard, Parameter
-
-VISIBLE = 1e-3
-"""Least share of an effect's change not absorbed by base parameters; below, derivatives are too inexact."""
-EXACT = 1e-6
-"""The same for series, whose models are explicit formulas."""
-SHOWN = 1.0
-"""Least strength in standard errors of an effect of natural size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,10 +101,14 @@ def is_visible(item: Candidate, *, is_steady: bool = True) -> bool:
     In long series base parameters may absorb an effect almost completely, against their priors, and yet leave
     enough of one of natural size.
     """
-    if item.card.releases is not None or item.score.remaining_share >= VISIBLE:
+    if item.card.releases is not None or item.score.remaining_share >= EXPLAIN.candidates.visible:
         return True
     shown = item.score.direction.size / item.score.standard_error
-    return not is_steady and item.score.remaining_share >= EXACT and shown >= SHOWN
+    return (
+        not is_steady
+        and item.score.remaining_share >= EXPLAIN.candidates.exact
+        and shown >= EXPLAIN.candidates.shown
+    )
 
 
 def imitating_parameter(start: Fit, score: Score) -> str:

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Observations
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.terms import Term, directions
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.replicates import Scatter
 from rover_hil.gap.statistics.score import (
-    DRAWS,
     Score,
     family_draws,
     family_p,
@@ -22,10 +23,6 @@ from rover_hil.gap.statistics.score import (
     score_all,
 )
 from sim_backends.models.interface import Array
-
-GAP_ALPHA = 0.01
-WEIGHTS = {"effects": 2.0, "free": 1.0, "lack of fit": 1.0}
-"""Weights of the tests in the probability of error (weighted Bonferroni)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,12 +75,17 @@ def find_gap(
         parts["effects"] = p_effects
     if scatter is not None:
         parts["lack of fit"] = _lack_of_fit(observations, scatter, fitted, effects_fitted, rng)
-    total = sum(WEIGHTS[name] for name in parts)
+    weights = {
+        "effects": EXPLAIN.gap.effects_weight,
+        "free": EXPLAIN.gap.free_weight,
+        "lack of fit": EXPLAIN.gap.fit_weight,
+    }
+    total = sum(weights[name] for name in parts)
     return GapTest(
-        p=min(1.0, *(p * total / WEIGHTS[name] for name, p in parts.items())),
+        p=min(1.0, *(p * total / weights[name] for name, p in parts.items())),
         parts=parts,
         free=tuple(sorted(free, key=lambda score: -one_sided_z(score))),
-        threshold=quantile(draws, GAP_ALPHA),
+        threshold=quantile(draws, EXPLAIN.gap.alpha),
     )
 
 
@@ -111,8 +113,12 @@ def _lack_of_fit(
 
 
 def _draw(count: float, freedom: float, rng: np.random.Generator) -> Array:
-    drawn = rng.chisquare(count, DRAWS)
-    return drawn / (rng.chisquare(freedom, DRAWS) / freedom) if math.isfinite(freedom) else drawn
+    drawn = rng.chisquare(count, STATISTICS.score.draws)
+    return (
+        drawn / (rng.chisquare(freedom, STATISTICS.score.draws) / freedom)
+        if math.isfinite(freedom)
+        else drawn
+    )
 
 
 def _share_above(draws: Array, value: float) -> float:

@@ -13,21 +13,13 @@ from rover_hil.gap.data.problem import (
     predict_rows,
 )
 from rover_hil.gap.explain.naming import Naming
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.prepare import Prepared, terms_of
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.statistics.fit import fit
 from rover_hil.gap.statistics.noise import for_other_runs
 from rover_hil.gap.statistics.score import Direction, score_all
 from sim_backends.models.interface import Array, Model, Run
-
-WIDENING = 3.0
-PLACEBOS = 20
-RESAMPLES = 1000
-HARM = 1.02
-VETO_SD = 3.0
-"""Greatest tendency of the errors on the locked runs towards the base model, in standard deviations."""
-CLEAR = 2.0
-"""Least excess of a channel's error over the noise for a closure, in standard errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +110,7 @@ class LockedRuns:
     def closure(self, before: Array, after: Array) -> float | None:
         """Return the share of the gap that is closed over all channels."""
         gap = self.relative(before) - 1.0
-        if gap <= CLEAR * math.sqrt(2.0 / max(float(self.counts.sum()), 1.0)):
+        if gap <= EXPLAIN.validation.clear * math.sqrt(2.0 / max(float(self.counts.sum()), 1.0)):
             return None
         return (self.relative(before) - self.relative(after)) / gap
 
@@ -215,15 +207,17 @@ def _is_confirmed(prepared: Prepared, locked: LockedRuns, best: Explanation) -> 
     lean, square = float(error @ apart), float(apart @ apart)
     if prepared.scatter is None:
         # In minus two log-likelihood: where base and effects hardly differ, no contradiction is possible.
-        return 2.0 * lean - square <= (VETO_SD * best.widening) ** 2
+        return 2.0 * lean - square <= (EXPLAIN.validation.veto_sd * best.widening) ** 2
     distance = math.sqrt(square)
-    return lean <= max(VETO_SD * best.widening, 0.5 * distance) * distance
+    return lean <= max(EXPLAIN.validation.veto_sd * best.widening, 0.5 * distance) * distance
 
 
 def retuned(prepared: Prepared) -> Point:
     """Return base parameters fitted with wide priors and no effect: compensation without a cause."""
     problem = prepared.problem
-    return fit(problem, prepared.noise, problem.base_free(widening=WIDENING), prepared.start.point).point
+    return fit(
+        problem, prepared.noise, problem.base_free(widening=EXPLAIN.validation.widening), prepared.start.point
+    ).point
 
 
 def _channel(
@@ -234,24 +228,24 @@ def _channel(
     mean_before, mean_after = before[:, index].sum() / count, after[:, index].sum() / count
     gap = mean_before - floor**2
     closure, interval = None, None
-    draws = rng.integers(0, locked.groups, (RESAMPLES, locked.groups))
+    draws = rng.integers(0, locked.groups, (EXPLAIN.validation.resamples, locked.groups))
     counts = locked.counts[draws, index].sum(axis=1)
     sums = [squares[draws, index].sum(axis=1) / np.maximum(counts, 1.0) for squares in (before, after)]
-    if gap > CLEAR * floor**2 * math.sqrt(2.0 / count):
+    if gap > EXPLAIN.validation.clear * floor**2 * math.sqrt(2.0 / count):
         closure = float((mean_before - mean_after) / gap)
         gaps = sums[0] - floor**2
         resampled = (sums[0] - sums[1])[gaps > 0.0] / gaps[gaps > 0.0]
-        if resampled.size > RESAMPLES // 2:
+        if resampled.size > EXPLAIN.validation.resamples // 2:
             low, high = np.quantile(resampled, (0.025, 0.975))
             interval = (float(low), float(high))
-    is_more = mean_after > HARM**2 * max(mean_before, floor**2)
+    is_more = mean_after > EXPLAIN.validation.harm**2 * max(mean_before, floor**2)
     return ChannelValidation(
         before=math.sqrt(mean_before),
         after=math.sqrt(mean_after),
         noise_floor=floor,
         closure=closure,
         ci95=interval,
-        is_worse=bool(is_more and np.quantile(sums[1] - HARM**2 * sums[0], 0.025) > 0.0),
+        is_worse=bool(is_more and np.quantile(sums[1] - EXPLAIN.validation.harm**2 * sums[0], 0.025) > 0.0),
     )
 
 
@@ -275,7 +269,7 @@ def _placebo(prepared: Prepared, locked: LockedRuns, before: Array, rng: np.rand
     observations, start = prepared.problem.observations, prepared.start
     predicted = locked.predict(start.point)
     closures = []
-    for _ in range(PLACEBOS):
+    for _ in range(EXPLAIN.validation.placebos):
         learned, locked_change = np.zeros(observations.values.size), np.zeros(locked.observations.values.size)
         for index in range(len(observations.channels)):
             in_channel, in_locked_channel = (

@@ -11,14 +11,12 @@ from scipy import special
 
 from rover_hil.gap.data.problem import Observations, Point, Problem
 from rover_hil.gap.explain.candidates import Candidate
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.score import one_sided_z
 from sim_backends.models.interface import Array
 
 Mask = NDArray[np.bool_]
-LOCALISE_ALPHA = 0.01
-MOST_LEVELS = 8
-MOST_PLACES = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +73,7 @@ def localise_residuals(
                 continue
             z = abs(mean) / error
             p = tests * 2.0 * float(special.ndtr(-z))
-            if p <= LOCALISE_ALPHA and (best is None or z > best[0]):
+            if p <= EXPLAIN.localise.alpha and (best is None or z > best[0]):
                 place = ResidualLocation(
                     channel=channel.name,
                     condition=words,
@@ -98,7 +96,7 @@ def by_place(candidates: Sequence[Candidate]) -> list[tuple[str, float, str]]:
         if score > best.get(item.card.place, (-1.0, ""))[0]:
             best[item.card.place] = (score, item.card.name)
     ranked = sorted(((place, score, name) for place, (score, name) in best.items()), key=lambda row: -row[1])
-    return ranked[:MOST_PLACES]
+    return ranked[: EXPLAIN.localise.most_places]
 
 
 def _mean(observations: Observations, noise: Noise, residual: Array, here: Mask) -> tuple[float, float, int]:
@@ -141,14 +139,14 @@ def _parts(
 
 def _cuts(name: str, unit: str, values: Array) -> Iterator[tuple[str, Mask]]:
     levels = np.unique(values)
-    if levels.size > MOST_LEVELS:
+    if levels.size > EXPLAIN.localise.most_levels:
         levels = np.quantile(values, np.linspace(0.0, 1.0, 5))
     tail = "" if unit == "1" else f" {unit}"
     for level in levels[1:]:
         yield f"{name} >= {level:.4g}{tail}", values >= level
     for level in levels[:-1]:
         yield f"{name} <= {level:.4g}{tail}", values <= level
-    if levels.size <= MOST_LEVELS:
+    if levels.size <= EXPLAIN.localise.most_levels:
         for level in levels[1:-1]:
             yield f"{name} = {level:.4g}{tail}", values == level
 

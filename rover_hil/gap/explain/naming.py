@@ -17,32 +17,13 @@ from rover_hil.gap.explain.candidates import (
     imitating_parameter,
     is_visible,
 )
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.search import Explanation, Search, linear_gain
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.jackknife import is_clearly_worse
 from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.score import cosine, family_draws, family_p, one_sided_z, quantile, score_all
 from sim_backends.models.interface import Array, EffectCard
-
-NAME_ALPHA = 0.005
-"""Family-wise probability of a first name without gap."""
-MORE_ALPHA = 0.005
-"""The same for each further name."""
-SET_LEVEL = 0.99
-"""Level of the likelihood ratio for one alternative in the set; for all of them it stays above 95 %."""
-MOST_EFFECTS = 3
-TOP = 8
-IMITATED = 0.1
-"""Share not absorbed by base parameters below which an insignificant effect counts as imitated."""
-SHARE_OF_REST = 0.5
-"""Share of the remaining cost that a further effect must explain."""
-SHARE_OF_BEST = 0.9
-"""Share of the gain of the best that an alternative beyond sample errors must reach."""
-TRIED_PER_SIZE = 8
-ALIKE = 0.9
-"""Least cosine of two effects that are not fitted together."""
-WORTH = 0.6
-"""Share of the significant gain from which on larger subsets are fitted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,8 +82,8 @@ def name_effects(
     greatest = max((one_sided_z(score, by_samples=True) for score in counted), default=0.0)
     p_name = family_p(counted, greatest, draws, noise.freedom) if counted else 1.0
     chosen = None
-    if p_name <= NAME_ALPHA:
-        chosen = _choose(problem, noise, start, search, visible[:TOP], draws, advance)
+    if p_name <= EXPLAIN.naming.alpha:
+        chosen = _choose(problem, noise, start, search, visible[: EXPLAIN.naming.top], draws, advance)
     if counted and not problem.observations.is_steady:
         by_runs = [one.jackknife_z for one in search.tried.values()] or list(map(one_sided_z, counted))
         p_name = family_p(counted, max(by_runs), draws, noise.freedom)
@@ -114,7 +95,7 @@ def name_effects(
         members=tuple(members),
         tried=search.tried,
         absorbed=_absorbed(start, candidates),
-        threshold=quantile(draws, NAME_ALPHA),
+        threshold=quantile(draws, EXPLAIN.naming.alpha),
         inflation=1.0 if best is None else inflation_of(problem, best),
     )
 
@@ -123,7 +104,7 @@ def _absorbed(start: Fit, candidates: Sequence[Candidate]) -> dict[str, str]:
     return {
         item.card.name: imitating_parameter(start, item.score)
         for item in candidates
-        if item.score.remaining_share < IMITATED and item.card.releases is None
+        if item.score.remaining_share < EXPLAIN.naming.imitated and item.card.releases is None
     }
 
 
@@ -136,16 +117,16 @@ def _choose(
     draws: Array,
     advance: Callable[[str], None],
 ) -> tuple[Explanation, list[Explanation]] | None:
-    threshold = quantile(draws, MORE_ALPHA) ** 2
+    threshold = quantile(draws, EXPLAIN.naming.more_alpha) ** 2
     by_size: dict[int, list[Explanation]] = {}
-    for size in range(1, min(MOST_EFFECTS, len(top)) + 1):
+    for size in range(1, min(EXPLAIN.naming.most_effects, len(top)) + 1):
         subsets = _promising(problem, noise, search, top, size, by_size)
         for number, names in enumerate(subsets):
             advance(f"fitting {size} effect{'s' if size > 1 else ''}, {number + 1} of {len(subsets)}")
             search.explain(names)
         fitted = [one for key, one in search.tried.items() if len(key) == size]
         by_size[size] = sorted(fitted, key=lambda one: one.cost)
-        if size > 1 and by_size[size - 1][0].cost - by_size[size][0].cost < WORTH * threshold:
+        if size > 1 and by_size[size - 1][0].cost - by_size[size][0].cost < EXPLAIN.naming.worth * threshold:
             break
     best = _largest_needed(problem, start, by_size, draws)
     if best is None:
@@ -159,17 +140,17 @@ def _largest_needed(
     """Return the explanation with as many effects as the data supports."""
     best: Explanation | None = None
     for size, ranked in sorted(by_size.items()):
-        sure = quantile(draws, NAME_ALPHA if size == 1 else MORE_ALPHA)
+        sure = quantile(draws, EXPLAIN.naming.alpha if size == 1 else EXPLAIN.naming.more_alpha)
         more = next((one for one in ranked if one.jackknife_z >= sure), None)
         if more is None:
             continue
         gain = (start.cost if best is None else best.cost) - more.cost
         added = size - (0 if best is None else len(best.names))
-        needed = quantile(draws, MORE_ALPHA) ** 2 * added * inflation_of(problem, more)
+        needed = quantile(draws, EXPLAIN.naming.more_alpha) ** 2 * added * inflation_of(problem, more)
         if size == 1:
             needed = quantile(draws, 0.05) ** 2
         unexplained = 0.0 if best is None else max(unexplained_cost(problem, best), 0.0)
-        if gain >= needed and gain >= SHARE_OF_REST * unexplained:
+        if gain >= needed and gain >= EXPLAIN.naming.share_of_rest * unexplained:
             best = more
     return best
 
@@ -188,7 +169,10 @@ def _members(
     members = [one for one in alternatives if one.cost <= best.cost + reach and one.jackknife_z > 0.0]
     if problem.observations.is_steady:
         return members
-    threshold, least = quantile(draws, NAME_ALPHA), SHARE_OF_BEST * (start.cost - best.cost)
+    threshold, least = (
+        quantile(draws, EXPLAIN.naming.alpha),
+        EXPLAIN.naming.share_of_best * (start.cost - best.cost),
+    )
     others = [one for one in alternatives if one.jackknife_z >= threshold and start.cost - one.cost >= least]
     for part in parts:
         # An effect that adds nothing to others does not make them an alternative.
@@ -197,7 +181,9 @@ def _members(
             for one in others
             if not set(part.names) < set(one.names) or part.cost - one.cost >= threshold**2
         ]
-    members += [one for one in others if not is_clearly_worse(one.fit, best.fit, noise, SET_LEVEL)]
+    members += [
+        one for one in others if not is_clearly_worse(one.fit, best.fit, noise, EXPLAIN.naming.set_level)
+    ]
     unique = {one.names: one for one in members}.values()
     return sorted(unique, key=lambda one: (one is not best, one.cost))
 
@@ -205,8 +191,8 @@ def _members(
 def set_reach(freedom: float) -> float:
     """Return the greatest extra cost of an alternative in the set."""
     if math.isfinite(freedom):
-        return float(stats.f.ppf(SET_LEVEL, 1, freedom))
-    return float(stats.chi2.ppf(SET_LEVEL, 1))
+        return float(stats.f.ppf(EXPLAIN.naming.set_level, 1, freedom))
+    return float(stats.chi2.ppf(EXPLAIN.naming.set_level, 1))
 
 
 def unexplained_cost(problem: Problem, explanation: Explanation) -> float:
@@ -239,9 +225,9 @@ def _promising(
     if size == 1:
         return [names for names in subsets if one_sided_z(by_name[names[0]].score) > 1.0] or subsets[:1]
     ranked = sorted(subsets, key=lambda names: -linear_gain([by_name[name].score for name in names]))
-    promising = ranked[: TRIED_PER_SIZE // 2]
+    promising = ranked[: EXPLAIN.naming.tried_per_size // 2]
     for part in by_size[size - 1][:2]:
-        promising += _extensions(problem, noise, top, part)[: TRIED_PER_SIZE // 4]
+        promising += _extensions(problem, noise, top, part)[: EXPLAIN.naming.tried_per_size // 4]
     for part in by_size[size - 1][:1]:
         for name in part.names:
             search.explain((name,))
@@ -252,7 +238,9 @@ def _promising(
 def are_distinct(by_name: Mapping[str, Candidate], names: Sequence[str]) -> bool:
     """Return True where no two effects are alike: two that are imitate a third as their difference."""
     pairs = itertools.combinations(names, 2)
-    return all(abs(cosine(by_name[one].score, by_name[other].score)) < ALIKE for one, other in pairs)
+    return all(
+        abs(cosine(by_name[one].score, by_name[other].score)) < EXPLAIN.naming.alike for one, other in pairs
+    )
 
 
 def _extensions(

@@ -9,13 +9,10 @@ import numpy as np
 
 from rover_hil.gap.data.problem import predict_rows
 from rover_hil.gap.explain.candidates import Candidate
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.prepare import Prepared
 from rover_hil.gap.explain.search import Explanation
 from sim_backends.models.interface import Array, Run
-
-MOST_LEVELS = 5
-CLEAR_SD = 3.0
-MOST_REPETITIONS = 12
 
 
 def propose(prepared: Prepared, first: Explanation, second: Explanation) -> str:
@@ -35,8 +32,8 @@ def propose(prepared: Prepared, first: Explanation, second: Explanation) -> str:
             best, best_distance = index, distance
     names = f"{' + '.join(first.names)} from {' + '.join(second.names)}"
     where = _words(prepared, runs[best])
-    needed = math.ceil((CLEAR_SD / max(best_distance, 1e-9)) ** 2)
-    if needed > MOST_REPETITIONS:
+    needed = math.ceil((EXPLAIN.next_run.clear_sd / max(best_distance, 1e-9)) ** 2)
+    if needed > EXPLAIN.next_run.most_repetitions:
         hints = "; ".join(_experiments(prepared, (*first.names, *second.names)))
         return f"no run within the ranges used distinguishes {names}: {hints}"
     times = "once" if needed == 1 else f"{needed} times"
@@ -61,7 +58,9 @@ def _possible_runs(prepared: Prepared) -> list[Run]:
     for name in prepared.problem.model.condition_units:
         values = np.unique([site.conditions[name] for site in sites])
         levels.append(
-            values if values.size <= MOST_LEVELS else np.linspace(values[0], values[-1], MOST_LEVELS)
+            values
+            if values.size <= EXPLAIN.next_run.most_levels
+            else np.linspace(values[0], values[-1], EXPLAIN.next_run.most_levels)
         )
     return [
         replace(

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import ModelError
+from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.problem import (
-    WEAK,
     Key,
     Observations,
     Point,
@@ -18,18 +18,13 @@ from rover_hil.gap.data.problem import (
     predict_rows,
 )
 from rover_hil.gap.explain.candidates import card_changes
-from rover_hil.gap.explain.naming import MOST_EFFECTS
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.terms import Term, series_terms, steady_terms, term_changes
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.noise import Noise, series_noise, steady_noise
 from rover_hil.gap.statistics.replicates import Scatter, estimate_scatter, winsorise
 from rover_hil.gap.statistics.score import Direction, one_sided_z, score_all
 from sim_backends.models.interface import Array, DrivenModel, Model, Run
-
-CONDITION_STEP = 0.01
-UNSOLVED_SHARE = 0.2
-STANDS_OUT = 3.0
-"""Least score of an effect that is removed from the residual before errors are estimated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +82,7 @@ def condition_gradient(model: Model, sites: Sequence[Run]) -> Array:
     gradient = np.zeros((*base.shape, len(model.condition_units)))
     for index, name in enumerate(model.condition_units):
         values = [site.conditions[name] for site in sites]
-        step = CONDITION_STEP * float(np.ptp(values))
+        step = EXPLAIN.prepare.condition_step * float(np.ptp(values))
         if step <= 0.0:
             continue
         moved = [
@@ -114,7 +109,7 @@ def _solved(model: Model, runs: Sequence[Run]) -> tuple[list[Run], tuple[str, ..
             good += group.runs
         else:
             bad += [run.name for run in group.runs]
-    if len(bad) > UNSOLVED_SHARE * len(runs):
+    if len(bad) > EXPLAIN.prepare.unsolved_share * len(runs):
         raise ModelError(
             f"{model.name} has no solution for {len(bad)} of {len(runs)} runs, {bad[0]} among them: "
             "its parameters or the conditions are out of its domain"
@@ -195,13 +190,13 @@ def _without_effects(problem: Problem, noise: Noise, start: Fit) -> Array:
     raw = {id(one): change.change for one, change in zip(directions, changes, strict=True)}
     fitted = start
     # Each channel may have its own: one that remains makes errors look slow and is hidden by them.
-    for _ in range(MOST_EFFECTS * len(observations.channels)):
+    for _ in range(EXPLAIN.naming.most_effects * len(observations.channels)):
         scores = score_all(fitted, noise, directions, is_steady=False)
         # By samples: a term on which runs disagree is still no error.
         best = max(scores, key=lambda score: one_sided_z(score, by_samples=True), default=None)
-        if best is None or one_sided_z(best, by_samples=True) < STANDS_OUT:
+        if best is None or one_sided_z(best, by_samples=True) < EXPLAIN.prepare.stands_out:
             break
-        columns.append(raw[id(best.direction)] * WEAK * best.direction.size)
+        columns.append(raw[id(best.direction)] * DATA.fit.weak * best.direction.size)
         jacobian = noise.whiten(np.stack(columns, axis=1))
         fitted = replace(fitted, jacobian=jacobian, pull=np.append(fitted.pull, 0.0))
     residual = observations.values - problem.predict(start.point)

@@ -11,25 +11,12 @@ from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.problem import Free, Key, Point, Problem, effect_free
 from rover_hil.gap.explain.candidates import Candidate, imitating_parameter
+from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
 from rover_hil.gap.statistics.jackknife import jackknife
 from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.score import Score, one_sided_z
 from sim_backends.models.interface import Array, Parameter
-
-STARTS = 2
-"""Starting shapes of a fit."""
-FAR = (0.5, 1.0, 2.0, 4.0)
-"""Strengths to start from, in natural sizes."""
-FAR_STARTS = 3
-"""Strong effects to start from: for a delay, the nearest in cost may be another local minimum."""
-MOST_CANCELLATION = 4.0
-"""Greatest ratio of the effects one by one to their sum."""
-HOPELESS = 60.0
-"""Cost above the best at which a fit ends early."""
-
-AT_LIMIT = 1e-3
-"""Share of its range within which a strength is at its limit."""
 
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to its shape parameters."""
@@ -89,13 +76,13 @@ class Search:
         key = tuple(sorted(names))
         if key not in self.tried:
             same_size = (one.fit.cost for names, one in self.tried.items() if len(names) == len(key))
-            hopeless = min(same_size, default=math.inf) + HOPELESS
+            hopeless = min(same_size, default=math.inf) + EXPLAIN.search.hopeless
             best: Fit | None = None
             for shapes, begin in self._starts(key):
                 found = self._fit(key, shapes, begin, hopeless)
                 if best is None or found.cost < best.cost:
                     best = found
-                hopeless = min(hopeless, best.cost + HOPELESS)
+                hopeless = min(hopeless, best.cost + EXPLAIN.search.hopeless)
             if best is None:
                 raise AssertionError("every subset has starting shapes")
             cost = best.cost + self._charge(key, best)
@@ -113,7 +100,7 @@ class Search:
         ):
             return 0.0, 1.0
         strengths = [(card.name, card.parameters[0].name) for card in cards]
-        if cancellation(fitted, strengths) > MOST_CANCELLATION:
+        if cancellation(fitted, strengths) > EXPLAIN.search.most_cancellation:
             return 0.0, 1.0
         shapes = [(card.name, item.name) for card in cards for item in card.parameters[1:]]
         found = jackknife(fitted, self._noise, strengths, given=shapes)
@@ -150,7 +137,7 @@ class Search:
             if self._problem.observations.is_steady:
                 chosen = self._cheapest(free, near + far, 1)
             else:
-                chosen = self._cheapest(free, near, 1) + self._cheapest(free, far, FAR_STARTS)
+                chosen = self._cheapest(free, near, 1) + self._cheapest(free, far, EXPLAIN.search.far_starts)
             starts += [(shapes, point) for point in chosen]
         return starts
 
@@ -176,10 +163,11 @@ class Search:
             key=lambda scores: -linear_gain(scores),
         )
         shapes: list[Shapes] = [
-            {score.direction.name: score.direction.shapes for score in scores} for scores in ranked[:STARTS]
+            {score.direction.name: score.direction.shapes for score in scores}
+            for scores in ranked[: EXPLAIN.search.starts]
         ]
         if len(names) == 1 or not any(self._by_name[name].card.shape_grid for name in names):
-            return shapes[: STARTS if len(names) == 1 else 1]
+            return shapes[: EXPLAIN.search.starts if len(names) == 1 else 1]
         known = {name: self._known_shapes(name) or shapes[0][name] for name in names}
         return [known, shapes[0]]
 
@@ -232,7 +220,7 @@ class Search:
         candidate = self._by_name[name]
         strength = candidate.card.parameters[0]
         shape = {(name, key): value for key, value in shapes[name].items()}
-        sizes = [sign * share * strength.prior_sd for share in FAR for sign in (1.0, -1.0)]
+        sizes = [sign * share * strength.prior_sd for share in EXPLAIN.search.far for sign in (1.0, -1.0)]
         values = [strength.nominal + size for size in (*sizes, self._strength(name, shapes[name]))]
         imitator = ("", imitating_parameter(self._start, candidate.score))
         straight = {key: value for key, value in self._start.point.items() if key != imitator}
@@ -285,7 +273,7 @@ def _is_at_limit(strength: Parameter, value: float) -> bool:
     """Return True for a strength at its limit: it then represents another effect."""
     limits = [one for one in (strength.lower, strength.upper) if math.isfinite(one)]
     return any(
-        abs(value - one) <= AT_LIMIT * abs(one - strength.nominal)
+        abs(value - one) <= EXPLAIN.search.at_limit * abs(one - strength.nominal)
         for one in limits
         if one != strength.nominal
     )

@@ -11,9 +11,10 @@ from rover_hil.gap.machines.descent import residual_of
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
 from rover_hil.gap.machines.first_answer import first_answer
 from rover_hil.gap.machines.free_terms import DraftTerm, FittedTerm, free_terms, search_terms, strength_of
-from rover_hil.gap.machines.gap_tests import GAP_ALPHA, gap_p
+from rover_hil.gap.machines.gap_tests import gap_p
 from rover_hil.gap.machines.holdout import Holdout, hold_out
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.run_scatter import RunScatter, run_scatter
 from rover_hil.gap.machines.search import (
     Found,
@@ -28,11 +29,6 @@ from rover_hil.gap.machines.tracking import Tracked, track
 from rover_hil.gap.statistics.score import Score
 from sim_backends.models.interface import Machine, Run
 from sim_backends.state_model.model import StateModel
-
-SAME_LAW = 0.97
-"""Cosine from which a free-form term is the same law as an effect."""
-MOST_DRAFTS = 3
-MOST_RUNNERS_UP = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +126,7 @@ def analyse_machine(
         scatter=scatter,
     )
     announce(first_answer(findings.p_gap, budget, findings.scores))
-    if findings.p_gap > GAP_ALPHA:
+    if findings.p_gap > MACHINES.tests.alpha:
         return findings
     found = search.run()
     findings = replace(findings, found=found, runners_up=_runners_up(fits, found))
@@ -147,7 +143,7 @@ def analyse_machine(
     findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng))
     advance("estimating the unknown forces")
     findings = _followed(findings, fits)
-    if findings.p_remaining <= GAP_ALPHA:
+    if findings.p_remaining <= MACHINES.tests.alpha:
         advance("searching a missing term")
         findings = _with_drafts(findings)
     return findings
@@ -157,7 +153,7 @@ def _runners_up(fits: MachineFits, found: Found) -> tuple[MachineFit, ...]:
     known = {found.best.names, *(one.names for one in found.alternatives)}
     most = max(len(found.best.names), 1)
     others = [one for names, one in fits.tried.items() if 0 < len(names) <= most and names not in known]
-    return tuple(sorted(others, key=lambda one: one.merit)[:MOST_RUNNERS_UP])
+    return tuple(sorted(others, key=lambda one: one.merit)[: MACHINES.terms.most_runners_up])
 
 
 def _budget(problem: Problem, found: MachineFit, scatter: RunScatter) -> tuple[ChannelError, ...]:
@@ -190,7 +186,7 @@ def _with_rivals(findings: MachineFindings) -> MachineFindings:
     terms = free_terms(machine, findings.problem, base)
     rivals = []
     for one in search_terms(machine, findings.problem, terms, base):
-        if one.objection or _likeness(one.fit, best, base) > SAME_LAW:
+        if one.objection or _likeness(one.fit, best, base) > MACHINES.terms.same_law:
             continue
         if is_within_noise(one.fit) or (one.fit.merit <= best.merit and is_equal(one.fit, best)):
             rivals.append(one)
@@ -241,7 +237,7 @@ def _with_drafts(findings: MachineFindings) -> MachineFindings:
     found = [
         one for one in search_terms(machine, findings.problem, terms, findings.best) if not one.objection
     ]
-    drafts = found[:MOST_DRAFTS]
+    drafts = found[: MACHINES.terms.most_drafts]
     return replace(
         findings,
         drafts=tuple(_draft(machine, one) for one in drafts),

@@ -13,22 +13,13 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.problem import DerivativeRequest, Free, Observations, Point, Problem, predict_points
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
 from sim_backends.models.interface import Array
 
 Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, SensorNoise]]
 
-DAMPINGS = (0.0, 0.01, 0.1, 1.0, 10.0)
-SMALL_DAMPINGS = (30.0, 300.0, 3000.0, 1e-3, 0.03)
-"""Tried where none of the others is better."""
-FARTHER = (3.0, 10.0)
-"""Multiples of the last step that are tried too: a narrow curved valley allows only short steps otherwise."""
-MOST_ROUNDS = 25
-CONVERGED = 0.1
-"""Gain of minus two log-likelihood below which a fit ends."""
-SLOW = 1e-3
-"""The same as a share of it."""
 POINTS_AT_ONCE = 256
 RIDGE = 1e-12
 FAR = 1e6
@@ -75,14 +66,16 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
     (predicted,) = yield [search.point(pull)]
     residual = search.residual(predicted)
     last = np.zeros(pull.size)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MACHINES.descent.most_rounds):
         noise = noise_of_residual(problem.observations, residual)
         request = DerivativeRequest(problem, search.point(pull), free)
         jacobian = search.jacobian(noise, request.matrix((yield request.points)))
         moved = None
-        for dampings in (DAMPINGS, SMALL_DAMPINGS):
+        for dampings in (MACHINES.descent.dampings, MACHINES.descent.small_dampings):
             trials = search.trials(pull, noise.whiten(search.filled(residual)), jacobian, dampings)
-            trials += [search.clipped(pull + factor * last) for factor in FARTHER if np.any(last)]
+            trials += [
+                search.clipped(pull + factor * last) for factor in MACHINES.descent.farther if np.any(last)
+            ]
             rows = yield [search.point(trial) for trial in trials]
             moved = search.best(noise, (pull, residual), trials, rows)
             if moved is not None:
@@ -91,7 +84,7 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
             break
         last = moved[0] - pull
         pull, residual, gain = moved
-        if gain < max(CONVERGED, SLOW * residual.size):
+        if gain < max(MACHINES.descent.converged, MACHINES.descent.slow * residual.size):
             break
     noise = noise_of_residual(problem.observations, residual)
     request = DerivativeRequest(problem, search.point(pull), free)

@@ -7,14 +7,8 @@ import numpy as np
 from scipy import stats
 
 from rover_hil.gap.data.problem import Observations
+from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array
-
-TOLERANCE = 1.0
-"""Default tolerance of a model error, in units of the sensor's noise.
-
-A model error as large as the sensor's noise raises the error of one predicted reading by 41 %: readings alone
-show that no more. A smaller default would call a sensor that is declared 40 % too good a gap."""
-LEVEL = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +78,7 @@ def error_budget(
         sampling = noise**2 * math.sqrt(2.0 / max(values.size, 1))
         error = max(_standard_error(squares), sampling)
         freedom = max(squares.size - 1, 1)
-        upper = float(squares.mean()) + float(stats.t.ppf(LEVEL, freedom)) * error
+        upper = float(squares.mean()) + float(stats.t.ppf(MACHINES.budget.level, freedom)) * error
         found.append(
             ChannelError(
                 channel=channel.name,
@@ -94,7 +88,7 @@ def error_budget(
                 model_error=math.sqrt(max(float(squares.mean()), 0.0)),
                 run_scatter=None if run_scatter is None else float(run_scatter[index]),
                 upper=math.sqrt(max(upper, 0.0)),
-                tolerance=channel.tolerance or TOLERANCE * noise,
+                tolerance=channel.tolerance or MACHINES.budget.tolerance * noise,
             )
         )
     return tuple(found)

@@ -3,14 +3,9 @@
 from collections.abc import Sequence
 
 from rover_hil.gap.machines.error_budget import ChannelError
-from rover_hil.gap.machines.gap_tests import GAP_ALPHA
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.score import Score, one_sided_z
-
-CANDIDATES = 3
-"""Effects that are reported."""
-LEAST_Z = 3.0
-"""Score below which an effect is not a candidate."""
 
 
 def first_answer(p_gap: float, budget: Sequence[ChannelError], scores: Sequence[Score]) -> str:
@@ -22,10 +17,12 @@ def first_answer(p_gap: float, budget: Sequence[ChannelError], scores: Sequence[
         scores: First-order score of each effect at each of its shapes.
     """
     largest = max(budget, key=lambda one: one.model_error / one.sensor_noise)
-    if p_gap > GAP_ALPHA:
+    if p_gap > MACHINES.tests.alpha:
         return f"First answer: no gap found (p = {p_gap:.2g}). {largest.sentence()}"
     ranked = sorted(best_shapes(scores), key=one_sided_z, reverse=True)
-    candidates = [one for one in ranked[:CANDIDATES] if one_sided_z(one) >= LEAST_Z]
+    candidates = [
+        one for one in ranked[: MACHINES.first.candidates] if one_sided_z(one) >= MACHINES.first.least_z
+    ]
     words = ", ".join(
         f"{one.direction.name} (about {one.strength:.2g} {one.direction.unit})" for one in candidates
     )

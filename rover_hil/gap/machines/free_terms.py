@@ -9,6 +9,7 @@ import numpy as np
 from rover_hil.datasets.arrays import rms
 from rover_hil.gap.data.problem import Point, Problem, split_point
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import MachineSearch, best_shapes, score_effects
 from rover_hil.gap.statistics.score import Score, cosine, one_sided_z
 from sim_backends.models.interface import Array, Parameter
@@ -16,10 +17,6 @@ from sim_backends.state_model.effects.terms import FORMS, product, term, thresho
 from sim_backends.state_model.model import StateModel
 from sim_backends.state_model.port_effect import PortEffect
 
-MOST_FITTED = 5
-"""Terms that are fitted, the best to first order."""
-THRESHOLD = 0.6
-"""Place of a threshold, as a share of the largest and of the smallest value of its source."""
 STILL = 1e-9
 
 
@@ -119,7 +116,10 @@ def _of_source(port: str, force_sd: float, name: str, values: Array) -> list[Fre
         size = force_sd / max(rms(function(values, scale)), 1e-300)
         code = f'effects.term("{port}", source="{name}", form="{form}", size={size:.3g}, scale={scale:.3g})'
         found.append(FreeTerm(effect=term(port, source=name, form=form, size=size, scale=scale), code=code))
-    for place in (THRESHOLD * float(values.max()), THRESHOLD * float(values.min())):
+    for place in (
+        MACHINES.terms.threshold * float(values.max()),
+        MACHINES.terms.threshold * float(values.min()),
+    ):
         if abs(place) > 0.1 * scale:
             size = force_sd / max(abs(place), 1e-300)
             code = f'effects.threshold("{port}", source="{name}", place={place:.3g}, size={size:.3g})'
@@ -148,7 +148,9 @@ def search_terms(
     names = [strength_of(machine, one)[0] for one in terms]
     fits = MachineFits(own, [*kept, *(cards[name] for name in names)])
     search = MachineSearch(fits, lambda _: None)
-    ranked = sorted(best_shapes(search.scores(at)), key=one_sided_z, reverse=True)[:MOST_FITTED]
+    ranked = sorted(best_shapes(search.scores(at)), key=one_sided_z, reverse=True)[
+        : MACHINES.terms.most_fitted
+    ]
     chosen: list[Score] = [score for score in ranked if score.direction.name in names]
     starts = [_with_strength(at.fit.point, wider, one) for one in chosen]
     fitted = fits.fit_all(

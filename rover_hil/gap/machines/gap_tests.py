@@ -9,20 +9,12 @@ from scipy import stats
 
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.machine_fit import MachineFit
-from rover_hil.gap.statistics.random_force import SAMPLES_PER_KNOT, force_basis
+from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.statistics.parameters import STATISTICS
+from rover_hil.gap.statistics.random_force import force_basis
 from rover_hil.gap.statistics.score import Projection, Score, family_draws, family_p, one_sided_z
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, MachineModel
-
-GAP_ALPHA = 0.01
-SIGMA_UNCERTAINTY = 0.1
-"""Relative uncertainty of a declared sensor noise."""
-KNOT_COUNTS = (8, 40)
-"""Knots of the random force in the longest run: slow errors, and faster ones."""
-COARSE = 3.0
-"""Step of a sensor, in its noise, from which rounding is no independent error of each sample."""
-REACHED = 1e-3
-"""Least relative response of a direction that a force reaches."""
 
 
 def gap_p(found: MachineFit, problem: Problem, scores: Sequence[Score], rng: np.random.Generator) -> float:
@@ -39,7 +31,7 @@ def gap_p(found: MachineFit, problem: Problem, scores: Sequence[Score], rng: np.
     """
     residual = found.errors
     parts = [_size_p(residual, len(found.fit.free))]
-    parts += [_structure_p(problem, found, residual, knots) for knots in KNOT_COUNTS]
+    parts += [_structure_p(problem, found, residual, knots) for knots in MACHINES.tests.knot_counts]
     if scores:
         draws = family_draws(scores, math.inf, rng)
         greatest = max(one_sided_z(one) for one in scores)
@@ -48,7 +40,7 @@ def gap_p(found: MachineFit, problem: Problem, scores: Sequence[Score], rng: np.
 
 
 def _size_p(residual: Array, fitted: int) -> float:
-    square = float(residual @ residual) / (1.0 + SIGMA_UNCERTAINTY) ** 2
+    square = float(residual @ residual) / (1.0 + MACHINES.tests.sigma_uncertainty) ** 2
     return float(stats.chi2.sf(square, max(residual.size - fitted, 1)))
 
 
@@ -60,7 +52,9 @@ def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: in
     itself; such channels are not tested.
     """
     machine = problem.model
-    is_coarse = any(one.quantum > COARSE * (one.sigma or 0.0) for one in problem.observations.channels)
+    is_coarse = any(
+        one.quantum > MACHINES.tests.coarse * (one.sigma or 0.0) for one in problem.observations.channels
+    )
     if not isinstance(machine, MachineModel) or not machine.ports or is_coarse:
         return 1.0
     noise = declared_noise(problem.observations)
@@ -72,7 +66,7 @@ def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: in
     scaled = residual / size
     fit = replace(found.fit, residual=scaled, jacobian=found.fit.jacobian * assumed[:, None])
     longest = max(site.measured[one].size for site in problem.sites for one in site.measured)
-    spacing = max((longest - 1) / knots, float(SAMPLES_PER_KNOT))
+    spacing = max((longest - 1) / knots, float(STATISTICS.force.samples_per_knot))
     weight = 1.0 / (noise.row_sd[noise.keep] * size)
     basis = force_basis(problem, machine, found.fit.point, noise.keep, weight, spacing=spacing)
     projection = Projection(fit)
@@ -82,7 +76,7 @@ def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: in
         full[noise.site == run] = responses
         free = np.stack([projection.apply(column) for column in full.T], axis=1)
         vectors, sizes, _ = np.linalg.svd(free, full_matrices=False)
-        used = vectors[:, sizes > REACHED * max(float(sizes[0]), 1e-300)]
+        used = vectors[:, sizes > MACHINES.tests.reached * max(float(sizes[0]), 1e-300)]
         parts = used[: scaled.size].T @ scaled
         along += float(parts @ parts)
         freedom += used.shape[1]

@@ -9,10 +9,9 @@ import numpy as np
 from rover_hil.gap.data.problem import Point, Problem, observe, run_of
 from rover_hil.gap.machines.descent import descend, descend_together, residual_of
 from rover_hil.gap.machines.machine_fit import MachineFit, start_of_runs
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, Model, Run
-
-RESAMPLES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +127,7 @@ def _channel(
     closure, interval = None, None
     if before > floor**2 * (1.0 + 2.0 * math.sqrt(2.0 / int(here.sum()))):
         closure = float((before - after) / (before - floor**2))
-        draws = rng.integers(0, runs.size, (RESAMPLES, runs.size))
+        draws = rng.integers(0, runs.size, (MACHINES.verdict.resamples, runs.size))
         drawn = means[:, draws].mean(axis=2)
         gaps = drawn[0] - floor**2
         if runs.size > 1 and (gaps > 0.0).all():

@@ -13,19 +13,13 @@ import numpy as np
 from drivers.errors import ConfigError
 from rover_hil.gap.data.problem import Key, Problem, observe
 from rover_hil.gap.explain.candidates import card_changes, imitating_parameter, shape_points
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.reach import Reach, signal_ranges, threshold_reaches
 from rover_hil.gap.statistics.fit import Fit, whitened_jacobian
 from rover_hil.gap.statistics.score import Score, cosine, score_all
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
 from sim_backends.models.interface import EffectCard, Machine, Run
 from sim_backends.state_model.model import StateModel
-
-LEAST_CHANGE = 1e-3
-"""Greatest change of a prediction, in sensor noises, that counts as none."""
-SIMILAR = 0.9
-"""Cosine above which inputs cannot separate two effects."""
-CLEAR = 4.0
-"""Standard errors from which an effect of natural size is found with 90 % probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,8 +123,14 @@ def require_changes(model: Machine, runs: Sequence[Run]) -> None:
         ConfigError: One changes nothing, whatever its shape.
     """
     bench = _Bench(model, runs)
-    silent = [card for card in model.effects if bench.greatest(card, [_nominal_shapes(card)]) < LEAST_CHANGE]
-    silent = [card for card in silent if bench.greatest(card, shape_points(card)) < LEAST_CHANGE]
+    silent = [
+        card
+        for card in model.effects
+        if bench.greatest(card, [_nominal_shapes(card)]) < MACHINES.linter.least_change
+    ]
+    silent = [
+        card for card in silent if bench.greatest(card, shape_points(card)) < MACHINES.linter.least_change
+    ]
     if silent:
         reach = _reaches(model, bench).get(silent[0].name)
         raise ConfigError(f"model {model.name}: {_silence(bench, silent[0], reach)}")
@@ -153,7 +153,7 @@ def lint(model: Machine, runs: Sequence[Run]) -> LintReport:
         change = changes[card.name]
         if not math.isfinite(change):
             problems.append(f"effect {card.name} at its natural size has no solution: make it smaller")
-        elif change < LEAST_CHANGE:
+        elif change < MACHINES.linter.least_change:
             problems.append(_silence(bench, card, reaches.get(card.name)))
         else:
             thresholds += _unreached(bench, card, reaches.get(card.name))
@@ -225,7 +225,9 @@ class _Bench:
         """Return what the runs can show of a card."""
         best = max(scores, key=_standard_errors, default=None)
         shown = 0.0 if best is None else _standard_errors(best)
-        imitator = "" if best is None or shown >= CLEAR else imitating_parameter(self._fit, best)
+        imitator = (
+            "" if best is None or shown >= MACHINES.linter.clear else imitating_parameter(self._fit, best)
+        )
         return CardCheck(
             name=card.name,
             change=change if math.isfinite(change) else math.nan,
@@ -265,7 +267,9 @@ def _advice(bench: _Bench, card: EffectCard, reach: Reach) -> str:
     if not reach.shape:
         return ""
     good = [
-        value for value in reach.inside() if bench.greatest(card, _at(card, reach, value)) >= LEAST_CHANGE
+        value
+        for value in reach.inside()
+        if bench.greatest(card, _at(card, reach, value)) >= MACHINES.linter.least_change
     ]
     if not good:
         return ", and no threshold inside this range changes a prediction"
@@ -289,7 +293,11 @@ def _unreached(bench: _Bench, card: EffectCard, reach: Reach | None) -> list[str
             else []
         )
     grid = card.shape_grid[reach.shape]
-    silent = [value for value in grid if bench.greatest(card, _at(card, reach, value)) < LEAST_CHANGE]
+    silent = [
+        value
+        for value in grid
+        if bench.greatest(card, _at(card, reach, value)) < MACHINES.linter.least_change
+    ]
     if not silent:
         return []
     values = ", ".join(f"{value:g}" for value in silent)
@@ -312,7 +320,7 @@ def _pairs(scores: Mapping[str, Sequence[Score]]) -> list[Pair]:
         if not found:
             continue
         most, first, second = max(found, key=lambda item: item[0])
-        if most > SIMILAR:
+        if most > MACHINES.linter.similar:
             shapes = (dict(first.direction.shapes), dict(second.direction.shapes))
             pairs.append(Pair(cards=(one, other), shapes=shapes, cosine=round(most, 4)))
     return sorted(pairs, key=lambda pair: -pair.cosine)

@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 from scipy import stats
 
+from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.problem import (
-    WEAK,
     Free,
     Indices,
     Key,
@@ -21,6 +21,7 @@ from rover_hil.gap.data.problem import (
     run_of,
 )
 from rover_hil.gap.machines.descent import descend, descend_together
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
 from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
@@ -30,18 +31,8 @@ Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to the shapes that its fit starts from."""
 
 RIDGE = 1e-12
-LEFT_OUT = 0.9
-"""Share of the information of a run that leaving it out removes. What only this run informs would else be
-left to the priors alone, far outside the range of a linearisation."""
 FAR = 1e9
 """Error of a start from which the machine runs away."""
-START_DRAWS = 64
-BEGINNING = 0.25
-"""Share of a run that its unknowns are started from."""
-START_SHARES = (0.3,)
-"""Strengths to start from besides none, in natural sizes."""
-FINE_STEP = 0.1
-"""Step of derivatives by effects, as a share of the usual one: an integration is exact to many digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +139,8 @@ class MachineFits:
         found = self.problem.base_free(leave_out=released, names=names)
         for card in cards:
             found += [
-                replace(item, step=FINE_STEP * item.step) for item in effect_free(card, shapes.get(card.name))
+                replace(item, step=MACHINES.fit.fine_step * item.step)
+                for item in effect_free(card, shapes.get(card.name))
             ]
         return found
 
@@ -173,7 +165,9 @@ class MachineFits:
         for names, (shapes, begin) in new.items():
             free, fixed = self.free(names, shapes), self.fixed(names)
             starts: list[Point] = [{item.key: begin.get(item.key, item.start) for item in free}]
-            starts += [_stronger(free, begin, share) for share in START_SHARES if names and not is_near]
+            starts += [
+                _stronger(free, begin, share) for share in MACHINES.fit.start_shares if names and not is_near
+            ]
             for start in starts:
                 descents.append(descend(self.problem, free, start, fixed))
                 owners.append(names)
@@ -206,7 +200,7 @@ def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
     start = {item.key: begin.get(item.key, item.start) for item in free}
     strengths = {item.key[0]: item for item in reversed(free) if item.key[0]}
     for item in strengths.values():
-        start[item.key] = float(np.clip(item.mean + share * item.sd / WEAK, item.lower, item.upper))
+        start[item.key] = float(np.clip(item.mean + share * item.sd / DATA.fit.weak, item.lower, item.upper))
     return start
 
 
@@ -223,7 +217,7 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     if not free:
         return {}
     names = list(dict.fromkeys(item.key[1].partition(RUN_SEPARATOR)[0] for item in free))
-    draws = stats.qmc.Sobol(len(names), seed=0).random(START_DRAWS)
+    draws = stats.qmc.Sobol(len(names), seed=0).random(MACHINES.fit.start_draws)
     pulls = stats.norm.ppf(0.01 + 0.98 * draws)
     pulls[0] = 0.0
     points = [{**(shared or {}), **_drawn(free, dict(zip(names, pull, strict=True)))} for pull in pulls]
@@ -257,7 +251,7 @@ def _beginning(problem: Problem) -> Array:
     """Return 1 for rows in the first part of their series, else 0."""
     mask = np.zeros(problem.observations.values.size)
     for cell in cells(problem.observations):
-        mask[cell[: max(int(BEGINNING * cell.size), 10)]] = 1.0
+        mask[cell[: max(int(MACHINES.fit.beginning * cell.size), 10)]] = 1.0
     return mask
 
 
@@ -284,7 +278,7 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner:
     is_free = np.array([not _is_held(found, index) for index in shared], dtype=np.float64)
     moved, squares, informed = [], [], []
     for run, (error, matrix, rows) in zip(runs, parts, strict=True):
-        without = normal - LEFT_OUT * matrix.T @ matrix
+        without = normal - MACHINES.fit.left_out * matrix.T @ matrix
         without = np.where(np.outer(is_free, is_free) > 0.0, without, np.diag(np.diag(normal)))
         change = -np.linalg.solve(without, is_free * (matrix.T @ error))
         outside = (error - matrix @ change)[:rows] * scale[owner == run]

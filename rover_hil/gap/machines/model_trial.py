@@ -11,19 +11,13 @@ import numpy as np
 
 from drivers.clock import Clock, SystemClock, seconds
 from drivers.errors import ConfigError, RoverHilError
+from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.fmu.model import UnitModel
 from sim_backends.models.interface import Array, Channel, Machine, Run
 from sim_backends.state_model.model import StateModel
 
 POINTS, RUNS, SAMPLES = 2, 3, 5
 """Numbers of the trial, all different, so that axes cannot be mistaken."""
-INTEGRATIONS = 300
-"""Of a usual analysis."""
-SIMULATIONS = 25
-"""Of each run in a usual analysis, for each parameter and each effect."""
-LONG_S = 1.0
-SAME_SHARE = 0.1
-"""Greatest difference between predictions that must be equal, as a share of the sensor noise."""
 MINUTE_S = 60.0
 
 
@@ -67,7 +61,7 @@ def try_model(model: Machine, runs: Sequence[Run], clock: Clock | None = None) -
 
 def _duration_of_unit(model: UnitModel, count: int, duration_s: float) -> str:
     unknowns = len(model.parameters) + len(model.run_parameters)
-    simulations = SIMULATIONS * (unknowns + 1) * (len(model.effects) + 1)
+    simulations = MACHINES.trial.simulations * (unknowns + 1) * (len(model.effects) + 1)
     return (
         f"one simulation of all {count} runs takes {duration_s:.2g} s; an analysis needs about "
         f"{simulations}: about {_in_words(simulations * duration_s)} in all"
@@ -75,13 +69,13 @@ def _duration_of_unit(model: UnitModel, count: int, duration_s: float) -> str:
 
 
 def _warnings(count: int, duration_s: float) -> list[str]:
-    if duration_s <= LONG_S:
+    if duration_s <= MACHINES.trial.long_s:
         return []
-    total_s = INTEGRATIONS * duration_s
+    total_s = MACHINES.trial.integrations * duration_s
     return [
         f"one integration of all {count} runs takes {duration_s:.1f} s; an analysis needs about "
-        f"{INTEGRATIONS}: about {_in_words(total_s)} in all, more where the steps must be halved. Fewer "
-        "samples, or numpy functions in place of loops, are faster"
+        f"{MACHINES.trial.integrations}: about {_in_words(total_s)} in all, more where the steps must be "
+        "halved. Fewer samples, or numpy functions in place of loops, are faster"
     ]
 
 
@@ -310,4 +304,4 @@ def _remedy(model: Machine) -> str:
 
 def _same(channel: Channel, values: Array) -> float:
     scale = float(np.max(np.abs(values), initial=0.0))
-    return max(min(SAME_SHARE * (channel.noise_sd or math.inf), 1e-6 * scale), 1e-12)
+    return max(min(MACHINES.trial.same_share * (channel.noise_sd or math.inf), 1e-6 * scale), 1e-12)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array, Run
 from sim_backends.state_model.equations import Signal
 from sim_backends.state_model.model import StateModel
@@ -13,8 +14,6 @@ from sim_backends.state_model.port_effect import PortEffect
 
 WIDTHS = ("half_width", "half_play")
 """Strengths that are thresholds of their signal."""
-SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Where to try thresholds in the range of a signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +46,7 @@ class Reach:
         if not self.is_negative and -self.low > end:
             end = -self.low
         begin = 0.0 if self.low <= 0.0 <= self.high else min((self.low, self.high), key=abs)
-        return sorted({begin + share * (end - begin) for share in SHARES})
+        return sorted({begin + share * (end - begin) for share in MACHINES.linter.threshold_shares})
 
     def is_beyond(self, width: float) -> bool:
         """Return True where a width around zero covers the whole signal."""

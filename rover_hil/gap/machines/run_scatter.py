@@ -13,13 +13,9 @@ import numpy as np
 from rover_hil.gap.data.problem import Free, Key
 from rover_hil.gap.machines.descent import descend, descend_together
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from sim_backends.models.interface import DEVIATION, Array
-
-MENTIONED = 3
-"""Parameters that are reported, those that matter most."""
-NOTABLE = 0.1
-"""Least share of the scatter, in squared changes of the predictions, for a parameter to be reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +107,10 @@ def _parameter_sd(own: Sequence[Free], columns: Array, pull: Array, noise: Array
         spread = float(excess[here].sum()) / max(int(here.sum()) - 1, 1)
         found[name] = (float(weight[here] @ excess[here]), sd**2 * spread)
     most = max((energy for energy, _ in found.values()), default=0.0)
-    notable = [name for name, (energy, size) in found.items() if size > 0.0 and energy > NOTABLE * most]
+    notable = [
+        name
+        for name, (energy, size) in found.items()
+        if size > 0.0 and energy > MACHINES.scatter.notable * most
+    ]
     notable.sort(key=lambda name: -found[name][0])
-    return {name: math.sqrt(found[name][1]) for name in notable[:MENTIONED]}
+    return {name: math.sqrt(found[name][1]) for name in notable[: MACHINES.scatter.mentioned]}

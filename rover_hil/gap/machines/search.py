@@ -15,31 +15,10 @@ from rover_hil.gap.data.problem import Key, Point
 from rover_hil.gap.explain.candidates import card_changes
 from rover_hil.gap.explain.search import linear_gain
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, Names, Shapes, jackknife_error
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.jackknife import as_normal, scatter_of_runs
 from rover_hil.gap.statistics.score import Score, cosine, one_sided_z, score_all
 from sim_backends.models.interface import EffectCard, Parameter
-
-SHARE = 0.15
-"""Least share of the remaining excess error that an effect must explain on runs it was not fitted to."""
-AGREEING_SHARE = 0.7
-"""Least share of the runs that an effect must improve."""
-LEAST_Z = 2.5
-"""Least distance of a strength from its null over the scatter of runs, as a standard normal."""
-CLEAR_Z, CLEAR_SHARE = 1.9, 0.5
-"""The same for an effect that explains at least this share of the remaining excess error."""
-SINGLES, PAIRS = 10, 15
-"""Effects and pairs to fit in one step, the best to first order."""
-MOST_EFFECTS = 6
-MOST_ROUNDS = 10
-TWINS = 0.9
-"""Cosine from which two effects are each other's alternative."""
-PAIR_TOP = 16
-SAME = 0.98
-"""Cosine from which two effects are not fitted together."""
-SET_SHARE = 0.9
-"""Least share of the gain of the best explanation for an alternative."""
-SET_LEVEL = 0.95
-AT_LIMIT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +75,7 @@ class MachineSearch:
         """Return the explanation that predicts left-out runs best."""
         base = self._fits.base()
         best = base
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MACHINES.search.most_rounds):
             if best.names and is_within_noise(best):
                 break
             better = self._better(best)
@@ -149,19 +128,23 @@ class MachineSearch:
 
     def _singles(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with one effect more."""
-        if len(best.names) >= MOST_EFFECTS:
+        if len(best.names) >= MACHINES.search.most_effects:
             return []
         ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)
-        return [_extended(best, (one,)) for one in ranked[:SINGLES]]
+        return [_extended(best, (one,)) for one in ranked[: MACHINES.search.singles]]
 
     def _pairs(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with two effects more that gain most, to first order."""
-        if len(best.names) + 2 > MOST_EFFECTS:
+        if len(best.names) + 2 > MACHINES.search.most_effects:
             return []
-        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)[:PAIR_TOP]
-        pairs = [pair for pair in itertools.combinations(ranked, 2) if abs(cosine(*pair)) < SAME]
+        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)[
+            : MACHINES.search.pair_top
+        ]
+        pairs = [
+            pair for pair in itertools.combinations(ranked, 2) if abs(cosine(*pair)) < MACHINES.search.same
+        ]
         pairs.sort(key=linear_gain, reverse=True)
-        return [_extended(best, pair) for pair in pairs[:PAIRS]]
+        return [_extended(best, pair) for pair in pairs[: MACHINES.search.pairs]]
 
     def _swapped(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with one effect replaced."""
@@ -197,14 +180,18 @@ class MachineSearch:
         share, agreeing = explained(part, found)
         z = strength_z(found, (name, card.parameters[0].name))
         objection = ""
-        if share < SHARE:
+        if share < MACHINES.search.share:
             objection = (
                 f"explains {max(share, 0.0):.0%} of the remaining error on left-out runs, "
-                f"{SHARE:.0%} required"
+                f"{MACHINES.search.share:.0%} required"
             )
-        elif agreeing < AGREEING_SHARE:
+        elif agreeing < MACHINES.search.agreeing_share:
             objection = f"improves {agreeing:.0%} of the runs only"
-        elif abs(z) < (needed := CLEAR_Z if share >= CLEAR_SHARE else LEAST_Z):
+        elif abs(z) < (
+            needed := MACHINES.search.clear_z
+            if share >= MACHINES.search.clear_share
+            else MACHINES.search.least_z
+        ):
             objection = f"runs disagree on its size: {abs(z):.1f} standard deviations, {needed:g} required"
         else:
             objection = _at_bound(found, card)
@@ -231,7 +218,7 @@ class MachineSearch:
                 and names != best.names
                 and (
                     is_within_noise(one)
-                    or (base.merit - one.merit >= SET_SHARE * gain and is_equal(one, best))
+                    or (base.merit - one.merit >= MACHINES.search.set_share * gain and is_equal(one, best))
                 )
                 and all(not item.objection for item in self.evidence(one))
             ),
@@ -248,7 +235,7 @@ class MachineSearch:
         others = [
             one
             for one in best_shapes(scores)
-            if one.direction.name not in best.names and abs(cosine(one, target)) > TWINS
+            if one.direction.name not in best.names and abs(cosine(one, target)) > MACHINES.search.twins
         ]
         return sorted(others, key=lambda one: -abs(cosine(one, target)))[:3]
 
@@ -284,7 +271,7 @@ def is_equal(one: MachineFit, other: MachineFit) -> bool:
         return True
     spread = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
     t = abs(float(differences.mean())) / max(spread, 1e-12)
-    return t < float(stats.t.ppf(0.5 + 0.5 * SET_LEVEL, differences.size - 1))
+    return t < float(stats.t.ppf(0.5 + 0.5 * MACHINES.search.set_level, differences.size - 1))
 
 
 def is_small(found: MachineFit) -> bool:
@@ -330,7 +317,7 @@ def _at_bound(found: MachineFit, card: EffectCard) -> str:
     for item in card.parameters:
         value = found.fit.point[card.name, item.name]
         bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one != item.nominal]
-        if any(abs(value - one) <= AT_LIMIT * _range(item, one) for one in bounds):
+        if any(abs(value - one) <= MACHINES.search.at_limit * _range(item, one) for one in bounds):
             return f"its {item.name} is at its limit of {value:.4g} {item.unit}"
     return ""
 

@@ -13,6 +13,7 @@ from typing import cast
 import numpy as np
 
 from rover_hil.gap.data.problem import Free, Point, Problem
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.random_force import (
     ForceBasis,
@@ -23,11 +24,6 @@ from rover_hil.gap.statistics.random_force import (
 )
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, MachineModel, Model
-
-ROUNDS = 4
-HALVINGS = 3
-PROGRESS = 0.01
-"""Relative gain below which the smoothing ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,13 +75,13 @@ def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: 
     width = basis.knots * len(basis.ports)
     forces = tuple(np.zeros(width) for _ in problem.sites)
     here, step = problem, None
-    for turn in range(ROUNDS):
+    for turn in range(MACHINES.tracking.rounds):
         forced = _forced(problem, machine, basis, forces)
         found = _linearise(forced, free, point, forces)
         if found is None:
             break
         here, step = forced, found
-        if turn == ROUNDS - 1:
+        if turn == MACHINES.tracking.rounds - 1:
             break
         moved = _line_search(problem, machine, basis, free, (point, forces), step)
         if moved is None:
@@ -191,14 +187,14 @@ def _line_search(
     """Return parameters and forces a good part of the step further; None where no part is better."""
     before = _objective(problem, machine, basis, free, begin, step.noise)
     share = 1.0
-    for _ in range(HALVINGS):
+    for _ in range(MACHINES.tracking.halvings):
         point = {
             key: begin[0].get(key, value) + share * (value - begin[0].get(key, value))
             for key, value in step.point.items()
         }
         forces = tuple(old + share * (new - old) for old, new in zip(begin[1], step.forces, strict=True))
         after = _objective(problem, machine, basis, free, (point, forces), step.noise)
-        if after < (1.0 - PROGRESS) * before:
+        if after < (1.0 - MACHINES.tracking.progress) * before:
             return point, forces
         share *= 0.4
     return None

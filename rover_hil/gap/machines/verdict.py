@@ -5,20 +5,11 @@ from collections.abc import Mapping, Sequence
 from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.error_budget import ChannelError
-from rover_hil.gap.machines.gap_tests import GAP_ALPHA
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 from sim_backends.state_model.model import StateModel
-
-WHOLE = 0.9
-"""Least share of the gap, on locked runs, that a name without reservation closes."""
-HALF = 0.5
-FAR_SD = 3.0
-"""Distance of a base parameter from its nominal value, in prior deviations, that contradicts a name."""
-MOST_MEMBERS = 4
-POWER_Z = 4.0
-"""Score of an effect by the noise of the samples that counts as detectable; a convention, not calibrated."""
 
 
 def decide_machine(findings: MachineFindings) -> Verdict:
@@ -65,7 +56,7 @@ def decide_machine(findings: MachineFindings) -> Verdict:
 
 
 def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
-    if findings.p_gap > GAP_ALPHA:
+    if findings.p_gap > MACHINES.tests.alpha:
         unsure = [one for one in findings.budget_before if not one.is_good_enough]
         if unsure:
             return Answer.NOT_IDENTIFIABLE, [one.sentence() for one in unsure]
@@ -74,10 +65,10 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
     if found is None or not findings.best.names or holdout is None:
         return _without_name(findings)
     share = _explained(findings)
-    if share < HALF:
+    if share < MACHINES.verdict.half:
         return Answer.UNNAMED, [f"the best, {_join(findings.best.names)}, explains {share:.0%} of it"]
     reasons = _reservations(findings)
-    if len(found.alternatives) + 1 > MOST_MEMBERS:
+    if len(found.alternatives) + 1 > MACHINES.verdict.most_members:
         return Answer.NOT_IDENTIFIABLE, ["more than four explanations fit the runs equally well"]
     if reasons:
         return Answer.PARTLY_NAMED, reasons
@@ -92,7 +83,7 @@ def _explained(findings: MachineFindings) -> float:
 
 def _without_name(findings: MachineFindings) -> tuple[Answer, list[str]]:
     """Return the answer where no effect is named, with the reason."""
-    if findings.p_within_runs > GAP_ALPHA:
+    if findings.p_within_runs > MACHINES.tests.alpha:
         units = {one.name: one.unit for one in findings.machine.parameters}
         differ = f"parameters differ between runs ({findings.scatter.sentence(units)})"
         if all(one.is_good_enough for one in findings.budget_before):
@@ -117,15 +108,15 @@ def _reservations(findings: MachineFindings) -> list[str]:
     closure = None if holdout is None else holdout.closure
     if closure is None:
         reasons.append("the gap on the locked runs is too small to prove it")
-    elif closure < WHOLE and not is_rest_small:
+    elif closure < MACHINES.verdict.whole and not is_rest_small:
         reasons.append(f"it closes {closure:.0%} of the gap on locked runs only")
-    elif findings.p_remaining <= GAP_ALPHA and not is_rest_small:
+    elif findings.p_remaining <= MACHINES.tests.alpha and not is_rest_small:
         rest = max(findings.budget_after, key=lambda one: one.model_error / one.sensor_noise)
         reasons.append(f"a model error remains, {rest.sentence()}")
     released = {card.releases for card in findings.machine.effects if card.name in findings.best.names}
     for item, pull in zip(findings.best.fit.free, findings.best.fit.pull, strict=True):
         is_base = not item.key[0] and not run_of(item.key)
-        if is_base and abs(pull) > FAR_SD and item.key[1] not in released:
+        if is_base and abs(pull) > MACHINES.verdict.far_sd and item.key[1] not in released:
             reasons.append(f"{item.key[1]} is {abs(pull):.1f} prior deviations from its nominal value")
     reasons += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
     return reasons
@@ -226,7 +217,11 @@ def _unscored(name: str, scored: set[str]) -> str:
 def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
     scores = best_shapes(findings.scores)
     return [
-        {"name": one.direction.name, "size": POWER_Z * one.standard_error, "unit": one.direction.unit}
+        {
+            "name": one.direction.name,
+            "size": MACHINES.verdict.power_z * one.standard_error,
+            "unit": one.direction.unit,
+        }
         for one in sorted(scores, key=one_sided_z, reverse=True)
     ]
 

@@ -9,16 +9,8 @@ from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.problem import Free, Key, Point, Problem
 from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array
-
-MOST_ROUNDS = 8
-MOST_STEPS = 7
-GOOD_SHARE = 0.5
-"""Share of the predicted gain that a step must reach; otherwise the derivatives are recomputed."""
-FINE = 0.05
-"""Share of the usual step for derivatives where the usual step makes no progress."""
-SETTLED = 0.05
-"""Gain of minus two log-likelihood below which the fit ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,13 +91,13 @@ def fit(
     fresh, share = jacobian is None, 1.0
     new = [index for index, item in enumerate(free) if item.key[0]]
     matrix = search.derivatives(pull) if jacobian is None else jacobian
-    for turn in range(MOST_ROUNDS):
+    for turn in range(STATISTICS.fit.most_rounds):
         before = float(residual @ residual + pull @ pull)
         pull, residual, state = search.descend(pull, residual, matrix)
         if state == "settled" or (state == "stuck" and fresh and share < 1.0):
             break
         if state == "stuck" and fresh:
-            share = FINE
+            share = STATISTICS.fit.fine
         cost = float(residual @ residual + pull @ pull)
         if fresh and 2.0 * cost - before > hopeless:
             break
@@ -161,9 +153,9 @@ class _Search:
         normal = jacobian.T @ jacobian + np.eye(pull.size)
         cost = float(residual @ residual + pull @ pull)
         damping = 0.0
-        for _ in range(MOST_STEPS):
+        for _ in range(STATISTICS.fit.most_steps):
             step, predicted_gain = self._step(pull, residual, jacobian, normal, damping)
-            if predicted_gain < SETTLED:
+            if predicted_gain < STATISTICS.fit.settled:
                 # A damped step predicts little gain because it is short.
                 return pull, residual, "settled" if damping == 0.0 else "stuck"
             trial = np.clip(pull + step, self.lower, self.upper)
@@ -172,7 +164,7 @@ class _Search:
             kept = (cost - value) / predicted_gain if math.isfinite(value) else -1.0
             if kept > 0.0:
                 pull, residual, cost = trial, changed, value
-            if 0.0 < kept < GOOD_SHARE:
+            if 0.0 < kept < STATISTICS.fit.good_share:
                 return pull, residual, "worn"
             if kept <= 0.0:
                 damping = max(10.0 * damping, 0.3)

@@ -15,17 +15,8 @@ from scipy import special, stats
 from rover_hil.gap.data.problem import Indices, Key
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array
-
-LEAST_RUNS = 6
-"""Fewest runs to leave out whole ones; below, stretches of them are left out."""
-AGREEING_RUNS = 3.0
-"""Weight of the prior, in runs, that runs scatter no more than their samples. Without it, an effect in one or
-two runs is never significant."""
-BEYOND_CHANCE, SCATTERING_RUNS = 0.9, 1.0
-"""Level of a test that runs scatter more than their samples, and the weight of the prior if they do."""
-ALMOST_ALL = 0.999
-"""Greatest share of the information on a parameter that one run may hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +35,7 @@ class JackknifeEstimate:
 
 def clusters(noise: Noise) -> Indices:
     """Return the cluster of each whitened row: its run, or its stretch where runs are few."""
-    found = noise.site if np.unique(noise.site).size >= LEAST_RUNS else noise.block
+    found = noise.site if np.unique(noise.site).size >= STATISTICS.jackknife.least_runs else noise.block
     numbered: Indices = np.unique(found, return_inverse=True)[1].astype(np.intp)
     return numbered
 
@@ -71,7 +62,7 @@ def jackknife(
     squares = [jacobian[rows].T @ jacobian[rows] for rows in parts]
     for index, rows in enumerate(parts):
         # Without a run that holds almost all information only the priors would remain.
-        without = normal - ALMOST_ALL * squares[index]
+        without = normal - STATISTICS.jackknife.almost_all * squares[index]
         moved[index] = np.linalg.solve(without, jacobian[rows].T @ fit.residual[rows])
         informed[index] = np.sum((jacobian[rows] @ covariance) ** 2, axis=0)
     return [
@@ -105,9 +96,11 @@ def scatter_of_runs(by_runs: float, informed: Array) -> tuple[float, float]:
     active = float(informed.sum() ** 2 / max(float((informed**2).sum()), 1e-300))
     freedom = max(active - 1.0, 0.0)
     is_sure = (
-        freedom >= 1.0 and by_runs**2 > 2.0 * special.gammaincinv(freedom / 2.0, BEYOND_CHANCE) / freedom
+        freedom >= 1.0
+        and by_runs**2
+        > 2.0 * special.gammaincinv(freedom / 2.0, STATISTICS.jackknife.beyond_chance) / freedom
     )
-    agreeing = SCATTERING_RUNS if is_sure else AGREEING_RUNS
+    agreeing = STATISTICS.jackknife.scattering_runs if is_sure else STATISTICS.jackknife.agreeing_runs
     together = (agreeing + freedom * by_runs**2) / (agreeing + freedom)
     return math.sqrt(max(together, 1.0)), agreeing + freedom
 

@@ -10,19 +10,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from rover_hil.gap.data.problem import Indices, Observations, cells
+from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.replicates import Scatter
 from rover_hil.gap.statistics.run_scatter import RunScatter, likeliest, run_scatter, series_starts
 from sim_backends.models.interface import Array, Channel
 
-MOST_LAGS = 8
-HUBER_SD = 2.5
-LEAST_BLOCKS = 24
-RINGING = 0.9
-"""Least size of complex poles for which errors oscillate for ten samples and more."""
 ROUNDING = 1e-9
 """Least size of errors, as a share of the values: below it is rounding of the arithmetic."""
-CLEARLY = 1.0
-"""Least gain in minus two log-likelihood for constants per run."""
 
 
 class Noise(Protocol):
@@ -211,7 +205,7 @@ def _learn(observations: Observations, residual: Array, channel: int) -> tuple[A
         every = [lags if index == channel else np.zeros(0) for index in range(len(observations.channels))]
         keep = _with_past(observations, np.isfinite(residual), every)
         keep = keep[observations.channel[keep] == channel]
-        if keep.size < LEAST_BLOCKS:
+        if keep.size < STATISTICS.noise.least_blocks:
             return lags, 0.0
         taps = _taps(observations, every)
         new = _filter(taps, np.where(np.isfinite(residual), residual, 0.0))[keep]
@@ -223,7 +217,7 @@ def _learn(observations: Observations, residual: Array, channel: int) -> tuple[A
             variance, total = likeliest(starts, level, new)
         cost[name], found[name] = total / keep.size, (lags, math.sqrt(variance))
     gain = (cost["slow"] - cost["constant"]) * float(np.sum(observations.channel == channel))
-    return found["constant"] if gain > CLEARLY else found["slow"]
+    return found["constant"] if gain > STATISTICS.noise.clearly else found["slow"]
 
 
 def _centre(observations: Observations, values: Array, channel: int) -> None:
@@ -249,7 +243,7 @@ def _weigh(innovations: Array, channel: Channel, least: float, *, is_final: bool
     spread = max(median, 1e-3 * _rms(innovations), floor)
     weight = np.ones(innovations.size)
     if is_final:
-        weight = np.minimum(1.0, HUBER_SD * spread / np.maximum(np.abs(innovations), 1e-300))
+        weight = np.minimum(1.0, STATISTICS.noise.huber_sd * spread / np.maximum(np.abs(innovations), 1e-300))
     # With weights w the squares of a score are w^2 e^2 where its information counts w: this ratio.
     variance = float(np.sum((weight * innovations) ** 2) / max(float(np.sum(weight)), 1e-300))
     return weight, max(math.sqrt(variance), floor)
@@ -318,22 +312,25 @@ def _fit_lags(observations: Observations, residual: Array, channel: int) -> Arra
     for values in (
         residual[cell] for cell in cells(observations) if observations.channel[cell[0]] == channel
     ):
-        most = min(MOST_LAGS, values.size // 4)
-        if most < MOST_LAGS:
+        most = min(STATISTICS.noise.most_lags, values.size // 4)
+        if most < STATISTICS.noise.most_lags:
             continue
-        columns = [values[MOST_LAGS - lag : values.size - lag] for lag in range(1, MOST_LAGS + 1)]
+        columns = [
+            values[STATISTICS.noise.most_lags - lag : values.size - lag]
+            for lag in range(1, STATISTICS.noise.most_lags + 1)
+        ]
         table.append(np.stack(columns, axis=1))
-        target.append(values[MOST_LAGS:])
+        target.append(values[STATISTICS.noise.most_lags :])
     if not table:
         return np.zeros(0)
     past, now = np.vstack(table), np.concatenate(target)
     good = np.isfinite(past).all(axis=1) & np.isfinite(now)
     past, now = past[good], now[good]
-    if now.size < 10 * MOST_LAGS or not np.any(now):
+    if now.size < 10 * STATISTICS.noise.most_lags or not np.any(now):
         return np.zeros(0)
     best = np.zeros(0, dtype=np.float64)
     best_score = now.size * math.log(float(np.mean(now**2)))
-    for order in range(1, MOST_LAGS + 1):
+    for order in range(1, STATISTICS.noise.most_lags + 1):
         coefficients, *_ = np.linalg.lstsq(past[:, :order], now, rcond=None)
         if _rings(coefficients):
             continue
@@ -347,13 +344,15 @@ def _fit_lags(observations: Observations, residual: Array, channel: int) -> Arra
 def _rings(lags: NDArray[np.floating]) -> bool:
     """Return True where the autoregression oscillates, like a system with wrong dynamics in the model."""
     poles = np.roots(np.concatenate(([1.0], -lags)))
-    return bool(np.any((np.abs(poles) > RINGING) & (np.abs(poles.imag) > 1e-9) & (poles.real > 0.0)))
+    return bool(
+        np.any((np.abs(poles) > STATISTICS.noise.ringing) & (np.abs(poles.imag) > 1e-9) & (poles.real > 0.0))
+    )
 
 
 def _blocks(observations: Observations, keep: Indices) -> Indices:
     """Return the stretch of each kept row: whole runs, or parts of them where runs are few."""
     sites = len(observations.groups)
-    parts = max(1, math.ceil(LEAST_BLOCKS / sites))
+    parts = max(1, math.ceil(STATISTICS.noise.least_blocks / sites))
     share = np.zeros(observations.values.size)
     for cell in cells(observations):
         share[cell] = np.arange(cell.size) / cell.size

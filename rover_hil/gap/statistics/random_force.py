@@ -16,22 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Indices, Observations, Point, Problem, split_point
+from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.sensor_noise import blocks
 from sim_backends.models.interface import Array, MachineModel, Run
 
-KNOTS = 40
-"""Knots of the force in the longest run."""
-SAMPLES_PER_KNOT = 4
-"""Fewest samples between knots."""
-LENGTHS = (1.0, 3.0, 10.0, 40.0)
-"""Correlation times to choose from, in distances of knots."""
 SIZES = tuple(float(one) for one in np.geomspace(1e-3, 1e2, 16))
 """Sizes of the force to choose from, in units of the port's natural size."""
-EXCESS = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
-"""Factors on the declared noise of all sensors to choose from."""
-SWEEPS = 3
-FLAT = 1e-4
-"""Least relative size of a direction that the force reaches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +136,7 @@ def force_basis(
     """
     samples = max(_sample_count(site) for site in problem.sites)
     if spacing is None:
-        spacing = max((samples - 1) / KNOTS, float(SAMPLES_PER_KNOT))
+        spacing = max((samples - 1) / STATISTICS.force.knots, float(STATISTICS.force.samples_per_knot))
     knots = math.ceil((samples - 1) / spacing) + 1
     hats = np.maximum(1.0 - np.abs(np.arange(samples) / spacing - np.arange(knots)[:, None]), 0.0)
     parameters, effects = split_point(point)
@@ -187,13 +177,13 @@ class _Likelihood:
 
     def best(self) -> tuple[tuple[tuple[float, float], ...], float]:
         """Return the likeliest sizes and the excess noise."""
-        none = tuple((0.0, LENGTHS[0]) for _ in self._basis.ports)
+        none = tuple((0.0, STATISTICS.force.lengths[0]) for _ in self._basis.ports)
         sizes, excess = list(none), 1.0
-        for _ in range(SWEEPS):
+        for _ in range(STATISTICS.force.sweeps):
             before = (tuple(sizes), excess)
             for index in range(len(sizes)):
                 sizes[index] = self._best_size(sizes, index, excess)
-            excess = min(EXCESS, key=lambda one: self.cost(sizes, one))
+            excess = min(STATISTICS.force.excess, key=lambda one: self.cost(sizes, one))
             if before == (tuple(sizes), excess):
                 break
         return tuple(sizes), excess
@@ -201,7 +191,7 @@ class _Likelihood:
     def _best_size(
         self, sizes: Sequence[tuple[float, float]], index: int, excess: float
     ) -> tuple[float, float]:
-        options = [(0.0, LENGTHS[0]), *itertools.product(SIZES, LENGTHS)]
+        options = [(0.0, STATISTICS.force.lengths[0]), *itertools.product(SIZES, STATISTICS.force.lengths)]
         return min(options, key=lambda one: self.cost([*sizes[:index], one, *sizes[index + 1 :]], excess))
 
     def cost(self, sizes: Sequence[tuple[float, float]], excess: float) -> float:
@@ -234,7 +224,7 @@ def _noise(
     for run, matrix in enumerate(basis.responses):
         shaped = matrix @ root / excess
         left, singular, _ = np.linalg.svd(shaped, full_matrices=False)
-        used = singular > FLAT
+        used = singular > STATISTICS.force.flat
         directions.append(left[:, used])
         shrink.append(1.0 - 1.0 / np.sqrt(1.0 + singular[used] ** 2))
         rows = keep[observations.site[keep] == run]

@@ -18,14 +18,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 from rover_hil.gap.data.problem import Group, Indices
+from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array, Channel, Run
 
-CLIP_SD = 4.0
 FLOOR_SHARE = 1e-6
-MANY = 5.0
-"""Fewest differences between replicates per variance to estimate errors of settings."""
-LEAST_FREEDOM = 3
-"""Fewest replicates beyond the first, over all groups, to estimate a scatter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +75,7 @@ def estimate_scatter(groups: Sequence[Group], channels: Sequence[Channel], gradi
     evidence = _gather(groups, channels)
     freedom = pooled_freedom(groups, channels)
     known = np.array([_known_sd(item) for item in channels])
-    learned = freedom >= LEAST_FREEDOM
+    learned = freedom >= STATISTICS.replicates.least_freedom
     floors = np.array([max(item.quantum**2 / 12.0, 0.0) for item in channels])
     covariance = np.zeros((len(groups), len(channels), len(channels)))
     setting = np.zeros(gradient.shape[2])
@@ -97,7 +93,7 @@ def estimate_scatter(groups: Sequence[Group], channels: Sequence[Channel], gradi
 
 
 def winsorise(groups: Sequence[Group], channels: Sequence[Channel], scatter: Scatter) -> list[Run]:
-    """Return all runs, values limited to `CLIP_SD` from the median of their replicates."""
+    """Return all runs, values limited to some deviations from the median of their replicates."""
     runs = []
     for index, group in enumerate(groups):
         clipped = {}
@@ -105,7 +101,7 @@ def winsorise(groups: Sequence[Group], channels: Sequence[Channel], scatter: Sca
             values = [run.measured[item.name][0] for run in group.runs if item.name in run.measured]
             if len(values) < 3:
                 continue
-            reach = CLIP_SD * math.sqrt(scatter.covariance[index, place, place])
+            reach = STATISTICS.replicates.clip_sd * math.sqrt(scatter.covariance[index, place, place])
             clipped[item.name] = (np.median(values) - reach, np.median(values) + reach)
         runs += [
             replace(
@@ -155,7 +151,7 @@ def _fit(evidence: _Evidence, gradient: Array, floors: Array) -> tuple[Array, Ar
     scale = np.sqrt(np.maximum(_pooled(evidence), np.maximum(floors, 1e-300)))
     unit = _Unit(evidence, gradient, scale, floors)
     sensible = [k for k in range(gradient.shape[2]) if complete and np.abs(gradient[:, :, k]).max() > 0.0]
-    if pooled_count(evidence) < MANY * (gradient.shape[1] + len(sensible)):
+    if pooled_count(evidence) < STATISTICS.replicates.many * (gradient.shape[1] + len(sensible)):
         sensible = []
     plain, relative = unit.fit(False, sensible), unit.fit(True, sensible)
     best = relative if relative[0] < plain[0] else plain

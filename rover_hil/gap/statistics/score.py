@@ -14,13 +14,10 @@ from scipy import stats
 
 from rover_hil.gap.data.problem import Indices
 from rover_hil.gap.statistics.fit import Fit
-from rover_hil.gap.statistics.jackknife import LEAST_RUNS, as_normal, clusters, scatter_of_runs
+from rover_hil.gap.statistics.jackknife import as_normal, clusters, scatter_of_runs
 from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array
-
-DRAWS = 4000
-LARGE = 0.02
-"""Least share of the scatter of samples for a term to count although runs disagree on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +123,9 @@ def one_sided_z(score: Score, *, by_samples: bool = False) -> float:
 def of_terms(scores: Sequence[Score]) -> list[Score]:
     """Return scores of free-form terms; runs may disagree on those that are large."""
     return [
-        replace(one, z=one.z_by_samples) if one.z_by_samples**2 > LARGE * one.direction.change.size else one
+        replace(one, z=one.z_by_samples)
+        if one.z_by_samples**2 > STATISTICS.score.large * one.direction.change.size
+        else one
         for one in scores
     ]
 
@@ -142,7 +141,7 @@ def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float
     leverage: Array = np.bincount(blocks, weights=unit[:rows] ** 2).astype(np.float64)
     used = leverage > 1e-12
     parts, leverage = parts[used], np.minimum(leverage[used], 0.999)
-    if leverage.size < LEAST_RUNS:
+    if leverage.size < STATISTICS.jackknife.least_runs:
         return abs(z)
     by_runs = math.sqrt(float(np.sum((parts / (1.0 - leverage)) ** 2)))
     return as_normal(z, *scatter_of_runs(by_runs, leverage))
@@ -154,14 +153,14 @@ def family_draws(scores: Sequence[Score], freedom: float, rng: np.random.Generat
     The directions' correlations are kept; the size of the errors is uncertain by its degrees of freedom.
     """
     if not scores:
-        return np.zeros(DRAWS)
+        return np.zeros(STATISTICS.score.draws)
     matrix = np.stack([score.projected for score in scores], axis=1)
     correlation = matrix.T @ matrix
     values, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = rng.standard_normal((DRAWS, len(scores))) @ root.T
+    draws = rng.standard_normal((STATISTICS.score.draws, len(scores))) @ root.T
     if math.isfinite(freedom):
-        draws /= np.sqrt(rng.chisquare(freedom, (DRAWS, 1)) / freedom)
+        draws /= np.sqrt(rng.chisquare(freedom, (STATISTICS.score.draws, 1)) / freedom)
     signs = np.array([score.direction.sign for score in scores])
     sided = np.where(signs == 0, np.abs(draws), np.maximum(draws * signs, 0.0))
     most: Array = np.sort(sided.max(axis=1))

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Indices, Observations
+from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array
-
-LEAST_BLOCKS = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +65,7 @@ def noise_of_residual(observations: Observations, residual: Array) -> SensorNois
 
 def blocks(observations: Observations, keep: Indices) -> Indices:
     """Return the stretch of each kept row: whole runs, or parts of them where runs are few."""
-    parts = max(1, math.ceil(LEAST_BLOCKS / len(observations.groups)))
+    parts = max(1, math.ceil(STATISTICS.noise.least_blocks / len(observations.groups)))
     change = (np.diff(observations.site) != 0) | (np.diff(observations.channel) != 0)
     starts = np.concatenate(([0], np.flatnonzero(change) + 1))
     sizes = np.diff(starts, append=observations.site.size)

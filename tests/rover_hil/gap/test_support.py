@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from rover_hil.gap.data.problem import Free, Indices
 from rover_hil.gap.statistics.fit import Fit
-from rover_hil.gap.statistics.jackknife import LEAST_RUNS, clusters, is_clearly_worse, jackknife
+from rover_hil.gap.statistics.jackknife import clusters, is_clearly_worse, jackknife
+from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array
 
 KEY = ("drag", "size")
@@ -113,8 +114,12 @@ def test_a_run_that_holds_almost_everything_is_no_division_by_zero() -> None:
 
 
 def test_few_runs_are_cut_into_stretches() -> None:
-    assert np.unique(clusters(noise_of(LEAST_RUNS))).size == LEAST_RUNS
-    assert np.unique(clusters(noise_of(LEAST_RUNS - 1))).size == 4 * (LEAST_RUNS - 1)
+    assert (
+        np.unique(clusters(noise_of(STATISTICS.jackknife.least_runs))).size == STATISTICS.jackknife.least_runs
+    )
+    assert np.unique(clusters(noise_of(STATISTICS.jackknife.least_runs - 1))).size == 4 * (
+        STATISTICS.jackknife.least_runs - 1
+    )
 
 
 def test_a_rival_is_clearly_worse_only_where_most_runs_say_so() -> None:

@@ -19,7 +19,8 @@ from rover_hil.gap.machines.next_run.criterion import separation_of
 from rover_hil.gap.machines.next_run.planned import PlannedRun, planned_runs, require_durations
 from rover_hil.gap.machines.next_run.prediction import Prediction
 from rover_hil.gap.machines.next_run.proposal import Proposal
-from rover_hil.gap.machines.next_run.shapes import SHARES, shaped
+from rover_hil.gap.machines.next_run.shapes import shaped
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_text
 from rover_hil.gap.output.report import report_text
 from rover_hil.gap.output.results import write_results
@@ -247,7 +248,7 @@ def test_a_rate_excludes_jumps() -> None:
 def test_shapes_use_their_amplitude_and_stay_inside(shape: str) -> None:
     times_s = 0.1 * np.arange(200.0)
     limits = InputRange(low=-2.0, high=2.0)
-    for share in SHARES:
+    for share in MACHINES.planned.amplitude_shares:
         values = shaped(shape, limits, 2.0 * share, 5.0, times_s)
         assert values is not None
         assert np.abs(values).max() == pytest.approx(2.0 * share, rel=0.02)

@@ -8,9 +8,10 @@ import pytest
 
 from rover_hil.gap import Array, Channel, Parameter, Port, Run, RunParameter, StateModel, effects
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.gap_tests import GAP_ALPHA, gap_p
+from rover_hil.gap.machines.gap_tests import gap_p
 from rover_hil.gap.machines.holdout import hold_out
 from rover_hil.gap.machines.machine_fit import MachineFits
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 
@@ -65,18 +66,18 @@ def p_of(model: StateModel, runs: list[Run]) -> float:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_short_runs_without_a_gap_have_none(seed: int) -> None:
-    assert p_of(body(), body_runs(seed, samples=36)) > GAP_ALPHA
+    assert p_of(body(), body_runs(seed, samples=36)) > MACHINES.tests.alpha
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_quiet_sensor_makes_no_structure_of_the_noise_of_another(seed: int) -> None:
-    assert p_of(body(), body_runs(seed, samples=200, second_noise=0.06)) > GAP_ALPHA
+    assert p_of(body(), body_runs(seed, samples=200, second_noise=0.06)) > MACHINES.tests.alpha
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_coarse_steps_are_no_slow_error(seed: int) -> None:
     runs = body_runs(seed, samples=200, noise=0.05, quantum=0.5)
-    assert p_of(body(sigma=0.05, quantum=0.5), runs) > GAP_ALPHA
+    assert p_of(body(sigma=0.05, quantum=0.5), runs) > MACHINES.tests.alpha
 
 
 def test_what_has_no_prediction_on_locked_runs_is_an_error_and_no_closure() -> None:

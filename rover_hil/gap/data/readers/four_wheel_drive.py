@@ -25,17 +25,14 @@ from rover_hil.gap.data.columns import (
     table_files,
     whole_rows,
 )
+from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.reader import Reader
-from rover_hil.gap.data.windows import LEAST_WINDOWS, Windows, body_rates, stretches, windows_over
+from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
 from sim_backends.models.four_wheel_drive.model import WHEELS
 from sim_backends.models.interface import Array, Run
 
 POSE = ("x_m", "y_m", "psi_rad")
 LABELS = ("wheel_radius_m", "track_m")
-TILT_WINDOWS = 5
-"""Windows over which tilt is smoothed: noise in an input makes effects that depend on it look smaller."""
-LEAST_DIFFERENCE = 0.02
-"""Least rms difference of the speeds of both sides over their mean; below it there are no turns."""
 
 
 def read_four_wheel_runs(path: Path) -> list[Run]:
@@ -89,9 +86,9 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
     check_times(t_s, name)
     check_times(true_s, f"truth of {name}")
     has_pose = np.isfinite(np.stack([truth[one] for one in POSE])).all(axis=0)
-    if has_pose.sum() < LEAST_WINDOWS:
+    if has_pose.sum() < DATA.windows.least:
         raise ConfigError(
-            f"truth of {name} has {int(has_pose.sum())} poses: {LEAST_WINDOWS} or more are needed"
+            f"truth of {name} has {int(has_pose.sum())} poses: {DATA.windows.least} or more are needed"
         )
     rows = whole_rows(columns, turned)
     recorded = {one: values[rows] for one, values in columns.items()}
@@ -126,7 +123,7 @@ def _are_sides_apart(inputs: Mapping[str, Array]) -> bool:
         0.5 * (inputs[f"wheel_{a}_rad_s"] + inputs[f"wheel_{b}_rad_s"]) for a, b in ((1, 3), (2, 4))
     )
     level = float(np.sqrt(np.mean(np.square(left) + np.square(right)) / 2.0))
-    return float(np.sqrt(np.mean(np.square(right - left)))) > LEAST_DIFFERENCE * level
+    return float(np.sqrt(np.mean(np.square(right - left)))) > DATA.readers.least_difference * level
 
 
 def _truth_of(log: Path, truths: Sequence[Path], logs: Sequence[Path]) -> Path:
@@ -155,7 +152,7 @@ def _tilt(windows: Windows, columns: Columns, name: str) -> Array:
     if values is None or not np.isfinite(values).any():
         return np.zeros(windows.middle_s.size)
     tilt = windows.mean(columns["t_s"], np.radians(values))
-    smooth: Array = uniform_filter1d(tilt, TILT_WINDOWS, mode="nearest")
+    smooth: Array = uniform_filter1d(tilt, DATA.readers.tilt_windows, mode="nearest")
     return smooth
 
 

@@ -40,8 +40,9 @@ from rover_hil.gap.data.columns import (
     table_files,
     whole_rows,
 )
+from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.reader import Reader
-from rover_hil.gap.data.windows import LEAST_WINDOWS, Windows, body_rates, stretches, windows_over
+from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 
@@ -49,10 +50,7 @@ TICKS_PER_RAD = ROBOTINO_BOARD.ticks_per_motor_turn * ROBOTINO_BOARD.gear_ratio 
 NOMINAL_M_PER_PX = 1.84e-3
 MIDDLE_M = (1.45, -1.04)
 """Approximate middle of the paths in the picture."""
-CURRENT_WINDOWS = 5
-"""Over which currents are smoothed."""
 RPM_TO_WHEEL = math.tau / 60.0 / ROBOTINO_BOARD.gear_ratio
-DIRECTION_STEP_DEG = 5.0
 LABELS = ("wheel_radius_m", "base_radius_m", "is_averaged")
 
 
@@ -120,7 +118,7 @@ def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, floa
     t_s = columns["t_s"]
     check_times(t_s, name)
     has_pose = np.isfinite(columns["x_m"]) & np.isfinite(columns["y_m"]) & np.isfinite(columns["psi_rad"])
-    if has_pose.sum() < LEAST_WINDOWS:
+    if has_pose.sum() < DATA.windows.least:
         raise ConfigError(
             f"{name} has {int(has_pose.sum())} true poses: record one with a camera above the rover"
         )
@@ -150,7 +148,7 @@ def _wheels(windows: Windows, t_s: Array, turned: list[Array], current: list[Arr
     for wheel in WHEELS:
         # Noise in an input makes effects that depend on it look smaller.
         mean = windows.mean(t_s, current[wheel - 1])
-        inputs[f"current_{wheel}_a"] = uniform_filter1d(mean, CURRENT_WINDOWS, mode="nearest")
+        inputs[f"current_{wheel}_a"] = uniform_filter1d(mean, DATA.readers.current_windows, mode="nearest")
     return inputs
 
 
@@ -169,7 +167,7 @@ def _run(
     speeds = np.stack([inputs[f"wheel_{wheel}_rad_s"] for wheel in WHEELS])
     forward, left, _ = TO_BODY @ speeds * facts.get("wheel_radius_m", RADIUS_M)
     direction = math.degrees(math.atan2(float(left.mean()), float(forward.mean())))
-    rounded = DIRECTION_STEP_DEG * round(direction / DIRECTION_STEP_DEG) % 360.0
+    rounded = DATA.readers.direction_step_deg * round(direction / DATA.readers.direction_step_deg) % 360.0
     nowhere = np.zeros(windows.middle_s.size)
     labels = {key: facts[key] for key in LABELS if key in facts}
     return Run(
@@ -193,7 +191,7 @@ def _averages(path: Path, columns: Columns) -> list[Run]:
     runs = []
     for value in np.unique(key):
         rows = np.flatnonzero(key == value)
-        if rows.size < LEAST_WINDOWS:
+        if rows.size < DATA.windows.least:
             continue
         windows = Windows(AVERAGE_S * np.arange(rows.size + 1, dtype=np.float64))
         inputs = {f"wheel_{w}_rad_s": columns[SPEEDS[w - 1]][rows] * RPM_TO_WHEEL for w in WHEELS}

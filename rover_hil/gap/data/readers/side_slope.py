@@ -12,11 +12,11 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import CsvTable, read_csv
+from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.side_slope.model import BEND, START_SHARE
 
-LEAST_POINTS = 12
 CONDITIONS = ("slope_deg", "roll_deg", "mass_kg")
 LABELS = ("condition", "rep", "romega_mm_s")
 MEASURED = ("slip", "slip_angle_deg", "sinkage_up_mm", "sinkage_down_mm", "torque_up_Nm", "torque_down_Nm")
@@ -77,7 +77,7 @@ def path_bend_deg_m(points: Array) -> float:
     """
     points = points[np.isfinite(points).all(axis=1)]
     late = points[points[:, 1] > START_SHARE * points[:, 1].max(initial=0.0)]
-    if len(late) < LEAST_POINTS:
+    if len(late) < DATA.readers.least_points:
         return math.nan
     time, along, across = late[:, 0] - late[:, 0].mean(), late[:, 1], late[:, 2]
     forward = float(np.polyfit(time, along, 1)[0])

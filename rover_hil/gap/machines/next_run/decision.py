@@ -7,17 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Key, predict_points
-from rover_hil.gap.machines.machine_fit import LEFT_OUT
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
 from rover_hil.gap.machines.next_run.prediction import Planning, Prediction
 from rover_hil.gap.machines.next_run.rules import Flags, kept_by_search
+from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array
 
-DRAWS = 100
-"""Simulated decisions for each explanation."""
 POINTS_AT_ONCE = 100
-MOST_CERTAIN = 0.99
-"""Greatest probability that is stated: the list of explanations itself is uncertain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +89,7 @@ def _left_out_squares(prediction: Prediction, data: Array) -> Array:
     root = np.linalg.cholesky(np.eye(prediction.mean.size) + starts @ starts.T)
     errors = np.linalg.solve(root, (data - prediction.mean).T)
     known = np.linalg.solve(root, shared)
-    share = 1.0 - LEFT_OUT
+    share = 1.0 - MACHINES.fit.left_out
     inner = np.eye(known.shape[1]) + share * known.T @ known
     left = errors - known @ np.linalg.solve(inner, share * known.T @ errors)
     found: Array = np.maximum((left**2).sum(axis=0), 1e-9)
@@ -106,7 +102,7 @@ def _drawn_rows(planning: Planning, index: int, rng: np.random.Generator) -> lis
     own, begin = planning.own_free(index), planning.points()[index]
     root = np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(hypothesis.shared)))
     points: list[dict[Key, float]] = []
-    for _ in range(DRAWS):
+    for _ in range(MACHINES.decision.draws):
         pulls = hypothesis.pulls + root @ rng.standard_normal(len(hypothesis.shared))
         values = {
             item.key: float(np.clip(item.mean + item.sd * pull, item.lower, item.upper))
@@ -150,7 +146,7 @@ def _outcome(
         variance += weight**2 * share * (1.0 - share) / draws
     weights = [one.weight for one in hypotheses]
     return Outcome(
-        right=min(float(np.dot(weights, right)), MOST_CERTAIN),
+        right=min(float(np.dot(weights, right)), MACHINES.decision.most_certain),
         wrong=wrong,
         error=math.sqrt(variance),
         by_hypothesis=tuple(right),
@@ -166,13 +162,13 @@ def simulate_repeats(
     """Return the probabilities after making a run several times, all linearised."""
     squares = []
     for truth in predictions:
-        pulls = rng.standard_normal((DRAWS, truth.shared.shape[1])) @ truth.shared.T
+        pulls = rng.standard_normal((MACHINES.decision.draws, truth.shared.shape[1])) @ truth.shared.T
         columns = []
         for _ in range(times):
             factor = np.hstack((truth.starts, truth.errors))
-            errors = rng.standard_normal((DRAWS, factor.shape[1])) @ factor.T
+            errors = rng.standard_normal((MACHINES.decision.draws, factor.shape[1])) @ factor.T
             data = truth.mean + pulls + errors + truth.excess * rng.standard_normal(pulls.shape)
-            rest = _rest(truth, DRAWS, rng)
+            rest = _rest(truth, MACHINES.decision.draws, rng)
             columns.append(np.stack([_left_out_squares(one, data) + rest for one in predictions]))
         squares.append(np.stack(columns, axis=2))
     return _outcome(hypotheses, squares, np.full(times, float(predictions[0].mean_rows.size)))

@@ -12,6 +12,7 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Observations, Point, Problem, cells
 from rover_hil.gap.machines.descent import residual_of
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.random_force import (
     ForceBasis,
     force_basis,
@@ -20,11 +21,6 @@ from rover_hil.gap.statistics.random_force import (
 )
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, MachineModel
-
-NEGLIGIBLE = 2e-3
-"""Size of a force, in its natural size, that is left out."""
-NOISE_ROOM = 1.05
-"""Root mean square error, in sensor noises, that counts as noise in a channel without ports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +40,7 @@ class Discrepancy:
     @property
     def is_negligible(self) -> bool:
         """True where nothing is left but noise."""
-        return all(size <= NEGLIGIBLE for size, _ in self.sizes) and not any(
+        return all(size <= MACHINES.decision.negligible for size, _ in self.sizes) and not any(
             size for size, _ in self.channels
         )
 
@@ -82,7 +78,7 @@ def _channel_errors(observations: Observations, residual: Array) -> tuple[tuple[
         series = [one for one in series if one.size]
         values = np.concatenate(series) if series else np.zeros(1)
         square = float(np.mean(values**2))
-        is_noise = square <= (NOISE_ROOM * channel.noise_sd) ** 2
+        is_noise = square <= (MACHINES.decision.noise_room * channel.noise_sd) ** 2
         size = 0.0 if is_noise else math.sqrt(square - channel.noise_sd**2)
         found.append((size, _correlation(series) if size else 1.0))
     return tuple(found)

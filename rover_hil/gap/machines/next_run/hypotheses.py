@@ -1,7 +1,6 @@
 """The explanations that are left, each with its weight, and "something else" among them."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +8,9 @@ from scipy import stats
 
 from rover_hil.gap.data.problem import Free, Key, Problem, run_of
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.gap_tests import GAP_ALPHA
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, jackknife_error
 from rover_hil.gap.machines.next_run.discrepancy import Discrepancy, learn_discrepancy, measured_basis
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.jackknife import scatter_of_runs
 from rover_hil.gap.statistics.random_force import ForceBasis
@@ -21,18 +20,6 @@ from sim_backends.models.interface import RUN_SEPARATOR, Array, Machine
 
 SOMETHING_ELSE = "something else"
 NO_EFFECT = "no effect"
-ELSE_WEIGHTS: Mapping[Answer, float] = {
-    Answer.NAMED: 0.1,
-    Answer.NAMED_SET: 0.1,
-    Answer.PARTLY_NAMED: 0.3,
-    Answer.UNNAMED: 0.5,
-    Answer.NOT_IDENTIFIABLE: 0.2,
-}
-"""Probability that the cause is in no list, before the next run; a convention, printed with the result."""
-MOST_NAMED = 5
-TOP_SCORES = 3
-"""Effects to take as explanations where the search accepted none, the best to first order."""
-LEAST_WEIGHT = 0.02
 CLEAR_T = 1.96
 LEAST_SPREAD = 1e-6
 """Of the logarithm of an error: explanations that predict the same are equally probable."""
@@ -81,11 +68,13 @@ def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypot
     named = _named(findings)
     odds = np.array([odds_of(one, named[0][2]) for _, _, one in named])
     shares = odds / odds.sum()
-    kept = [index for index in np.argsort(-shares, kind="stable") if shares[index] >= LEAST_WEIGHT][
-        :MOST_NAMED
-    ]
+    kept = [
+        index
+        for index in np.argsort(-shares, kind="stable")
+        if shares[index] >= MACHINES.hypotheses.least_weight
+    ][: MACHINES.hypotheses.most]
     basis = _basis(findings)
-    unknown = ELSE_WEIGHTS[answer]
+    unknown = _else_weight(answer)
     total = float(shares[kept].sum())
     found = [
         _hypothesis(findings, named[index], (1.0 - unknown) * float(shares[index]) / total, basis)
@@ -93,6 +82,18 @@ def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypot
     ]
     base = (SOMETHING_ELSE, findings.machine, findings.base)
     return [*found, _hypothesis(findings, base, unknown, basis, is_else=True)], basis
+
+
+def _else_weight(answer: Answer) -> float:
+    """Return the probability that the cause is in no list, before the next run."""
+    weights = {
+        Answer.NAMED: MACHINES.hypotheses.else_named,
+        Answer.NAMED_SET: MACHINES.hypotheses.else_named,
+        Answer.PARTLY_NAMED: MACHINES.hypotheses.else_partly_named,
+        Answer.UNNAMED: MACHINES.hypotheses.else_unnamed,
+        Answer.NOT_IDENTIFIABLE: MACHINES.hypotheses.else_not_identifiable,
+    }
+    return weights[answer]
 
 
 def _named(findings: MachineFindings) -> list[tuple[str, Machine, MachineFit]]:
@@ -103,7 +104,7 @@ def _named(findings: MachineFindings) -> list[tuple[str, Machine, MachineFit]]:
         found += [
             (_words(one), machine, one) for one in (findings.found.alternatives if findings.found else ())
         ]
-    elif findings.p_gap > GAP_ALPHA:
+    elif findings.p_gap > MACHINES.tests.alpha:
         found.append((NO_EFFECT, machine, best))
     found += [(_words(one), wider, one) for wider, one in findings.unlisted]
     rest = findings.runners_up if findings.found is not None else _scored(findings)
@@ -117,7 +118,9 @@ def _words(found: MachineFit) -> str:
 
 def _scored(findings: MachineFindings) -> list[MachineFit]:
     """Return the fits of the effects that explain most to first order."""
-    ranked = sorted(best_shapes(findings.scores), key=one_sided_z, reverse=True)[:TOP_SCORES]
+    ranked = sorted(best_shapes(findings.scores), key=one_sided_z, reverse=True)[
+        : MACHINES.hypotheses.top_scores
+    ]
     fits = MachineFits(findings.problem, findings.machine.effects)
     return fits.fit_all(
         [

@@ -16,15 +16,11 @@ from rover_hil.gap.machines.next_run.shapes import (
     periods_of,
     shaped,
 )
+from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array, Machine, Run
 from sim_backends.state_model.model import uniform_step_s
 
 TIME = "t_s"
-SCALES = (1.0, 0.25, 0.5, 0.75, 1.5, 2.0, 3.0, -1.0, -0.5)
-"""Factors on the inputs of a measured run."""
-LEAST_SAMPLES = 30
-MOST_SAMPLES = 4000
-"""Of a planned run whose length is chosen."""
 ROUNDING = 1e-6
 """Share of a sample by which a duration may miss a whole number of samples."""
 
@@ -125,10 +121,11 @@ def require_durations(machine: Machine, runs: Sequence[Run], allowed: Allowed) -
     if not allowed.duration_s or any(_has_duration(step_of(machine, run), run, allowed) for run in runs):
         return
     step_s = step_of(machine, runs[0])
+    least, most = MACHINES.planned.least_samples, MACHINES.planned.most_samples
     raise ConfigError(
         f"allowed runs: no run with duration_s {min(allowed.duration_s):g} to {max(allowed.duration_s):g} is "
-        f"possible; a run has {LEAST_SAMPLES} to {MOST_SAMPLES} samples, {LEAST_SAMPLES * step_s:g} to "
-        f"{MOST_SAMPLES * step_s:g} s: change duration_s"
+        f"possible; a run has {least} to {most} samples, {least * step_s:g} to {most * step_s:g} s: "
+        "change duration_s"
     )
 
 
@@ -194,7 +191,7 @@ def _repeats(machine: Machine, run: Run, runs: Sequence[Run], allowed: Allowed) 
     limits = _limits(runs, allowed, list(machine.inputs))
     changed = [name for name, one in limits.items() if "repeat" in one.shapes and np.any(run.inputs[name])]
     times_s = step_of(machine, run) * np.arange(_samples(run), dtype=np.float64)
-    for scale in SCALES if changed else SCALES[:1]:
+    for scale in MACHINES.planned.scales if changed else MACHINES.planned.scales[:1]:
         inputs = {name: (scale if name in changed else 1.0) * run.inputs[name] for name in machine.inputs}
         if not all(fits(one, inputs[name], times_s) for name, one in limits.items()):
             continue
@@ -287,9 +284,9 @@ def _limits_in_samples(allowed: Allowed, step_s: float) -> tuple[int, int]:
 def _counts(allowed: Allowed, step_s: float, measured: int) -> tuple[int, ...]:
     """Return the numbers of samples to plan: the shortest and the longest, or as measured; none may fit."""
     if not allowed.duration_s:
-        return (min(measured, MOST_SAMPLES),)
+        return (min(measured, MACHINES.planned.most_samples),)
     least, most = _limits_in_samples(allowed, step_s)
-    low, high = max(least, LEAST_SAMPLES), min(most, MOST_SAMPLES)
+    low, high = max(least, MACHINES.planned.least_samples), min(most, MACHINES.planned.most_samples)
     return tuple(dict.fromkeys((low, high))) if low <= high else ()
 
 

@@ -10,11 +10,10 @@ from rover_hil.gap.data.problem import Free, Indices, Key, Observations, Point, 
 from rover_hil.gap.machines.next_run.discrepancy import force_factor
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
 from rover_hil.gap.machines.next_run.planned import PlannedRun
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.random_force import ForceBasis, force_basis
 from sim_backends.models.interface import RUN_SEPARATOR, Array, MachineModel
 
-MOST_BLOCKS = 120
-"""Means of neighbouring samples that are compared in a run, over all channels."""
 FAR_NOISES = 1e6
 
 
@@ -223,7 +222,7 @@ def _blocks(observations: Observations, site: int) -> Blocks:
         for index in range(len(observations.channels))
         if np.any((observations.site == site) & (observations.channel == index))
     ]
-    most = max(MOST_BLOCKS // max(len(present), 1), 10)
+    most = max(MACHINES.decision.most_blocks // max(len(present), 1), 10)
     total = 0
     for index in present:
         cell = np.flatnonzero((observations.site == site) & (observations.channel == index))

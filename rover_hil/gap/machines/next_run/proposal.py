@@ -14,17 +14,10 @@ from rover_hil.gap.machines.next_run.decision import Outcome, simulate_repeats, 
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis, hypotheses_of, starts_of
 from rover_hil.gap.machines.next_run.planned import PlannedRun, planned_runs, with_names
 from rover_hil.gap.machines.next_run.prediction import Planning, Prediction
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Array
 from sim_backends.state_model.model import StateModel
-
-MOST_SIMULATED = 6
-"""Changed runs whose decision is simulated; in addition to all repetitions of a measured one."""
-SETTLED = 0.8
-"""Probability of a right verdict, where the cause is in the list, that counts as separated."""
-REPEATS = (2, 3, 5, 8)
-PAIR_APART = 2.0
-"""Distance of two explanations, in standard deviations, below which a run does not separate them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,11 +35,6 @@ class Effort:
     linearised: int
     repeated: int
     is_nonlinear: bool
-
-
-EQUATIONS = Effort(planned=200, linearised=30, repeated=8, is_nonlinear=True)
-UNIT = Effort(planned=40, linearised=8, repeated=3, is_nonlinear=False)
-"""Each simulation of a unit costs its own time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,7 +101,7 @@ def propose_run(
         return None
     advance("designing the next run")
     hypotheses, basis = hypotheses_of(findings, answer)
-    effort = EQUATIONS if isinstance(findings.machine, StateModel) else UNIT
+    effort = _effort(is_nonlinear=isinstance(findings.machine, StateModel))
     planned = with_names(
         planned_runs(
             findings.machine,
@@ -189,7 +177,7 @@ def _is_allowed(planning: Planning, site: int, means: Sequence[Array], allowed: 
 
 def _shortlist(planned: Sequence[PlannedRun], separations: Sequence[Separation]) -> list[int]:
     ranked = sorted(range(len(planned)), key=lambda index: -separations[index].votes)
-    changed = [index for index in ranked if not planned[index].is_repeat][:MOST_SIMULATED]
+    changed = [index for index in ranked if not planned[index].is_repeat][: MACHINES.proposal.most_simulated]
     return [*changed, *(index for index in ranked if planned[index].is_repeat)]
 
 
@@ -217,18 +205,24 @@ def _times(best: NextRun, hypotheses: Sequence[Hypothesis], rng: np.random.Gener
     if _is_settled(best.outcome, weights):
         return 1, best.outcome
     after = best.outcome
-    for times in REPEATS:
+    for times in MACHINES.proposal.repeats:
         after = simulate_repeats(hypotheses, best.predictions, times, rng)
         if _is_settled(after, weights):
             return times, after
     return 0, after
 
 
+def _effort(*, is_nonlinear: bool) -> Effort:
+    numbers = MACHINES.proposal.equations_effort if is_nonlinear else MACHINES.proposal.unit_effort
+    planned, linearised, repeated = numbers
+    return Effort(planned=planned, linearised=linearised, repeated=repeated, is_nonlinear=is_nonlinear)
+
+
 def _is_settled(outcome: Outcome, weights: Sequence[float]) -> bool:
     """Return True where the verdict is probably right, if the cause is in the list."""
     named = sum(weights[:-1])
     right = sum(weight * one for weight, one in zip(weights[:-1], outcome.by_hypothesis[:-1], strict=True))
-    return right >= SETTLED * named
+    return right >= MACHINES.proposal.settled * named
 
 
 def unseparated(proposal: Proposal) -> list[tuple[str, str]]:
@@ -237,5 +231,5 @@ def unseparated(proposal: Proposal) -> list[tuple[str, str]]:
     return [
         (proposal.hypotheses[one].name, proposal.hypotheses[other].name)
         for one, other in combinations(range(len(proposal.named)), 2)
-        if distances[one, other] < PAIR_APART
+        if distances[one, other] < MACHINES.proposal.pair_apart
     ]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
-from rover_hil.gap.machines.search import SET_LEVEL, SET_SHARE
+from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array
 
 Flags = NDArray[np.bool_]
@@ -64,7 +64,7 @@ def kept_by_search(hypotheses: Sequence[Hypothesis], squares: Array, counts: Arr
         for other in range(named):
             if other != index and len(hypotheses[other].fit.names) == len(hypotheses[index].fit.names):
                 gains = merits[-1] - merits[[other, index]]
-                is_as_good = gains[0] >= SET_SHARE * gains[1]
+                is_as_good = gains[0] >= MACHINES.search.set_share * gains[1]
                 stays |= within[other] | (is_as_good & _are_equal(table[other], table[index], number))
         alone[index] = (best == index) & ~stays
     return Kept(best=best, is_alone=alone, is_within_noise=within[best, np.arange(outcomes)])
@@ -81,6 +81,6 @@ def _are_equal(one: Array, other: Array, counts: Array) -> Flags:
         return np.ones(differences.shape[0], dtype=np.bool_)
     spread = np.std(differences, axis=1, ddof=1) / math.sqrt(runs)
     found: Flags = np.abs(differences.mean(axis=1)) / np.maximum(spread, 1e-12) < float(
-        stats.t.ppf(0.5 + 0.5 * SET_LEVEL, runs - 1)
+        stats.t.ppf(0.5 + 0.5 * MACHINES.search.set_level, runs - 1)
     )
     return found

@@ -6,17 +6,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from rover_hil.gap.machines.next_run.allowed import InputRange
+from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array
-
-STEP_AT = 0.1
-"""Share of the run before a step."""
-SINES = 5
-SHARES = (0.15, 0.4, 1.0)
-"""Amplitudes to try, as shares of what the limits leave."""
-PERIODS_OF_RUN = (2.0, 8.0)
-"""Periods in a run to try where none are declared."""
-SHORTEST_SAMPLES = 4.0
-"""Shortest period of a shape."""
 
 
 def centre_of(limits: InputRange) -> tuple[float, float]:
@@ -31,7 +22,7 @@ def amplitudes_of(limits: InputRange) -> tuple[float, ...]:
     greatest = centre_of(limits)[1]
     if limits.amplitudes:
         return tuple(one for one in limits.amplitudes if one <= greatest * (1.0 + 1e-9))
-    return tuple(share * greatest for share in SHARES) if greatest > 0.0 else ()
+    return tuple(share * greatest for share in MACHINES.planned.amplitude_shares) if greatest > 0.0 else ()
 
 
 def periods_of(limits: InputRange, duration_s: float, step_s: float) -> tuple[float, ...]:
@@ -40,8 +31,8 @@ def periods_of(limits: InputRange, duration_s: float, step_s: float) -> tuple[fl
         low, high = sorted(limits.period_s)
         found: tuple[float, ...] = (low, math.sqrt(low * high), high)
     else:
-        found = tuple(duration_s / count for count in PERIODS_OF_RUN)
-    return tuple(dict.fromkeys(one for one in found if one >= SHORTEST_SAMPLES * step_s))
+        found = tuple(duration_s / count for count in MACHINES.planned.periods_of_run)
+    return tuple(dict.fromkeys(one for one in found if one >= MACHINES.planned.shortest_samples * step_s))
 
 
 def shaped(shape: str, limits: InputRange, amplitude: float, period_s: float, times_s: Array) -> Array | None:
@@ -76,7 +67,7 @@ def has_period(shape: str) -> bool:
 
 
 def _step(times_s: Array, duration_s: float, _: float) -> Array:
-    return np.where(times_s >= STEP_AT * duration_s, 1.0, 0.0)
+    return np.where(times_s >= MACHINES.planned.step_at * duration_s, 1.0, 0.0)
 
 
 def _ramp(times_s: Array, duration_s: float, _: float) -> Array:
@@ -97,9 +88,9 @@ def _sweep(times_s: Array, duration_s: float, period_s: float) -> Array:
 
 
 def _multi_sine(times_s: Array, duration_s: float, period_s: float) -> Array:
-    rates = np.geomspace(1.0 / duration_s, 1.0 / period_s, SINES)
-    order = np.arange(SINES)
-    phases = -math.pi * order * (order + 1) / SINES
+    rates = np.geomspace(1.0 / duration_s, 1.0 / period_s, MACHINES.planned.sines)
+    order = np.arange(MACHINES.planned.sines)
+    phases = -math.pi * order * (order + 1) / MACHINES.planned.sines
     waves = np.sin(math.tau * rates[:, None] * times_s + phases[:, None]).sum(axis=0)
     found: Array = waves / max(float(np.abs(waves).max()), 1e-300)
     return found

@@ -7,17 +7,11 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Indices
 from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.output.machines.series import ForceTrace, Trace, trajectories
 from sim_backends.models.interface import Array
 
 TIME = "the time in the run"
-BINS = 10
-"""Ranges of a source with equally many samples."""
-LEAST_SHARE = 0.25
-"""Least share of the energy that a source must explain, in each run that agrees and in all together."""
-LEAST_RUNS = 2
-SIMPLER = 0.05
-"""Share by which a source must exceed one that comes earlier."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +124,7 @@ def find_source(
         if any(name not in one for one in sources):
             continue
         found = _explained(error, errors, noise, [one[name] for one in sources], (name, units[name]))
-        if found is not None and (best is None or found.share > best.share + SIMPLER):
+        if found is not None and (best is None or found.share > best.share + MACHINES.source.simpler):
             best = found
     return best
 
@@ -142,8 +136,8 @@ def _explained(
     source: Sequence[Array],
     label: tuple[str, str],
 ) -> ErrorSource | None:
-    edges = np.unique(np.quantile(np.concatenate(source), np.linspace(0.0, 1.0, BINS + 1)))
-    if len(errors) < LEAST_RUNS or edges.size <= LEAST_RUNS:
+    edges = np.unique(np.quantile(np.concatenate(source), np.linspace(0.0, 1.0, MACHINES.source.bins + 1)))
+    if len(errors) < MACHINES.source.least_runs or edges.size <= MACHINES.source.least_runs:
         return None
     bins = [np.clip(np.searchsorted(edges, one, "right") - 1, 0, edges.size - 2) for one in source]
     counts = np.stack(
@@ -160,9 +154,15 @@ def _explained(
         gains.append(float(np.sum(values**2) - np.sum((values - predicted) ** 2)))
         excesses.append(max(float(np.sum(values**2)) - noise[run], 0.0))
     total = sum(excesses)
-    agreeing = sum(gain >= LEAST_SHARE * own > 0.0 for gain, own in zip(gains, excesses, strict=True))
+    agreeing = sum(
+        gain >= MACHINES.source.least_share * own > 0.0 for gain, own in zip(gains, excesses, strict=True)
+    )
     explained = sum(max(gain, 0.0) for gain in gains)
-    if total <= 0.0 or agreeing < LEAST_RUNS or explained < LEAST_SHARE * total:
+    if (
+        total <= 0.0
+        or agreeing < MACHINES.source.least_runs
+        or explained < MACHINES.source.least_share * total
+    ):
         return None
     low, high = _largest(sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1.0), edges)
     return ErrorSource(

@@ -11,7 +11,7 @@ from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.machine_fit import MachineFit
-from rover_hil.gap.machines.verdict import FAR_SD
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.output.answer_style import GRADES, TAGS
 from rover_hil.gap.output.machines import figures, force_figures
 from rover_hil.gap.output.machines.draft_file import draft_lines
@@ -136,7 +136,7 @@ def _bases(findings: MachineFindings) -> list[BaseRow]:
                 (size.low, size.high),
                 before.get(item.name) if findings.best.names else None,
                 after[item.name],
-                abs(after[item.name]) > FAR_SD,
+                abs(after[item.name]) > MACHINES.verdict.far_sd,
             )
         )
     return rows
