@@ -160,6 +160,10 @@ class ControlLoop:
         motion_ns = self._estimator.motion_ns
         return motion_ns is not None and now_ns - motion_ns <= self._motion_age_ns
 
+    def _valid_slip(self) -> float | None:
+        excited = None if self._effort is None else self._effort.excited
+        return None if excited is None or excited.slip.reason else excited.slip.slip
+
     def _guide(
         self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]
     ) -> Guidance | None:
@@ -183,6 +187,7 @@ class ControlLoop:
                 rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
                 unseen_m=self._estimator.unseen_m,
                 unseen_rad=self._estimator.unseen_rad,
+                slip=self._valid_slip(),
             )
         )
         for wheel_rad, yaw_rad in supervisor.doubts:
@@ -210,7 +215,7 @@ class ControlLoop:
         excited = None if self._effort is None else self._effort.excited
         if excited is not None:
             now_s = seconds(now_ns)
-            yaw_rate_rad_s += excited.excitation.yaw_rate_rad_s(now_s)
+            yaw_rate_rad_s += excited.yaw_rate_rad_s(now_s)
             if excited.waits_in_place(now_s):
                 velocity_x_m_s = velocity_y_m_s = 0.0
         twist = (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s)

@@ -58,6 +58,7 @@ class Cycle(NamedTuple):
         rejected_rate_rad_s: Newest reading of the gyro if the rover cannot turn that fast; else None.
         unseen_m: Standard deviation of the position from motion that was not measured.
         unseen_rad: The same of the yaw.
+        slip: Valid slip of the rover; None where it is unknown.
     """
 
     now_ns: int
@@ -73,6 +74,7 @@ class Cycle(NamedTuple):
     rejected_rate_rad_s: float | None = None
     unseen_m: float = 0.0
     unseen_rad: float = 0.0
+    slip: float | None = None
 
 
 class StopRule(ABC):

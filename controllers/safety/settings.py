@@ -6,6 +6,7 @@ from pydantic import Field
 
 from controllers.roles import DeviceRoles
 from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
+from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
 from controllers.safety.estimate_rules import (
     FiniteEstimateRule,
     MotionRule,
@@ -34,6 +35,7 @@ class SafetySettings(
     GyroReadingSettings,
     HeadingTurnSettings,
     UnseenSettings,
+    EntrapmentSettings,
 ):
     """When the rover stops, and when it moves again.
 
@@ -73,5 +75,6 @@ def make_rules(
         HeadingTurnRule(settings, roles, heading_lag_s),
         InnovationMonitor(settings),
         StallMonitor(settings, wheel_count),
+        EntrapmentRule(settings),
         UnseenMotionRule(settings, roles),
     )

@@ -18,6 +18,7 @@ from controllers.slip.effort.gyro_watch import (
     NOT_COMPARED,
 )
 from controllers.slip.effort.parameters import EFFORT
+from controllers.slip.effort.yaw_excitation import SPRINGS
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES
 from tests.controllers.slip_bench import KINEMATICS, PERIOD_S, PRIOR, Bench, wheel_speeds
@@ -395,6 +396,17 @@ def test_a_surface_that_the_user_named_comes_before_the_held_slip() -> None:
     assert rover_slip(report).source == "map"
     assert rover_slip(report).slip == pytest.approx(0.5)
     assert not any(wheel.valid for wheel in report.wheels)
+
+
+def test_the_excitation_pauses_where_the_contact_springs() -> None:
+    bench = compared()
+    excited = bench.slip.excited
+    assert excited is not None
+    assert excited.yaw_rate_rad_s(100.05) != 0.0
+    report = excite(bench, -0.6, 1.0)
+    assert {wheel.reason for wheel in report.wheels} == {SPRINGS}
+    assert [excited.yaw_rate_rad_s(t_s) for t_s in (100.15, 105.04)] == [0.0, 0.0]
+    assert excited.yaw_rate_rad_s(105.15) != 0.0
 
 
 def test_a_transmission_loss_outside_the_table_is_flagged() -> None:

@@ -13,6 +13,7 @@ from controllers.slip.effort.yaw_excitation import (
     ExcitationResponse,
     YawExcitation,
     YawExcitationMap,
+    contact_slip,
     range_problem,
     slip_of,
 )
@@ -173,3 +174,36 @@ def test_other_travel_than_that_of_the_drives_is_flagged(travelled_m: complex, p
 def test_maps_out_of_range_are_rejected(key: str, value: object) -> None:
     with pytest.raises(ValidationError, match=key):
         YawExcitationMap.model_validate({**PROBE.model_dump(by_alias=True), key: value})
+
+
+@pytest.mark.parametrize("slip", [0.03, 0.1, 0.3])
+@pytest.mark.parametrize("speed_m_s", [0.07, 0.13, 0.2])
+def test_slip_by_contact_is_that_of_a_linear_contact_with_drag(slip: float, speed_m_s: float) -> None:
+    """Drag over the slope of the grip is the slip, s / (1 - s) in the linearised response of the body."""
+    lag = 0.5 * speed_m_s / 0.13
+    response = 1.0 / (1.0 + slip / (1.0 - slip) + 1j * lag)
+    found = contact_slip(response, speed_m_s, 0.06, 0.03)
+    assert found.slip == pytest.approx(slip, abs=3.0 * found.sd)
+    assert found.sd < 0.2
+
+
+def test_the_uncertainty_grows_with_slip_lag_and_relaxation() -> None:
+    def sd(response: complex, unsure_rad: float = 0.0, unsure_gain: float = 0.0) -> float:
+        return contact_slip(response, 0.13, unsure_rad, unsure_gain).sd
+
+    firm, soft = 1.0 / (1.01 + 0.05j), 1.0 / (1.4 + 0.5j)
+    assert sd(soft) > 3.0 * sd(firm)
+    assert sd(firm, unsure_rad=0.1) > sd(firm)
+    assert sd(firm, unsure_gain=0.1) > sd(firm)
+    assert sd(1.0 / (0.8 + 0.05j)) > sd(firm) + 0.02
+
+
+@given(st.complex_numbers(max_magnitude=3.0, allow_nan=False), st.floats(0.0, 1.0))
+def test_slip_by_contact_is_a_slip(response: complex, speed_m_s: float) -> None:
+    found = contact_slip(response, speed_m_s, 0.06, 0.03)
+    assert 0.0 <= found.slip <= 1.0
+    assert 0.0 < found.sd < 3.0
+
+
+def test_a_rover_that_does_not_follow_slips_completely() -> None:
+    assert contact_slip(0j, 0.13, 0.0, 0.0).slip > 0.95

@@ -9,6 +9,7 @@ from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.gyro_watch import GyroWatch
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.yaw_excitation import (
+    SPRINGS,
     ContactSlip,
     ExcitationResponse,
     YawExcitation,
@@ -85,6 +86,8 @@ class ExcitedSlip:
         )
         self._began_s: float | None = None
         self._valid_windows = 0
+        self._now_s = 0.0
+        self._pause_end_s = 0.0
         self.slip = RoverSlip(
             slip=0.0, sd=1.0, source=SlipSource.ENCODERS, reason=self.watch.reason, gyro_lag_s=None
         )
@@ -98,6 +101,11 @@ class ExcitedSlip:
         if self._began_s is None:
             self._began_s = t_s
         return not self.watch.is_compared and t_s - self._began_s < EFFORT.watch.longest_s
+
+    def yaw_rate_rad_s(self, t_s: float) -> float:
+        """Return what to add to the commanded yaw rate at a time; 0 during a pause."""
+        self._now_s = t_s
+        return 0.0 if t_s < self._pause_end_s else self.excitation.yaw_rate_rad_s(t_s)
 
     def take(self, response: ExcitationResponse, travelled_m: complex, map_slip: float | None) -> RoverSlip:
         """Take one window; return the slip to use from here on.
@@ -122,6 +130,10 @@ class ExcitedSlip:
 
     def _read(self, response: ExcitationResponse, travelled_m: complex) -> tuple[ContactSlip, str]:
         """Return the slip by this window alone, and why it is not valid; else empty."""
+        if response.reason == SPRINGS and self._now_s >= self._pause_end_s:
+            self._pause_end_s = self._now_s + EFFORT.excitation.pause_s
+        if self._now_s < self._pause_end_s:
+            return ContactSlip(0.0, 1.0), SPRINGS
         if response.reason:
             return ContactSlip(0.0, 1.0), response.reason
         speed_m_s = abs(travelled_m) / EFFORT.excitation.window_s

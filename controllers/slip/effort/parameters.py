@@ -51,6 +51,10 @@ class ExcitationParameters:
     least_amplitude: float = 0.3  # of the wheels, over the commanded one
     least_distance_m: float = 0.02  # shorter travel in a window has no direction, and its slip hardly matters
     least_readings: float = 4.0  # of the gyro in a period
+    # Near the resonance of relaxation length and inertia the gyro follows the wheels with the wrong sign, and
+    # the rule about a gyro that does not follow would stop the rover: so the excitation pauses.
+    resonance: float = 1.35  # of the body over the wheels
+    pause_s: float = 5.0
     greatest_residual: float = 0.7  # of the wheels' yaw rate after the fit, over the sinusoid
 
 

@@ -20,6 +20,7 @@ from controllers.slip.effort.travel_range import travel_problem
 from controllers.slip.interpolation import check_rising, interpolate
 from drivers.settings import Settings
 
+SPRINGS = "the contact springs at the frequency of the excitation, which pauses"
 Array = NDArray[np.float64]
 SMALLEST_SHARE = 0.01
 """Of the excitation; below it the slip is that of a rover that does not follow at all."""
@@ -137,7 +138,10 @@ class YawExcitation:
             np.sinc(frequency_hz * elapsed_s.mean())
         )
         gyro_amplitude = complex(gyro_fit[0], -gyro_fit[1])
-        if abs(wheel_amplitude) < parameters.least_amplitude * self._settings.amplitude_rad_s:
+        size_rad_s = parameters.least_amplitude * self._settings.amplitude_rad_s
+        if abs(gyro_amplitude) > max(size_rad_s, parameters.resonance * abs(wheel_amplitude)):
+            return NO_SHARE._replace(reason=SPRINGS)
+        if abs(wheel_amplitude) < size_rad_s:
             return NO_SHARE._replace(reason="the wheels do not shake as asked")
         if wheel_rest > parameters.greatest_residual * abs(wheel_amplitude):
             return NO_SHARE._replace(reason="the yaw rate changes too much besides the shake")
