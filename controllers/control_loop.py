@@ -188,6 +188,8 @@ class ControlLoop:
                 unseen_m=self._estimator.unseen_m,
                 unseen_rad=self._estimator.unseen_rad,
                 slip=self._valid_slip(),
+                set_steering_rad=self._steering_rad,
+                steering_rad=self._estimator.steering.angles_rad,
             )
         )
         for wheel_rad, yaw_rad in supervisor.doubts:

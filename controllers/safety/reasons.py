@@ -59,6 +59,8 @@ class Cycle(NamedTuple):
         unseen_m: Standard deviation of the position from motion that was not measured.
         unseen_rad: The same of the yaw.
         slip: Valid slip of the rover; None where it is unknown.
+        set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
+        steering_rad: Steering angles, one per wheel; empty where no wheel steers.
     """
 
     now_ns: int
@@ -75,6 +77,8 @@ class Cycle(NamedTuple):
     unseen_m: float = 0.0
     unseen_rad: float = 0.0
     slip: float | None = None
+    set_steering_rad: tuple[float, ...] = ()
+    steering_rad: tuple[float, ...] = ()
 
 
 class StopRule(ABC):

@@ -25,12 +25,14 @@ from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSetting
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
+from controllers.safety.steering_monitor import SteeringMonitor, SteeringSettings
 
 
 class SafetySettings(
     BumperSettings,
     InnovationSettings,
     StallSettings,
+    SteeringSettings,
     GyroTurnSettings,
     GyroReadingSettings,
     HeadingTurnSettings,
@@ -76,5 +78,6 @@ def make_rules(
         InnovationMonitor(settings),
         StallMonitor(settings, wheel_count),
         EntrapmentRule(settings),
+        SteeringMonitor(settings),
         UnseenMotionRule(settings, roles),
     )

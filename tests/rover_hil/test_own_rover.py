@@ -56,3 +56,23 @@ def test_the_simulated_rover_has_the_wheels_of_the_configuration_unless_it_has_i
     plant = load_config(str(path)).require_simulation().plant
     assert plant.type == "wheels"
     assert {wheel.radius_m for wheel in plant.wheels} == {0.051}
+
+
+def test_a_jammed_steering_stops_the_rover() -> None:
+    config = load_config(str(EXAMPLES / "six_wheels.toml"), VIRTUAL_RUN_CHECKS)
+    simulation = config.require_simulation()
+    plant = simulation.plant
+    assert plant.type == "wheels"
+    jammed = plant.wheels[0].model_copy(
+        update={"steering": plant.wheels[0].steering.model_copy(update={"rate_deg_s": 1e-6})}
+        if plant.wheels[0].steering is not None
+        else {}
+    )
+    broken = plant.model_copy(update={"wheels": (jammed, *plant.wheels[1:])})
+    config = config.model_copy(
+        update={
+            "simulation": simulation.model_copy(update={"plant": broken}),
+            "loop": config.loop.model_copy(update={"time_limit_s": 14.0}),
+        }
+    )
+    assert drive(config).mode is Mode.SAFE_STOP

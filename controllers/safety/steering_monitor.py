@@ -1,0 +1,55 @@
+"""Stop rule about wheels that do not steer as they are commanded to."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field
+
+from controllers.safety.reasons import Cycle, StopReason, StopRule
+from drivers.clock import nanoseconds
+from drivers.settings import Settings
+
+PROGRESS_RAD = math.radians(1.0)
+"""A wheel that has come closer to its set-point by this much steers."""
+
+
+class SteeringSettings(Settings):
+    """When a wheel that does not steer stops the rover; only for steering angles that the device reports.
+
+    Attributes:
+        steering_s: The rover stops when a wheel has been farther than `steering_error_deg` from its steering
+            set-point for this long and has not come closer by a degree.
+        steering_error_deg: A wheel that is closer follows its set-point.
+    """
+
+    steering_s: Annotated[float, Field(ge=0.1, le=60.0)] = 2.0
+    steering_error_deg: Annotated[float, Field(ge=1.0, le=90.0)] = 10.0
+
+
+class SteeringMonitor(StopRule):
+    """Measures for how long each wheel has not come closer to its steering set-point."""
+
+    def __init__(self, settings: SteeringSettings) -> None:
+        self._settings = settings
+        self._limit_rad = math.radians(settings.steering_error_deg)
+        self._started: dict[int, tuple[int, float]] = {}
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason for every wheel that does not steer."""
+        pairs = zip(cycle.set_steering_rad, cycle.steering_rad, strict=False)
+        for wheel, (target, angle) in enumerate(pairs):
+            error_rad = target - angle
+            if abs(error_rad) < self._limit_rad:
+                self._started.pop(wheel, None)
+                continue
+            since_ns, from_rad = self._started.setdefault(wheel, (cycle.now_ns, angle))
+            if math.copysign(1.0, error_rad) * (angle - from_rad) > PROGRESS_RAD:
+                self._started[wheel] = (cycle.now_ns, angle)
+            elif cycle.now_ns - since_ns >= nanoseconds(self._settings.steering_s):
+                angles = f"commanded {math.degrees(target):.0f} deg, measured {math.degrees(angle):.0f} deg"
+                yield StopReason(
+                    "steering",
+                    f"wheel {wheel}: has not steered for {self._settings.steering_s:g} s: {angles}; the "
+                    "steering is jammed, not powered, or its sign is wrong",
+                )
