@@ -26,7 +26,10 @@ from drivers.units import STANDARD_GRAVITY_M_S2
 HEADER = 0x55
 ACCELERATION, RATE, ANGLE, MAGNETIC = 0x51, 0x52, 0x53, 0x54
 KNOWN_TYPES = frozenset({*range(0x50, 0x5B), 0x5F})
+REGISTERS = 0x5F
 FRAME_SIZE = 11
+READ_BANDWIDTH = bytes((0xFF, 0xAA, 0x27, 0x1F, 0x00))
+"""Request to read the register of the bandwidth; the answer is a frame of `REGISTERS`."""
 
 ACCELERATION_STEP_M_S2 = 16.0 * STANDARD_GRAVITY_M_S2 / 32768
 RATE_STEP_RAD_S = math.radians(2000.0) / 32768
@@ -89,6 +92,7 @@ class WitMotionCodec:
             ACCELERATION: self._read_acceleration,
             RATE: self._read_rate,
             ANGLE: self._read_angle,
+            REGISTERS: _read_nothing,
         }
         if calibration is not None:
             self._readers[MAGNETIC] = self._read_magnetic
@@ -161,6 +165,11 @@ class WitMotionCodec:
     def _heading(self, t_ns: int, yaw_rad: float) -> HeadingSample:
         reference = HeadingReference.MAGNETIC
         return HeadingSample(device=self._name, t_ns=t_ns, heading_rad=yaw_rad, reference=reference)
+
+
+def _read_nothing(t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
+    """Return no sample of an answer to a request for registers; the doctor reads it."""
+    return ()
 
 
 def _unreadable(data: bytes, position: int) -> str | None:

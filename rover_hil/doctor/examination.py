@@ -19,6 +19,7 @@ from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.faults import check_faults
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem, warning
 from rover_hil.doctor.frames import check_frames
+from rover_hil.doctor.gyro_bandwidth import check_gyro_bandwidth
 from rover_hil.doctor.installation import DISTRIBUTION, check_installation
 from rover_hil.doctor.listening import OpenDevice, Reception, listen, open_device
 from rover_hil.doctor.no_data import check_no_data
@@ -90,6 +91,7 @@ def check_reception(reception: Reception, config: Config) -> list[Finding]:
         *check_rejections(reception),
         *check_faults(reception, bumper_stops=config.safety.bumper_stops),
         *check_device_clock(reception),
+        *check_gyro_bandwidth(reception, config),
     ]
     if isinstance(settings, CanWheelsSettings):
         findings += check_traffic(reception, settings)

@@ -14,6 +14,8 @@ from drivers.registry import AnyDeviceSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import FrameSample, Sample
+from drivers.witmotion.codec import READ_BANDWIDTH
+from drivers.witmotion.settings import WitMotionSettings
 
 POLL_STEP_NS = 5_000_000
 NO_PIXELS = np.zeros((0, 0), dtype=np.uint8)
@@ -87,6 +89,8 @@ def open_device(name: str, settings: AnyDeviceSettings, clock: Clock) -> OpenDev
         driver = settings.make_driver(name, link, clock, recorder)
         if isinstance(settings, RobotinoBoardSettings | Robotino3BoardSettings):
             request = partial(_send, link, settings.make_codec(name).encode_stop())
+        elif isinstance(settings, WitMotionSettings):
+            request = _Once(partial(_send, link, (READ_BANDWIDTH,)))
     driver.connect(timeout_s=0.0)
     return OpenDevice(settings, driver, request, recorder)
 
@@ -123,6 +127,18 @@ def listen(
         clock.sleep_until(min(now_ns + POLL_STEP_NS, next_request_ns, end_ns))
     pause_s = seconds(max(pause_ns, now_ns - last_ns))
     return [_reception(device, start_ns, clock.now_ns(), pause_s) for device in devices]
+
+
+class _Once:
+    """Sends a request at the second call only: the first bytes to a new link may be lost."""
+
+    def __init__(self, send: Callable[[], None]) -> None:
+        self._send, self._calls = send, 0
+
+    def __call__(self) -> None:
+        self._calls += 1
+        if self._calls == 2:
+            self._send()
 
 
 def _request_nothing() -> None:
