@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 
 from benchmarks.ftrace.peers import PlanarFlow
-from benchmarks.ftrace.scores import Found, Judged, figures, judge, together
+from benchmarks.ftrace.scores import Floats, Found, Judged, figures, judge, together
 from controllers.ftrace.estimator import TraceEstimator
 from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
@@ -40,10 +40,11 @@ COLUMNS = {
     "longest_run": "run",
     "misidentified_pct": "misident. %",
     "false_pct": "false %",
-    "hold_rms_deg": "hold",
     "roc": "ROC",
     "tracked_ms": "ms",
 }
+OTHER_COLUMNS = ("calibration", "ms, flow+gyro", "hold, deg", "hold, flow+gyro")
+"""The error of the angle is of all frames, with a trace or without."""
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0 + 1e-9)
 UNKNOWN = dict.fromkeys(
     (
@@ -100,8 +101,8 @@ def main() -> int:
     parser.add_argument("--drives", type=Path, help="folder in which rendered drives are kept")
     given = parser.parse_args()
     cv2.setNumThreads(1)
-    sys.stdout.write(f"| scene | {' | '.join(COLUMNS.values())} | calibration | hold, flow+gyro | its ms |\n")
-    sys.stdout.write("|---" * (len(COLUMNS) + 4) + "|\n")
+    sys.stdout.write(f"| scene | {' | '.join(COLUMNS.values())} | {' | '.join(OTHER_COLUMNS)} |\n")
+    sys.stdout.write("|---" * (len(COLUMNS) + len(OTHER_COLUMNS) + 1) + "|\n")
     everything: Finders = {}
     with TemporaryDirectory() as temporary:
         kept = given.drives or Path(temporary)
@@ -127,10 +128,18 @@ def _report(name: str, parts: Finders) -> None:
     ours, flow = together(parts["fused"]), figures(together(parts["flow+gyro"]))
     values = figures(ours)
     cells = [values[key] for key in COLUMNS]
-    cells += [calibration_error(ours), flow["hold_rms_deg"], flow["tracked_ms"]]
+    cells += [
+        calibration_error(ours),
+        flow["tracked_ms"],
+        *(_rms(judged.hold_deg) for judged in (ours, together(parts["flow+gyro"]))),
+    ]
     text = " | ".join("-" if math.isnan(cell) else f"{cell:.2f}" for cell in cells)
     sys.stdout.write(f"| {name} | {text} |\n")
     sys.stdout.flush()
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _fused(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryRow]) -> Found:

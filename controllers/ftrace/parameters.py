@@ -163,10 +163,15 @@ class PresenceParameters:
 
     least_length_m: float = 0.20  # of a trace that counts as present
     start_error_m: float = 0.02  # of the distance travelled, for the first trace
-    lock_odds: float = 2.5  # a trace appears
+    lock_odds: float = 3.0  # a trace appears
     keep_odds: float = -1.0  # a trace that was present remains
-    start_odds: float = 5.0  # a trace has filled the view since the first frame
+    start_odds: float = 6.5  # a trace has filled the view since the first frame
     light_known_m: float = 0.06  # least travel for that: until then shadows cannot be separated from tone
+    clear_odds: float = 6.0  # the length of a trace with these odds is known
+    shortest_m: float = 0.18  # strips of such a trace; the last one is covered in part
+    followed_m: float = 0.22  # strips of followed ground, for a trace before the usual start
+    end_known_m: float = 0.12  # least travel after which the motion of a trace's far end is known
+    end_share: float = 0.5  # of the travel: an end that moves further moves with the ground
     signature_gain: float = 0.1  # per frame
 
 
@@ -181,7 +186,7 @@ class StripParameters:
     views: int = 24  # kept of each strip
     view_m: float = 0.010  # least travel between two views
     least_strips: int = 4  # of a stretch of trace
-    bare_sd: float = 0.30  # of the mean of many strips of bare ground
+    bare_sd: tuple[float, ...] = (0.6, 0.5, 0.4, 0.3, 0.3)  # by kernel, of the mean of many bare strips
     strip_sd: float = 0.65  # of a single strip
     independent: float = 0.43  # share of strips that count as independent: neighbours are alike
     trace_mean: tuple[float, ...] = (0.0, 0.0, 0.0, 1.45, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -195,10 +200,15 @@ class StripParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfidenceParameters:
-    """Logistic regression of "trace present, angle within 5 deg" on the logarithm of the odds."""
+    """Logistic regression of "trace present, angle within 5 deg" on the logarithm of the odds.
 
-    constant: float = -1.0
-    odds: float = 0.6
+    Fitted on the development drives of three renderers (5366 frames), then flattened by hand for odds near 1,
+    where the regression was too cautious.
+    """
+
+    constant: float = 0.1
+    odds: float = 0.52
+    most_in_doubt: float = 0.4  # where no trace is reported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ class Presence:
     """Decides, frame by frame, whether the trace is present.
 
     A trace that was present needs less evidence than one that appears. Until the rover has moved far enough
-    to leave a trace that counts, only one that fills the view is accepted.
+    to leave a trace that counts, more evidence is needed, and the trace must move with the ground.
 
     Args:
         start_m: Distance after which a trace that counts can be in view.
@@ -26,6 +26,7 @@ class Presence:
         self._parameters = parameters
         self._travelled_m = 0.0
         self._signature = np.zeros(0)
+        self._first: tuple[float, float] | None = None
         self.locked = False
 
     @property
@@ -51,12 +52,32 @@ class Presence:
         elif self._travelled_m > self._start_m + numbers.start_error_m:
             present = stretch.log_odds > numbers.lock_odds
         else:
-            is_old = stretch.fills_view and self._travelled_m > numbers.light_known_m
-            present = is_old and stretch.log_odds > numbers.start_odds
+            present = stretch.log_odds > numbers.start_odds and self._was_there_before(stretch)
+        # The length of a clear trace is known; a shorter one does not count as present.
+        is_clear = stretch.log_odds > numbers.clear_odds
+        present = present and not (is_clear and stretch.length_m < numbers.shortest_m)
         self.locked = present
+        if stretch.log_odds < numbers.start_odds:
+            self._first = None
         if present:
             now = stretch.sums / max(float(np.linalg.norm(stretch.sums)), 1e-6)
             gain = numbers.signature_gain if self._signature.size else 1.0
             signature = now if gain == 1.0 else self._signature + gain * (now - self._signature)
             self._signature = signature / max(float(np.linalg.norm(signature)), 1e-6)
         return present
+
+    def _was_there_before(self, stretch: Stretch) -> bool:
+        """Return whether a clear trace at the start moves with the ground, as far as one can see.
+
+        It fills the view; or its ground was followed over a length that counts; or its far end moves away
+        from the wheel, which that of a shadow of the wheel does not.
+        """
+        numbers = self._parameters
+        if stretch.fills_view and self._travelled_m > numbers.light_known_m:
+            return True
+        if stretch.is_followed and stretch.length_m > numbers.followed_m:
+            return True
+        if self._first is None:
+            self._first = self._travelled_m, stretch.length_m
+        since_m, grown_m = self._travelled_m - self._first[0], stretch.length_m - self._first[1]
+        return since_m > numbers.end_known_m and grown_m > numbers.end_share * since_m

@@ -28,6 +28,7 @@ class Stretch:
         log_odds: Logarithm of the odds of a trace against bare ground.
         length_m: Length of the stretch, 0 without one.
         fills_view: The stretch reaches the far end of the view.
+        is_followed: Its strips were seen in several frames, on a known path.
         reading: Index of the curve that shows it best.
         sums: Mean answers of its strips, one for each kernel.
     """
@@ -35,11 +36,14 @@ class Stretch:
     log_odds: float
     length_m: float
     fills_view: bool
+    is_followed: bool
     reading: int
     sums: Floats
 
 
-NO_STRETCH = Stretch(log_odds=-np.inf, length_m=0.0, fills_view=False, reading=0, sums=np.zeros(2 * KERNELS))
+NO_STRETCH = Stretch(
+    log_odds=-np.inf, length_m=0.0, fills_view=False, is_followed=False, reading=0, sums=np.zeros(2 * KERNELS)
+)
 """Where too little ground is in view."""
 
 
@@ -64,6 +68,7 @@ class TraceStrips:
         mirror = np.eye(KERNELS) / np.sqrt(2.0)
         self._to_even_odd: Floats = np.block([[mirror, mirror], [mirror, -mirror]])
         self._mean: Floats = np.asarray(parameters.trace_mean, np.float64)
+        self._bare: Floats = np.tile(np.asarray(parameters.bare_sd, np.float64) ** 2, 2)
         self._variance: Floats = np.asarray(parameters.trace_sd, np.float64) ** 2
 
     def update(self, answers: Floats, valid: Mask, moved_m: float) -> None:
@@ -109,7 +114,8 @@ class TraceStrips:
         if len(slots) < self._parameters.least_strips:
             return NO_STRETCH
         found = self._most_likely(self._medians(slots), int((names >= 0).sum()))
-        return replace(found, fills_view=found.fills_view and bool(known[valid].all()))
+        fills_view = found.fills_view and bool(known[valid].all())
+        return replace(found, fills_view=fills_view, is_followed=True)
 
     def stretch_at_once(self, answers: Floats, valid: Mask) -> Stretch:
         """Return the most likely stretch of trace in a single frame.
@@ -142,6 +148,7 @@ class TraceStrips:
             log_odds=greatest + float(np.log(np.exp(ratio - greatest).sum())),
             length_m=float(count[best, 0]) * self._block_m,
             fills_view=int(last[best]) >= seen - 1,
+            is_followed=False,
             reading=int(which),
             sums=np.asarray(mean[which, best]),
         )
@@ -152,7 +159,7 @@ class TraceStrips:
         Without a trace, the ground is bare, or an edge runs on one side of the path, as of a shadow.
         """
         numbers = self._parameters
-        noise = numbers.bare_sd**2 + numbers.strip_sd**2 / (numbers.independent * count)
+        noise = self._bare + numbers.strip_sd**2 / (numbers.independent * count)
         parts = mean @ self._to_even_odd.T
         trace = _log_density(parts - self._mean, noise + self._variance)
         one_side = np.repeat([0.0, numbers.edge_sd**2], KERNELS)

@@ -138,6 +138,7 @@ class RutTracker:
                 curve, edges, stretch = searched, other_edges, at_once
         self._confidence = confidence(stretch.log_odds, self._numbers.confidence)
         if not self._presence.update(stretch, moved_m):
+            self._confidence = min(self._confidence, self._numbers.confidence.most_in_doubt)
             return False
         signature = self._presence.signature
         best = edges[0][stretch.reading], edges[1][stretch.reading]

@@ -10,7 +10,9 @@ from controllers.ftrace.rut.strips import KERNELS, Stretch
 
 NUMBERS = DEFAULTS.presence
 START_M, STEP_M = 0.3, 0.016
-CLEAR = Stretch(log_odds=20.0, length_m=0.4, fills_view=True, reading=0, sums=np.ones(2 * KERNELS))
+CLEAR = Stretch(
+    log_odds=20.0, length_m=0.4, fills_view=True, is_followed=False, reading=0, sums=np.ones(2 * KERNELS)
+)
 NOTHING = replace(CLEAR, log_odds=-6.0)
 
 
@@ -44,6 +46,25 @@ def test_before_the_wheel_can_have_left_a_trace_only_one_that_fills_the_view_is_
 
         assert found[-1] is expected
         assert not any(found[:3])
+
+
+def test_a_trace_begun_before_the_drive_is_accepted_once_its_ground_was_followed() -> None:
+    begun = replace(CLEAR, fills_view=False, is_followed=True)
+
+    assert Presence(START_M, NUMBERS).update(begun, STEP_M)
+    assert not Presence(START_M, NUMBERS).update(replace(begun, length_m=0.16), STEP_M)
+
+
+def test_a_trace_begun_before_the_drive_is_accepted_when_its_far_end_moves_with_the_ground() -> None:
+    for grows, expected in ((1.0, True), (0.0, False)):
+        presence = Presence(START_M, NUMBERS)
+        frames = [
+            replace(CLEAR, fills_view=False, length_m=0.2 + grows * STEP_M * frame) for frame in range(12)
+        ]
+        found = [presence.update(shown, STEP_M) for shown in frames]
+
+        assert found[-1] is expected
+        assert not any(found[:6])
 
 
 def test_standing_still_no_trace_appears() -> None:
