@@ -57,6 +57,7 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
         camera_in_pixels=False,
         rover=rover,
         gyro=gyro - (origin_s, 0.0),
+        gyro_response=None if drive.config.slip is None else drive.config.slip.gyro_response,
         truth=true.source,
         fix_sd_m=None if true.is_exact else sd_m,
     )

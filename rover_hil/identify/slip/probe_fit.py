@@ -10,6 +10,7 @@ from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.yaw_excitation import (
     YawExcitation,
     YawExcitationMap,
+    sensor_response,
     slip_of,
 )
 from drivers.errors import LogError
@@ -46,7 +47,7 @@ def probe_windows(run: MeasuredRun, probe: YawExcitationMap) -> tuple[Array, Cou
     middle_rad = 0.5 * (truth[2, 1:] + truth[2, :-1])
     true_m = np.diff(truth[0] + 1j * truth[1]) * np.exp(-1j * middle_rad)
     encoder_m = moved[:, 0] + 1j * moved[:, 1]
-    excitation = YawExcitation(probe)
+    excitation = YawExcitation(probe, sensor_response(probe, run.gyro_response, 0.0))
     rows: list[tuple[float, ...]] = []
     rejected: Counter[str] = Counter()
     losses: list[float] = []

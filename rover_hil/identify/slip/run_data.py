@@ -8,6 +8,7 @@ import numpy as np
 
 from controllers.motion.kinematics import OmniKinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
+from controllers.slip.effort.gyro_response import GyroResponse
 from rover_hil.datasets.arrays import Array, Flags
 from rover_hil.datasets.robotino_csv import ROBOTINO
 
@@ -32,6 +33,7 @@ class MeasuredRun:
         rover: Geometry of the wheels.
         gyro: Times and yaw rates of the gyro, (k, 2); empty without one.
         truth: Where the poses of a log come from, in words; empty for a CSV file.
+        gyro_response: Constants of the gyro in the log's configuration; None without them.
         fix_sd_m: Of noisy poses, the standard deviation of the place of a wheel on the ground, (m,).
     """
 
@@ -47,6 +49,7 @@ class MeasuredRun:
     camera_in_pixels: bool
     rover: OmniRoverSettings = ROBOTINO
     gyro: Array = field(default_factory=lambda: np.empty((0, 2)))
+    gyro_response: GyroResponse | None = None
     truth: str = ""
     fix_sd_m: Array | None = None
 

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from controllers.motion.kinematics import OmniKinematics
+from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.yaw_excitation import slip_of
 from drivers.errors import ConfigError, LogError
 from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
@@ -36,10 +37,17 @@ def write_shaken_drive(
     stretch_s: float = STRETCH_S,
     seed: int = 1,
     fix_period_s: float | None = None,
+    gyro_gain: float = 1.0,
 ) -> Path:
-    """Write a drive to the left with yaw excitation; each stretch has another transmission loss."""
+    """Write a drive to the left with yaw excitation; each stretch has another transmission loss.
+
+    The gyro reads `gyro_gain` of the turns, and the configuration states it.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     config = load_config("robotino") if fix_period_s is None else config_with()
+    assert config.slip is not None
+    response = GyroResponse(source="by hand", identified_on="2026-01-01", gain=gyro_gain)
+    config = config.model_copy(update={"slip": config.slip.model_copy(update={"gyro_response": response})})
     config_json = config.model_dump_json(by_alias=True).encode()
     next_fix_s = 0.0
     kinematics, rng = OmniKinematics(ROBOTINO), np.random.default_rng(seed)
@@ -59,7 +67,9 @@ def write_shaken_drive(
                 for wheel, angle in enumerate(position_rad)
             ]
             if has_gyro:
-                samples.append(RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=turn_rad / PERIOD_S + 0.03))
+                samples.append(
+                    RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=gyro_gain * turn_rad / PERIOD_S + 0.03)
+                )
             if fix_period_s is not None and t_s >= next_fix_s:
                 next_fix_s += fix_period_s
                 x_m, y_m = rng.normal((place.real, place.imag), 0.002).tolist()
@@ -105,6 +115,15 @@ def test_the_law_of_the_drives_is_found(tmp_path: Path, capsys: pytest.CaptureFi
     shipped = read_slip_map("robotino")
     assert found.model_copy(update={"yaw_probe": None}) == shipped.model_copy(update={"yaw_probe": None})
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_gain_of_a_calibrated_gyro_is_no_loss(tmp_path: Path) -> None:
+    log = write_shaken_drive(tmp_path / "run.mcap", gyro_gain=0.8, stretch_s=12.0)
+    assert identify([log], tmp_path / "map.toml") == 0
+    probe = read_slip_map(str(tmp_path / "map.toml")).yaw_probe
+    assert probe is not None
+    for lost in (0.1, 0.2, 0.3):
+        assert slip_of(probe, lost) == pytest.approx(2.0 * lost, abs=0.05)
 
 
 @pytest.mark.parametrize(("fix_period_s", "stretch_s"), [(0.2, 12.0), (2.0, 48.0)])
