@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.estimator import Estimator
@@ -24,7 +25,7 @@ from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
-from drivers.samples import Sample, WheelCommand
+from drivers.samples import LinkSample, Sample, WheelCommand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +107,7 @@ class ControlLoop:
             settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s
         )
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
+        self._pauses = PauseWatch(min(roles.max_age_s(roles.wheels), roles.max_age_s(roles.gyro)))
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._steering_rad: tuple[float, ...] = ()
@@ -122,11 +124,13 @@ class ControlLoop:
 
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
         """Run one cycle at `now_ns` with the samples that arrived since the last one, in order of arrival."""
+        are_stamps_known = self._pauses.begin_cycle(now_ns)
         for sample in samples:
             # A stamp from the future must neither stay fresh for long nor block the samples that follow.
             t_ns = min(sample.t_ns, now_ns)
             self._supervisor.observe(sample, t_ns)
-            self._estimator.take(sample, t_ns)
+            if are_stamps_known or isinstance(sample, LinkSample):
+                self._estimator.take(sample, t_ns)
         innovations = self._estimator.advance(now_ns, self._commanded_rad_s, self._steering_rad)
         estimate = self._estimator.estimate(now_ns)
         guidance = self._guide(now_ns, estimate, innovations)

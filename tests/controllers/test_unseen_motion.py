@@ -87,6 +87,35 @@ def test_after_a_pause_of_the_process_the_covariance_holds_the_error(paused_s: f
         assert nees(rover, outputs[-1]) < GREATEST_NEES
 
 
+def buffered(rover: SimulatedRover, duration_s: float, held_s: float) -> list[Sample]:
+    """Let the process stop: of what the devices send `held_s` wait in buffers, stamped when they are read."""
+    held = rover.advance(rover.t_ns + round(held_s * SECOND_NS))
+    rover.advance(rover.t_ns + round((duration_s - held_s) * SECOND_NS))
+    step_ns = SECOND_NS // 200 // max(1, len(held))
+    first_ns = rover.t_ns - step_ns * len(held)
+    return [replace(sample, t_ns=first_ns + step_ns * number) for number, sample in enumerate(held)]
+
+
+@pytest.mark.parametrize(("paused_s", "held_s"), [(0.4, 0.4), (1.0, 1.0), (1.0, 0.5), (3.0, 1.5)])
+def test_what_waited_in_buffers_during_a_pause_does_not_turn_the_rover(
+    paused_s: float, held_s: float
+) -> None:
+    for seed in range(6):
+        rover = omni_rover(seed)
+        loop = ControlLoop(make_settings(mission=TO_AND_FRO), NO_COMPASS)
+        run(loop, rover, 4.4 + 0.2 * seed)
+        late = buffered(rover, paused_s, held_s)
+        outputs = [loop.step(rover.t_ns, late)]
+        # A little more of it arrives with the next cycles, before what is new.
+        for _ in range(3):
+            fresh = rover.advance(rover.t_ns + PERIOD_NS)
+            outputs.append(loop.step(rover.t_ns, [replace(late[-1], t_ns=rover.t_ns - PERIOD_NS), *fresh]))
+        assert outputs[-1].mode is not Mode.RUNNING
+        outputs = run(loop, rover, 1.0)
+        assert outputs[-1].mode is Mode.RUNNING or "uncertain" in outputs[-1].reason
+        assert nees(rover, outputs[-1]) < GREATEST_NEES
+
+
 @pytest.mark.parametrize("broken_s", [0.2, 0.5, 1.0])
 def test_after_a_break_of_the_wheels_link_the_covariance_holds_the_error(broken_s: float) -> None:
     for seed in range(6):

@@ -1,0 +1,31 @@
+"""Pauses of the program: what waited in the buffers meanwhile has no known time."""
+
+from controllers.estimation.parameters import ESTIMATION
+from drivers.clock import nanoseconds
+
+
+class PauseWatch:
+    """Notices by the time between two cycles that the program was paused.
+
+    Drivers stamp data when they read them. After a pause all that waited has the stamp of the end of the
+    pause, and what no buffer could hold is lost: turns and distances between such samples are wrong.
+
+    Args:
+        longest_cycle_s: A longer time between two cycles is a pause, unless the loop is that slow.
+    """
+
+    def __init__(self, longest_cycle_s: float) -> None:
+        self._longest_ns = nanoseconds(longest_cycle_s)
+        self._shortest_ns: int | None = None
+        self._cycle_ns: int | None = None
+        self._until_ns = 0
+
+    def begin_cycle(self, now_ns: int) -> bool:
+        """Return whether the stamps of this cycle's samples are known."""
+        if self._cycle_ns is not None:
+            cycle_ns = now_ns - self._cycle_ns
+            self._shortest_ns = min(cycle_ns, self._shortest_ns or cycle_ns)
+            if cycle_ns > max(self._longest_ns, ESTIMATION.pose.pause_cycles * self._shortest_ns):
+                self._until_ns = now_ns + nanoseconds(ESTIMATION.pose.backlog_s)
+        self._cycle_ns = now_ns
+        return now_ns >= self._until_ns

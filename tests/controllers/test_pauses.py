@@ -1,0 +1,32 @@
+"""A pause of the program is noticed by its cycles."""
+
+import pytest
+
+from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.pauses import PauseWatch
+from drivers.clock import nanoseconds
+
+
+def known(watch: PauseWatch, *times_s: float) -> list[bool]:
+    return [watch.begin_cycle(nanoseconds(1.0 + time_s)) for time_s in times_s]
+
+
+def test_after_a_pause_stamps_are_unknown_until_the_buffers_are_empty() -> None:
+    watch, wait_s = PauseWatch(0.15), ESTIMATION.pose.backlog_s
+    assert known(watch, 0.0, 0.02, 0.17) == [True, True, True]
+    assert known(watch, 0.3201) == [False]
+    end_s = 0.3201 + wait_s
+    assert known(watch, end_s - 0.1, end_s - 0.001, end_s) == [False, False, True]
+
+
+@pytest.mark.parametrize("period_s", [0.2, 1.0])
+def test_a_slow_loop_is_not_paused_by_its_own_cycles(period_s: float) -> None:
+    watch = PauseWatch(0.15)
+    assert all(known(watch, *(period_s * number for number in range(6))))
+    assert known(watch, period_s * 7.9) == [True]
+    assert known(watch, period_s * 11.0) == [False]
+
+
+def test_a_second_pause_right_after_the_first_is_one_too() -> None:
+    watch = PauseWatch(0.15)
+    assert known(watch, 0.0, 0.02, 3.0, 6.0, 6.02) == [True, True, False, False, False]
