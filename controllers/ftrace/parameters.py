@@ -161,8 +161,8 @@ class SearchParameters:
 class PresenceParameters:
     """Decision whether the trace is present; odds as logarithms.
 
-    Chosen on `trace_drives`, on seeds 0 and 1 of `tests/nature/ground_drives`, 0 to 2 of `tests/nature/trace_*`,
-    and 1 of the simulated rear scene.
+    Chosen on `trace_drives`, on seeds 0 and 1 of `tests/nature/ground_drives`, 0 to 2 of
+    `tests/nature/trace_*`, and 1 of the simulated rear scene.
     """
 
     least_length_m: float = 0.20  # of a trace that counts as present
@@ -184,9 +184,9 @@ class StripParameters:
     """Distributions of the answers of strips of ground, bare or with a trace.
 
     Means and standard deviations are of even parts (right plus left over root 2: tone, wall, roughness, rough
-    walls, rough floor) and odd parts (right minus left) of the answers. Moments of the answers on `trace_drives`,
-    seed 0 of `tests/nature/trace_*` and seed 1 of the simulated rear scene, rounded; `bare_sd` and the edges
-    were changed by hand on seeds 0 and 1 of `tests/nature/ground_drives`.
+    walls, rough floor) and odd parts (right minus left) of the answers. Moments of the answers on
+    `trace_drives`, seed 0 of `tests/nature/trace_*` and seed 1 of the simulated rear scene, rounded; `bare_sd`
+    and the edges were changed by hand on seeds 0 and 1 of `tests/nature/ground_drives`.
     """
 
     views: int = 24  # kept of each strip
