@@ -185,8 +185,8 @@ class StripParameters:
 
     Means and standard deviations are of even parts (right plus left over root 2: tone, wall, roughness, rough
     walls, rough floor) and odd parts (right minus left) of the answers. Moments of the answers on
-    `trace_drives`, seed 0 of `tests/nature/trace_*` and seed 1 of the simulated rear scene, rounded; `bare_sd`
-    and the edges were changed by hand on seeds 0 and 1 of `tests/nature/ground_drives`.
+    `trace_drives`, seed 0 of `tests/nature/trace_*` and seed 1 of the simulated rear scene, rounded;
+    `bare_sd` and the edges were changed by hand on seeds 0 and 1 of `tests/nature/ground_drives`.
     """
 
     views: int = 24  # kept of each strip
