@@ -25,7 +25,7 @@ from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
-from drivers.samples import LinkSample, Sample, WheelCommand
+from drivers.samples import HeadingSample, PoseFixSample, Sample, WheelCommand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +129,7 @@ class ControlLoop:
             # A stamp from the future must neither stay fresh for long nor block the samples that follow.
             t_ns = min(sample.t_ns, now_ns)
             self._supervisor.observe(sample, t_ns)
-            if are_stamps_known or isinstance(sample, LinkSample):
+            if are_stamps_known or not isinstance(sample, HeadingSample | PoseFixSample):
                 self._estimator.take(sample, t_ns)
         innovations = self._estimator.advance(now_ns, self._commanded_rad_s, self._steering_rad)
         estimate = self._estimator.estimate(now_ns)

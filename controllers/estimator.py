@@ -7,6 +7,7 @@ from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
 from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.pauses import SilenceWatch
 from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
 from controllers.estimation.pose_fixes import FixQueue, Step, late
 from controllers.estimation.settings import FilterSettings
@@ -75,6 +76,9 @@ class Estimator:
             roles.max_age_s(roles.gyro), ESTIMATION.odometry.plausible_speed * fastest_turn_rad_s
         )
         self._filter = PoseFilter(settings, roles.headings, roles.fixes, is_compensated=slip is not None)
+        self._silences = {
+            device: SilenceWatch(roles.max_age_s(device)) for device in (roles.wheels, roles.gyro) if device
+        }
         self._fixes = FixQueue(roles.fixes)
         self._headings: list[tuple[HeadingSample, int]] = []
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
@@ -92,6 +96,8 @@ class Estimator:
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
         device = sample.device
+        if not self._has_known_time(sample, t_ns):
+            return
         if self._slip is not None:
             self._slip.feed(sample, t_ns)
         if isinstance(sample, WheelSample):
@@ -107,6 +113,14 @@ class Estimator:
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
             # After a break the codec counts turns from zero.
             self.odometry.rebase()
+
+    def _has_known_time(self, sample: Sample, t_ns: int) -> bool:
+        silence = self._silences.get(sample.device)
+        if silence is not None and isinstance(sample, LinkSample):
+            silence.begin_anew()
+        if silence is None or not isinstance(sample, WheelSample | RateSample):
+            return True
+        return silence.take(t_ns)
 
     def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
         if sample.steering_rad is not None:
@@ -257,6 +271,7 @@ class Estimator:
         step = self._filter.predict(increment, turn)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
             self._unseen.add(0.0, step.yaw_rad2)
+            self._widen((0.0, 0.0, ESTIMATION.pose.gap_turn_error * abs(turn.by_wheels_rad)))
         if increment.duration_s > self._roles.max_age_s(self._roles.wheels):
             aside_m = 0.5 * math.hypot(increment.x_m, increment.y_m) * min(abs(step.turn_rad), 1.0)
             self._widen((aside_m, aside_m, 0.0))

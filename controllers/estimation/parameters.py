@@ -22,6 +22,7 @@ class PoseParameters:
     """Gyro and fixes of the pose."""
 
     greatest_rate_rad_s: float = 100.0  # a gyro's reading beyond is not plausible
+    gap_turn_error: float = 0.35  # greatest error of the wheels' turn in a gap of the gyro, as its share
     pause_cycles: float = 3.0  # a pause is longer than this many of the shortest cycles
     backlog_s: float = 0.2  # after a pause of the program, until buffers hold nothing older
     most_rejections: int = 2  # pose fixes in a row, before the frame of their device counts as unknown

@@ -1,4 +1,4 @@
-"""Pauses of the program: what waited in the buffers meanwhile has no known time."""
+"""Pauses of the program and of devices: what waited in buffers meanwhile has no known time."""
 
 from controllers.estimation.parameters import ESTIMATION
 from drivers.clock import nanoseconds
@@ -29,3 +29,28 @@ class PauseWatch:
                 self._until_ns = now_ns + nanoseconds(ESTIMATION.pose.backlog_s)
         self._cycle_ns = now_ns
         return now_ns >= self._until_ns
+
+
+class SilenceWatch:
+    """Notices that a device was silent: what it then sends at once may have waited in a buffer.
+
+    Args:
+        longest_s: A longer time between two samples is a silence.
+    """
+
+    def __init__(self, longest_s: float) -> None:
+        self._longest_ns = nanoseconds(longest_s)
+        self._newest_ns: int | None = None
+        self._until_ns = 0
+
+    def take(self, t_ns: int) -> bool:
+        """Return whether the time of a sample with this stamp is known."""
+        newest_ns = t_ns if self._newest_ns is None else self._newest_ns
+        if t_ns - newest_ns > self._longest_ns:
+            self._until_ns = t_ns + nanoseconds(ESTIMATION.pose.backlog_s)
+        self._newest_ns = max(newest_ns, t_ns)
+        return t_ns >= self._until_ns
+
+    def begin_anew(self) -> None:
+        """Forget the past, as after a break of the link: nothing waits in a buffer that is new."""
+        self._newest_ns = None

@@ -124,6 +124,7 @@ class PoseFilter:
         first_slip = first_origin + 3 * len(fix_devices)
         self._slip = slice(first_slip, first_slip + 2 if settings.has_slip else first_slip)
         self._is_compensated = is_compensated
+        self._was_sure = True
         slip_variances = self._slip_variances(is_sure=True) if settings.has_slip else ()
         size = self._slip.stop
         self._filter = GuardedFilter(
@@ -166,6 +167,8 @@ class PoseFilter:
         Returns:
             The step that was made.
         """
+        if self._settings.has_slip and increment.is_sure != self._was_sure:
+            self._begin_slip(is_sure=increment.is_sure)
         state = self._filter.state
         before = Pose(x_m=state[X], y_m=state[Y], yaw_rad=state[YAW])
         turn_rad = turn.angle_rad - state[BIAS] * turn.covered_s
@@ -303,6 +306,13 @@ class PoseFilter:
             np.array([slopes.real, slopes.imag, yaw_row]),
             np.array([position_m2, position_m2, yaw_rad2]),
         )
+
+    def _begin_slip(self, *, is_sure: bool) -> None:
+        """Begin anew with the slip that compensation leaves, or with that of wheels without it."""
+        self._was_sure = is_sure
+        indices = range(self._slip.start, self._slip.stop)
+        for index, variance in zip(indices, self._slip_variances(is_sure=is_sure), strict=True):
+            self._filter.restart(index, max(variance, CERTAIN))
 
     def _let_slip_change(self, rolled_m: complex, state: list[float], *, is_sure: bool) -> None:
         """Set the slip's part of transition, noise and `state` for wheels that rolled by `rolled_m`."""

@@ -3,7 +3,7 @@
 import pytest
 
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.pauses import PauseWatch
+from controllers.estimation.pauses import PauseWatch, SilenceWatch
 from drivers.clock import nanoseconds
 
 
@@ -30,3 +30,14 @@ def test_a_slow_loop_is_not_paused_by_its_own_cycles(period_s: float) -> None:
 def test_a_second_pause_right_after_the_first_is_one_too() -> None:
     watch = PauseWatch(0.15)
     assert known(watch, 0.0, 0.02, 3.0, 6.0, 6.02) == [True, True, False, False, False]
+
+
+def test_after_a_silence_of_a_device_the_time_of_its_samples_is_unknown_for_a_while() -> None:
+    watch, wait_s = SilenceWatch(0.15), ESTIMATION.pose.backlog_s
+
+    def taken(*times_s: float) -> list[bool]:
+        return [watch.take(nanoseconds(1.0 + time_s)) for time_s in times_s]
+
+    assert taken(0.0, 0.0, 0.15, -0.5, 0.3) == [True] * 5
+    assert taken(0.46, 0.461, 0.5) == [False] * 3
+    assert taken(0.47 + wait_s - 0.1, 0.47 + wait_s) == [False, True]
