@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.estimation.wheel_contradiction import ContradictionReport
@@ -107,7 +108,8 @@ class ControlLoop:
             settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s
         )
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
-        self._pauses = PauseWatch(min(roles.max_age_s(roles.wheels), roles.max_age_s(roles.gyro)))
+        shortest_age_s = min(roles.max_age_s(roles.wheels), roles.max_age_s(roles.gyro))
+        self._pauses = PauseWatch(ESTIMATION.pose.pause_ages * shortest_age_s)
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._steering_rad: tuple[float, ...] = ()

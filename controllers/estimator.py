@@ -77,7 +77,9 @@ class Estimator:
         )
         self._filter = PoseFilter(settings, roles.headings, roles.fixes, is_compensated=slip is not None)
         self._silences = {
-            device: SilenceWatch(roles.max_age_s(device)) for device in (roles.wheels, roles.gyro) if device
+            device: SilenceWatch(ESTIMATION.pose.pause_ages * roles.max_age_s(device))
+            for device in (roles.wheels, roles.gyro)
+            if device
         }
         self._fixes = FixQueue(roles.fixes)
         self._headings: list[tuple[HeadingSample, int]] = []

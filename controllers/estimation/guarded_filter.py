@@ -176,12 +176,6 @@ class GuardedFilter:
         """Set a state that is unknown so far, so that its first measurement is linearised at its value."""
         self._filter.x[index] = value
 
-    def restart(self, index: int, variance: float) -> None:
-        """Replace a state by an unknown of zero mean that is independent of all others."""
-        self._filter.x[index] = 0.0
-        self._filter.P[index, :] = self._filter.P[:, index] = 0.0
-        self._filter.P[index, index] = variance
-
     def widen(self, index: int, variance: float) -> None:
         """Increase the variance of a state by a number that is not negative."""
         self._filter.P[index, index] += variance

@@ -16,7 +16,7 @@ class PauseWatch:
 
     def __init__(self, longest_cycle_s: float) -> None:
         self._longest_ns = nanoseconds(longest_cycle_s)
-        self._shortest_ns: int | None = None
+        self._usual_ns: int | None = None
         self._cycle_ns: int | None = None
         self._until_ns = 0
 
@@ -24,9 +24,11 @@ class PauseWatch:
         """Return whether the stamps of this cycle's samples are known."""
         if self._cycle_ns is not None:
             cycle_ns = now_ns - self._cycle_ns
-            self._shortest_ns = min(cycle_ns, self._shortest_ns or cycle_ns)
-            if cycle_ns > max(self._longest_ns, ESTIMATION.pose.pause_cycles * self._shortest_ns):
+            usual_ns = self._usual_ns or cycle_ns
+            if cycle_ns > max(self._longest_ns, ESTIMATION.pose.pause_cycles * usual_ns):
                 self._until_ns = now_ns + nanoseconds(ESTIMATION.pose.backlog_s)
+            # A pause must not become usual at once, nor one short cycle make a slow loop one of pauses.
+            self._usual_ns = min(cycle_ns, round(ESTIMATION.pose.usual_cycle_growth * usual_ns))
         self._cycle_ns = now_ns
         return now_ns >= self._until_ns
 

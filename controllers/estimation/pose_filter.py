@@ -97,7 +97,8 @@ class PoseFilter:
 
     The slip that remains is a share of the travel, along it and across: two first-order Gauss-Markov
     processes over the distance (Gelb 1974, section 3.8). Its effect on the position grows with the distance,
-    not with its root, and fixes correct it together with the position. These states are left out where both
+    not with its root, and fixes correct it together with the position. With compensation there are two such
+    pairs: what it leaves, and the slip of wheels where it is not valid. These states are left out where both
     standard deviations are 0.
 
     Args:
@@ -122,18 +123,17 @@ class PoseFilter:
         self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
         self._rejections: dict[str, int] = {}
         first_slip = first_origin + 3 * len(fix_devices)
-        self._slip = slice(first_slip, first_slip + 2 if settings.has_slip else first_slip)
-        self._is_compensated = is_compensated
-        self._was_sure = True
-        slip_variances = self._slip_variances(is_sure=True) if settings.has_slip else ()
-        size = self._slip.stop
+        sds = (settings.slip_sd, settings.unsure_slip_sd) if is_compensated else (settings.unsure_slip_sd,)
+        self._slip_sds = sds if settings.has_slip else ()
+        self._first_slip = first_slip
+        size = first_slip + 2 * len(self._slip_sds)
         self._filter = GuardedFilter(
             state=[0.0] * size,
             variances=[CERTAIN] * BIAS
             + [settings.gyro_bias_rad_s**2]
             + [UNKNOWN_ANGLE_RAD2] * len(sources)
             + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices)
-            + [max(variance, CERTAIN) for variance in slip_variances],
+            + [max(sd**2, CERTAIN) for along in self._slip_sds for sd in (along, self._across(along))],
             angles=[YAW, *self._offset_index.values(), *(i + YAW for i in self._origin_index.values())],
             gate_probability=settings.gate_probability,
         )
@@ -167,14 +167,13 @@ class PoseFilter:
         Returns:
             The step that was made.
         """
-        if self._settings.has_slip and increment.is_sure != self._was_sure:
-            self._begin_slip(is_sure=increment.is_sure)
         state = self._filter.state
         before = Pose(x_m=state[X], y_m=state[Y], yaw_rad=state[YAW])
         turn_rad = turn.angle_rad - state[BIAS] * turn.covered_s
         travel_m = complex(increment.x_m, increment.y_m)
-        if self._settings.has_slip:
-            travel_m *= 1.0 + complex(*state[self._slip])
+        active = self._active_slip(is_sure=increment.is_sure)
+        if self._slip_sds:
+            travel_m *= 1.0 + complex(state[active], state[active + 1])
         after = move(before, travel_m.real, travel_m.imag, turn_rad)
         state[:BIAS] = after.x_m, after.y_m, after.yaw_rad
         moved_x_m, moved_y_m = after.x_m - before.x_m, after.y_m - before.y_m
@@ -185,11 +184,11 @@ class PoseFilter:
         transition[Y, BIAS] = -0.5 * moved_x_m * turn.covered_s
         transition[YAW, BIAS] = -turn.covered_s
         self._set_noise(increment, turn)
-        if self._settings.has_slip:
+        if self._slip_sds:
             rolled_m = complex(increment.x_m, increment.y_m) * cmath.rect(
                 1.0, before.yaw_rad + 0.5 * turn_rad
             )
-            self._let_slip_change(rolled_m, state, is_sure=increment.is_sure)
+            self._let_slip_change(rolled_m, state, active)
         self._filter.predict(increment.duration_s, state, transition, self._noise)
         return Step(
             x_m=travel_m.real,
@@ -307,30 +306,28 @@ class PoseFilter:
             np.array([position_m2, position_m2, yaw_rad2]),
         )
 
-    def _begin_slip(self, *, is_sure: bool) -> None:
-        """Begin anew with the slip that compensation leaves, or with that of wheels without it."""
-        self._was_sure = is_sure
-        indices = range(self._slip.start, self._slip.stop)
-        for index, variance in zip(indices, self._slip_variances(is_sure=is_sure), strict=True):
-            self._filter.restart(index, max(variance, CERTAIN))
+    def _active_slip(self, *, is_sure: bool) -> int:
+        """Return the index of the slip that acts: what compensation leaves, or that of wheels without it."""
+        return self._first_slip + (2 if len(self._slip_sds) == 2 and not is_sure else 0)
 
-    def _let_slip_change(self, rolled_m: complex, state: list[float], *, is_sure: bool) -> None:
-        """Set the slip's part of transition, noise and `state` for wheels that rolled by `rolled_m`."""
-        settings, along, across = self._settings, self._slip.start, self._slip.start + 1
-        keep = math.exp(-abs(rolled_m) / settings.slip_distance_m)
-        variances = self._slip_variances(is_sure=is_sure)
-        effects = (rolled_m, 1j * rolled_m)
-        for index, effect, variance in zip((along, across), effects, variances, strict=True):
-            self._transition[X, index], self._transition[Y, index] = effect.real, effect.imag
-            self._transition[index, index] = keep
-            self._noise[index, index] = (1.0 - keep * keep) * variance
-            state[index] *= keep
+    def _across(self, along_sd: float) -> float:
+        return self._settings.cross_slip_ratio * along_sd
 
-    def _slip_variances(self, *, is_sure: bool) -> tuple[float, float]:
-        """Return the variances of the slip along and across the travel."""
-        settings = self._settings
-        slip_sd = settings.slip_sd if is_sure and self._is_compensated else settings.unsure_slip_sd
-        return slip_sd**2, (settings.cross_slip_ratio * slip_sd) ** 2
+    def _let_slip_change(self, rolled_m: complex, state: list[float], active: int) -> None:
+        """Set the slip's part of transition, noise and `state` for wheels that rolled by `rolled_m`.
+
+        Both slips go on changing; one of them acts.
+        """
+        keep = math.exp(-abs(rolled_m) / self._settings.slip_distance_m)
+        for number, along_sd in enumerate(self._slip_sds):
+            along = self._first_slip + 2 * number
+            moved_m = rolled_m if along == active else 0j
+            parts = ((along, moved_m, along_sd), (along + 1, 1j * moved_m, self._across(along_sd)))
+            for index, effect_m, sd in parts:
+                self._transition[X, index], self._transition[Y, index] = effect_m.real, effect_m.imag
+                self._transition[index, index] = keep
+                self._noise[index, index] = (1.0 - keep * keep) * sd**2
+                state[index] *= keep
 
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
         settings = self._settings

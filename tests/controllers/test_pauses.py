@@ -24,7 +24,13 @@ def test_a_slow_loop_is_not_paused_by_its_own_cycles(period_s: float) -> None:
     watch = PauseWatch(0.15)
     assert all(known(watch, *(period_s * number for number in range(6))))
     assert known(watch, period_s * 7.9) == [True]
-    assert known(watch, period_s * 11.0) == [False]
+    assert known(watch, period_s * 12.9) == [False]
+
+
+def test_one_short_cycle_of_a_slow_loop_does_not_make_the_others_pauses() -> None:
+    watch = PauseWatch(0.15)
+    known(watch, 0.0, 0.2, 0.4, 0.42)
+    assert all(known(watch, *(0.42 + 0.2 * number for number in range(1, 20)))[6:])
 
 
 def test_a_second_pause_right_after_the_first_is_one_too() -> None:

@@ -63,6 +63,16 @@ def test_slip_that_becomes_unsure_spreads_as_that_of_wheels_without_compensation
     assert pose_filter.covariance[0] == pytest.approx(expected_m2, rel=0.05)
 
 
+@pytest.mark.parametrize("is_compensated", [True, False])
+def test_a_flag_that_flaps_does_not_make_a_lasting_slip_noise(is_compensated: bool) -> None:
+    """Half of the way is unsure: half of the steady spread is left, or all of it without compensation."""
+    pose_filter = driven(SETTINGS, STEP_M, is_compensated=is_compensated)
+    for number in range(100):
+        roll(pose_filter, STEP_M, is_sure=number % 2 == 0)
+    expected_m = integrated_sd_m(0.4, 1.0, 0.5) * (0.5 if is_compensated else 1.0)
+    assert math.sqrt(pose_filter.covariance[0]) == pytest.approx(expected_m, rel=0.06)
+
+
 def test_a_drive_that_begins_unsure_spreads_so_from_the_start() -> None:
     pose_filter = driven(SETTINGS, 0.2, is_compensated=True, is_sure=False)
     assert math.sqrt(pose_filter.covariance[0]) == pytest.approx(integrated_sd_m(0.4, 0.2, 0.5), rel=0.05)

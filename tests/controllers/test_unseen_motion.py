@@ -97,7 +97,9 @@ def buffered(rover: SimulatedRover, duration_s: float, held_s: float) -> list[Sa
     return [replace(sample, t_ns=first_ns + step_ns * number) for number, sample in enumerate(held)]
 
 
-@pytest.mark.parametrize(("paused_s", "held_s"), [(0.4, 0.4), (1.0, 1.0), (1.0, 0.5), (3.0, 1.5)])
+@pytest.mark.parametrize(
+    ("paused_s", "held_s"), [(0.2, 0.2), (0.28, 0.28), (0.4, 0.4), (1.0, 1.0), (1.0, 0.5), (3.0, 1.5)]
+)
 def test_what_waited_in_buffers_during_a_pause_does_not_turn_the_rover(
     paused_s: float, held_s: float
 ) -> None:
@@ -111,7 +113,7 @@ def test_what_waited_in_buffers_during_a_pause_does_not_turn_the_rover(
         for _ in range(3):
             fresh = rover.advance(rover.t_ns + PERIOD_NS)
             outputs.append(loop.step(rover.t_ns, [replace(late[-1], t_ns=rover.t_ns - PERIOD_NS), *fresh]))
-        assert outputs[-1].mode is not Mode.RUNNING
+        assert paused_s < 0.3 or outputs[-1].mode is not Mode.RUNNING
         outputs = run(loop, rover, 1.0)
         assert outputs[-1].mode is Mode.RUNNING or "uncertain" in outputs[-1].reason
         assert nees(rover, outputs[-1]) < GREATEST_NEES
