@@ -52,6 +52,7 @@ class FlowParameters:
     least_points: int = 14  # that follow the ground
     point_sd_m: float = 0.0006  # of the motion of a point
     most_direction_sd_rad: float = 0.05  # of a direction that is given without a trace
+    least_motion_m: float = 0.003  # between two frames, for a direction that is given without a trace
     standing_m: float = 0.008  # from this motion on, points that do not move are rejected
     standing_share: float = 0.3  # a point with less than this share of the expected motion does not move
     rounds: int = 4  # of the robust fit

@@ -75,7 +75,7 @@ class RutTracker:
             found=found,
             theta_rad=self._path.theta_rad,
             theta_sd_rad=sd_rad,
-            by_motion=motion is not None and not goes_back and sd_rad < most_sd_rad,
+            by_motion=self._is_moving(motion) and not goes_back and sd_rad < most_sd_rad,
             offset_m=self._offset_m,
             confidence=self._confidence,
             path_m=np.stack([s, self._path.curve(s)], axis=1),
@@ -84,6 +84,10 @@ class RutTracker:
     def lose(self) -> None:
         """Set the trace to absent."""
         self._presence.forget()
+
+    def _is_moving(self, motion: Motion | None) -> bool:
+        """Return whether the ground moves enough in this frame to have a direction."""
+        return motion is not None and motion.forward_m > self._numbers.flow.least_motion_m
 
     def _advance(self, frame: Frame, motion: Motion | None) -> tuple[float, bool]:
         """Predict the path to this frame; return the distance moved, and whether it is backwards."""

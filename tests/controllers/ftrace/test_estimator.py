@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
+from controllers.ftrace.rig import RigFile
+from drivers.clock import nanoseconds
 from drivers.errors import ModelError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rms
@@ -131,6 +133,28 @@ def test_ground_without_a_trace() -> None:
     true_deg = np.array([row.theta_t_deg for row in sequence.truth])
     assert rms(np.array([angle.theta_deg for angle in angles])[2:] - true_deg[2:]) < 1.0
     assert max(angle.confidence for angle in angles) < 0.5
+
+
+def test_ground_at_rest_under_spinning_wheels_has_no_direction() -> None:
+    sequence = make_sequence("no_trace", 1, 9.0)
+    pictures = grey_frames(sequence)
+    rig = RigFile.model_validate(sequence.rig.as_json())
+    estimator = TraceEstimator(rig.geometry(), "fused")
+    rows = list(sequence.telemetry)
+    for picture, row in zip(pictures, rows, strict=True):
+        estimator.step(
+            nanoseconds(row.t), picture, wheel_speed_m_s=row.wheel_speed_mps, rates_rad_s=(0.0,) * 3
+        )
+    noise = np.random.default_rng(0)
+    for number in range(1, 5):
+        noisy = pictures[-1] + noise.normal(0.0, 1.5, pictures[-1].shape)
+        angle = estimator.step(
+            nanoseconds(rows[-1].t + 0.2 * number),
+            np.clip(noisy, 0, 255).astype(np.uint8),
+            wheel_speed_m_s=rows[-1].wheel_speed_mps,
+            rates_rad_s=(0.0,) * 3,
+        )
+        assert angle.source != "flow"
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])
