@@ -41,7 +41,8 @@ class StepOutput:
         odometry: Pose of the wheels alone.
         odometry_rebases: Number of times the odometry lost its base, together with the motion in between.
         innovations: Innovation of each measurement of this cycle.
-        command: Wheel set-points to send; zeros unless the mode is RUNNING.
+        command: Wheel set-points to send; unless the mode is RUNNING, zero speeds and steering angles that
+            stay.
         limit: Limit that the set-points reached.
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
         slip: Slip of the wheels by effort; None without this compensation, or without fresh motion.
@@ -115,7 +116,7 @@ class ControlLoop:
         self._steering_rad: tuple[float, ...] = ()
         self._follower: PathFollower | SmallTurns | None = None
         if isinstance(mission, SmallTurnsMission):
-            self._follower = SmallTurns(mission)
+            self._follower = SmallTurns(mission, turns_on_spot=kinematics.turns_on_spot)
         elif mission is not None:
             self._follower = PathFollower(
                 mission,
@@ -196,6 +197,7 @@ class ControlLoop:
                 slip=self._valid_slip(),
                 set_steering_rad=self._steering_rad,
                 steering_rad=self._estimator.steering.angles_rad,
+                steering_ns=self._estimator.steering.reported_ns,
             )
         )
         for wheel_rad, yaw_rad in supervisor.doubts:
@@ -217,7 +219,10 @@ class ControlLoop:
     def _set_points(self, now_ns: int, guidance: Guidance | None) -> tuple[tuple[float, ...], Limit]:
         if guidance is None or guidance.finished:
             self._limiter.stop()
+            held_rad = self._estimator.steering.hold()
+            self._steering_rad = self._kinematics.set_points(0.0, 0.0, 0.0, held_rad).steering_rad
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
+        self._estimator.steering.release()
         yaw_rate_rad_s = guidance.yaw_rate_rad_s
         velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
         excited = None if self._effort is None else self._effort.excited

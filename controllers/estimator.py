@@ -126,7 +126,7 @@ class Estimator:
 
     def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
         if sample.steering_rad is not None:
-            self.steering.measure(sample.wheel, sample.steering_rad)
+            self.steering.measure(sample.wheel, t_ns, sample.steering_rad)
         if sample.position_rad is not None:
             self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
 

@@ -121,10 +121,11 @@ class SteeringCodec(DriveCodec, Protocol):
     """A codec of a drive that also steers wheels.
 
     Attributes:
-        steered_wheels: Indices of the wheels that it steers; empty where the device has no such signal.
+        steering_limits_rad: Least and greatest set-point that the device takes, by the index of each wheel
+            that it steers; empty where the device has no such signal.
     """
 
-    steered_wheels: tuple[int, ...]
+    steering_limits_rad: Mapping[int, tuple[float, float]]
 
     def encode_set_points(
         self, speed_rad_s: Sequence[float], steering_rad: Sequence[float]
@@ -372,7 +373,9 @@ class WheelDrive(Driver[bytes]):
         super().__init__(name, link, codec, clock, max_age_s=max_age_s, tap=tap)
         self._drive_codec = codec
         self.wheel_count = codec.wheel_count
-        self._steering_codec = codec if isinstance(codec, SteeringCodec) and codec.steered_wheels else None
+        self._steering_codec = (
+            codec if isinstance(codec, SteeringCodec) and codec.steering_limits_rad else None
+        )
         self._started = False
         self._turn = threading.Lock()
         self._fault_ns: dict[int, int] = {}
@@ -389,6 +392,8 @@ class WheelDrive(Driver[bytes]):
     def command(self, command: WheelCommand) -> SentCommand:
         """Send wheel speed set-points; an expired or malformed command sends zero speeds instead.
 
+        Such a command does not steer either: the last steering angles stay.
+
         Returns:
             The set-points that the device really got, and whether they went out.
 
@@ -399,17 +404,17 @@ class WheelDrive(Driver[bytes]):
         sent: list[tuple[bytes, bool]] = []
         with self._turn:
             now_ns = self._clock.now_ns()
-            speeds = command.speed_rad_s
+            speeds, angles_rad = command.speed_rad_s, command.steering_rad
             is_valid = len(speeds) == self.wheel_count and all(map(math.isfinite, speeds))
             if not is_valid or now_ns >= command.expires_ns:
-                speeds = (0.0,) * self.wheel_count
+                speeds, angles_rad = (0.0,) * self.wheel_count, None
             is_restart = self._needs_restart(now_ns, speeds)
             if is_restart or not self._started:
                 self._started = self._send(self._drive_codec.encode_start(), sent)
             if is_restart and self._started:  # a start that did not go out is tried again, and not counted
                 self._restarts += 1
                 self._fault_ns = dict.fromkeys(self._fault_ns, now_ns)
-            payloads, really, steering_rad = self._encode(speeds, command.steering_rad)
+            payloads, really, steering_rad = self._encode(speeds, angles_rad)
             delivered = self._send(payloads, sent)
         self._note_sent(now_ns, sent)
         return SentCommand(t_ns=now_ns, speed_rad_s=really, delivered=delivered, steering_rad=steering_rad)

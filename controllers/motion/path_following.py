@@ -10,6 +10,10 @@ from controllers.motion.planar import Pose, wrap_angle
 from controllers.motion.settings import MissionSettings, SmallTurnsMission
 from drivers.errors import ConfigError
 
+NO_TURN_ON_SPOT = (
+    "mission.type: small turns are turns on the spot, for which the steering of this rover does not reach, "
+    "choose another mission"
+)
 # Chosen by hand.
 SLOWEST_SHARE = 0.2
 """Least speed, over that of the mission."""
@@ -59,7 +63,7 @@ class PathFollower:
         turns_on_spot: bool = True,
         turn_radius_m: float = 0.0,
     ) -> None:
-        for conflict in find_mission_conflicts(mission, moves_sideways):
+        for conflict in find_mission_conflicts(mission, moves_sideways, turns_on_spot=turns_on_spot):
             raise ConfigError(conflict)
         self._mission = mission
         self._moves_sideways = moves_sideways
@@ -121,16 +125,21 @@ class PathFollower:
         )
 
 
-def find_mission_conflicts(mission: MissionSettings, moves_sideways: bool) -> Iterator[str]:
+def find_mission_conflicts(
+    mission: MissionSettings, moves_sideways: bool, *, turns_on_spot: bool
+) -> Iterator[str]:
     """Yield why a rover cannot follow a mission, with the fix.
 
     Args:
         mission: Path, speed and gains.
         moves_sideways: Whether the rover can move in any direction at any heading.
+        turns_on_spot: Whether it can turn without moving forwards.
     """
     if mission.heading == "hold" and not moves_sideways:
         yield 'mission.heading: this rover cannot move sideways and hold its heading, set it to "along_path"'
     if isinstance(mission, SmallTurnsMission):
+        if not turns_on_spot:
+            yield NO_TURN_ON_SPOT
         return
     for start, end in pairwise(corner_points(mission)):
         if math.dist(start, end) <= mission.position_tolerance_m:

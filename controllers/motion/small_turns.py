@@ -2,9 +2,10 @@
 
 import math
 
-from controllers.motion.path_following import Guidance
+from controllers.motion.path_following import NO_TURN_ON_SPOT, Guidance
 from controllers.motion.planar import Pose, wrap_angle
 from controllers.motion.settings import SmallTurnsMission
+from drivers.errors import ConfigError
 
 
 class SmallTurns:
@@ -12,9 +13,15 @@ class SmallTurns:
 
     Args:
         mission: Frequencies, time for each and amplitude.
+        turns_on_spot: Whether the rover can turn without moving forwards.
+
+    Raises:
+        ConfigError: The rover cannot turn on the spot.
     """
 
-    def __init__(self, mission: SmallTurnsMission) -> None:
+    def __init__(self, mission: SmallTurnsMission, *, turns_on_spot: bool = True) -> None:
+        if not turns_on_spot:
+            raise ConfigError(NO_TURN_ON_SPOT)
         self._mission = mission
         self._began_s: float | None = None
 

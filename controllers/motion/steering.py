@@ -1,5 +1,6 @@
 """Present steering angles of the wheels, measured or assumed."""
 
+import math
 from collections.abc import Sequence
 
 from drivers.clock import seconds
@@ -9,25 +10,35 @@ class SteeringAngles:
     """Knows the steering angle of each wheel.
 
     An angle that the device reports is used as it is. Without a report the wheel is assumed to move from 0 to
-    its set-points at its greatest rate.
+    its set-points at its greatest rate. A wheel whose reports have ended stays at the last one; the rover
+    must stop then.
 
     Args:
         rates_rad_s: Greatest steering speed of each wheel; empty for a rover that does not steer.
 
     Attributes:
         angles_rad: Present angles, one per wheel; empty for a rover that does not steer.
+        reported_ns: Time of the newest report of each wheel that has reported.
     """
 
     def __init__(self, rates_rad_s: Sequence[float]) -> None:
         self._rates_rad_s = tuple(rates_rad_s)
-        self._measured: set[int] = set()
         self._moved_ns: int | None = None
+        self._held_rad: tuple[float, ...] | None = None
+        self.reported_ns: dict[int, int] = {}
         self.angles_rad = (0.0,) * len(self._rates_rad_s)
 
-    def measure(self, wheel: int, angle_rad: float) -> None:
-        """Take the reported angle of a wheel; of a wheel that does not steer it has no effect."""
+    def measure(self, wheel: int, t_ns: int, angle_rad: float) -> None:
+        """Take the reported angle of a wheel.
+
+        It has no effect if it is not finite or older than the newest, or if the wheel does not steer.
+        """
+        if not math.isfinite(angle_rad) or t_ns < self.reported_ns.get(wheel, t_ns):
+            return
         if 0 <= wheel < len(self._rates_rad_s) and self._rates_rad_s[wheel] > 0.0:
-            self._measured.add(wheel)
+            if wheel not in self.reported_ns:
+                self._held_rad = None  # what was held was assumed
+            self.reported_ns[wheel] = t_ns
             self.angles_rad = (*self.angles_rad[:wheel], angle_rad, *self.angles_rad[wheel + 1 :])
 
     def follow(self, now_ns: int, set_rad: Sequence[float]) -> None:
@@ -38,9 +49,23 @@ class SteeringAngles:
             return
         self.angles_rad = tuple(
             angle
-            if wheel in self._measured
+            if wheel in self.reported_ns
             else angle + min(max(target - angle, -rate * elapsed_s), rate * elapsed_s)
             for wheel, (angle, target, rate) in enumerate(
                 zip(self.angles_rad, set_rad, self._rates_rad_s, strict=True)
             )
         )
+
+    def hold(self) -> tuple[float, ...]:
+        """Return the angles at which the wheels stay while the rover does not drive.
+
+        They are those of the first call after `release`: angles that are measured anew in every cycle would
+        creep where the drive does not reach its set-point exactly.
+        """
+        if self._held_rad is None:
+            self._held_rad = self.angles_rad
+        return self._held_rad
+
+    def release(self) -> None:
+        """End the hold."""
+        self._held_rad = None

@@ -154,7 +154,7 @@ class WheelsKinematics:
     def _steer(wheel: WheelSettings, motion: BodyMotion, present_rad: float) -> float:
         along, aside = (contact_rows(wheel) @ np.array(motion)).tolist()
         if math.hypot(along, aside) < SLOWEST_CONTACT_M_S:
-            return present_rad
+            return _within_limits(wheel, present_rad)
         angles, beyond = _angles_along(wheel, math.atan2(aside, along))
         if angles:
             return min(angles, key=lambda angle: abs(angle - present_rad))
@@ -219,6 +219,12 @@ def _side_rows(pairs: Sequence[tuple[WheelSettings, float]], indices: Sequence[i
 def _reaches_every_direction(wheel: WheelSettings) -> bool:
     steering = wheel.steering
     return not is_fixed(wheel) and (steering is None or steering.high_deg - steering.low_deg >= 180.0)
+
+
+def _within_limits(wheel: WheelSettings, angle_rad: float) -> float:
+    if wheel.steering is None:
+        return 0.0
+    return min(max(angle_rad, math.radians(wheel.steering.low_deg)), math.radians(wheel.steering.high_deg))
 
 
 def _angles_along(

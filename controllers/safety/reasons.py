@@ -1,8 +1,9 @@
 """What a stop rule is: it sees samples and cycles, and gives reasons to stop."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
+from types import MappingProxyType
 from typing import NamedTuple
 
 from controllers.estimation.guarded_filter import Innovation
@@ -61,6 +62,7 @@ class Cycle(NamedTuple):
         slip: Valid slip of the rover; None where it is unknown.
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
+        steering_ns: Time of the newest reported steering angle of each wheel that has reported one.
     """
 
     now_ns: int
@@ -79,6 +81,7 @@ class Cycle(NamedTuple):
     slip: float | None = None
     set_steering_rad: tuple[float, ...] = ()
     steering_rad: tuple[float, ...] = ()
+    steering_ns: Mapping[int, int] = MappingProxyType({})
 
 
 class StopRule(ABC):

@@ -25,7 +25,7 @@ from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSetting
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
-from controllers.safety.steering_monitor import SteeringMonitor, SteeringSettings
+from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
 
 
 class SafetySettings(
@@ -66,6 +66,7 @@ def make_rules(
         LinkRule(roles),
         FaultRule(roles),
         FreshnessRule(roles, wheel_count),
+        SteeringReportRule(roles),
         MotionRule(roles),
         FiniteEstimateRule(),
         GreatestRateRule(roles),

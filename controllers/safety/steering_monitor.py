@@ -1,4 +1,4 @@
-"""Stop rule about wheels that do not steer as they are commanded to."""
+"""Stop rules about wheels that do not steer as they are commanded to, or whose steering angle is unknown."""
 
 import math
 from collections.abc import Iterator
@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from drivers.clock import nanoseconds
 from drivers.settings import Settings
@@ -53,3 +54,17 @@ class SteeringMonitor(StopRule):
                     f"wheel {wheel}: has not steered for {self._settings.steering_s:g} s: {angles}; the "
                     "steering is jammed, not powered, or its sign is wrong",
                 )
+
+
+class SteeringReportRule(StopRule):
+    """Stops when a wheel that has reported its steering angle no longer does."""
+
+    def __init__(self, roles: DeviceRoles) -> None:
+        self._limit_s = roles.max_age_s(roles.wheels)
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason for every wheel whose newest angle is older than the wheels' `max_age_s`."""
+        for wheel, t_ns in sorted(cycle.steering_ns.items()):
+            if cycle.now_ns - t_ns > nanoseconds(self._limit_s):
+                text = f"wheel {wheel}: reports no steering angle for {self._limit_s:g} s"
+                yield StopReason(f"wheel {wheel}: steering angle", text)

@@ -173,9 +173,11 @@ class CanWheelsCodec:
         self._writers: dict[str, MessageWriter] = {}
         self._outboxes = self._make_outboxes()
         self._steering_rad = [0.0] * self.wheel_count
-        self.steered_wheels = tuple(
-            index for index, wheel in enumerate(bus.mapping.wheel) if wheel.steering_setpoint is not None
-        )
+        self.steering_limits_rad = {
+            index: bus.steering_scale(wheel, wheel.steering_setpoint).limits_si
+            for index, wheel in enumerate(bus.mapping.wheel)
+            if wheel.steering_setpoint is not None
+        }
 
     def reset(self) -> None:
         """Forget counters and turns; faults that are still active are reported again."""

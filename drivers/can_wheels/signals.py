@@ -60,6 +60,12 @@ class Scale:
     high: float
     float_format: struct.Struct | None
 
+    @property
+    def limits_si(self) -> tuple[float, float]:
+        """Least and greatest value in SI units."""
+        one, other = self.to_si(self.low), self.to_si(self.high)
+        return min(one, other), max(one, other)
+
     def to_si(self, raw: float) -> float:
         """Return the value in SI units."""
         return raw * self.si_per_raw + self.si_offset

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.motion.settings import SmallTurnsMission
 from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import wall_time_text
@@ -97,10 +98,15 @@ def turning_config(config: Config) -> Config:
     """Return a configuration with small turns for a mission, no slip compensation, and a slower loop.
 
     Raises:
-        ConfigError: It names no gyro.
+        ConfigError: It names no gyro, or describes a rover with other wheels than three omnidirectional ones.
     """
     if config.roles.gyro is None:
         raise ConfigError("roles.gyro is not set: name the device that measures the yaw rate")
+    if not isinstance(config.rover, OmniRoverSettings):
+        raise ConfigError(
+            f"rover.kinematics is '{config.rover.kinematics}', but the gyro is identified with three "
+            "omnidirectional wheels: calibrate it on such a rover"
+        )
     mission = SmallTurnsMission(type="small_turns")
     loop = config.loop.model_copy(
         update={

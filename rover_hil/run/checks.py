@@ -1,10 +1,12 @@
 """What a configuration must fulfil before a rover is put together, for run, simulate, tune and doctor."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.path_following import find_mission_conflicts
+from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError
@@ -13,6 +15,9 @@ from rover_hil.config.schema import MISSING_SIMULATION
 from rover_hil.run.composition import find_wheel_count_conflict
 from sim_backends.build import find_simulation_conflicts
 from sim_backends.serving.server import find_unservable
+
+ROUNDING_DEG = 0.1
+"""A steering set-point may miss a limit of the wheel by this much: signals count in coarse steps."""
 
 
 def _find_shared_ports(draft: Draft) -> Iterator[str]:
@@ -53,30 +58,44 @@ def _find_wheel_count_conflict(draft: Draft) -> Iterator[str]:
         yield conflict
 
 
-def _find_missing_steering(draft: Draft) -> Iterator[str]:
+def _find_steering_mistakes(draft: Draft) -> Iterator[str]:
     name = draft.config.roles.wheels
     device = draft.config.devices.get(name)
-    rates_rad_s = make_kinematics(draft.config.rover).steering_rates_rad_s
-    if not rates_rad_s or not isinstance(device, DriveSettings):
+    rover = draft.config.rover
+    if not isinstance(rover, WheelsRoverSettings) or not isinstance(device, DriveSettings):
         return
+    steering = {
+        index: wheel.steering for index, wheel in enumerate(rover.wheels) if wheel.steering is not None
+    }
     try:
         codec = device.make_codec(name)
     except ConfigError:
         return  # reported with the data files
-    steered = codec.steered_wheels if isinstance(codec, SteeringCodec) else ()
-    missing = [str(wheel) for wheel, rate in enumerate(rates_rad_s) if rate > 0.0 and wheel not in steered]
+    limits_rad = codec.steering_limits_rad if isinstance(codec, SteeringCodec) else {}
+    missing = [str(wheel) for wheel in steering if wheel not in limits_rad]
     if missing:
         yield (
             f"rover.wheels: wheels {', '.join(missing)} steer, but device '{name}' has no steering "
             "set-points for them: use can_wheels with a mapping that has steering_setpoint, or remove the "
             "steering"
         )
+    for wheel, limits in steering.items():
+        low_deg, high_deg = map(math.degrees, limits_rad.get(wheel, (-math.inf, math.inf)))
+        if limits.low_deg < low_deg - ROUNDING_DEG or limits.high_deg > high_deg + ROUNDING_DEG:
+            yield (
+                f"rover.wheels.{wheel}.steering: the wheel steers from {limits.low_deg:g} to "
+                f"{limits.high_deg:g} deg, but the steering set-point of device '{name}' holds only "
+                f"{low_deg:g} to {high_deg:g} deg: narrow low_deg and high_deg, or correct the signal's range"
+            )
 
 
 def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
     mission = draft.config.mission
     if mission is not None:
-        yield from find_mission_conflicts(mission, make_kinematics(draft.config.rover).moves_sideways)
+        kinematics = make_kinematics(draft.config.rover)
+        yield from find_mission_conflicts(
+            mission, kinematics.moves_sideways, turns_on_spot=kinematics.turns_on_spot
+        )
 
 
 def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
@@ -117,7 +136,7 @@ ROVER_CHECKS = (
     Rule(("devices",), _find_shared_ports),
     Rule(("devices",), _find_data_file_mistakes),
     Rule(("rover", "roles", "devices"), _find_wheel_count_conflict),
-    Rule(("rover", "roles", "devices"), _find_missing_steering),
+    Rule(("rover", "roles", "devices"), _find_steering_mistakes),
     Rule(("rover", "mission"), _find_mission_conflicts),
     Rule(("scomp",), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),

@@ -56,6 +56,14 @@ def test_a_stop_keeps_the_angles() -> None:
     assert frames(link.sent)[512] == bytes(2) + (1719).to_bytes(2, "little")
 
 
+def test_an_expired_command_does_not_steer() -> None:
+    drive, link = make_drive(SIX)
+    drive.command(command(6, ANGLES))
+    link.sent.clear()
+    drive.command(WheelCommand(t_ns=-1, expires_ns=0, speed_rad_s=(1.0,) * 6, steering_rad=(0.0,) * 6))
+    assert frames(link.sent)[512] == bytes(2) + (1719).to_bytes(2, "little")
+
+
 @pytest.mark.parametrize("steering_rad", [None, (0.1,), (math.nan,) * 6])
 def test_angles_that_are_missing_or_malformed_change_nothing(steering_rad: tuple[float, ...] | None) -> None:
     drive, link = make_drive(SIX)
