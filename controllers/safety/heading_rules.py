@@ -9,6 +9,8 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.parameters import ESTIMATION
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from drivers.clock import nanoseconds, seconds
@@ -22,7 +24,8 @@ class HeadingTurnSettings(Settings):
     Attributes:
         heading_turn_s: Turns by gyro and by headings are compared over this time, less at first.
         heading_difference_rad: The rover stops when they differ by this much more than `heading_share` of the
-            turn and the scatter of the headings can explain; greater than the resolution of the headings.
+            turn, the scatter of the headings and their noise in the filter can explain; greater than the
+            resolution of the headings.
         heading_share: Share of the turn by which deviation and lag of a compass may falsify it.
     """
 
@@ -38,7 +41,10 @@ READINGS = 3
 """Fewer headings have no scatter to judge them by; chosen by hand."""
 
 STANDARD_ERRORS = 3.0
-"""The averages count with this many standard errors of their difference; chosen by hand."""
+"""Averages and correlated errors count with this many standard deviations; chosen by hand."""
+
+REJECTIONS = 3
+"""After this many rejected headings in a row the comparison begins anew; chosen by hand."""
 
 
 class _Heading(NamedTuple):
@@ -54,8 +60,12 @@ class HeadingTurnRule(StopRule):
     """Stops when gyro and heading device turn differently: wrong sign, wrong axis, a bias that has changed.
 
     Two sensors cannot outvote each other: the reason names both. While the rover does not turn, a wrong sign
-    cannot be seen. The bias is that of the begin of the comparison, as later ones contain the fault. A
-    heading that the filter rejects begins a new comparison: `InnovationMonitor` judges it.
+    cannot be seen. The bias is that of the begin of the comparison, as later ones contain the fault. What the
+    filter rejects does not count: `GreatestRateRule` and `InnovationMonitor` judge it.
+
+    Errors of headings may be correlated, such as the deviation along a line: averages do not reduce them,
+    and the scatter does not show them. They count with the noise of one heading. It is taken from the
+    innovations: the least variance of a heading device is its noise and the least variance of the yaw.
 
     Args:
         settings: Thresholds.
@@ -67,30 +77,33 @@ class HeadingTurnRule(StopRule):
         self._settings = settings
         self._roles = roles
         self._lag_s = heading_lag_s
+        self._greatest_rad_s = ESTIMATION.pose.greatest_rate_rad_s
+        self._arrived: list[tuple[RateSample | HeadingSample, int]] = []
         self._rate: tuple[int, float] | None = None
         self._gyro_rad = 0.0
         self._late_rad = 0.0
         self._bias_rad_s = 0.0
         self._headings: dict[str, deque[_Heading]] = {}
+        self._noise_rad2: dict[str, float] = {}
+        self._rejections: dict[str, int] = {}
         self._found: dict[str, tuple[tuple[int, int], StopReason | None]] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
-        """Take a reading of the gyro or a heading."""
-        if isinstance(sample, RateSample) and sample.device == self._roles.gyro:
-            self._turn(t_ns, sample.rate_z_rad_s)
-        elif (
+        """Take a reading of the gyro or a heading; `check` uses it when the filter has judged it."""
+        if (isinstance(sample, RateSample) and sample.device == self._roles.gyro) or (
             isinstance(sample, HeadingSample)
             and sample.device in self._roles.headings
             and math.isfinite(sample.heading_rad)
         ):
-            self._take(f"{sample.device} {sample.reference}", t_ns, sample.heading_rad)
+            self._arrived.append((sample, t_ns))
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Compare the turns; return a reason for every heading device that contradicts the gyro."""
+        self._take_arrived(cycle)
         self._bias_rad_s = cycle.gyro_bias_rad_s
-        for innovation in cycle.innovations:
-            if not innovation.accepted:
-                self._headings.pop(innovation.name, None)
+        greatest_age_ns = nanoseconds(self._roles.max_age_s(self._roles.gyro))
+        if self._rate is None or cycle.now_ns - self._rate[0] > greatest_age_ns:
+            self._headings.clear()
         for name, headings in self._headings.items():
             if cycle.is_still:
                 _keep(headings, AVERAGE_S)
@@ -101,8 +114,34 @@ class HeadingTurnRule(StopRule):
             if reason is not None:
                 yield reason
 
+    def _take_arrived(self, cycle: Cycle) -> None:
+        """Take what arrived in this cycle, except what the filter rejected."""
+        if cycle.rejected_rate_rad_s is not None:
+            # The filter's limit is that of the rover's wheels; what it rejects shows how low it is.
+            self._greatest_rad_s = min(self._greatest_rad_s, abs(cycle.rejected_rate_rad_s))
+        rejected = {innovation.name for innovation in cycle.innovations if not innovation.accepted}
+        for sample, t_ns in self._arrived:
+            if isinstance(sample, RateSample):
+                self._turn(t_ns, sample.rate_z_rad_s)
+            elif (name := f"{sample.device} {sample.reference}") not in rejected:
+                self._take(name, t_ns, sample.heading_rad)
+        self._arrived.clear()
+        for innovation in cycle.innovations:
+            self._judge(innovation)
+
+    def _judge(self, innovation: Innovation) -> None:
+        """Take the variance of an innovation; several rejections in a row begin a new comparison."""
+        name = innovation.name
+        if innovation.variance is not None:
+            self._noise_rad2[name] = min(self._noise_rad2.get(name, math.inf), innovation.variance)
+        self._rejections[name] = 0 if innovation.accepted else self._rejections.get(name, 0) + 1
+        if self._rejections[name] >= REJECTIONS:
+            self._headings.pop(name, None)
+
     def _turn(self, t_ns: int, rate_rad_s: float) -> None:
         """Integrate the gyro; a gap begins new comparisons."""
+        if abs(rate_rad_s) >= self._greatest_rad_s:
+            return
         before, self._rate = self._rate, (t_ns, rate_rad_s)
         elapsed_s = math.inf if before is None else seconds(t_ns - before[0])
         if not math.isfinite(rate_rad_s):
@@ -130,7 +169,8 @@ class HeadingTurnRule(StopRule):
         first_ns, last_ns = headings[0].t_ns, headings[-1].t_ns
         first = [heading for heading in headings if heading.t_ns <= first_ns + average_ns]
         last = [heading for heading in headings if heading.t_ns > last_ns - average_ns]
-        if last_ns - first_ns < 2 * average_ns or min(len(first), len(last)) < READINGS:
+        noise_rad2 = self._noise_rad2.get(name)
+        if last_ns - first_ns < 2 * average_ns or min(len(first), len(last)) < READINGS or noise_rad2 is None:
             return None
         bias_rad_s = first[-1].bias_rad_s
 
@@ -150,7 +190,7 @@ class HeadingTurnRule(StopRule):
         limit_rad = (
             self._settings.heading_difference_rad
             + self._settings.heading_share * greatest_rad
-            + STANDARD_ERRORS * math.sqrt(scatter_rad2)
+            + STANDARD_ERRORS * (math.sqrt(scatter_rad2) + math.sqrt(2.0 * noise_rad2))
         )
         if abs(difference_rad) <= limit_rad:
             return None

@@ -60,7 +60,10 @@ class SafetySettings(
 def make_rules(
     settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float = 0.0
 ) -> tuple[StopRule, ...]:
-    """Return the rules in the order in which their reasons are reported: the likelier cause first."""
+    """Return the rules in the order in which their reasons are reported: the likelier cause first.
+
+    Without a gyro there is nothing to compare the headings with.
+    """
     return (
         BumperRule(settings),
         LinkRule(roles),
@@ -75,7 +78,7 @@ def make_rules(
         GyroDifferenceRule(settings, roles),
         GyroFollowsRule(settings, roles),
         GyroRestRule(settings, roles),
-        HeadingTurnRule(settings, roles, heading_lag_s),
+        *(() if roles.gyro is None else (HeadingTurnRule(settings, roles, heading_lag_s),)),
         InnovationMonitor(settings),
         StallMonitor(settings, wheel_count),
         EntrapmentRule(settings),

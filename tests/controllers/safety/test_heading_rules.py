@@ -1,7 +1,8 @@
 """The gyro against a heading device: which difference of their turns stops the rover."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,12 +11,12 @@ from controllers.estimation.guarded_filter import Innovation
 from controllers.roles import DeviceRoles
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.settings import SafetySettings, make_rules
 from drivers.clock import nanoseconds
 from drivers.samples import HeadingReference, HeadingSample, PowerSample, RateSample, Sample
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", headings=("compass",), required={"imu": 0.1})
 NAME = f"compass {HeadingReference.MAGNETIC}"
-REJECTED = Innovation(name=NAME, residual=1.0, variance=0.1, nis=10.0, accepted=False)
 RATE_STEP_S = 0.02
 HEADING_STEP_S = 0.1
 
@@ -30,7 +31,9 @@ def constant(rate_rad_s: float) -> Turn:
 class Bench:
     """The rule on cycles of 20 ms, a gyro of 50 Hz and a compass of 10 Hz."""
 
-    def __init__(self, *, lag_s: float = 0.0, scatter_rad: float = 0.0, **settings: float) -> None:
+    def __init__(
+        self, *, lag_s: float = 0.0, scatter_rad: float = 0.0, noise_rad: float = 0.0, **settings: float
+    ) -> None:
         self.rule = HeadingTurnRule(HeadingTurnSettings.model_validate(settings), ROLES, lag_s)
         self.cycles = 0
         self.heading_rad = 0.0
@@ -38,6 +41,9 @@ class Bench:
         self.lag_s = lag_s
         self.rng = np.random.default_rng(1)
         self.scatter_rad = scatter_rad
+        self.noise_rad = noise_rad
+        self.is_accepted = True
+        self.innovations: list[Innovation] = []
 
     @property
     def now_s(self) -> float:
@@ -45,16 +51,28 @@ class Bench:
 
     def observe(self, sample: Sample, t_s: float | None = None) -> None:
         self.rule.observe(sample, nanoseconds(self.now_s if t_s is None else t_s))
+        if isinstance(sample, HeadingSample) and sample.device == "compass":
+            self.innovations.append(
+                Innovation(
+                    name=NAME,
+                    residual=0.0,
+                    variance=self.noise_rad**2,
+                    nis=0.0,
+                    accepted=self.is_accepted,
+                )
+            )
 
     def check(
-        self, *, is_still: bool = False, bias_rad_s: float = 0.0, innovations: Iterable[Innovation] = ()
+        self, *, is_still: bool = False, bias_rad_s: float = 0.0, rejected_rad_s: float | None = None
     ) -> list[StopReason]:
         cycle = Cycle(
             now_ns=nanoseconds(self.now_s),
             is_still=is_still,
             gyro_bias_rad_s=bias_rad_s,
-            innovations=tuple(innovations),
+            innovations=tuple(self.innovations),
+            rejected_rate_rad_s=rejected_rad_s,
         )
+        self.innovations.clear()
         return list(self.rule.check(cycle))
 
     def drive(
@@ -171,12 +189,24 @@ def test_at_rest_only_the_last_second_is_kept() -> None:
     assert bench.drive(0.8, constant(0.0), constant(0.0)) is None
 
 
-def test_a_rejected_heading_a_gap_of_the_gyro_and_one_that_is_not_finite_begin_a_new_comparison() -> None:
+def test_rejected_headings_a_gap_of_the_gyro_and_one_that_is_not_finite_begin_a_new_comparison() -> None:
     def none(bench: Bench) -> None:
         bench.check()
 
-    def rejection(bench: Bench) -> None:
-        bench.check(innovations=(REJECTED,))
+    def reject(bench: Bench, times: int) -> None:
+        bench.is_accepted = False
+        for _ in range(times):
+            bench.cycles += 1
+            bench.observe(rate(0.01))
+            bench.observe(heading(0.0))
+            bench.check()
+        bench.is_accepted = True
+
+    def two_rejections(bench: Bench) -> None:
+        reject(bench, 2)
+
+    def three_rejections(bench: Bench) -> None:
+        reject(bench, 3)
 
     def gap(bench: Bench) -> None:
         bench.cycles += 6
@@ -185,7 +215,13 @@ def test_a_rejected_heading_a_gap_of_the_gyro_and_one_that_is_not_finite_begin_a
     def not_finite(bench: Bench) -> None:
         bench.observe(rate(math.nan))
 
-    for event, is_named in ((none, True), (rejection, False), (gap, False), (not_finite, False)):
+    for event, is_named in (
+        (none, True),
+        (two_rejections, True),
+        (three_rejections, False),
+        (gap, False),
+        (not_finite, False),
+    ):
         bench = Bench()
         settle(bench)
         assert bench.drive(0.9, constant(0.0), constant(0.01)) is None
@@ -227,3 +263,82 @@ def test_two_seconds_of_headings_are_needed() -> None:
     found = bench.drive(5.0, constant(0.0), constant(0.5))
     assert found is not None
     assert found[0] == pytest.approx(2.1)
+
+
+def test_headings_rejected_now_and_then_do_not_hide_a_bias() -> None:
+    bench = Bench()
+    settle(bench)
+    found = None
+    for _ in range(10):
+        found = found or bench.drive(0.4, constant(0.0), constant(0.01))
+        bench.is_accepted = False
+        bench.heading_rad += 1.0
+        found = found or bench.drive(0.1, constant(0.0), constant(0.01))
+        bench.heading_rad -= 1.0
+        bench.is_accepted = True
+    assert found is not None
+
+
+@pytest.mark.parametrize("amplitude_rad", [0.02, 0.05])
+def test_the_deviation_along_a_straight_line_is_no_contradiction(amplitude_rad: float) -> None:
+    """A wave of 4 m at 0.2 m/s; successive headings hardly differ."""
+    bench = Bench(scatter_rad=0.005, noise_rad=0.03)
+    wave_rad_s = math.tau * 0.2 / 4.0
+
+    def deviation_rate(now_s: float) -> float:
+        return amplitude_rad * wave_rad_s * math.cos(wave_rad_s * now_s)
+
+    assert bench.drive(60.0, deviation_rate, constant(0.0)) is None
+
+
+def test_the_noise_of_a_heading_counts_with_three_standard_deviations_of_a_difference() -> None:
+    # 0.01 + 3 * sqrt(2) * 0.02 rad and a fifth of the turn of 0.118 rad.
+    for turn_rad, is_named in ((0.116, False), (0.122, True)):
+        bench = Bench(noise_rad=0.02)
+        settle(bench)
+        assert bench.drive(1.0, constant(0.0), constant(turn_rad)) is None
+        assert (bench.drive(3.0, constant(0.0), constant(0.0)) is not None) == is_named
+
+
+def test_headings_that_the_filter_does_not_use_are_not_judged() -> None:
+    bench = Bench()
+    for _ in range(300):
+        bench.cycles += 1
+        bench.observe(rate(0.1))
+        bench.observe(heading(0.0))
+        bench.innovations.clear()
+        assert bench.check() == []
+
+
+def test_a_gyro_that_dies_is_no_contradiction() -> None:
+    bench = Bench()
+    settle(bench)
+    for _ in range(300):
+        bench.cycles += 1
+        bench.heading_rad += 0.3 * RATE_STEP_S
+        bench.observe(heading(bench.heading_rad))
+        assert bench.check() == []
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_a_rate_that_the_filter_rejects_is_not_integrated(others: int) -> None:
+    bench = Bench()
+    settle(bench)
+    bench.cycles += 1
+    bench.observe(rate(90.0), bench.now_s - 0.015)
+    if others:
+        bench.observe(rate(95.0))
+    bench.check(rejected_rad_s=90.0)
+    assert bench.drive(8.0, constant(0.0), constant(0.0)) is None
+    bench.cycles += 1
+    bench.observe(rate(90.0), bench.now_s - 0.015)
+    bench.observe(rate(0.0))
+    bench.check()
+    assert bench.drive(8.0, constant(0.0), constant(0.0)) is None
+
+
+def test_without_a_gyro_there_is_no_rule() -> None:
+    for gyro, count in (("imu", 1), (None, 0)):
+        roles = replace(ROLES, gyro=gyro)
+        rules = make_rules(SafetySettings(), roles, 4)
+        assert sum(isinstance(rule, HeadingTurnRule) for rule in rules) == count

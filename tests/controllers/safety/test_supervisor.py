@@ -154,7 +154,7 @@ def test_the_rules_about_the_gyro_know_their_limits_and_its_name() -> None:
     assert gyro_reason(*at_rest) == "imu: reads 0.500 rad/s at rest, its bias was 0.000 rad/s"
     swinging = [
         Cycle(
-            now_ns=index, evidence=TurnEvidence(gyro_rad=0.0, wheels=WheelTurn(duration_s=0.1, left_rad=turn))
+            now_ns=index, evidence=TurnEvidence(gyro_rad=0.0, wheels=WheelTurn(duration_s=0.2, left_rad=turn))
         )
         for index, turn in enumerate((0.1, 0.0, 0.1, 0.0))
     ]
