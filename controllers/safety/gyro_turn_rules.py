@@ -1,7 +1,6 @@
 """Stop rules that compare the gyro with the wheels while the rover drives."""
 
 import math
-from collections import deque
 from collections.abc import Iterator
 from typing import Annotated
 
@@ -84,32 +83,25 @@ class _Excess:
 AVERAGE_S = 0.25
 """Time over which changes of the turn rate are averaged; chosen by hand."""
 
-SUM_S = 0.2
-"""Rates are turns over at least this time: wrong time stamps of the wheels count less then; by hand."""
-
 
 class GyroFollowsRule(StopRule):
     """Stops when the gyro does not follow the changes of the wheels' turn rate: dead, wrong axis, wrong sign.
 
     Slip takes away part of a change, never the sign. The regression of the gyro on the wheels over a moving
-    average is free of the bias and of steady slip. Wheels that report one by one seem to turn the rover to
-    and fro when their time stamps are wrong by milliseconds; over `SUM_S` little of it is left.
+    average is free of the bias and of steady slip.
     """
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._gyro = roles.gyro
-        self._begin_anew()
-
-    def _begin_anew(self) -> None:
         self._moments = _Moments()
-        self._sums: deque[TurnEvidence] = deque()
-        self._lost_s = self._difference_rad = 0.0
+        self._lost_s = 0.0
+        self._wheels_rad = 0.0
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Take the evidence of a cycle; return a reason while the gyro does not follow."""
         if cycle.is_still:
-            self._begin_anew()
+            self._moments, self._lost_s, self._wheels_rad = _Moments(), 0.0, 0.0
         if cycle.evidence is not None:
             self._take(cycle.evidence)
         if self._lost_s:
@@ -121,26 +113,18 @@ class GyroFollowsRule(StopRule):
             )
             is_lost = self._lost_s >= self._settings.gyro_follow_s
             severity = Severity.STOP if is_lost else Severity.SIGN
-            yield StopReason("gyro follows", text, severity, yaw_rad=abs(self._difference_rad))
+            yield StopReason("gyro follows", text, severity, yaw_rad=self._wheels_rad)
 
     def _take(self, evidence: TurnEvidence) -> None:
-        settings, moments, sums = self._settings, self._moments, self._sums
-        duration_s = evidence.wheels.duration_s
-        sums.append(evidence)
-        sum_s = sum(each.wheels.duration_s for each in sums)
-        while sum_s - sums[0].wheels.duration_s >= SUM_S:
-            sum_s -= sums.popleft().wheels.duration_s
-        if sum_s < SUM_S:
-            return
-        wheels_rad_s = sum(each.wheels.turn_rad for each in sums) / sum_s
-        moments.add(duration_s, wheels_rad_s, sum(each.gyro_rad for each in sums) / sum_s)
+        settings, moments, wheels = self._settings, self._moments, evidence.wheels
+        moments.add(wheels.duration_s, wheels.turn_rad, evidence.gyro_rad)
         wheel_variance = moments.wheel_variance
         is_turning = wheel_variance > settings.gyro_follow_rad_s**2
         if is_turning and moments.covariance < settings.gyro_follow_share * wheel_variance:
-            self._lost_s += duration_s
-            self._difference_rad += evidence.wheels.turn_rad - evidence.gyro_rad
+            self._lost_s += wheels.duration_s
+            self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
         elif is_turning:
-            self._lost_s = self._difference_rad = 0.0
+            self._lost_s = self._wheels_rad = 0.0
 
 
 class _Moments:
@@ -149,7 +133,8 @@ class _Moments:
     def __init__(self) -> None:
         self._weight = self._wheels = self._gyro = self._square = self._product = 0.0
 
-    def add(self, duration_s: float, wheels: float, gyro: float) -> None:
+    def add(self, duration_s: float, wheels_rad: float, gyro_rad: float) -> None:
+        wheels, gyro = wheels_rad / duration_s, gyro_rad / duration_s
         share = -math.expm1(-duration_s / AVERAGE_S)
         self._weight += share * (1.0 - self._weight)
         self._wheels += share * (wheels - self._wheels)

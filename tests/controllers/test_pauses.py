@@ -15,8 +15,8 @@ def test_after_a_pause_stamps_are_unknown_until_the_buffers_are_empty() -> None:
     watch, wait_s = PauseWatch(0.15), ESTIMATION.pose.backlog_s
     assert known(watch, 0.0, 0.02, 0.17) == [True, True, True]
     assert known(watch, 0.3201) == [False]
-    end_s = 0.3201 + wait_s
-    assert known(watch, end_s - 0.1, end_s - 0.001, end_s) == [False, False, True]
+    times_s = (0.3201 + 0.1 * number for number in range(1, 20))
+    assert known(watch, *times_s) == [0.1 * number >= wait_s for number in range(1, 20)]
 
 
 @pytest.mark.parametrize("period_s", [0.2, 1.0])
@@ -46,4 +46,5 @@ def test_after_a_silence_of_a_device_the_time_of_its_samples_is_unknown_for_a_wh
 
     assert taken(0.0, 0.0, 0.15, -0.5, 0.3) == [True] * 5
     assert taken(0.46, 0.461, 0.5) == [False] * 3
-    assert taken(0.47 + wait_s - 0.1, 0.47 + wait_s) == [False, True]
+    times_s = (0.46 + 0.1 * number + 0.001 for number in range(1, 10))
+    assert taken(*times_s) == [0.1 * number >= wait_s for number in range(1, 10)]

@@ -68,7 +68,7 @@ def test_a_turn_while_the_process_was_stopped_is_that_of_the_wheels() -> None:
     rover = omni_rover(noise=Noise())
     rover.set_point_rad_s = rover.geometry.wheel_speeds(0j, 0.5)
     for _ in range(3):
-        for _ in range(20):
+        for _ in range(40):
             output = loop.step(rover.t_ns, rover.advance(rover.t_ns + PERIOD_NS))
         pause(rover, 0.4)
     assert output.estimate.yaw_rad == pytest.approx(rover.yaw_rad - 0.2, abs=0.01)
