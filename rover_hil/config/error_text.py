@@ -16,6 +16,8 @@ _REPRESENTATION = reprlib.Repr()
 _REPRESENTATION.maxstring = _REPRESENTATION.maxother = _REPRESENTATION.maxlong = 100
 LONGEST_KEY = 80
 """A longer key was not mistyped; to compare it with known ones takes long."""
+DISCRIMINATORS = ("type", "kinematics")
+"""Keys whose value decides which other keys a table has."""
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
@@ -86,8 +88,13 @@ def _toml_path(detail: ErrorDetails, table: Mapping[str, object]) -> list[str | 
 def _walk(detail: ErrorDetails, table: Mapping[str, object]) -> Iterator[tuple[str | int, object]]:
     """Yield each key on the way to a mistake, with the table or list that holds it."""
     value: object = table
+    branch_of: object = None
     for index, part in enumerate(detail["loc"]):
         is_last = index == len(detail["loc"]) - 1
+        if isinstance(value, Mapping) and value is not branch_of and _is_branch(part, value):
+            # A branch may have the name of a key: type "wheels" has a key wheels.
+            branch_of = value
+            continue
         if isinstance(value, Mapping):
             if part in value or (is_last and detail["type"] == "missing"):
                 yield part, value
@@ -95,6 +102,10 @@ def _walk(detail: ErrorDetails, table: Mapping[str, object]) -> Iterator[tuple[s
         elif isinstance(value, list) and isinstance(part, int) and part < len(value):
             yield part, value
             value = value[part]
+
+
+def _is_branch(part: str | int, table: Mapping[object, object]) -> bool:
+    return any(table.get(key) == part for key in DISCRIMINATORS)
 
 
 def _explain(detail: ErrorDetails, table: Mapping[str, object]) -> str:

@@ -1,6 +1,7 @@
 """Reads a configuration, and the files that become part of it."""
 
 import sys
+from difflib import get_close_matches
 from importlib import resources
 from importlib.abc import Traversable
 from pathlib import Path
@@ -40,8 +41,9 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
         ConfigError: The file cannot be read, is not TOML, or holds mistakes; one line per mistake with file,
             key and fix.
     """
+    text = read_config_text(name_or_path)
     try:
-        table = parse_toml(read_config_text(name_or_path))
+        table = parse_toml(text)
     except ValueError as error:
         raise ConfigError(f"{name_or_path} is not valid TOML: {error}") from error
     _rename_old_sections(table)
@@ -95,8 +97,11 @@ def read_config_text(name_or_path: str) -> str:
     except IsADirectoryError:
         raise ConfigError(f"{path} is a folder; give the TOML file in it") from None
     except FileNotFoundError:
+        shipped = shipped_configs()
+        close = get_close_matches(name_or_path, shipped, n=1)
+        hint = f"; did you mean {close[0]}?" if close else ""
         raise ConfigError(
-            f"no configuration {path}: give a TOML file or one of {', '.join(shipped_configs())}"
+            f"no configuration {path}: give a TOML file or one of {', '.join(shipped)}{hint}"
         ) from None
     except OSError as error:
         raise ConfigError(f"cannot read configuration {path}: {error.strerror}") from error

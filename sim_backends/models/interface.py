@@ -9,6 +9,8 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backends.models.ranges import require_bounds, require_not_negative, require_positive
+
 Array: TypeAlias = NDArray[np.float64]
 Values: TypeAlias = Mapping[str, float]
 """Parameter name to value."""
@@ -46,6 +48,16 @@ class Parameter:
     meaning: str = ""
     scatter_sd: float = 0.0
     scatter_by: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the numbers; a `prior_sd` of 0 is allowed, of a parameter that is known.
+
+        Raises:
+            ConfigError: One is impossible.
+        """
+        owner = f"parameter {self.name}"
+        require_not_negative(owner, prior_sd=self.prior_sd, scatter_sd=self.scatter_sd)
+        require_bounds(owner, self.lower, self.nominal, self.upper)
 
     def owner_in(self, run: "Run") -> str:
         """Return whose deviation acts in a run: the name of the run, or `CONDITION=VALUE` of the unit."""
@@ -96,6 +108,16 @@ class Channel:
     tolerance: float = 0.0
     is_optional: bool = False
 
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ConfigError: One is negative.
+        """
+        require_not_negative(
+            f"channel {self.name}", sigma=self.sigma or 0.0, quantum=self.quantum, tolerance=self.tolerance
+        )
+
     @property
     def noise_sd(self) -> float:
         """Standard deviation of one value by the sensor's declaration, with its steps; 0 where unknown."""
@@ -115,6 +137,14 @@ class Port:
     name: str
     unit: str
     force_sd: float
+
+    def __post_init__(self) -> None:
+        """Check the size.
+
+        Raises:
+            ConfigError: It is 0 or negative.
+        """
+        require_positive(f"port {self.name}", force_sd=self.force_sd)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,6 +168,17 @@ class RunParameter:
     channel: str = ""
     lower: float = -math.inf
     upper: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ConfigError: One is impossible.
+        """
+        owner = f"run parameter {self.name}"
+        require_positive(owner, prior_sd=self.prior_sd)
+        # With a channel the first measured value takes the place of the nominal one.
+        require_bounds(owner, self.lower, self.lower if self.channel else self.nominal, self.upper)
 
     def nominal_in(self, run: "Run") -> float:
         """Return the nominal value in a run."""

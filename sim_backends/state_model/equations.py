@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from drivers.errors import ConfigError
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Port, RunParameter
+from sim_backends.models.ranges import require_positive
 from sim_backends.state_model.port_effect import Action, PortEffect
 
 Signal: TypeAlias = Callable[[str, Array], Array]
@@ -73,8 +74,11 @@ class Equations:
         """Check that every effect is attached to something that exists.
 
         Raises:
-            ConfigError: A port, input, channel or state of an effect is unknown, or a name appears twice.
+            ConfigError: A port, input, channel or state of an effect is unknown, a name appears twice, or
+                `step_s` is not above 0.
         """
+        if self.step_s is not None:
+            require_positive(f"model {self.name}", step_s=self.step_s)
         self._require_different(
             "quantities", [*self.states, *self.inputs, *self.condition_units, *self._unknowns]
         )

@@ -60,7 +60,7 @@ def read_turns(path: Path) -> Turns:
     config, rows = drive.config, drive.rows
     if not isinstance(config.rover, OmniRoverSettings):
         raise LogError(
-            f"{path} is of a {config.rover.kinematics} rover, whose wheels slip whenever it turns: "
+            f"{path} is of a {config.rover.kinematics} rover: "
             "the gyro is identified with three omnidirectional wheels"
         )
     kinematics = make_kinematics(config.rover)

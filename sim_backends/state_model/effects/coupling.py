@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from sim_backends.models.interface import Array, EffectCard
+from sim_backends.models.ranges import require_positive
 from sim_backends.state_model.effects.cards import bounded, card, state, strength
 from sim_backends.state_model.port_effect import PortEffect
 
@@ -38,6 +39,7 @@ def two_body_backlash(
         impact_s: Duration of an impact, s: well below the time between samples.
         name: Of the card.
     """
+    require_positive(f"effect {name}", size=size, impact_s=impact_s)
     edge = EDGE * size
 
     def build(units: Mapping[str, str]) -> EffectCard:

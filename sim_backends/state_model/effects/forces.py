@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from sim_backends.models.interface import Array, EffectCard
+from sim_backends.models.ranges import require_positive
 from sim_backends.state_model.effects.cards import bounded, card, per, shape, smooth_sign, state, strength
 from sim_backends.state_model.port_effect import PortEffect
 
@@ -28,6 +29,7 @@ def coulomb_friction(
         slow: Velocity below which the force fades, in the unit of the state: about 1 % of the usual one.
         name: Of the card.
     """
+    require_positive(f"effect {name}", size=size, slow=slow)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         return card(
@@ -51,6 +53,7 @@ def asymmetric_friction(
     port: str, *, velocity: str, size: float, slow: float, name: str = "asymmetric_friction"
 ) -> PortEffect:
     """Return the even part of dry friction, equal in both directions; see `coulomb_friction`."""
+    require_positive(f"effect {name}", size=size, slow=slow)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         return card(
@@ -83,6 +86,7 @@ def stribeck_friction(
         slow: Velocity below which the force fades.
         name: Of the card.
     """
+    require_positive(f"effect {name}", size=size, speed=speed, slow=slow)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         return card(
@@ -116,6 +120,7 @@ def presliding(
         distance: Motion over which it builds up, in the unit of the velocity times seconds.
         name: Of the card.
     """
+    require_positive(f"effect {name}", size=size, distance=distance)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         return card(
@@ -217,6 +222,8 @@ def _power(
     *,
     is_signed: bool = False,
 ) -> PortEffect:
+    require_positive(f"effect {name}", size=size)
+
     def build(units: Mapping[str, str]) -> EffectCard:
         unit = units[source] if order == 1 else f"({units[source]})^{order}"
         coefficient = strength("coefficient", per(units[port], unit), size, is_signed=is_signed)
@@ -240,6 +247,7 @@ def cogging(port: str, *, position: str, period: float, size: float, name: str =
         size: Natural size, in the unit of the port.
         name: Of the card.
     """
+    require_positive(f"effect {name}", period=period, size=size)
     quarter = math.pi / 2.0
     phases = tuple(quarter * step for step in range(4))
 
@@ -279,6 +287,7 @@ def end_stop(
         places: Where the stop may be; all positive for an upper stop, all negative for a lower one.
         name: Of the card.
     """
+    require_positive(f"effect {name}", size=size)
     side = 1.0 if places[0] > 0.0 else -1.0
 
     def build(units: Mapping[str, str]) -> EffectCard:

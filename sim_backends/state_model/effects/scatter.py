@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from sim_backends.models.interface import EffectCard
+from sim_backends.models.ranges import require_not_negative
 from sim_backends.state_model.port_effect import PortEffect
 
 
@@ -18,6 +19,7 @@ def scattering(effect: PortEffect, *, sd: float, by: str = "") -> PortEffect:
         sd: Standard deviation between units, in the unit of the strength.
         by: Condition that tells which unit was under test; empty where every run deviates by itself.
     """
+    require_not_negative(f"scattering effect at {effect.port}", sd=sd)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         card = effect.build(units)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from sim_backends.models.interface import Array, EffectCard, Parameter
+from sim_backends.models.ranges import require_not_negative, require_positive
 from sim_backends.state_model.effects.cards import card, state, strength
 from sim_backends.state_model.port_effect import Action, Change, PortEffect
 
@@ -26,6 +27,7 @@ def _signal(
     change: Change,
 ) -> PortEffect:
     """Return an effect with one strength: its name, unit with {unit} for that of the port, size, sign."""
+    require_positive(f"effect {name}", size=strength_of[2])
     label, unit, size, is_signed = strength_of
 
     def build(units: Mapping[str, str]) -> EffectCard:
@@ -133,6 +135,7 @@ def play(port: str, *, size: float, name: str = "play") -> PortEffect:
         size: Natural size of half of the play, in its unit.
         name: Of the card.
     """
+    require_positive(f"effect {name}", size=size)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         return card(
@@ -148,6 +151,10 @@ def play(port: str, *, size: float, name: str = "play") -> PortEffect:
     return PortEffect(port=port, build=build, action=Action.PLAY)
 
 
+def _numbered(key: str, values: tuple[float, ...]) -> dict[str, float]:
+    return {f"{key}[{index}]": value for index, value in enumerate(values)}
+
+
 def saturation(port: str, *, limits: tuple[float, ...], name: str = "saturation") -> PortEffect:
     """Return a limit of a signal.
 
@@ -156,6 +163,7 @@ def saturation(port: str, *, limits: tuple[float, ...], name: str = "saturation"
         limits: Where its size may be limited, inside the range that the runs use.
         name: Of the card.
     """
+    require_positive(f"effect {name}", **_numbered("limits", limits))
 
     def build(units: Mapping[str, str]) -> EffectCard:
         return _threshold_card(
@@ -182,6 +190,8 @@ def overflow(
             that begins above the edge needs it: about the area over the time in which it runs off.
         name: Of the card.
     """
+    require_positive(f"effect {name}", **_numbered("limits", limits))
+    require_not_negative(f"effect {name}", weir=weir)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         return _threshold_card(
@@ -245,6 +255,7 @@ def _threshold_card(
 
 def quantisation(port: str, *, step: float, name: str = "quantisation") -> PortEffect:
     """Return a signal rounded to steps; the strength is the share of the rounding, 1 for whole steps."""
+    require_positive(f"effect {name}", step=step)
 
     def build(_: Mapping[str, str]) -> EffectCard:
         one = strength("share", "1", 1.0, upper=MOST_SHARE)
@@ -283,6 +294,8 @@ def lag(port: str, *, size: float, longest: float, name: str = "lag") -> PortEff
 
 
 def _time(port: str, name: str, sentence: str, action: Action, size: float, longest: float) -> PortEffect:
+    require_positive(f"effect {name}", size=size, longest=longest)
+
     def build(_: Mapping[str, str]) -> EffectCard:
         one = strength("time", "s", size, upper=longest)
         return card(
@@ -306,6 +319,7 @@ def wrong_parameter(parameter: str, *, size: float, name: str = "") -> PortEffec
         size: Natural size of the error, in its unit.
         name: Of the card; by default `wrong_` and the parameter.
     """
+    require_positive(f"effect {name or f'wrong_{parameter}'}", size=size)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         one = Parameter(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from sim_backends.models.interface import Array, EffectCard
+from sim_backends.models.ranges import require_positive
 from sim_backends.state_model.effects.cards import card, per, state, strength
 from sim_backends.state_model.port_effect import PortEffect
 
@@ -36,6 +37,7 @@ def term(port: str, *, source: str, form: str, size: float, scale: float, name: 
         scale: Usual size of the source, in its unit.
         name: Of the card; by default the equation.
     """
+    require_positive(f"effect {name or 'term'}", size=size, scale=scale)
     text, order, function = FORMS[form]
 
     def build(units: Mapping[str, str]) -> EffectCard:
@@ -60,6 +62,7 @@ def term(port: str, *, source: str, form: str, size: float, scale: float, name: 
 
 def threshold(port: str, *, source: str, place: float, size: float, name: str = "") -> PortEffect:
     """Return a term that grows beyond a value of its source; see `term`."""
+    require_positive(f"effect {name or 'threshold'}", size=size)
 
     def build(units: Mapping[str, str]) -> EffectCard:
         above = ">" if place > 0.0 else "<"
@@ -84,6 +87,7 @@ def threshold(port: str, *, source: str, place: float, size: float, name: str = 
 
 def product(port: str, *, sources: tuple[str, str], size: float, name: str = "") -> PortEffect:
     """Return a product of two states or inputs added to the signal at a port; see `term`."""
+    require_positive(f"effect {name or 'product'}", size=size)
     one, other = sources
 
     def build(units: Mapping[str, str]) -> EffectCard:

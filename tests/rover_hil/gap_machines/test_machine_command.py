@@ -88,6 +88,10 @@ def test_results_need_a_folder(command: Command, tmp_path: Path) -> None:
             "machine.py, line 6: start returns nothing for state warmth",
         ),
         ("return replace(MODEL, ports=())", "is no port, input, channel"),
+        (
+            "return replace(MODEL, ports=(replace(MODEL.ports[0], force_sd=-1.0),))",
+            "force_sd is -1, must be > 0",
+        ),
     ],
 )
 def test_a_mistake_in_the_model_is_one_sentence_and_nothing_is_written(
