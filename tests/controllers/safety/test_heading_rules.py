@@ -310,6 +310,15 @@ def test_headings_that_the_filter_does_not_use_are_not_judged() -> None:
         assert bench.check() == []
 
 
+def test_a_heading_without_a_number_says_nothing_about_the_noise() -> None:
+    bench = Bench()
+    settle(bench)
+    bench.innovations.append(Innovation(name=NAME, residual=None, variance=None, nis=None, accepted=False))
+    assert bench.check() == []
+    # One such heading neither hides a wrong gyro nor begins a new comparison.
+    assert bench.drive(6.0, constant(0.1), constant(-0.1)) is not None
+
+
 def test_a_gyro_that_dies_is_no_contradiction() -> None:
     bench = Bench()
     settle(bench)

@@ -112,9 +112,9 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.mark.usefixtures("unrendered")
 def test_a_virtual_run_has_a_report(tmp_path: Path) -> None:
-    run_rover("robotino", virtual=True, duration_s=7.0, out=tmp_path / "out", realtime=False, as_json=True)
+    run_rover("robotino", virtual=True, duration_s=9.5, out=tmp_path / "out", realtime=False, as_json=True)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (summary["cycles"], summary["skipped"], summary["duration_s"]) == (350, 0, 7.0)
+    assert (summary["cycles"], summary["skipped"], summary["duration_s"]) == (475, 0, 9.5)
     assert [device["device"] for device in summary["devices"]] == ["board", "imu"]
     # The patch at the start is a textile on which the wheels slip by a third.
     assert 0.3 < summary["distance_truth_m"] < summary["distance_encoders_m"] < 0.6
