@@ -452,7 +452,7 @@ class WheelDrive(Driver[bytes]):
         return now_ns
 
     def _needs_restart(self, now_ns: int, speeds: Sequence[float]) -> bool:
-        """Return whether a fault is old enough, and the rover stands."""
+        """Return whether a fault is old enough, and the rover is at rest."""
         is_due = any(now_ns - t_ns >= RESTART_AFTER_NS for t_ns in self._fault_ns.values())
         return is_due and not any(speeds) and self._restarts < RESTARTS
 

@@ -145,10 +145,10 @@ def _rms(values: Floats) -> float:
 def _fused(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryRow]) -> Found:
     estimator = TraceEstimator(rig.geometry())
     angles, spent_ms = [], []
-    for image, told in zip(images, telemetry, strict=True):
+    for image, row in zip(images, telemetry, strict=True):
         start_ns = stopwatch_ns()
         angle = estimator.step(
-            nanoseconds(told.t_s), image, wheel_speed_m_s=told.wheel_speed_m_s, rates_rad_s=told.rates_rad_s
+            nanoseconds(row.t_s), image, wheel_speed_m_s=row.wheel_speed_m_s, rates_rad_s=row.rates_rad_s
         )
         spent_ms.append((stopwatch_ns() - start_ns) / 1e6)
         angles.append(angle)
@@ -167,12 +167,12 @@ def _fused(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryR
 def _flow(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryRow]) -> Found:
     peer = PlanarFlow(_peer_rig(rig), gyro=True)
     theta, spent_ms, before_s = [], [], telemetry[0].t_s
-    for image, told in zip(images, telemetry, strict=True):
-        yaw_rad_s = 0.0 if told.rates_rad_s is None else told.rates_rad_s[2]
+    for image, row in zip(images, telemetry, strict=True):
+        yaw_rad_s = 0.0 if row.rates_rad_s is None else row.rates_rad_s[2]
         start_ns = stopwatch_ns()
-        line = peer.look(image, yaw_rad_s * (told.t_s - before_s))
+        line = peer.look(image, yaw_rad_s * (row.t_s - before_s))
         spent_ms.append((stopwatch_ns() - start_ns) / 1e6)
-        before_s = told.t_s
+        before_s = row.t_s
         theta.append(math.nan if line is None else math.degrees(line[0]))
     count = len(theta)
     return Found(

@@ -82,10 +82,10 @@ def run(
     rig = RigFile.model_validate(sequence.rig.as_json()).geometry()
     estimator = TraceEstimator(rig, method, parameters)
     angles, spent_ms = [], []
-    for image, told in zip(images, sequence.telemetry, strict=True):
+    for image, row in zip(images, sequence.telemetry, strict=True):
         start_ns = stopwatch_ns()
         angle = estimator.step(
-            nanoseconds(told.t), image, wheel_speed_m_s=told.wheel_speed_mps, rates_rad_s=_rates(told)
+            nanoseconds(row.t), image, wheel_speed_m_s=row.wheel_speed_mps, rates_rad_s=_rates(row)
         )
         spent_ms.append((stopwatch_ns() - start_ns) / 1e6)
         angles.append(angle)
@@ -106,9 +106,9 @@ def run_peer(sequence: FrameSequence, images: Sequence[Image], peer: Peer) -> Fo
     """Return what a peer says of a drive; none has a confidence, or a state that could be lost."""
     rig = sequence.rig
     theta, left, spent_ms = [], [], []
-    for image, told in zip(images, sequence.telemetry, strict=True):
+    for image, row in zip(images, sequence.telemetry, strict=True):
         start_ns = stopwatch_ns()
-        line = peer.look(image, math.radians(told.gyro_yaw_dps) / rig.fps)
+        line = peer.look(image, math.radians(row.gyro_yaw_dps) / rig.fps)
         spent_ms.append((stopwatch_ns() - start_ns) / 1e6)
         theta.append(math.nan if line is None else line[0])
         left.append(math.nan if line is None else line[1])
@@ -217,11 +217,11 @@ def _over(name: str, finder: str, key: str, table: Mapping[str, Mapping[str, flo
     return f"{name} {finder}: {key} {value:.2f} > {most:g}" if value > most else ""
 
 
-def _rates(told: Telemetry) -> tuple[float, float, float]:
+def _rates(row: Telemetry) -> tuple[float, float, float]:
     return (
-        math.radians(told.gyro_roll_dps),
-        math.radians(told.gyro_pitch_dps),
-        math.radians(told.gyro_yaw_dps),
+        math.radians(row.gyro_roll_dps),
+        math.radians(row.gyro_pitch_dps),
+        math.radians(row.gyro_yaw_dps),
     )
 
 

@@ -21,8 +21,8 @@ class Found:
     """What a finder says of a drive's frames.
 
     Attributes:
-        theta_deg: Angle, NaN where none is told.
-        distance_m: Of the trace's line from the origin, NaN where none is told.
+        theta_deg: Angle, NaN where none is given.
+        distance_m: Of the trace's line from the origin, NaN where none is given.
         path_off_deg: Error of the chord of the path found against the true one's over the same stretch.
         confidence: In the angle.
         detected: The trace is said to be in this frame.
@@ -53,7 +53,7 @@ class Judged:
             first one the wheel's own axis is taken.
         chord_deg: Error of the angle against the chord, NaN where not found.
         path_deg: Error of the chord of the path found, NaN where not found.
-        told: An angle is told: found, or kept from the frames before.
+        has_angle: An angle is given: found, or kept from the frames before.
         right: The trace is there, and the angle is within 5 deg of the current direction.
         confidence: In it.
         tracked: The trace was known from the frame before.
@@ -67,7 +67,7 @@ class Judged:
     hold_deg: Floats
     chord_deg: Floats
     path_deg: Floats
-    told: Flags
+    has_angle: Flags
     right: Flags
     confidence: Floats
     tracked: Flags
@@ -91,7 +91,7 @@ def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Ju
         hold_deg=_held(found.theta_deg, np.isfinite(found.theta_deg)) - theta,
         chord_deg=np.where(seen, found.theta_deg - chord, np.nan),
         path_deg=np.where(seen, found.path_off_deg, np.nan),
-        told=np.isfinite(found.theta_deg),
+        has_angle=np.isfinite(found.theta_deg),
         right=present & (np.nan_to_num(error, nan=np.inf) < RIGHT_WITHIN_DEG),
         confidence=found.confidence,
         tracked=found.tracked,
@@ -125,7 +125,7 @@ def figures(judged: Judged) -> dict[str, float]:
         "hold_rms_deg": _rms(judged.hold_deg[present]),
         "chord_rms_deg": _rms(judged.chord_deg),
         "path_rms_deg": _rms(judged.path_deg),
-        "roc": roc_area(judged.confidence[judged.told], judged.right[judged.told]),
+        "roc": roc_area(judged.confidence[judged.has_angle], judged.right[judged.has_angle]),
         "tracked_ms": _median(judged.spent_ms[judged.tracked]),
         "cold_ms": _median(judged.spent_ms[~judged.tracked]),
     }

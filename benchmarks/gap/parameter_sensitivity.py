@@ -8,7 +8,7 @@ and 1.2 of its value (whole numbers change by at least 1; of levels and cosines 
 Markdown the changes of sums over a few development cases: verdicts with a name, members of the sets of
 alternatives, sets that hold the truth; the logarithm of the probability of the gap; error on locked runs
 after over that before; widths of the intervals over the sizes; and, of machines, the probability of a right
-verdict after the proposed run. "refused" stands where the data are rejected. Numbers that change no figure,
+verdict after the proposed run. "refused": the data are rejected. Numbers that change no figure,
 and numbers that no case reads, are listed below the table.
 
 Cases: `side` is a case of `benchmarks/gap/cases.py` (from 10000 on), `drive` the place of a case in

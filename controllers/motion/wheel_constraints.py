@@ -36,7 +36,7 @@ SAME_DIRECTION = 1e-6
 LEAST_CONTROL = 0.02
 """Least singular value, over the greatest, of what motors and steering control; lengths over the rover's."""
 TEST_MOTIONS = ((0.9, 0.31, 0.27), (-0.2, 0.8, 0.7), (0.5, -0.6, -1.1))
-"""Ordinary motions (length 1) at which control is tested: no wheel stands in them by chance."""
+"""Ordinary motions (length 1) at which control is tested: no wheel is at rest in them by chance."""
 
 
 def contact_rows(wheel: WheelSettings) -> Matrix:

@@ -32,7 +32,7 @@ FLATTEST = 50.0
 class WheelsKinematics:
     """Kinematics of a list of wheels.
 
-    Steering angles are one per wheel, 0 for a wheel that does not steer; an empty tuple stands for zeros.
+    Steering angles are one per wheel, 0 for a wheel that does not steer; an empty tuple means zeros.
 
     Args:
         settings: The wheels.
@@ -207,7 +207,7 @@ class _Solution:
             rows = _side_rows(pairs, weak)
             inverse = inverse - free @ np.linalg.pinv(rows @ free, rcond=1e-9) @ rows @ inverse
         self.to_body: Matrix = inverse * np.array([wheel.radius_m for wheel in wheels])
-        # Constraints that agree whatever the wheels do are not redundant: they cannot contradict each other.
+        # Constraints that always agree are not redundant: they cannot contradict each other.
         unexplained = np.eye(len(firm))[:, : len(wheels)] - firm @ inverse
         self.redundant = int(np.linalg.matrix_rank(unexplained, tol=1e-9))
 

@@ -1,4 +1,4 @@
-"""Steering angles in the whole step: those of a rover that stands, and reports that end or are wrong."""
+"""Steering angles in the whole step: those of a rover at rest, and reports that end or are wrong."""
 
 import math
 from collections.abc import Callable

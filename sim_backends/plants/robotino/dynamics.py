@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sim_backends.arrays import Array
 from sim_backends.jit import compiled
+from sim_backends.plants.rigid_body import momentum_over_step, solve
 from sim_backends.plants.robotino.ground import Ground
 
 BRIDGE_COUNTS = 255.0
@@ -173,7 +174,7 @@ def _step_body(state: State, rover: Rover, grip: Array, along: Array, across: Ar
     free = np.zeros(3)
     follow = np.zeros(3)
     matrix = rover.mass / step_s
-    right = _momentum(state.twist, rover.mass, step_s)
+    right = momentum_over_step(state.twist, rover.mass, step_s)
     for wheel in range(3):
         torque_nm = _motor_torque(state, rover, wheel)
         sign[wheel] = _friction_sign(state, rover, wheel, torque_nm, grip[wheel])
@@ -192,7 +193,7 @@ def _step_body(state: State, rover: Rover, grip: Array, along: Array, across: Ar
                 matrix[i, j] += (
                     ahead * rover.direction[wheel, j] * drag + aside * rover.radial[wheel, j] * across[wheel]
                 )
-    _solve(matrix, right, state.twist)
+    solve(matrix, right, state.twist)
     for wheel in range(3):
         speed = free[wheel] + follow[wheel] * _dot(rover.direction, wheel, state.twist)
         if speed * sign[wheel] < 0.0:
@@ -238,35 +239,6 @@ def _friction_sign(state: State, rover: Rover, wheel: int, torque_nm: float, gri
 
 
 @_compiled
-def _momentum(twist: Array, mass: Array, step_s: float) -> Array:
-    """Return momentum over step, with the terms of the rotating frame."""
-    momentum = np.empty(3)
-    for i in range(3):
-        momentum[i] = mass[i, 0] * twist[0] + mass[i, 1] * twist[1] + mass[i, 2] * twist[2]
-    result = momentum / step_s
-    result[0] += twist[2] * momentum[1]
-    result[1] -= twist[2] * momentum[0]
-    result[2] -= twist[0] * momentum[1] - twist[1] * momentum[0]
-    return result
-
-
-@_compiled
 def _dot(rows: Array, row: int, vector: Array) -> float:
     product: float = rows[row, 0] * vector[0] + rows[row, 1] * vector[1] + rows[row, 2] * vector[2]
     return product
-
-
-@_compiled
-def _solve(matrix: Array, right: Array, solution: Array) -> None:
-    """Solve three equations by elimination, without pivots: the matrix is symmetric and positive definite."""
-    for k in range(3):
-        for i in range(k + 1, 3):
-            factor = matrix[i, k] / matrix[k, k]
-            right[i] -= factor * right[k]
-            for j in range(k, 3):
-                matrix[i, j] -= factor * matrix[k, j]
-    for i in range(2, -1, -1):
-        residual = right[i]
-        for j in range(i + 1, 3):
-            residual -= matrix[i, j] * solution[j]
-        solution[i] = residual / matrix[i, i]

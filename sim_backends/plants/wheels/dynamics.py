@@ -18,6 +18,7 @@ import numpy as np
 
 from sim_backends.arrays import Array
 from sim_backends.jit import compiled
+from sim_backends.plants.rigid_body import momentum_over_step, solve
 from sim_backends.plants.robotino.ground import Ground
 
 CREEP_M_S = 0.001
@@ -183,7 +184,7 @@ def _step_body(state: State, rover: Rover, direction: Array, grip: Array, resist
     free = np.empty(count)
     follow = np.empty((count, 2))
     matrix = rover.mass / step_s
-    right = _momentum(state.twist, rover.mass, step_s)
+    right = momentum_over_step(state.twist, rover.mass, step_s)
     for wheel in range(count):
         radius = rover.radius_m[wheel]
         dx = direction[wheel, 0]
@@ -209,7 +210,7 @@ def _step_body(state: State, rover: Rover, direction: Array, grip: Array, resist
         right[1] += push_y
         right[2] += rover.place[wheel, 0] * push_y - rover.place[wheel, 1] * push_x
     _add_castors(state, rover, matrix)
-    _solve(matrix, right, state.twist)
+    solve(matrix, right, state.twist)
     for wheel in range(count):
         vx = state.twist[0] - state.twist[2] * rover.place[wheel, 1]
         vy = state.twist[1] + state.twist[2] * rover.place[wheel, 0]
@@ -270,32 +271,3 @@ def _add_force(matrix: Array, x: float, y: float, xx: float, xy: float, yy: floa
     matrix[1, 2] += turn_y
     matrix[2, 1] += turn_y
     matrix[2, 2] += -y * turn_x + x * turn_y
-
-
-@_compiled
-def _momentum(twist: Array, mass: Array, step_s: float) -> Array:
-    """Return momentum over step, with the terms of the rotating frame."""
-    momentum = np.empty(3)
-    for i in range(3):
-        momentum[i] = mass[i, 0] * twist[0] + mass[i, 1] * twist[1] + mass[i, 2] * twist[2]
-    result = momentum / step_s
-    result[0] += twist[2] * momentum[1]
-    result[1] -= twist[2] * momentum[0]
-    result[2] -= twist[0] * momentum[1] - twist[1] * momentum[0]
-    return result
-
-
-@_compiled
-def _solve(matrix: Array, right: Array, solution: Array) -> None:
-    """Solve three equations by elimination, without pivots: the matrix is symmetric and positive definite."""
-    for k in range(3):
-        for i in range(k + 1, 3):
-            factor = matrix[i, k] / matrix[k, k]
-            right[i] -= factor * right[k]
-            for j in range(k, 3):
-                matrix[i, j] -= factor * matrix[k, j]
-    for i in range(2, -1, -1):
-        residual = right[i]
-        for j in range(i + 1, 3):
-            residual -= matrix[i, j] * solution[j]
-        solution[i] = residual / matrix[i, i]

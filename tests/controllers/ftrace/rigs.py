@@ -37,12 +37,12 @@ def grey_frames(sequence: FrameSequence) -> list[Image]:
     return [np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8) for image in sequence.frames()]
 
 
-def rates(told: Telemetry) -> tuple[float, float, float]:
+def rates(row: Telemetry) -> tuple[float, float, float]:
     """Return turn rates in rad/s."""
     return (
-        math.radians(told.gyro_roll_dps),
-        math.radians(told.gyro_pitch_dps),
-        math.radians(told.gyro_yaw_dps),
+        math.radians(row.gyro_roll_dps),
+        math.radians(row.gyro_pitch_dps),
+        math.radians(row.gyro_yaw_dps),
     )
 
 
@@ -53,12 +53,12 @@ def follow(
     estimator = TraceEstimator(RigFile.model_validate(sequence.rig.as_json()).geometry(), method)
     return [
         estimator.step(
-            nanoseconds(told.t),
+            nanoseconds(row.t),
             image,
-            wheel_speed_m_s=told.wheel_speed_mps if telemetry else None,
-            rates_rad_s=rates(told) if telemetry else None,
+            wheel_speed_m_s=row.wheel_speed_mps if telemetry else None,
+            rates_rad_s=rates(row) if telemetry else None,
         )
-        for image, told in zip(images, sequence.telemetry, strict=False)
+        for image, row in zip(images, sequence.telemetry, strict=False)
     ]
 
 
