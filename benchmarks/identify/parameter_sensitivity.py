@@ -1,9 +1,10 @@
 """How much an identification changes when each of its tuned numbers is varied by 20 %.
 
-    python -m benchmarks.identify.parameter_sensitivity [--of motor,slip,scomp] [--groups window,surface]
+    python -m benchmarks.identify.parameter_sensitivity [--of motor,slip,scomp,gyro] [--groups window,surface]
         [--data ../shared/data/robotino_2023]
 
-Varies each number of `parameters.py` in `rover_hil/identify/motor`, `slip` and `scomp` to 0.8 and 1.2 of its
+Varies each number of `parameters.py` in `rover_hil/identify/motor`, `slip`, `scomp` and
+`gyro` to 0.8 and 1.2 of its
 value (whole numbers change by at least 1) and prints as Markdown the changes of a few figures; "refused"
 where the identification rejects the data then. Numbers that change no figure are listed below the table.
 
@@ -11,6 +12,7 @@ where the identification rejects the data then. Numbers that change no figure ar
 - slip: every fifth measured run of the data set, and a simulated drive with pose fixes and a yaw excitation,
   whose slip is twice its transmission loss. Without the data set, the drive only.
 - scomp: the first simulated field test of `benchmarks/four_wheels/scomp.py`, one seed.
+- gyro: a virtual run of `rover-hil calibrate imu` with the Robotino.
 
 About ten minutes on one core.
 """
@@ -19,8 +21,11 @@ import argparse
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
 from functools import partial
+from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -31,7 +36,11 @@ from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import LogError, ModelError
+from rover_hil.app.calibrate_imu import calibrate_imu
 from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.identify.gyro.parameters import GYRO_FIT
+from rover_hil.identify.gyro.response_fit import fit_response
+from rover_hil.identify.gyro.turns import read_turns
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.report import report_motor
@@ -170,10 +179,25 @@ def scomp_figures(recorded: Recorded) -> Figures:
     }
 
 
+def gyro_figures(log: Path) -> Figures:
+    """Return the constants of a gyro, and whether they may be used."""
+    found = fit_response(read_turns(log))
+    return {
+        "gain": found.gain,
+        "gain deviation": found.gain_sd,
+        "delay, ms": 1e3 * found.delay_s,
+        "delay deviation, ms": 1e3 * found.delay_sd_s,
+        "lag, ms": 1e3 * found.lag_s,
+        "lag deviation, ms": 1e3 * found.lag_sd_s,
+        "blocks, s": found.seconds,
+        "is used": float(not found.problem),
+    }
+
+
 def main() -> int:
     """Print one table for each object of numbers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--of", default="motor,slip,scomp")
+    parser.add_argument("--of", default="motor,slip,scomp,gyro")
     parser.add_argument("--groups", help="with commas; all of them when left out")
     parser.add_argument("--data", type=Path, default=DATA)
     given = parser.parse_args()
@@ -195,6 +219,14 @@ def main() -> int:
         print("\nscomp")
         score = partial(scomp_figures, field_test(TESTS["test_1"], FIRST_SEED))
         print_table(SCOMP_FIT, score, groups=given.groups, refusals=refusals, effects_only=True)
+    if "gyro" in names:
+        print("\ngyro")
+        with TemporaryDirectory() as folder:
+            found = Path(folder) / "gyro.toml"
+            with redirect_stdout(StringIO()):
+                calibrate_imu("robotino", virtual=True, out=found, as_json=True)
+            score = partial(gyro_figures, found.with_suffix(".mcap"))
+            print_table(GYRO_FIT, score, groups=given.groups, refusals=refusals, effects_only=True)
     return 0
 
 

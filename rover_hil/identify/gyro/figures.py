@@ -8,10 +8,14 @@ from matplotlib.figure import Figure
 
 from controllers.slip.effort.gyro_response import GyroResponse
 from rover_hil.datasets.arrays import Array
-from rover_hil.identify.gyro.turns import BLOCK_S, GRID_S, Turns
+from rover_hil.identify.gyro.parameters import GYRO_FIT
+from rover_hil.identify.gyro.turns import Turns
 from rover_hil.pages import style
 
 LEAST_AMPLITUDE_RAD_S = 0.03
+"""Of the wheels' yaw rate; blocks with less are not drawn."""
+
+TURNS = GYRO_FIT.turns
 
 
 def measured_response(turns: Turns) -> tuple[Array, Array]:
@@ -22,11 +26,11 @@ def measured_response(turns: Turns) -> tuple[Array, Array]:
     """
     found: list[tuple[float, complex]] = []
     for start_s in turns.blocks.tolist():
-        inside = (turns.grid_s >= start_s) & (turns.grid_s < start_s + BLOCK_S)
+        inside = (turns.grid_s >= start_s) & (turns.grid_s < start_s + TURNS.block_s)
         wheels = turns.wheel_rate_rad_s[inside]
         spectrum = np.abs(np.fft.rfft(wheels - wheels.mean(), 8 * len(wheels)))
-        frequency_hz = float(np.argmax(spectrum) / (8 * len(wheels) * GRID_S))
-        reads = (turns.gyro_s >= start_s) & (turns.gyro_s < start_s + BLOCK_S)
+        frequency_hz = float(np.argmax(spectrum) / (8 * len(wheels) * TURNS.grid_s))
+        reads = (turns.gyro_s >= start_s) & (turns.gyro_s < start_s + TURNS.block_s)
         if frequency_hz <= 0.0 or reads.sum() < 8:
             continue
         by_wheels = _amplitude(frequency_hz, turns.grid_s[inside], wheels)

@@ -13,22 +13,10 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from rover_hil.datasets.arrays import Array
-from rover_hil.identify.gyro.turns import BLOCK_S, GRID_S, Turns
+from rover_hil.identify.gyro.parameters import GYRO_FIT
+from rover_hil.identify.gyro.turns import Turns
 
-GROUPS = 10
-GREATEST_BANDWIDTH_HZ = 200.0
-SLOWEST_LAG_S = 0.3
-STARTS = ((-0.03, 0.005), (0.01, 0.005), (0.05, 0.005), (0.0, 0.03))
-"""Delay and lag from which the fit starts; the best result is used."""
-LEAST_SD_S = 0.0015
-"""Of delay and lag: what the jackknife cannot see, e.g. the contact's lag and the positions' age."""
-LEAST_GAIN_SD = 0.01
-SAME_RATE_SD_S = 0.008
-"""Of delay and lag where set-points and gyro have one rate: the set-points' steps alias onto the turns."""
-SAME_RATE = 0.03
-LEAST_GAIN = 0.85
-GREATEST_GAIN = 1.2
-GREATEST_RESIDUAL = 0.35
+TURNS, RESPONSE = GYRO_FIT.turns, GYRO_FIT.response
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,8 +43,8 @@ class ResponseFit:
 
     @property
     def bandwidth_hz(self) -> float:
-        """Where the low-pass has lost 3 dB, at most `GREATEST_BANDWIDTH_HZ`."""
-        return min(GREATEST_BANDWIDTH_HZ, 1.0 / (math.tau * max(self.lag_s, 1e-6)))
+        """Where the low-pass has lost 3 dB, at most `greatest_bandwidth_hz`."""
+        return min(RESPONSE.greatest_bandwidth_hz, 1.0 / (math.tau * max(self.lag_s, 1e-6)))
 
     @property
     def bandwidth_sd_hz(self) -> float:
@@ -66,12 +54,12 @@ class ResponseFit:
     @property
     def problem(self) -> str:
         """Why the result must not be used; empty where it may."""
-        if self.residual > GREATEST_RESIDUAL:
+        if self.residual > RESPONSE.greatest_residual:
             return (
                 f"{100 * self.residual:.0f} % of the readings are not explained by the wheels' turns: firm "
                 "ground, a free rover and the right axis of the gyro are needed"
             )
-        if not LEAST_GAIN <= self.gain <= GREATEST_GAIN:
+        if not RESPONSE.least_gain <= self.gain <= RESPONSE.greatest_gain:
             return (
                 f"the gyro reads {self.gain:.2f} of the wheels' turns: the ground is not firm, the wheels' "
                 "geometry in [rover] is wrong, or the sensor is mounted another way"
@@ -81,14 +69,16 @@ class ResponseFit:
 
 def fit_response(turns: Turns) -> ResponseFit:
     """Return the constants of the gyro that fit the turns best."""
-    groups = [turns.blocks[first::GROUPS] for first in range(min(GROUPS, len(turns.blocks)))]
+    groups = [
+        turns.blocks[first :: RESPONSE.groups] for first in range(min(RESPONSE.groups, len(turns.blocks)))
+    ]
     best = min(
-        (_fit(turns, turns.blocks, start) for start in STARTS),
+        (_fit(turns, turns.blocks, start) for start in RESPONSE.starts_s),
         key=lambda found: found.residual,
     )
     others = [_fit(turns, np.setdiff1d(turns.blocks, group), (best.delay_s, best.lag_s)) for group in groups]
 
-    least_sd_s = SAME_RATE_SD_S if turns.rates_ratio < SAME_RATE else LEAST_SD_S
+    least_sd_s = RESPONSE.same_rate_sd_s if turns.rates_ratio < RESPONSE.same_rate else RESPONSE.least_sd_s
 
     def deviation(name: str) -> float:
         values = np.array([getattr(each, name) for each in others])
@@ -97,7 +87,7 @@ def fit_response(turns: Turns) -> ResponseFit:
     return replace(
         best,
         delay_s=best.delay_s + turns.wheel_age_s,
-        gain_sd=math.hypot(deviation("gain"), LEAST_GAIN_SD),
+        gain_sd=math.hypot(deviation("gain"), RESPONSE.least_gain_sd),
         delay_sd_s=math.hypot(deviation("delay_s"), least_sd_s),
         lag_sd_s=math.hypot(deviation("lag_s"), least_sd_s),
     )
@@ -105,17 +95,17 @@ def fit_response(turns: Turns) -> ResponseFit:
 
 def _fit(turns: Turns, blocks: Array, start: tuple[float, float]) -> ResponseFit:
     parts = [
-        np.flatnonzero((turns.gyro_s >= block) & (turns.gyro_s < block + BLOCK_S))
+        np.flatnonzero((turns.gyro_s >= block) & (turns.gyro_s < block + TURNS.block_s))
         for block in blocks.tolist()
     ]
     measured = np.concatenate([_without_trend(turns.gyro_s[part], turns.gyro_rad_s[part]) for part in parts])
 
     def predict(numbers: Array) -> Array:
         delay_s, lag_s = numbers.tolist()
-        keep = math.exp(-GRID_S / lag_s)
+        keep = math.exp(-TURNS.grid_s / lag_s)
         slow = lfilter([1.0 - keep], [1.0, -keep], turns.wheel_rate_rad_s)
         # The discrete low-pass is half a step earlier than the continuous one.
-        predicted = np.interp(turns.gyro_s - delay_s - 0.5 * GRID_S, turns.grid_s, slow)
+        predicted = np.interp(turns.gyro_s - delay_s - 0.5 * TURNS.grid_s, turns.grid_s, slow)
         return np.concatenate([_without_trend(turns.gyro_s[part], predicted[part]) for part in parts])
 
     def rest(numbers: Array) -> Array:
@@ -125,7 +115,10 @@ def _fit(turns: Turns, blocks: Array, start: tuple[float, float]) -> ResponseFit
     found = least_squares(
         rest,
         start,
-        bounds=((-0.1, 1e-4), (0.3, SLOWEST_LAG_S)),
+        bounds=(
+            (RESPONSE.earliest_delay_s, RESPONSE.shortest_lag_s),
+            (RESPONSE.longest_delay_s, RESPONSE.longest_lag_s),
+        ),
         x_scale=(0.01, 0.01),
         diff_step=1e-3,
     )
@@ -138,7 +131,7 @@ def _fit(turns: Turns, blocks: Array, start: tuple[float, float]) -> ResponseFit
         delay_sd_s=0.0,
         lag_sd_s=0.0,
         residual=float(np.std(found.fun) / np.std(measured)),
-        seconds=len(blocks) * BLOCK_S,
+        seconds=len(blocks) * TURNS.block_s,
     )
 
 

@@ -11,16 +11,9 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import read_drive
+from rover_hil.identify.gyro.parameters import GYRO_FIT
 
-BLOCK_S = 1.0
-"""Turns are cut into blocks of this length; those in which the rover travels are left out."""
-GRID_S = 0.001
-LONGEST_GAP_S = 0.15
-LEAST_RATE_RAD_S = 0.03
-"""Standard deviation of the wheels' yaw rate in a block that is used."""
-LEAST_BLOCKS = 4
-LEAST_READINGS = 10
-IN_PLACE_M_S = 0.03
+TURNS = GYRO_FIT.turns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +24,7 @@ class Turns:
         path: The log.
         wheel_age_s: Age of the wheels' positions at their time stamp by the settings of their device; 0 where
             it is unknown.
-        grid_s: Times, `GRID_S` apart, shape (n,).
+        grid_s: Times, `TURNS.grid_s` apart, shape (n,).
         wheel_rate_rad_s: Yaw rate of rolling wheels at these times, (n,).
         gyro_s: Time stamps of the gyro, (k,).
         gyro_rad_s: Its readings, (k,).
@@ -66,7 +59,7 @@ def read_turns(path: Path) -> Turns:
     kinematics = make_kinematics(config.rover)
     positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
     gyro = rows["gyro_z_rad_s"]
-    if len(gyro) < LEAST_READINGS or any(len(each) < LEAST_READINGS for each in positions):
+    if len(gyro) < TURNS.least_readings or any(len(each) < TURNS.least_readings for each in positions):
         raise LogError(f"log {path} holds no yaw rates of roles.gyro, or no positions of all wheels")
     origin_ns = int(positions[0].t_ns[0])
     t_s = (np.unique(positions[0].t_ns) - origin_ns) / 1e9
@@ -74,7 +67,7 @@ def read_turns(path: Path) -> Turns:
     moved = np.array([kinematics.body_motion(row) for row in np.column_stack(angles).tolist()])
     if not np.isfinite(moved).all() or not np.isfinite(gyro.value).all():
         raise LogError(f"log {path} holds samples that are not numbers: it is damaged, record it again")
-    grid_s = np.arange(t_s[0], t_s[-1], GRID_S)
+    grid_s = np.arange(t_s[0], t_s[-1], TURNS.grid_s)
     rate_rad_s: Array = CubicSpline(t_s, moved[:, 2])(grid_s, 1)
     age_s = config.device_roles().wheel_age_s
     turns = Turns(
@@ -87,23 +80,24 @@ def read_turns(path: Path) -> Turns:
         blocks=_blocks(t_s, moved, grid_s, rate_rad_s),
         rates_ratio=abs(config.loop.rate_hz * float(np.median(np.diff(gyro.t_ns))) / 1e9 - 1.0),
     )
-    if len(turns.blocks) < LEAST_BLOCKS:
+    if len(turns.blocks) < TURNS.least_blocks:
         raise LogError(
-            f"log {path}: the rover turned in place for {len(turns.blocks) * BLOCK_S:.0f} s, "
-            f"{LEAST_BLOCKS * BLOCK_S:.0f} s are needed: let `calibrate imu` drive, or use a log of it"
+            f"log {path}: the rover turned in place for {len(turns.blocks) * TURNS.block_s:.0f} s, "
+            f"{TURNS.least_blocks * TURNS.block_s:.0f} s are needed: "
+            "let `calibrate imu` drive, or use a log of it"
         )
     return turns
 
 
 def _blocks(t_s: Array, moved: Array, grid_s: Array, rate_rad_s: Array) -> Array:
-    starts = np.arange(t_s[0] + BLOCK_S, t_s[-1] - 2.0 * BLOCK_S, BLOCK_S)
+    starts = np.arange(t_s[0] + TURNS.block_s, t_s[-1] - 2.0 * TURNS.block_s, TURNS.block_s)
     used = []
     for start_s in starts.tolist():
-        inside = (t_s >= start_s) & (t_s <= start_s + BLOCK_S)
-        if inside.sum() < LEAST_READINGS or np.diff(t_s[inside]).max() > LONGEST_GAP_S:
+        inside = (t_s >= start_s) & (t_s <= start_s + TURNS.block_s)
+        if inside.sum() < TURNS.least_readings or np.diff(t_s[inside]).max() > TURNS.longest_gap_s:
             continue
         way_m = float(np.hypot(*(moved[inside][-1, :2] - moved[inside][0, :2])))
-        rates = rate_rad_s[(grid_s >= start_s) & (grid_s <= start_s + BLOCK_S)]
-        if way_m <= IN_PLACE_M_S * BLOCK_S and float(np.std(rates)) >= LEAST_RATE_RAD_S:
+        rates = rate_rad_s[(grid_s >= start_s) & (grid_s <= start_s + TURNS.block_s)]
+        if way_m <= TURNS.in_place_m_s * TURNS.block_s and float(np.std(rates)) >= TURNS.least_rate_rad_s:
             used.append(start_s)
     return np.array(used)
