@@ -1,19 +1,23 @@
-"""`python -m docs.generate FOLDER`: write the generated reference pages into a folder."""
+"""`python -m docs.generate FOLDER`: write the generated reference pages and the JSON schema into a folder."""
 
 import sys
 from pathlib import Path
 
 from docs.generate.commands_page import commands_page
 from docs.generate.configuration_page import configuration_page
+from docs.generate.schema_file import schema_text
+from rover_hil.config.loader import SCHEMA_NAME, SHIPPED_CONFIGS
 
 PAGES = {"configuration.md": configuration_page, "commands.md": commands_page}
 
 
 def write_pages(folder: Path) -> None:
-    """Write every generated page."""
+    """Write every generated page, and the schema."""
     for name, make_page in PAGES.items():
         (folder / name).write_text(make_page(), "utf-8")
+    (folder / SCHEMA_NAME).write_text(schema_text(), "utf-8")
 
 
 if __name__ == "__main__":
     write_pages(Path(sys.argv[1]))
+    (Path(str(SHIPPED_CONFIGS)) / SCHEMA_NAME).write_text(schema_text(), "utf-8")

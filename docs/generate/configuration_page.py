@@ -129,7 +129,7 @@ def _attributes_in(doc: str) -> dict[str, str]:
     return meanings
 
 
-def _summary_of(model: type[Settings]) -> str:
+def summary_of(model: type[Settings]) -> str:
     """Return the docstring up to its attributes, each paragraph on one line."""
     text = inspect.cleandoc(model.__doc__ or "").partition("\nAttributes:\n")[0]
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.strip().split("\n\n"))
@@ -167,7 +167,7 @@ def _order(part: Part, parts: list[Part]) -> tuple[int, str]:
 
 def _describe(part: Part) -> str:
     heading = f"## [{part.path}]{_variant_of(part.model)}" if part.path else "## Top level"
-    lines = [heading, "", _summary_of(part.model), ""]
+    lines = [heading, "", summary_of(part.model), ""]
     lines += ["| key | type | unit | range | default | meaning |", "|---|---|---|---|---|---|"]
     meanings = attributes_of(part.model)
     for name, field in part.model.model_fields.items():
@@ -177,21 +177,21 @@ def _describe(part: Part) -> str:
             _type_text(field.annotation),
             unit_of(key),
             _range_text(field),
-            "required" if _is_tag(name, field) else _default_text(field),
-            "Selects this table." if _is_tag(name, field) else meanings.get(name, ""),
+            "required" if is_tag(name, field) else _default_text(field),
+            "Selects this table." if is_tag(name, field) else meanings.get(name, ""),
         )
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return "\n".join([*lines, ""])
 
 
-def _is_tag(name: str, field: FieldInfo) -> bool:
+def is_tag(name: str, field: FieldInfo) -> bool:
     """Return whether a key selects one of several tables."""
     return name in ("type", "kinematics") and get_origin(field.annotation) is Literal
 
 
 def _variant_of(model: type[Settings]) -> str:
     for name, field in model.model_fields.items():
-        if _is_tag(name, field):
+        if is_tag(name, field):
             return f" with {name} = {_type_text(field.annotation)}"
     return ""
 

@@ -142,6 +142,27 @@ def replay(
 
 
 @app.command()
+def check(
+    config: ConfigArgument,
+    schema: Annotated[
+        Path | None,
+        typer.Option(help="Also write the JSON schema of configurations to this file, for your editor."),
+    ] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Check a configuration: print every mistake at once, or which commands it is ready for.
+
+    No port is opened; `doctor` also checks the devices. Exit code 1: the configuration has mistakes.
+
+    Example: `rover-hil check robotino`
+    """
+    from rover_hil.app.check import check_config
+
+    sys.exit(check_config(config, schema=schema, force=force, as_json=json))
+
+
+@app.command()
 def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
     """Check devices, permissions, rates, clocks and calibration; print cause and fix.
 
@@ -172,7 +193,7 @@ def tune(
 
     Example: `rover-hil tune my_rover.toml --study gains`
 
-    Data: a copy of a configuration with `[tune]` added; docs/how-to/bench_tuning.md has one to copy.
+    Data: a copy of a configuration with `[tune]`, as the shipped ones have; docs/how-to/bench_tuning.md.
     """
     from rover_hil.app.tune import tune as tune_rover
 

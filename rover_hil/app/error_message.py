@@ -12,10 +12,15 @@ LONGEST_LINE = 500
 def readable(message: str) -> str:
     """Return a message without control characters, its lines and their number shortened."""
     lines = message.splitlines()
-    shown = [_shortened("".join(c if c.isprintable() else "?" for c in line)) for line in lines[:MOST_LINES]]
+    shown = [readable_line(line) for line in lines[:MOST_LINES]]
     if len(lines) > MOST_LINES:
         shown.append(f"... and {len(lines) - MOST_LINES} lines more")
     return "\n".join(shown)
+
+
+def readable_line(line: str) -> str:
+    """Return a line without control characters, shortened."""
+    return _shortened("".join(c if c.isprintable() else "?" for c in line))
 
 
 def check_name_lengths(arguments: Sequence[str]) -> None:

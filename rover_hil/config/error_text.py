@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 from drivers.errors import ConfigError
 from drivers.settings import Settings, direct_mistakes
 
-MOST_MISTAKES = 30
+MOST_MISTAKES = 100
 _REPRESENTATION = reprlib.Repr()
 _REPRESENTATION.maxstring = _REPRESENTATION.maxother = _REPRESENTATION.maxlong = 100
 LONGEST_KEY = 80
@@ -57,6 +57,7 @@ def describe_mistakes(details: Sequence[ErrorDetails], table: Mapping[str, objec
         details: What pydantic found; only the first `MOST_MISTAKES` are described.
         table: The content that was validated.
     """
+    rest = len(details) - MOST_MISTAKES
     details = details[:MOST_MISTAKES]
     mistyped = {
         (*detail["loc"][:-1], _closest_key(detail, table))
@@ -64,12 +65,13 @@ def describe_mistakes(details: Sequence[ErrorDetails], table: Mapping[str, objec
         if detail["type"] == "extra_forbidden"
     }
     # A mistyped key is reported twice, as missing and as unknown; the latter is clearer.
-    return [
+    mistakes = [
         mistake
         for detail in direct_mistakes(details)
         if detail["type"] != "missing" or detail["loc"] not in mistyped
         for mistake in _describe(detail, table)
     ]
+    return [*mistakes, f"and {rest} more mistakes: correct these first"] if rest > 0 else mistakes
 
 
 def _describe(detail: ErrorDetails, table: Mapping[str, object]) -> list[str]:

@@ -19,6 +19,9 @@ from rover_hil.config.error_text import describe_mistakes, join_lines, validated
 from rover_hil.config.schema import SCHEMA_RULES, Config, Draft, Rule, find_conflicts
 
 SHIPPED = resources.files("rover_hil.config") / "shipped"
+SHIPPED_CONFIGS = SHIPPED / "configs"
+SCHEMA_NAME = "rover-hil-config.schema.json"
+"""The JSON schema of a configuration, beside the shipped ones; `make reference` writes it."""
 
 Table = dict[str, object]
 KeyPath = tuple[str, str]
@@ -26,8 +29,8 @@ KeyPath = tuple[str, str]
 
 def shipped_configs() -> tuple[str, ...]:
     """Return the names of the shipped configurations."""
-    folder = SHIPPED / "configs"
-    return tuple(sorted(Path(item.name).stem for item in folder.iterdir() if item.name.endswith(".toml")))
+    names = (item.name for item in SHIPPED_CONFIGS.iterdir())
+    return tuple(sorted(Path(name).stem for name in names if name.endswith(".toml")))
 
 
 def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
@@ -65,6 +68,11 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
     return config
 
 
+def schema_text() -> str:
+    """Return the JSON schema of a configuration, for editors."""
+    return (SHIPPED_CONFIGS / SCHEMA_NAME).read_text("utf-8")
+
+
 def load_slip_map(name_or_path: str) -> Table:
     """Return the content of a file of slip maps by the name of a shipped one or its path, not yet checked.
 
@@ -90,7 +98,7 @@ def read_config_text(name_or_path: str) -> str:
         ConfigError: The file cannot be read.
     """
     if name_or_path in shipped_configs():
-        return (SHIPPED / "configs" / f"{name_or_path}.toml").read_text("utf-8")
+        return (SHIPPED_CONFIGS / f"{name_or_path}.toml").read_text("utf-8")
     path = Path(name_or_path)
     try:
         return read_text(path)

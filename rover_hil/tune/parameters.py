@@ -11,6 +11,7 @@ from rover_hil.run.checks import ROVER_CHECKS
 
 FORBIDDEN = ("devices", "loop", "roles", "rover", "safety", "schema", "simulation", "tune")
 SIGNIFICANT_DIGITS = 4
+MISSING_TUNE = "tune: the configuration marks nothing as tunable: add [tune], see docs/how-to/bench_tuning.md"
 
 Values = Mapping[str, float]
 Table = dict[str, object]
@@ -24,9 +25,7 @@ def check_parameters(config: Config) -> TuneSettings:
             gains, have ranges that their own limits forbid, or start outside their ranges: one line each.
     """
     if config.tune is None:
-        raise ConfigError(
-            "tune: the configuration marks nothing as tunable: add [tune], see docs/how-to/bench_tuning.md"
-        )
+        raise ConfigError(MISSING_TUNE)
     if config.mission is None or config.simulation is None:
         raise ConfigError("tuning drives the mission on the simulated rover: add [mission] and [simulation]")
     ControlLoop(config, config.device_roles())  # to blame the mission itself rather than every range

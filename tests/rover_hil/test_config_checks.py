@@ -12,6 +12,7 @@ from rover_hil.app.simulate import simulate
 from rover_hil.app.tune import tune
 from rover_hil.config import load_config, read_config_text
 from rover_hil.run.checks import ROVER_CHECKS
+from tests.rover_hil.tune.tuning import SHIPPED_TUNE
 
 Edits = tuple[tuple[str, str], ...]
 
@@ -41,6 +42,7 @@ def write(folder: Path, name: str, *edits: tuple[str, str]) -> str:
     for old, new in edits:
         assert old in text
         text = text.replace(old, new, 1)
+    text = text.partition(SHIPPED_TUNE)[0]
     (folder / "rover.toml").write_text(f"{text}\n{TUNE}", "utf-8")
     return "rover.toml"
 

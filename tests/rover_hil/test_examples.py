@@ -16,9 +16,18 @@ from tests.rover_hil.command import Command, assert_one_sentence
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NEEDS_NOTHING = {
-    *("run", "simulate", "doctor", "terrain wheel", "terrain traverse", "terrain climb", "terrain papers")
+    *(
+        "run",
+        "simulate",
+        "check",
+        "doctor",
+        "terrain wheel",
+        "terrain traverse",
+        "terrain climb",
+        "terrain papers",
+    )
 }
-QUICK = {"doctor", "terrain wheel", "terrain traverse", "terrain climb"}
+QUICK = {"check", "doctor", "terrain wheel", "terrain traverse", "terrain climb"}
 
 
 def helps(group: TyperGroup, before: str = "") -> Iterator[tuple[str, str]]:

@@ -10,6 +10,7 @@ from rover_hil.config import Config, load_config
 from rover_hil.tune.metrics import TruePath
 from rover_hil.tune.simulated_mission import SimulatedMission
 
+SHIPPED_TUNE = "# What `rover-hil tune` may change"
 SHIPPED = Path(__file__).parents[3] / "rover_hil" / "config" / "shipped" / "configs"
 BEST_LOOKAHEAD_M = 0.1
 UNSTABLE_BELOW_M = 0.04
@@ -41,7 +42,8 @@ def config_text(tune: str = TUNE, mission: str = MISSION) -> str:
     """Return the shipped Robotino with a small mission and a [tune]."""
     shipped = (SHIPPED / "robotino.toml").read_text("utf-8")
     start, end = shipped.index("[mission]"), shipped.index("[limits]")
-    return f"{shipped[:start]}{mission.lstrip()}\n{shipped[end:]}\n{tune.lstrip()}"
+    rest = shipped[end:].partition(SHIPPED_TUNE)[0]
+    return f"{shipped[:start]}{mission.lstrip()}\n{rest}\n{tune.lstrip()}"
 
 
 def write_config(folder: Path, tune: str = TUNE, mission: str = MISSION) -> Path:

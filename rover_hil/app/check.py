@@ -1,0 +1,115 @@
+"""`rover-hil check`: every mistake of a configuration at once; no port is opened."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+
+from controllers.control_loop import ControlLoop
+from drivers.clock import VirtualClock, wall_time_ns
+from drivers.errors import ConfigError
+from rover_hil.app.error_message import readable_line
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.steps import show_steps
+from rover_hil.config import Config, Draft, Rule, load_config, read_config_text, schema_text
+from rover_hil.config.schema import find_conflicts
+from rover_hil.doctor.calibration import check_calibration
+from rover_hil.doctor.clocks import today
+from rover_hil.doctor.config_consistency import check_consistency
+from rover_hil.doctor.finding import Finding, Level
+from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.run.checks import RUN_CHECKS, SIMULATE_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.tune.parameters import MISSING_TUNE, check_parameters
+from sim_backends.build import build_world
+
+COMMANDS = {"run": RUN_CHECKS, "run --virtual": VIRTUAL_RUN_CHECKS, "simulate": SIMULATE_CHECKS}
+
+
+def check_config(name: str, *, schema: Path | None, force: bool, as_json: bool) -> int:
+    """Print every mistake of a configuration, or what can be done with it; returns the exit code.
+
+    Args:
+        name: Shipped configuration or TOML file.
+        schema: File to which the JSON schema of configurations is written, or None.
+        force: Replace that file.
+        as_json: Print JSON instead of text.
+
+    Raises:
+        ConfigError: The configuration cannot be read, or the schema cannot be written.
+    """
+    check_file(schema, force=force, option="--schema")
+    read_config_text(name)  # without a file there is nothing to check
+    with show_steps(f"checking {name}"):
+        mistakes, findings, commands = examine_config(name)
+    if schema is not None:
+        write_file(schema, schema_text())
+    warnings = [finding for finding in findings if finding.level is Level.WARNING]
+    if as_json:
+        record = {
+            "verdict": "wrong" if mistakes else "valid",
+            "mistakes": mistakes,
+            "warnings": [f"{each.subject}: {each.what}: {each.fix}" for each in warnings],
+            "commands": commands,
+        }
+        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
+        return EXIT_NO if mistakes else EXIT_OK
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    for mistake in mistakes:
+        console.print(readable_line(mistake))
+    for each in warnings:
+        console.print(readable_line(f"warning: {each.subject}: {each.what}; {each.fix}"))
+    if mistakes:
+        count = f"{len(mistakes)} mistake{'s' if len(mistakes) > 1 else ''}"
+        console.print(f"{count}: correct {'them' if len(mistakes) > 1 else 'it'} and check again")
+        return EXIT_NO
+    console.print(f"{name} is valid")
+    for command, lack in commands.items():
+        console.print(f"  {command}: {lack or 'yes'}")
+    return EXIT_OK
+
+
+def examine_config(name: str) -> tuple[list[str], list[Finding], dict[str, str]]:
+    """Return every mistake, the findings about values that fit badly, and per command what it lacks.
+
+    A command that needs a section which the configuration does not have lacks it; that is not a mistake.
+    """
+    try:
+        config = load_config(
+            name, (*RUN_CHECKS, Rule(("tune", "mission", "simulation"), _find_tune_mistakes))
+        )
+    except ConfigError as error:
+        return list(dict.fromkeys(str(error).splitlines())), [], {}
+    mistakes = [f"{name}: {mistake}" for mistake in _find_build_mistakes(config)]
+    findings = [*check_consistency(config), *check_calibration(config, today(wall_time_ns()))]
+    mistakes += [
+        f"{name}: {finding.subject}: {finding.what}: {finding.fix}"
+        for finding in findings
+        if finding.level is Level.PROBLEM
+    ]
+    draft = Draft.complete(config)
+    lacks = {command: next(iter(find_conflicts(draft, rules)), "") for command, rules in COMMANDS.items()}
+    lacks["tune"] = lacks["run --virtual"] or (MISSING_TUNE if config.tune is None else "")
+    return mistakes, findings, lacks
+
+
+def _find_tune_mistakes(draft: Draft) -> Iterator[str]:
+    config = draft.config
+    if config.tune is None or config.mission is None or config.simulation is None:
+        return
+    if not draft.sections.issuperset(Config.model_fields) or draft.broken_devices:
+        return  # the loop cannot be built
+    try:
+        check_parameters(config)
+    except ConfigError as error:
+        yield from str(error).splitlines()
+
+
+def _find_build_mistakes(config: Config) -> Iterator[str]:
+    """Yield what only shows when controller and simulated rover are put together."""
+    try:
+        ControlLoop(config, config.device_roles())
+        if config.simulation is not None:
+            build_world(config.devices, config.simulation, VirtualClock().now_ns())
+    except ConfigError as error:
+        yield from str(error).splitlines()

@@ -1,0 +1,112 @@
+"""`rover-hil check` finds every mistake at once, as run, simulate, tune and doctor do, and opens no port."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rover_hil.config import load_config, read_config_text, schema_text, shipped_configs
+from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters
+from tests.rover_hil.command import Command, assert_one_sentence
+
+MANY_MISTAKES = (
+    ("base_radius_m = 0.125", "base_radius = 0.125"),
+    ("rate_hz = 50", "rate_hz = 5000"),
+    ('gyro = "imu"', 'gyro = "imus"'),
+    ('port = "ports/imu"', 'port = "ports/board"'),
+    ("length_m = 0.9", 'length_m = "long"'),
+    ("[simulation]", "[simulations]"),
+    ("low = 0.03, high = 1.5", "low = 1.5, high = 0.03"),
+)
+
+
+def write(folder: Path, name: str, *edits: tuple[str, str]) -> str:
+    text = read_config_text(name)
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "rover.toml").write_text(text, "utf-8")
+    return "rover.toml"
+
+
+@pytest.mark.parametrize("name", shipped_configs())
+def test_a_shipped_configuration_is_valid_and_ready_for_all(command: Command, name: str) -> None:
+    assert command("check", name) == 0
+    assert f"{name} is valid" in command.out
+    for line in ("run: yes", "run --virtual: yes", "simulate: yes", "tune: yes"):
+        assert f"  {line}\n" in command.out
+
+
+@pytest.mark.parametrize("name", shipped_configs())
+def test_a_shipped_configuration_can_be_tuned_as_it_is(name: str) -> None:
+    config = load_config(name, TUNE_CHECKS)
+    assert len(check_parameters(config).parameters) >= 3
+
+
+def test_every_mistake_is_printed_at_once(command: Command, tmp_path: Path) -> None:
+    path = write(tmp_path, "robotino", *MANY_MISTAKES)
+    assert command("check", path) == 1
+    for words in (
+        "rover.base_radius: unknown key; did you mean base_radius_m?",
+        "loop.rate_hz: ",
+        "roles.gyro: [devices] has no 'imus'",
+        "devices.imu.port: 'ports/board' is already the port of device 'board'",
+        "mission.length_m: ",
+        "simulations: unknown key; did you mean simulation?",
+        "tune.parameters.mission.lookahead_m: low 1.5 is not below high 0.03",
+        "7 mistakes: correct them",
+    ):
+        assert words in command.out
+    assert command.error == ""
+
+
+def test_more_mistakes_than_an_error_has_lines(command: Command, tmp_path: Path) -> None:
+    path = write(
+        tmp_path, "robotino", ("[limits]", "".join(f"[wrong_{n}]\n" for n in range(40)) + "[limits]")
+    )
+    assert command("check", path) == 1
+    assert "wrong_39: unknown key" in command.out
+    assert "40 mistakes" in command.out
+
+
+def test_what_only_shows_when_the_rover_is_put_together_is_found(command: Command, tmp_path: Path) -> None:
+    slow_line = ('port = "ports/imu"', 'port = "ports/imu"\nbaud_rate = 4800')
+    assert command("check", write(tmp_path, "robotino", slow_line)) == 1
+    assert "simulated sensor 'imu' needs 5500 bit/s, its line has 4800" in command.out
+
+
+def test_times_that_stop_the_rover_are_a_mistake(command: Command, tmp_path: Path) -> None:
+    path = write(tmp_path, "robotino", ("settle_s = 3.0", "settle_s = 3.0\nexpiry_s = 0.02"))
+    assert command("check", path) == 1
+    assert "expiry_s = 0.02 is less than two periods" in command.out
+
+
+def test_a_missing_section_is_no_mistake_but_a_lack(command: Command, tmp_path: Path) -> None:
+    text = read_config_text("robotino").partition("# Everything below describes the simulated rover")[0]
+    (tmp_path / "rover.toml").write_text(text, "utf-8")
+    assert command("check", "rover.toml", "--json") == 0
+    record = json.loads(command.out)
+    assert record["verdict"] == "valid"
+    assert record["mistakes"] == []
+    assert record["commands"]["run"] == ""
+    for name in ("run --virtual", "simulate", "tune"):
+        assert record["commands"][name].startswith("simulation: this key is missing")
+
+
+def test_no_file_is_bad_input(command: Command) -> None:
+    assert command("check", "nowhere.toml") == 2
+    assert_one_sentence(command.error, "no configuration nowhere.toml")
+
+
+def test_a_file_that_is_not_toml_is_a_mistake(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "rover.toml").write_text("[rover\n", "utf-8")
+    assert command("check", "rover.toml") == 1
+    assert "rover.toml is not valid TOML" in command.out
+
+
+def test_the_schema_is_written_for_an_editor_and_never_over_a_file(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "taken.json").write_text("mine")
+    assert command("check", "robotino", "--schema", "taken.json") == 2
+    assert_one_sentence(command.error, "--force", "--schema")
+    assert command("check", "robotino", "--schema", "rover.schema.json") == 0
+    assert (tmp_path / "rover.schema.json").read_text("utf-8") == schema_text()
