@@ -83,25 +83,39 @@ class _Excess:
 AVERAGE_S = 0.25
 """Time over which changes of the turn rate are averaged; chosen by hand."""
 
+NOISE_AVERAGE_S = 2.0
+"""Time over which the noise of the wheels' turn rate is averaged; chosen by hand."""
+
+LEAST_NOISE_WEIGHT = 0.1
+"""The noise is known from this weight of its average on, after 0.2 s; chosen by hand."""
+
+NOISE_SHARE = 3.0
+"""Changes count beyond this multiple of the noise's variance, whose averages scatter; chosen by hand."""
+
 
 class GyroFollowsRule(StopRule):
     """Stops when the gyro does not follow the changes of the wheels' turn rate: dead, wrong axis, wrong sign.
 
     Slip takes away part of a change, never the sign. The regression of the gyro on the wheels over a moving
     average is free of the bias and of steady slip.
+
+    Wheels with time stamps of their own seem to turn the rover when a stamp is wrong, and back again in the
+    next increment: such noise is known by successive turn rates that go opposite ways, and does not count.
     """
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._gyro = roles.gyro
-        self._moments = _Moments()
-        self._lost_s = 0.0
-        self._wheels_rad = 0.0
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self._moments, self._noise = _Moments(), _WheelNoise()
+        self._lost_s = self._wheels_rad = 0.0
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Take the evidence of a cycle; return a reason while the gyro does not follow."""
         if cycle.is_still:
-            self._moments, self._lost_s, self._wheels_rad = _Moments(), 0.0, 0.0
+            self._begin_anew()
         if cycle.evidence is not None:
             self._take(cycle.evidence)
         if self._lost_s:
@@ -118,8 +132,10 @@ class GyroFollowsRule(StopRule):
     def _take(self, evidence: TurnEvidence) -> None:
         settings, moments, wheels = self._settings, self._moments, evidence.wheels
         moments.add(wheels.duration_s, wheels.turn_rad, evidence.gyro_rad)
+        self._noise.add(wheels.duration_s, wheels.turn_rad)
         wheel_variance = moments.wheel_variance
-        is_turning = wheel_variance > settings.gyro_follow_rad_s**2
+        least_variance = settings.gyro_follow_rad_s**2 + NOISE_SHARE * self._noise.variance
+        is_turning = wheel_variance > least_variance
         if is_turning and moments.covariance < settings.gyro_follow_share * wheel_variance:
             self._lost_s += wheels.duration_s
             self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
@@ -149,3 +165,29 @@ class _Moments:
     @property
     def covariance(self) -> float:
         return (self._product - self._wheels / self._weight * self._gyro) / self._weight
+
+
+class _WheelNoise:
+    """Noise of a rate, by the moving average of the covariance of its successive values."""
+
+    def __init__(self) -> None:
+        self._weight = self._mean = self._mean_before = self._product = 0.0
+        self._before: float | None = None
+
+    def add(self, duration_s: float, wheels_rad: float) -> None:
+        rate, before = wheels_rad / duration_s, self._before
+        if before is not None:
+            share = -math.expm1(-duration_s / NOISE_AVERAGE_S)
+            self._weight += share * (1.0 - self._weight)
+            self._mean += share * (rate - self._mean)
+            self._mean_before += share * (before - self._mean_before)
+            self._product += share * (rate * before - self._product)
+        self._before = rate
+
+    @property
+    def variance(self) -> float:
+        """Of errors that the next value takes back (covariance: minus half of it); infinite at first."""
+        if self._weight < LEAST_NOISE_WEIGHT:
+            return math.inf
+        covariance = self._product - self._mean * self._mean_before / self._weight
+        return max(0.0, -2.0 * covariance / self._weight)

@@ -37,6 +37,9 @@ class HeadingTurnSettings(Settings):
 AVERAGE_S = 1.0
 """Headings are averaged over this time at both ends of the comparison; chosen by hand."""
 
+LEAST_STEP_S = 0.05
+"""Headings that come faster are left out: their errors are hardly independent; chosen by hand."""
+
 READINGS = 3
 """Fewer headings have no scatter to judge them by; chosen by hand."""
 
@@ -157,7 +160,7 @@ class HeadingTurnRule(StopRule):
 
     def _take(self, name: str, t_ns: int, heading_rad: float) -> None:
         headings = self._headings.setdefault(name, deque())
-        if headings and t_ns <= headings[-1].t_ns:
+        if headings and t_ns < headings[-1].t_ns + nanoseconds(LEAST_STEP_S):
             return
         before_rad = headings[-1].heading_rad if headings else heading_rad
         heading_rad = before_rad + math.remainder(heading_rad - before_rad, math.tau)

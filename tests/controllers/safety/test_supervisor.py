@@ -156,7 +156,7 @@ def test_the_rules_about_the_gyro_know_their_limits_and_its_name() -> None:
         Cycle(
             now_ns=index, evidence=TurnEvidence(gyro_rad=0.0, wheels=WheelTurn(duration_s=0.2, left_rad=turn))
         )
-        for index, turn in enumerate((0.1, 0.0, 0.1, 0.0))
+        for index, turn in enumerate((0.0, 0.0, 0.1, 0.1))
     ]
     assert gyro_reason(*swinging).startswith("imu: yaw rate follows 0 % of the changes")
 
