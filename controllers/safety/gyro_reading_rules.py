@@ -41,6 +41,9 @@ class GyroReadingSettings(Settings):
 CYCLES = 3
 """After so many cycles the wheels show a jump of their own; chosen by hand."""
 
+AT_REST = (0.0, 0.0)
+"""Turn rates by gyro and wheels, rad/s."""
+
 JUMP_NS = nanoseconds(0.05)
 """Readings that are further apart may differ by any amount."""
 
@@ -102,7 +105,7 @@ class GyroJumpRule(StopRule):
         self._steady: tuple[int, float] | None = None
         self._sudden: tuple[int, float] | None = None
         self._jump: tuple[int, float] | None = None
-        self._rates_rad_s = deque([(0.0, 0.0)], maxlen=CYCLES + 2)
+        self._rates_rad_s = deque([AT_REST], maxlen=CYCLES + 2)
         self._cycles = 0
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -129,7 +132,8 @@ class GyroJumpRule(StopRule):
         """Return a reason after a jump, until the wheels are at rest."""
         if cycle.is_still:
             self._jump = None
-            self._rates_rad_s.extend([(0.0, 0.0)] * (CYCLES + 2))
+            self._rates_rad_s.clear()
+            self._rates_rad_s.append(AT_REST)
         if cycle.evidence is not None:
             gyro_rad, wheels = cycle.evidence.gyro_rad, cycle.evidence.wheels
             self._rates_rad_s.append((gyro_rad / wheels.duration_s, wheels.turn_rad / wheels.duration_s))

@@ -1,7 +1,7 @@
 """Stop rule that compares the turn by the gyro with the turn by a heading device."""
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from statistics import fmean
@@ -88,7 +88,7 @@ class HeadingTurnRule(StopRule):
         self._bias_rad_s = 0.0
         self._headings: dict[str, deque[_Heading]] = {}
         self._noise_rad2: dict[str, float] = {}
-        self._rejections: dict[str, int] = {}
+        self._rejections = Counter[str]()
         self._found: dict[str, tuple[tuple[int, int], StopReason | None]] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -137,7 +137,7 @@ class HeadingTurnRule(StopRule):
         name = innovation.name
         if innovation.variance is not None:
             self._noise_rad2[name] = min(self._noise_rad2.get(name, math.inf), innovation.variance)
-        self._rejections[name] = 0 if innovation.accepted else self._rejections.get(name, 0) + 1
+        self._rejections[name] = 0 if innovation.accepted else self._rejections[name] + 1
         if self._rejections[name] >= REJECTIONS:
             self._headings.pop(name, None)
 

@@ -422,3 +422,17 @@ def test_a_change_and_an_offset_of_exactly_the_limit_give_no_reason() -> None:
     assert steady(0.0625, is_still=True) == []
     steady(0.0)
     assert {reason.cause for reason in steady(0.063, is_still=True)} == {"gyro bias", "gyro rest"}
+
+
+@pytest.mark.parametrize(("wheels_rad_s", "is_jump"), [(0.0, True), (0.5, False)])
+def test_in_the_first_cycle_after_a_rest_both_rates_are_compared_with_zero(
+    wheels_rad_s: float, is_jump: bool
+) -> None:
+    rule = GyroJumpRule(SETTINGS, ROLES)
+    for _ in range(6):
+        list(rule.check(Cycle(now_ns=0, evidence=turning(0.3, 0.9))))
+    list(rule.check(Cycle(now_ns=0, is_still=True)))
+    for t_s, rate_rad_s in ((0.0, 0.0), (0.02, 0.5), (0.04, 0.5)):
+        rule.observe(reading(rate_rad_s), nanoseconds(t_s))
+    found = [list(rule.check(Cycle(now_ns=0, evidence=turning(wheels_rad_s, 0.5)))) for _ in range(3)]
+    assert bool(found[-1]) == is_jump

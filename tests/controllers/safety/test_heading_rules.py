@@ -1,7 +1,7 @@
 """The gyro against a heading device: which difference of their turns stops the rover."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.settings import SafetySettings, make_rules
+from controllers.safety.supervisor import SafetySupervisor
 from drivers.clock import nanoseconds
 from drivers.samples import HeadingReference, HeadingSample, PowerSample, RateSample, Sample
 
@@ -351,3 +352,55 @@ def test_without_a_gyro_there_is_no_rule() -> None:
         roles = replace(ROLES, gyro=gyro)
         rules = make_rules(SafetySettings(), roles, 4)
         assert sum(isinstance(rule, HeadingTurnRule) for rule in rules) == count
+
+
+class Supervised(HeadingTurnRule):
+    """The rule as the supervisor of a rover runs it."""
+
+    def __init__(self, *lags_s: float) -> None:
+        self.supervisor = SafetySupervisor(SafetySettings(), ROLES, 2, *lags_s)
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        self.supervisor.observe(sample, t_ns)
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        self.supervisor.update(cycle._replace(motion_ns=cycle.now_ns))
+        reasons = self.supervisor.reason
+        yield from [StopReason("gyro heading", reasons)] * ("turn of" in reasons)
+
+
+@pytest.mark.parametrize(("lags_s", "true_lag_s"), [((), 0.0), ((0.9,), 0.9)])
+def test_the_supervisor_knows_the_lag_of_the_headings(lags_s: tuple[float, ...], true_lag_s: float) -> None:
+    bench = Bench(lag_s=true_lag_s)
+    bench.rule = Supervised(*lags_s)
+    wave: Turn = lambda t_s: 1.5 * math.cos(2.0 * t_s)  # noqa: E731
+    assert bench.drive(12.0, wave, wave) is None
+
+
+def test_a_wrong_lag_is_noticed() -> None:
+    bench = Bench(lag_s=0.9)
+    bench.rule = Supervised()
+    wave: Turn = lambda t_s: 1.5 * math.cos(2.0 * t_s)  # noqa: E731
+    assert bench.drive(12.0, wave, wave) is not None
+
+
+def test_the_least_noise_of_the_headings_counts() -> None:
+    bench = Bench(noise_rad=0.02)
+    settle(bench)
+    bench.noise_rad = 0.2
+    assert bench.drive(1.0, constant(0.0), constant(0.15)) is None
+    assert bench.drive(3.0, constant(0.0), constant(0.0)) is not None
+
+
+@pytest.mark.parametrize(("turn_rad", "is_named"), [(0.055, False), (0.075, True)])
+def test_three_standard_errors_of_both_averages_count(turn_rad: float, is_named: bool) -> None:
+    """Headings 0.02 rad to both sides in turn: a variance of 0.0008 rad2, averages of 11 and 10."""
+    bench = Bench()
+    found = None
+    for index in range(500):
+        bench.cycles += 1
+        bench.observe(rate(turn_rad if 200 <= index < 250 else 0.0))
+        if index % 5 == 0:
+            bench.observe(heading(0.02 * (-1.0) ** (index // 5)))
+        found = found or bench.check()
+    assert bool(found) == is_named

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
+from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason
-from controllers.safety.steering_monitor import SteeringMonitor, SteeringSettings
+from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
 from drivers.clock import nanoseconds
 
 
@@ -27,7 +28,10 @@ def test_a_wheel_that_does_not_steer_is_named() -> None:
     assert not drive([30.0] * 100, [5.0] * 100)
     (reason,) = drive([30.0] * 101, [5.0] * 101)
     assert reason.cause == "steering"
-    assert reason.text.startswith("wheel 0: has not steered for 2 s: commanded 30 deg, measured 5 deg;")
+    assert reason.text == (
+        "wheel 0: has not steered for 2 s: commanded 30 deg, measured 5 deg; the steering is jammed, not "
+        "powered, or its sign is wrong"
+    )
 
 
 def test_a_wheel_that_steers_the_wrong_way_is_noticed() -> None:
@@ -49,3 +53,52 @@ def test_a_wheel_that_follows_is_not_stopped(set_deg: list[float], angles_deg: l
 
 def test_a_rover_that_does_not_steer_is_not_watched() -> None:
     assert not list(SteeringMonitor(SteeringSettings()).check(Cycle(now_ns=0)))
+
+
+def reasons(monitor: SteeringMonitor, now_s: float, set_deg: list[float], deg: list[float]) -> list[str]:
+    cycle = Cycle(
+        now_ns=nanoseconds(now_s),
+        set_steering_rad=tuple(map(math.radians, set_deg)),
+        steering_rad=tuple(map(math.radians, deg)),
+    )
+    return [reason.text.split(":")[0] for reason in monitor.check(cycle)]
+
+
+def test_every_wheel_is_watched() -> None:
+    monitor = SteeringMonitor(SteeringSettings())
+    assert reasons(monitor, 0.0, [0.0, 30.0, 30.0], [0.0, 0.0, 0.0]) == []
+    assert reasons(monitor, 2.0, [0.0, 30.0, 30.0], [0.0, 0.0, 0.0]) == ["wheel 1", "wheel 2"]
+
+
+def test_angles_that_are_not_reported_yet_are_not_watched() -> None:
+    monitor = SteeringMonitor(SteeringSettings())
+    assert reasons(monitor, 0.0, [30.0, 30.0], []) + reasons(monitor, 5.0, [30.0, 30.0], []) == []
+
+
+@pytest.mark.parametrize(("closer_deg", "steers"), [(1.0, False), (1.01, True)])
+def test_an_error_of_exactly_the_limit_counts_and_a_degree_is_no_progress(
+    closer_deg: float, steers: bool
+) -> None:
+    monitor = SteeringMonitor(SteeringSettings(steering_error_deg=10.0))
+    assert reasons(monitor, 0.0, [10.0 + closer_deg], [0.0]) == []
+    assert reasons(monitor, 2.0, [10.0 + closer_deg], [closer_deg]) == ([] if steers else ["wheel 0"])
+
+
+def test_an_angle_of_exactly_the_limit_off_is_not_followed() -> None:
+    monitor = SteeringMonitor(SteeringSettings(steering_error_deg=10.0))
+    assert reasons(monitor, 0.0, [10.0], [0.0]) == []
+    assert reasons(monitor, 2.0, [10.0], [0.0]) == ["wheel 0"]
+
+
+def test_an_angle_older_than_the_limit_of_the_wheels_is_named() -> None:
+    rule = SteeringReportRule(DeviceRoles(wheels="drive", required={"drive": 0.25}))
+
+    def found(*ages_s: float) -> list[StopReason]:
+        stamps = {wheel: nanoseconds(9.0 - age_s) for wheel, age_s in enumerate(ages_s)}
+        return list(rule.check(Cycle(now_ns=nanoseconds(9.0), steering_ns=stamps)))
+
+    assert found(0.25, 0.0) == []
+    assert found(0.26, 0.0, 0.5) == [
+        StopReason("wheel 0: steering angle", "wheel 0: reports no steering angle for 0.25 s"),
+        StopReason("wheel 2: steering angle", "wheel 2: reports no steering angle for 0.25 s"),
+    ]
