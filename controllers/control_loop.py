@@ -16,8 +16,9 @@ from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.path_following import Guidance, PathFollower
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import OmniRoverSettings
-from controllers.motion.settings import SmallTurnsMission
+from controllers.motion.settings import SmallTurnsMission, WholeTurnsMission
 from controllers.motion.small_turns import SmallTurns
+from controllers.motion.whole_turns import WholeTurns
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
@@ -114,9 +115,11 @@ class ControlLoop:
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._steering_rad: tuple[float, ...] = ()
-        self._follower: PathFollower | SmallTurns | None = None
+        self._follower: PathFollower | SmallTurns | WholeTurns | None = None
         if isinstance(mission, SmallTurnsMission):
             self._follower = SmallTurns(mission, turns_on_spot=kinematics.turns_on_spot)
+        elif isinstance(mission, WholeTurnsMission):
+            self._follower = WholeTurns(mission, turns_on_spot=kinematics.turns_on_spot)
         elif mission is not None:
             self._follower = PathFollower(
                 mission,
@@ -208,7 +211,7 @@ class ControlLoop:
         if self._scomp is not None and self._steers_against_drift:
             drift_rad = self._scomp.slip_angle_rad
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
-        if isinstance(self._follower, SmallTurns):
+        if isinstance(self._follower, SmallTurns | WholeTurns):
             guidance = self._follower.guide(pose, seconds(now_ns))
         else:
             guidance = self._follower.guide(pose, drift_rad)

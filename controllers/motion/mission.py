@@ -5,6 +5,7 @@ from controllers.motion.settings import (
     MissionSettings,
     RectangleMission,
     SmallTurnsMission,
+    WholeTurnsMission,
 )
 
 Point = tuple[float, float]
@@ -18,6 +19,6 @@ def corner_points(mission: MissionSettings) -> tuple[Point, ...]:
     if isinstance(mission, RectangleMission):
         length_m, width_m = mission.length_m, mission.width_m
         return (start, (length_m, 0.0), (length_m, width_m), (0.0, width_m), start)
-    if isinstance(mission, SmallTurnsMission):
+    if isinstance(mission, SmallTurnsMission | WholeTurnsMission):
         return (start, start)
     return (start, *mission.points)

@@ -7,11 +7,11 @@ from itertools import pairwise
 
 from controllers.motion.mission import Point, corner_points
 from controllers.motion.planar import Pose, wrap_angle
-from controllers.motion.settings import MissionSettings, SmallTurnsMission
+from controllers.motion.settings import MissionSettings, SmallTurnsMission, WholeTurnsMission
 from drivers.errors import ConfigError
 
 NO_TURN_ON_SPOT = (
-    "mission.type: small turns are turns on the spot, for which the steering of this rover does not reach, "
+    "mission.type: these are turns on the spot, for which the steering of this rover does not reach, "
     "choose another mission"
 )
 # Chosen by hand.
@@ -137,7 +137,7 @@ def find_mission_conflicts(
     """
     if mission.heading == "hold" and not moves_sideways:
         yield 'mission.heading: this rover cannot move sideways and hold its heading, set it to "along_path"'
-    if isinstance(mission, SmallTurnsMission):
+    if isinstance(mission, SmallTurnsMission | WholeTurnsMission):
         if not turns_on_spot:
             yield NO_TURN_ON_SPOT
         return

@@ -88,8 +88,24 @@ class SmallTurnsMission(PathSettings):
     turn_rate_rad_s: Annotated[float, Field(ge=0.02, le=2.0)] = 0.35
 
 
+class WholeTurnsMission(PathSettings):
+    """Whole turns on the spot, first counter-clockwise and then as many back: calibrates compass and gyro.
+
+    Attributes:
+        turns: Turns in each sense.
+        turn_rate_rad_s: Yaw rate.
+        rest_s: Rest before the turns, between the two senses, and after them.
+    """
+
+    type: Literal["whole_turns"]
+    turns: Annotated[int, Field(ge=1, le=50)] = 3
+    turn_rate_rad_s: Annotated[float, Field(ge=0.05, le=2.0)] = 0.4
+    rest_s: Annotated[float, Field(ge=0.5, le=60.0)] = 2.0
+
+
 MissionSettings: TypeAlias = Annotated[
-    RectangleMission | LineMission | WaypointsMission | SmallTurnsMission, Field(discriminator="type")
+    RectangleMission | LineMission | WaypointsMission | SmallTurnsMission | WholeTurnsMission,
+    Field(discriminator="type"),
 ]
 
 

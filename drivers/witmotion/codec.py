@@ -57,6 +57,11 @@ def encode_rate(x_rad_s: float, y_rad_s: float, z_rad_s: float) -> bytes:
     return _encode(RATE, RATE_STEP_RAD_S, x_rad_s, y_rad_s, z_rad_s)
 
 
+def encode_magnetic(x_counts: float, y_counts: float, z_counts: float) -> bytes:
+    """Return a magnetic frame in sensor axes; saturates at 32767 counts."""
+    return _encode(MAGNETIC, 1.0, x_counts, y_counts, z_counts)
+
+
 def encode_angle(roll_rad: float, pitch_rad: float, yaw_rad: float) -> bytes:
     """Return an angle frame of the sensor; angles are wrapped to [-pi, pi)."""
     return _encode(ANGLE, ANGLE_STEP_RAD, wrap_rad(roll_rad), wrap_rad(pitch_rad), wrap_rad(yaw_rad))
@@ -152,7 +157,7 @@ class WitMotionCodec:
         return attitude, self._heading(t_ns, yaw_rad)
 
     def _read_magnetic(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
-        if self._calibration is None or self._tilt_ns is None or t_ns - self._tilt_ns > OLDEST_TILT_NS:
+        if self._calibration is None or not self._has_tilt(t_ns):
             return (Rejection("no_attitude"),)
         x, y, z = self._mounting.vector_to_rover(self._calibration.apply(words))
         roll_rad, pitch_rad = self._tilt_rad
@@ -162,9 +167,34 @@ class WitMotionCodec:
         # The horizontal field points north, and yaw is the angle from east to the x axis.
         return (self._heading(t_ns, wrap_rad(math.atan2(level_x, level_y))),)
 
+    def _has_tilt(self, t_ns: int) -> bool:
+        return self._tilt_ns is not None and t_ns - self._tilt_ns <= OLDEST_TILT_NS
+
     def _heading(self, t_ns: int, yaw_rad: float) -> HeadingSample:
         reference = HeadingReference.MAGNETIC
         return HeadingSample(device=self._name, t_ns=t_ns, heading_rad=yaw_rad, reference=reference)
+
+
+class MagneticReader(WitMotionCodec):
+    """Keeps the raw magnetic frames, for a calibration.
+
+    Args:
+        mounting: Mounting of the sensor on the rover.
+
+    Attributes:
+        readings: Time in ns, counts of each axis of the sensor, and the rover's last roll and pitch in rad;
+            only those that have an angle frame in the half second before.
+    """
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__("", mounting)
+        self.readings: list[tuple[int, Vector, tuple[float, float]]] = []
+        self._readers[MAGNETIC] = self._keep
+
+    def _keep(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
+        if self._has_tilt(t_ns):
+            self.readings.append((t_ns, words, self._tilt_rad))
+        return ()
 
 
 def _read_nothing(t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:

@@ -540,6 +540,61 @@ def calibrate_imu(
     sys.exit(calibrate(source, virtual=virtual, out=out, as_json=as_json, force=force))
 
 
+@calibrate_app.command("compass")
+def calibrate_compass(
+    source: Annotated[str, typer.Argument(help="Configuration whose rover is to turn, or a log (.mcap).")],
+    log: Annotated[Path | None, typer.Option(help="Use this log of turns instead of driving.")] = None,
+    device: Annotated[str | None, typer.Option(help="The compass, where there are several.")] = None,
+    virtual: Annotated[bool, typer.Option("--virtual", help="Turn the simulated rover.")] = False,
+    by_hand: Annotated[
+        bool, typer.Option("--by-hand", help="Drive nothing; you turn the rover, or carry the sensor around.")
+    ] = False,
+    turns: Annotated[int, number_option("Whole turns in each sense.", "turns", 2, 50)] = 3,
+    dip: Annotated[
+        float | None,
+        number_option("Dip of the earth's field at this place, for tilt compensation, deg.", "deg", -85, 85),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        out_option(
+            "File to write, TOML; page and log beside it have its name [default: CONFIG-DEVICE.toml]."
+        ),
+    ] = None,
+    enter: Annotated[
+        bool, typer.Option("--enter", help="Enter the file into the configuration; comments stay.")
+    ] = False,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Calibrate a compass by whole turns: hard and soft iron, or a deviation table.
+
+    The rover turns on the spot, with all that belongs on it and its motors on. Each turn is judged with a
+    calibration that did not see it. The page with the picture is written before the file. Exit code 1: the
+    error on held-out turns is above 3 deg, or directions are missing; the file is not written.
+
+    Example: `rover-hil calibrate compass el-dorado --virtual --out compass.toml`
+
+    Data: turns of your rover, driven or by hand, or a log of them; docs/how-to/calibrate_the_compass.md.
+    """
+    from rover_hil.app.calibrate_compass import calibrate_compass as calibrate
+
+    sys.exit(
+        calibrate(
+            source,
+            log=log,
+            device=device,
+            virtual=virtual,
+            by_hand=by_hand,
+            turns=turns,
+            dip_deg=dip,
+            out=out,
+            enter=enter,
+            as_json=as_json,
+            force=force,
+        )
+    )
+
+
 import_app = typer.Typer(cls=Group, help="Turn measured data of others into logs.")
 app.add_typer(import_app, name="import")
 

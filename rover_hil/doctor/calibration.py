@@ -27,7 +27,7 @@ def _check_file(
 ) -> list[Finding]:
     path = settings.calibration
     if path is None:
-        return [_uncalibrated(name, settings)] if is_used else []
+        return [_uncalibrated(name)] if is_used else []
     if isinstance(settings, NmeaCompassSettings):
         date = load_calibration(Path(path), DeviationTable).date
     else:
@@ -41,21 +41,18 @@ def _check_file(
             name,
             f"{path} was made on {date}, today is {today}",
             "every rebuild moves iron on the rover, so old tables are wrong; or one of the dates is wrong",
-            "calibrate again; check the host's date with `date`",
+            f"`rover-hil calibrate compass CONFIG --device {name} --force`; check the host's date with "
+            f"`date`",
         )
     ]
 
 
-def _uncalibrated(name: str, settings: NmeaCompassSettings | WitMotionSettings) -> Finding:
+def _uncalibrated(name: str) -> Finding:
     return warning(
         CHECK,
         name,
         "its headings are used without a calibration",
         "iron and currents on the rover bend the magnetic field by several degrees",
-        f"write a TOML file with the keys {_keys(settings)}, and name it as calibration in [devices.{name}]",
+        f"`rover-hil calibrate compass CONFIG --device {name} --enter` "
+        f"(docs/how-to/calibrate_the_compass.md)",
     )
-
-
-def _keys(settings: NmeaCompassSettings | WitMotionSettings) -> str:
-    kind = DeviationTable if isinstance(settings, NmeaCompassSettings) else MagnetometerCalibration
-    return ", ".join(kind.model_fields)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from statistics import fmean
 
-from controllers.motion.settings import LineMission, RectangleMission, SmallTurnsMission
+from controllers.motion.settings import LineMission, RectangleMission, SmallTurnsMission, WholeTurnsMission
 from controllers.safety import Mode
 from rover_hil.report.drift_summary import DriftSummary
 from rover_hil.report.run_data import RunData
@@ -143,6 +143,8 @@ def _what(run: RunData) -> str:
         driven = f"Straight line of {length(mission.length_m)}"
     elif isinstance(mission, SmallTurnsMission):
         driven = "Small turns in place"
+    elif isinstance(mission, WholeTurnsMission):
+        driven = f"{mission.turns} turns in place in each sense"
     else:
         driven = f"Path through {len(mission.points)} points"
     rovers = {"virtual": " on the simulated rover", "real": " on the rover"}

@@ -1,9 +1,11 @@
 """A WitMotion inertial sensor on its serial line.
 
-Not modelled: temperature drift, scale and cross-axis errors, vibration, magnetic disturbances, magnetic
-frames, coupling of tilt and turning in the x and y rates, and commands from the host, which are ignored.
+Not modelled: temperature drift, scale and cross-axis errors, vibration, magnetic disturbances of the ground,
+fields of motor currents, coupling of tilt and turning in the x and y rates, and commands from the host, which
+are ignored.
 """
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,25 +14,44 @@ from pydantic import Field
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.mounting import Mounting
-from drivers.witmotion.codec import FRAME_SIZE, encode_acceleration, encode_angle, encode_rate
+from drivers.witmotion.codec import (
+    FRAME_SIZE,
+    encode_acceleration,
+    encode_angle,
+    encode_magnetic,
+    encode_rate,
+)
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
 from sim_backends.world.plant import Plant
+from sim_backends.world.sensor_errors import standard_normals
 from sim_backends.world.world import EmulatedDevice
 
-FrameKind = Literal["acceleration", "rate", "angle"]
+FrameKind = Literal["acceleration", "rate", "angle", "magnetic"]
+Counts = Annotated[float, Field(ge=-30_000, le=30_000)]
+Row = tuple[float, float, float]
 
 
 class ImuEmulatorSettings(InertialErrorSettings):
     """Errors of a low-cost inertial sensor.
 
     Attributes:
-        frames: Frames in each set; always sent in the order acceleration, rate, angle.
+        frames: Frames in each set; always sent in the order acceleration, rate, angle, magnetic.
+        field_counts: Horizontal part of the earth's field; the sensor counts about 10 per uT.
+        dip_deg: Angle of the earth's field below the horizontal.
+        hard_iron_counts: Field of the rover's magnets in the axes of the sensor.
+        soft_iron: Rows of the matrix by which the rover's iron bends the earth's field.
+        magnetic_noise_counts: Standard deviation of the white noise of each axis.
     """
 
     type: Literal["witmotion"] = "witmotion"
     frames: Annotated[tuple[FrameKind, ...], Field(min_length=1)] = ("rate", "angle")
+    field_counts: Annotated[float, Field(gt=0, le=10_000)] = 200.0
+    dip_deg: Annotated[float, Field(ge=-85, le=85)] = 65.0
+    hard_iron_counts: tuple[Counts, Counts, Counts] = (60.0, -40.0, 20.0)
+    soft_iron: tuple[Row, Row, Row] = ((1.05, 0.02, 0.0), (0.02, 0.96, 0.0), (0.0, 0.0, 1.0))
+    magnetic_noise_counts: Annotated[float, Field(ge=0, le=1000)] = 4.0
 
 
 class ImuEmulator:
@@ -41,6 +62,7 @@ class ImuEmulator:
         sensor: What it measures.
         plant: Source of the true motion.
         to_host: Line to the host.
+        rng: Source of the magnetic noise.
         start_ns: Time of power-on; the first set follows one period later.
     """
 
@@ -50,9 +72,14 @@ class ImuEmulator:
         sensor: InertialSensor,
         plant: Plant,
         to_host: Line[bytes],
+        rng: np.random.Generator,
         start_ns: int,
     ) -> None:
+        self._settings = settings
         self._frames = settings.frames
+        down = -settings.field_counts * math.tan(math.radians(settings.dip_deg))
+        self._earth = (0.0, settings.field_counts, down)  # the world's y axis points to magnetic north
+        self._noise = standard_normals(rng)
         self._sensor = sensor
         self._plant = plant
         self._to_host = to_host
@@ -71,11 +98,23 @@ class ImuEmulator:
             burst += encode_rate(*sensor.rate(truth))
         if "angle" in frames:
             burst += encode_angle(*sensor.angle(truth))
+        if "magnetic" in frames:
+            burst += encode_magnetic(*self._magnetic(sensor.direction(truth, self._earth)))
         self._to_host.put(t_ns, burst)
         sensor.remember(truth)
 
     def receive(self, t_ns: int, payload: bytes) -> None:
         """Ignore the payload."""
+
+    def _magnetic(self, field: Row) -> Row:
+        settings, noise = self._settings, self._noise
+        x, y, z = (
+            offset
+            + sum(part * value for part, value in zip(row, field, strict=True))
+            + settings.magnetic_noise_counts * next(noise)
+            for row, offset in zip(settings.soft_iron, settings.hard_iron_counts, strict=True)
+        )
+        return x, y, z
 
 
 def make_imu(
@@ -101,5 +140,6 @@ def make_imu(
     to_device = Line(serial_bits, device.baud_rate)
     mounting = Mounting.from_degrees(device.mounting_yaw_deg, device.yaw_zero_deg)
     sensor = InertialSensor(emulator, mounting, plant, rng)
-    imu = ImuEmulator(emulator, sensor, plant, to_host, start_ns)
+    magnetic_rng = np.random.default_rng(rng.integers(2**63)) if "magnetic" in emulator.frames else rng
+    imu = ImuEmulator(emulator, sensor, plant, to_host, magnetic_rng, start_ns)
     return EmulatedDevice(name, imu, to_host, to_device)

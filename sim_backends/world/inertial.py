@@ -112,6 +112,17 @@ class InertialSensor:
             z + bias[2] + scale * next(noise),
         )
 
+    def direction(self, truth: Truth, vector: Vector) -> Vector:
+        """Return a vector of the world, z up, in the axes of the sensor; without noise."""
+        x, y, z = vector
+        cosine, sine = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
+        x, y = cosine * x + sine * y, cosine * y - sine * x
+        cosine, sine = math.cos(truth.pitch_rad), math.sin(truth.pitch_rad)
+        x, z = cosine * x - sine * z, cosine * z + sine * x
+        cosine, sine = math.cos(truth.roll_rad), math.sin(truth.roll_rad)
+        y, z = cosine * y + sine * z, cosine * z - sine * y
+        return self._to_sensor.vector_to_rover((x, y, z))
+
     def angle(self, truth: Truth) -> Vector:
         """Return roll, pitch (nose down positive) and yaw in rad; the lag moves on by one period."""
         roll, pitch, yaw = (lag.step(angle) for lag, angle in zip(self._lags, _angles(truth), strict=True))

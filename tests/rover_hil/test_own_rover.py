@@ -75,9 +75,9 @@ ACKERMANN = ("low_deg = -75, high_deg = 75", "low_deg = -20, high_deg = 20")
 def test_small_turns_of_a_rover_that_cannot_turn_on_the_spot_are_refused(tmp_path: Path) -> None:
     waypoints = 'type = "waypoints"\npoints = [[1.0, 0.0], [1.5, 0.5], [1.5, 1.2]]'
     path = write_six_wheels(tmp_path, SIX_MAPPING, SIX_DBC, ACKERMANN, (waypoints, 'type = "small_turns"'))
-    with pytest.raises(ConfigError, match="small turns are turns on the spot, for which"):
+    with pytest.raises(ConfigError, match="these are turns on the spot, for which"):
         load_config(str(path), VIRTUAL_RUN_CHECKS)
-    with pytest.raises(ConfigError, match="small turns are turns on the spot, for which"):
+    with pytest.raises(ConfigError, match="these are turns on the spot, for which"):
         ControlLoop(load_config(str(path)), DeviceRoles(wheels="wheels", required={"wheels": 0.1}))
 
 
