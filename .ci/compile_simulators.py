@@ -12,14 +12,16 @@ from sim_backends.terramechanics.soil.compiled import compiled_kernel
 from sim_backends.terramechanics.soil.library import load_soil
 
 SHORT_S = 0.5
+ROVERS = ("robotino", "el-dorado", "docs/examples/differential.toml")
+"""One on each plant."""
 
 
 def main() -> int:
-    """Drive every shipped rover for a moment and balance one on a slope; return 0."""
+    """Drive a rover on every plant for a moment and balance one on a slope; return 0."""
     solve_steady_state(paper_rover(), load_soil("toyoura"), Conditions(0.1), kernel=compiled_kernel)
     with tempfile.TemporaryDirectory() as folder:
-        for name in ("robotino", "el-dorado"):
-            run_virtual(load_config(name), Path(folder) / f"{name}.mcap", SHORT_S, None)
+        for name in ROVERS:
+            run_virtual(load_config(name), Path(folder) / f"{Path(name).stem}.mcap", SHORT_S, None)
     return 0
 
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from camera_module import build_camera_module
 from machine import boot
 from packages import CannotBuildError, environment, unpack
 
@@ -32,6 +33,7 @@ def main() -> int:
     except CannotBuildError as error:
         print(f"test-kernel: skipped: {error}")
         return 0
+    build_camera_module(cache, root)
     variables = {**NUMBA, "NUMBA_CACHE_DIR": str(cache / "numba")}
     _compile(variables, cache / "compiled")
     return boot(root, cache / "results", _script(root, variables, sys.argv[1:]), LIMIT_S)

@@ -37,14 +37,14 @@ def unpack(cache: Path) -> Path:
     _require_debian()
     shutil.rmtree(root, ignore_errors=True)
     downloads = cache / "downloads"
-    apt = _apt_in(cache / "apt")
+    apt = apt_in(cache / "apt")
     downloads.mkdir(parents=True, exist_ok=True)
     try:
-        _run([*apt, "update"], cache)
+        run([*apt, "update"], cache)
         names = [*TOOLS, *_missing_libraries(apt), _kernel_of(apt)]
-        _run([*apt, "download", *dict.fromkeys(names)], downloads)
+        run([*apt, "download", *dict.fromkeys(names)], downloads)
         for package in sorted(downloads.glob("*.deb")):
-            _run(["dpkg-deb", "-x", str(package), str(root)], cache)
+            run(["dpkg-deb", "-x", str(package), str(root)], cache)
     except subprocess.CalledProcessError as error:
         reason = error.stderr.strip().splitlines()[-1:] or [str(error)]
         raise CannotBuildError(f"Debian's packages cannot be downloaded: {reason[0]}") from error
@@ -66,12 +66,12 @@ def _require_debian() -> None:
     missing = [name for name in ("apt-get", "apt-cache", "dpkg-deb") if shutil.which(name) is None]
     if missing:
         raise CannotBuildError(f"it is built from Debian's packages, and there is no {missing[0]} here")
-    architecture = _run(["dpkg", "--print-architecture"], Path.cwd()).strip()
+    architecture = run(["dpkg", "--print-architecture"], Path.cwd()).strip()
     if architecture != ARCHITECTURE:
         raise CannotBuildError(f"it is built for {ARCHITECTURE}, and this machine is {architecture}")
 
 
-def _apt_in(folder: Path) -> list[str]:
+def apt_in(folder: Path) -> list[str]:
     """Return a call of apt-get with package lists of its own: those of the system may be old or missing."""
     (folder / "lists/partial").mkdir(parents=True, exist_ok=True)
     (folder / "archives/partial").mkdir(parents=True, exist_ok=True)
@@ -85,13 +85,13 @@ def _apt_in(folder: Path) -> list[str]:
 
 
 def _missing_libraries(apt: list[str]) -> list[str]:
-    simulated = _run([*apt, "--simulate", "--no-install-recommends", "install", *TOOLS], Path.cwd())
+    simulated = run([*apt, "--simulate", "--no-install-recommends", "install", *TOOLS], Path.cwd())
     return [line.split()[1] for line in simulated.splitlines() if line.startswith("Inst ")]
 
 
 def _kernel_of(apt: list[str]) -> str:
     options = [option for option in apt if option.startswith("-o")]
-    depends = _run(["apt-cache", *options, "depends", KERNEL], Path.cwd())
+    depends = run(["apt-cache", *options, "depends", KERNEL], Path.cwd())
     found = [line.split()[-1] for line in depends.splitlines() if "linux-image-" in line]
     kernels = [name for name in found if name != KERNEL]
     if not kernels:
@@ -99,7 +99,8 @@ def _kernel_of(apt: list[str]) -> str:
     return kernels[0]
 
 
-def _run(command: list[str], folder: Path) -> str:
+def run(command: list[str], folder: Path) -> str:
+    """Run a command in a folder, which is made, and return what it prints."""
     folder.mkdir(parents=True, exist_ok=True)
     # Every command is a program of the system with arguments that this file made.
     return subprocess.run(  # noqa: S603

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from drivers.can_link import CanLink
 from drivers.link import LinkChange, LinkItem, Received
-from tests.kernel.system import CLOCK, run, wait_until, write
+from tests.kernel.system import CLOCK, load, run, wait_until, write
 
 BIT_RATE = 500_000
 CARD_DRIVER = Path("/sys/bus/pci/drivers/kvaser_pci")
@@ -59,6 +59,16 @@ class Wire:
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
             raw.bind((self.far,))
             yield raw
+
+
+@contextmanager
+def cards() -> Iterator[Wire]:
+    """Yield the bus of two PCI cards, both up."""
+    load("can_raw", "kvaser_pci", "sch_tbf")
+    wire = Wire("can0", "can1")
+    wire.up()
+    yield wire
+    run("rmmod kvaser_pci")
 
 
 def frame(number: int) -> bytes:

@@ -6,11 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.kernel.can_wire import Wire
-from tests.kernel.serial_line import Line
-from tests.kernel.system import is_done, load, run, wait_until
-
-INSIDE = "ROVER_HIL_KERNEL"
+from tests.kernel.can_wire import Wire, cards
+from tests.kernel.serial_line import Line, modem
+from tests.kernel.system import INSIDE, load, run, wait_until
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -36,11 +34,8 @@ def vcan() -> Iterator[Wire]:
 @pytest.fixture
 def card() -> Iterator[Wire]:
     """Yield the bus of two PCI cards, both up."""
-    load("can_raw", "kvaser_pci", "sch_tbf")
-    wire = Wire("can0", "can1")
-    wire.up()
-    yield wire
-    run("rmmod kvaser_pci")
+    with cards() as wire:
+        yield wire
 
 
 @pytest.fixture(params=["vcan", "card"])
@@ -53,13 +48,9 @@ def wire(request: pytest.FixtureRequest) -> Wire:
 
 @pytest.fixture
 def gadget() -> Iterator[Line]:
-    """Yield a USB modem: a gadget of this machine on a bus without wires."""
-    load("dummy_hcd", "usb_f_acm", "g_serial", "cdc_acm")
-    line = Line(Path("/dev/ttyACM0"), Path("/dev/ttyGS0"))
-    wait_until(lambda: line.near.exists() and line.far.exists())
-    yield line
-    wait_until(lambda: is_done("rmmod g_serial"))
-    run("rmmod dummy_hcd")
+    """Yield a USB modem."""
+    with modem() as line:
+        yield line
 
 
 @pytest.fixture

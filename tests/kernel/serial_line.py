@@ -10,7 +10,7 @@ from pathlib import Path
 
 from drivers.link import LinkChange, LinkItem, Received
 from drivers.serial_link import SerialLink
-from tests.kernel.system import CLOCK, wait_until, write
+from tests.kernel.system import CLOCK, is_done, load, run, wait_until, write
 
 BAUD_RATE = 115_200
 INPUT_SPEED, OUTPUT_SPEED = 4, 5
@@ -44,6 +44,17 @@ class Line:
             yield end
         finally:
             os.close(end)
+
+
+@contextmanager
+def modem() -> Iterator[Line]:
+    """Yield a USB modem: a gadget of this machine on a bus without wires."""
+    load("dummy_hcd", "usb_f_acm", "g_serial", "cdc_acm")
+    line = Line(Path("/dev/ttyACM0"), Path("/dev/ttyGS0"))
+    wait_until(lambda: line.near.exists() and line.far.exists())
+    yield line
+    wait_until(lambda: is_done("rmmod g_serial"))
+    run("rmmod dummy_hcd")
 
 
 def _set_baud_rate(end: int) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from drivers.clock import NANOSECONDS_PER_SECOND, SystemClock, nanoseconds
 
+INSIDE = "ROVER_HIL_KERNEL"
+"""Variable of the virtual machine: the folder of the unpacked kernel."""
 CLOCK = SystemClock()
 DEADLINE_S = 10.0
 CLOCK_REALTIME = 0

@@ -19,8 +19,8 @@ CONTROL_VALUE = struct.Struct("=Ii")
 NEXT_CONTROL = 0x80000000
 
 
-def make_link(**changes: object) -> V4l2Link:
-    """Return the link to the camera, raw pixels at 25 Hz unless changed."""
+def make_settings(**changes: object) -> CameraSettings:
+    """Return settings of the camera, raw pixels at 25 Hz unless changed."""
     settings: dict[str, object] = {
         "type": "camera",
         "source": "v4l2",
@@ -31,7 +31,12 @@ def make_link(**changes: object) -> V4l2Link:
         "fourcc": "YUYV",
         "reconnect_limit_s": 60.0,
     }
-    return V4l2Link(CameraSettings.model_validate(settings | changes), CLOCK)
+    return CameraSettings.model_validate(settings | changes)
+
+
+def make_link(**changes: object) -> V4l2Link:
+    """Return the link to the camera, settings as for `make_settings`."""
+    return V4l2Link(make_settings(**changes), CLOCK)
 
 
 def unplug() -> None:
