@@ -108,7 +108,8 @@ class TtyPort(Port[bytes]):
 def serve(config_path: Path, can_interface: str, serial_port: str, truth_path: Path) -> None:
     """Serve until interrupted.
 
-    Each line of the truth file: time in ns, monotonic; x, y in m, yaw in rad, largest wheel speed in rad/s.
+    Each line of the truth file: time in ns, monotonic; x, y in m, yaw in rad, largest wheel speed in rad/s;
+    how many of the server's cycles of 1 ms were skipped so far.
     """
     config = load_config(str(config_path))
     clock = SystemClock()
@@ -122,7 +123,10 @@ def serve(config_path: Path, can_interface: str, serial_port: str, truth_path: P
             server.run(STATUS_PERIOD_S)
             truth = world.plant.truth()
             fastest_rad_s = max(map(abs, truth.wheel_speed_rad_s))
-            lines.write(f"{truth.t_ns} {truth.x_m} {truth.y_m} {truth.yaw_rad} {fastest_rad_s}\n")
+            lines.write(
+                f"{truth.t_ns} {truth.x_m} {truth.y_m} {truth.yaw_rad} {fastest_rad_s} "
+                f"{server.skipped_cycles}\n"
+            )
             lines.flush()
 
 

@@ -9,40 +9,56 @@ import os
 import pty
 import struct
 import termios
+import threading
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from tests.kernel.can_wire import Wire
-from tests.kernel.system import load, run, wait_until
+from tests.kernel.system import DEADLINE_S, load, run, wait_until
 
 N_SLCAN = 17
 NETWORK = Path("/sys/class/net")
 
 
-@dataclass(frozen=True)
 class Adapter:
-    """The adapter's side of the serial line, and the bus that the kernel makes of it."""
+    """The adapter's side of the serial line; it reads all the time, for the driver waits until it has.
 
-    end: int
-    wire: Wire
+    Args:
+        end: The line, open.
+        wire: The bus that the kernel makes of it.
+    """
+
+    def __init__(self, end: int, wire: Wire) -> None:
+        self.wire = wire
+        self._end = end
+        self._received = bytearray()
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
 
     def report(self, *lines: str) -> None:
-        """Send lines as the adapter does, e.g. "sb255000" for bus-off with two error counters."""
-        os.write(self.end, "".join(f"{line}\r" for line in lines).encode())
+        """Send lines as the adapter does, e.g. "sb000255" for bus-off with the two error counters."""
+        os.write(self._end, "".join(f"{line}\r" for line in lines).encode())
 
     def report_frame(self, can_id: int, data: bytes) -> None:
         """Report a frame of another node."""
         self.report(f"t{can_id:03X}{len(data)}{data.hex().upper()}")
 
-    def read(self) -> list[str]:
-        """Return what the kernel has sent to the adapter."""
-        data = b""
-        with suppress(BlockingIOError):
-            data = os.read(self.end, 65_536)
+    def take(self) -> list[str]:
+        """Return the lines that the kernel has sent since the last call."""
+        data, self._received = self._received, bytearray()
         return [line for line in data.decode().split("\r") if line]
+
+    def _read(self) -> None:
+        with suppress(OSError):  # the kernel has closed its side
+            while data := os.read(self._end, 4096):
+                self._received.extend(data)
+
+    def end(self) -> None:
+        """Wait until the kernel has closed its side, then close this one."""
+        self._thread.join(DEADLINE_S)
+        os.close(self._end)
 
 
 @contextmanager
@@ -51,15 +67,15 @@ def slcan_adapter() -> Iterator[Adapter]:
     load("can_raw", "slcan")
     before = set(NETWORK.iterdir())
     end, port = pty.openpty()
-    os.set_blocking(end, False)
     tty.setraw(port)
     fcntl.ioctl(port, termios.TIOCSETD, struct.pack("=i", N_SLCAN))
     (interface,) = set(NETWORK.iterdir()) - before
     wire = Wire(interface.name, interface.name)
+    adapter = Adapter(end, wire)
     wire.up()
-    yield Adapter(end, wire)
+    yield adapter
     wire.down()
     os.close(port)
-    os.close(end)
+    adapter.end()
     wait_until(lambda: not interface.exists())
     run("rmmod slcan")

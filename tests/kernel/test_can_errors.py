@@ -96,10 +96,10 @@ def _drive(wire: Wire) -> Iterator[WheelDrive]:
 
 
 def _set_points_reach(adapter: Adapter, wheels: WheelDrive) -> bool:
-    adapter.read()
+    adapter.take()
     wheels.stop()
     pause(0.1)
-    return any(line.startswith(SET_POINT_LINE) for line in adapter.read())
+    return any(line.startswith(SET_POINT_LINE) for line in adapter.take())
 
 
 def _next_fault(wheels: WheelDrive) -> FaultSample:

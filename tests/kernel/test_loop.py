@@ -104,8 +104,16 @@ FAULTS = ["drives cut off", "gyro unplugged", "interface down"]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_set_points_are_zero_in_time(drive: Drive, fault: str) -> None:
+def test_set_points_are_zero_in_time(
+    drive: Drive, fault: str, record_property: Callable[[str, object], None]
+) -> None:
     outage = drive.outages[fault]
+    driven_ns = [
+        seen_ns
+        for seen_ns, is_zero in drive.set_points
+        if outage.begin_ns < seen_ns < outage.end_ns and not is_zero
+    ]
+    record_property("last_motion_s", seconds(max(driven_ns, default=outage.begin_ns) - outage.begin_ns))
     begin_ns = outage.begin_ns + nanoseconds(MAX_AGE_S + ZERO_BAR_S)
     end_ns = outage.end_ns + nanoseconds(QUIET_S)
     seen = [(seen_ns, is_zero) for seen_ns, is_zero in drive.set_points if begin_ns < seen_ns < end_ns]
@@ -133,7 +141,11 @@ def test_the_reason_of_the_stop_names_the_device(drive: Drive, fault: str) -> No
     assert all(reason.startswith(outage.reason) for _, reason in modes), modes[0]
 
 
-def test_it_drives_on_after_every_fault_and_finishes(drive: Drive) -> None:
+def test_it_drives_on_after_every_fault_and_finishes(
+    drive: Drive, record_property: Callable[[str, object], None]
+) -> None:
+    record_property("work_per_cycle_s", [seconds(int(work_ns)) for work_ns in _work(drive)])
+    record_property("simulator_cycles_skipped", drive.truth[-1][5])
     assert drive.exit_code == 0, drive.said
     assert "mission finished" in drive.said
     assert list(drive.outages) == FAULTS
@@ -223,9 +235,8 @@ def _run_program(folder: Path) -> None:
     os.dup2(said, 2)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
     sys.argv = ["rover-hil", "run", str(folder / "rover.toml"), "--out", str(folder / "out")]
-    run.write_report = lambda log_path, out: (
-        '{"stops": []}'
-    )  # takes longer than the drive, and is tested elsewhere
+    # The report takes longer than the drive, and is tested elsewhere.
+    setattr(run, "write_report", lambda log_path, out: '{"stops": []}')  # noqa: B010
     main()
 
 
@@ -261,12 +272,20 @@ def _read_truth(drive: Drive) -> list[list[float]]:
 
 def _true_end(drive: Drive) -> tuple[float, float, float]:
     """Return the true pose at the end, relative to that at the start."""
-    _, x0_m, y0_m, yaw0_rad, _ = drive.truth[0]
-    _, x_m, y_m, yaw_rad, _ = drive.truth[-1]
+    _, x0_m, y0_m, yaw0_rad, *_ = drive.truth[0]
+    _, x_m, y_m, yaw_rad, *_ = drive.truth[-1]
     ahead, aside = x_m - x0_m, y_m - y0_m
     cosine, sine = math.cos(yaw0_rad), math.sin(yaw0_rad)
     yaw = math.remainder(yaw_rad - yaw0_rad, math.tau)
     return cosine * ahead + sine * aside, -sine * ahead + cosine * aside, yaw
+
+
+def _work(drive: Drive) -> list[float]:
+    """Return median, 99th percentile and greatest time that the program worked in a cycle, in ns."""
+    messages = LogReader(drive.folder / "out" / "run.mcap").messages()
+    cycles = [message.json() for message in messages if message.topic == "/cycle"]
+    work_ns = [cycle["work_ns"] for cycle in cycles if isinstance(cycle, dict)]
+    return [float(value) for value in np.percentile(work_ns, [50.0, 99.0, 100.0])]
 
 
 def _estimates(
