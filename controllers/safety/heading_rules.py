@@ -111,7 +111,7 @@ class HeadingTurnRule(StopRule):
             if cycle.is_still:
                 _keep(headings, AVERAGE_S)
             span_ns = (headings[0].t_ns, headings[-1].t_ns)
-            if name not in self._found or self._found[name][0] != span_ns:
+            if name not in self._found or self._found[name][0] != span_ns:  # pragma: no mutate
                 self._found[name] = (span_ns, self._compare(name, headings))
             reason = self._found[name][1]
             if reason is not None:

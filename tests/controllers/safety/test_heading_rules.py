@@ -1,7 +1,7 @@
 """The gyro against a heading device: which difference of their turns stops the rover."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -404,3 +404,95 @@ def test_three_standard_errors_of_both_averages_count(turn_rad: float, is_named:
             bench.observe(heading(0.02 * (-1.0) ** (index // 5)))
         found = found or bench.check()
     assert bool(found) == is_named
+
+
+def compared(
+    headings: Sequence[tuple[float, float]],
+    *,
+    bias: Turn = lambda _: 0.0,
+    gyro: Callable[[float], Sequence[float]] = lambda _: (0.0,),
+    gyro_step_s: float = 0.02,
+    **settings: float,
+) -> str:
+    """Return the first reason for headings of these times in s and angles in rad, and rates of the gyro."""
+    rule = HeadingTurnRule(HeadingTurnSettings.model_validate(settings), ROLES, 0.0)
+    coming = list(headings)
+    for index in range(1 + round(headings[-1][0] / gyro_step_s)):
+        now_s = index * gyro_step_s
+        for rate_rad_s in gyro(now_s):
+            rule.observe(rate(rate_rad_s), nanoseconds(now_s))
+        innovations = []
+        while coming and coming[0][0] <= now_s + 1e-9:
+            t_s, heading_rad = coming.pop(0)
+            rule.observe(heading(heading_rad), nanoseconds(t_s))
+            innovations.append(Innovation(name=NAME, residual=0.0, variance=0.0, nis=0.0, accepted=True))
+        cycle = Cycle(now_ns=nanoseconds(now_s), innovations=tuple(innovations), gyro_bias_rad_s=bias(now_s))
+        for reason in rule.check(cycle):
+            return reason.text
+    return ""
+
+
+QUARTERS_S = [3.0 + 0.25 * index for index in range(9)]
+
+
+def test_the_first_and_the_last_second_are_averaged_with_the_bias_at_the_end_of_the_first() -> None:
+    """Headings at 0, 0.25, ..., 1 s and above 1 to 2 s; the bias of a heading is that of the cycle before."""
+    angles = [0.01, 0.02, 0.04, 0.08, 0.16, 3.0, 2.0, 2.5, 3.1]
+    text = compared(
+        [(0.0, 0.0), *zip(QUARTERS_S, angles, strict=True)][1:],
+        bias=lambda t_s: 0.1 * t_s,
+        gyro_step_s=0.05,
+    )
+    turned_rad = sum(angles[5:]) / 4.0 - sum(angles[:5]) / 5.0
+    by_bias_rad = -0.1 * 3.95 * (1.625 - 0.5)
+    assert text.startswith(f"imu: turn of {by_bias_rad:.3f} rad in 2.0 s, by {NAME} {turned_rad:.3f} rad: ")
+
+
+def test_three_headings_in_each_average_suffice() -> None:
+    times_s = [0.34 * index for index in range(7)]
+    assert compared([(t_s, 0.0 if t_s < 1.1 else 1.0) for t_s in times_s]) != ""
+    assert compared([(t_s, 0.0 if t_s < 1.1 else 1.0) for t_s in [0.0, 0.5, 1.0, 1.5, 2.0]]) == ""
+
+
+def test_a_difference_of_exactly_the_limit_is_no_contradiction() -> None:
+    steps = [(t_s, 0.0 if index < 5 else 0.5) for index, t_s in enumerate(QUARTERS_S)]
+    assert compared(steps, heading_difference_rad=0.5, heading_share=0.0) == ""
+    assert compared(steps, heading_difference_rad=0.499, heading_share=0.0) != ""
+
+
+def test_a_gyro_may_be_as_slow_as_its_age_limit() -> None:
+    steps = [(t_s, 0.0 if index < 5 else 0.5) for index, t_s in enumerate(QUARTERS_S)]
+    assert compared(steps, gyro_step_s=0.1) != ""
+    assert compared(steps, gyro_step_s=0.125) == ""
+
+
+def test_a_second_reading_of_the_gyro_at_the_same_time_is_not_used() -> None:
+    steps = [(t_s, 0.0 if index < 5 else 0.5) for index, t_s in enumerate(QUARTERS_S)]
+    assert compared(steps, gyro=lambda _: (0.0, 3.0)).startswith("imu: turn of 0.000 rad")
+
+
+def test_headings_of_20_hz_are_all_used_and_of_faster_ones_a_part() -> None:
+    """The scatter of headings to both sides in turn explains the turn, unless one side is left out."""
+    for step_s, is_explained in ((0.05, True), (0.04, False)):
+        zigzag = [
+            (step_s * index, 0.02 * (-1.0) ** index + (0.03 if step_s * index > 1.0 else 0.0))
+            for index in range(round(2.0 / step_s) + 1)
+        ]
+        assert (compared(zigzag) == "") == is_explained
+
+
+def test_while_the_gyro_is_silent_nothing_is_compared() -> None:
+    steps = [(0.25 * index, 0.0 if index < 9 else 1.0) for index in range(20)]
+    assert compared(steps) != ""
+    assert compared(steps, gyro=lambda t_s: (0.0,) if t_s < 2.0 else ()) == ""
+
+
+@pytest.mark.parametrize(("silent_s", "is_named"), [(0.1, True), (0.12, False)])
+def test_a_reason_ends_when_the_gyro_is_silent_for_longer_than_its_age_limit(
+    silent_s: float, is_named: bool
+) -> None:
+    bench = Bench()
+    settle(bench)
+    assert bench.drive(3.0, constant(0.0), constant(0.3)) is not None
+    bench.cycles += round(silent_s / RATE_STEP_S)
+    assert bool(bench.check()) == is_named
