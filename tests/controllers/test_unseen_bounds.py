@@ -33,6 +33,14 @@ def test_while_the_wheels_are_not_measured_the_fastest_speed_counts() -> None:
     )
 
 
+def test_wheels_that_have_steered_move_the_rover_another_way() -> None:
+    unseen = UnseenMotion(EFFECTS)
+    unseen.note_speeds((0.0, 1.0, 0.0), is_measured=True)
+    turned = tuple((2.0 * y, 2.0 * x, yaw) for x, y, yaw in EFFECTS)
+    unseen.turn_wheels(turned)
+    assert unseen.greatest_motion(0.5, 0.0)[:2] == pytest.approx(greatest_motion(turned, (0.0, 0.5, 0.0))[:2])
+
+
 def test_what_a_measurement_has_removed_is_known_again() -> None:
     unseen = UnseenMotion(EFFECTS)
     unseen.add(0.09, 0.04)
