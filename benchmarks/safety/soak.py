@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.safety.fault_processes import CONFIGS
+from benchmarks.safety.faults.processes import CONFIGS
 from drivers.clock import SystemClock, nanoseconds, seconds
 
 PROGRAM = str(Path(sys.executable).with_name("rover-hil"))

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.safety.fault_cases import Case, Duty, all_cases
-from benchmarks.safety.fault_injection import Scaled, Window
-from benchmarks.safety.fault_measures import Moment, Row, Story, add_truth, check_replay, judge, read_story
-from benchmarks.safety.fault_process_cases import process_cases
-from benchmarks.safety.fault_runs import rover_config, run_case
-from benchmarks.safety.fault_wires import (
+from benchmarks.safety.faults.cases import Case, Duty, all_cases
+from benchmarks.safety.faults.injection import Scaled, Window
+from benchmarks.safety.faults.measures import Moment, Row, Story, add_truth, check_replay, judge, read_story
+from benchmarks.safety.faults.process_cases import process_cases
+from benchmarks.safety.faults.runs import rover_config, run_case
+from benchmarks.safety.faults.wires import (
     Change,
     CompassSentences,
     GyroFrames,

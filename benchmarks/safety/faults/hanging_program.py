@@ -4,7 +4,7 @@ from pathlib import Path
 
 from mcap.writer import Writer
 
-from benchmarks.safety.fault_process_cases import HANG_FILE
+from benchmarks.safety.faults.process_cases import HANG_FILE
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.app.program import main
 

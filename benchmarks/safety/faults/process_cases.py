@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.safety.fault_cases import Case, Duty, all_cases
+from benchmarks.safety.faults.cases import Case, Duty, all_cases
 
 REAL_TIME_FAULTS = ("unplug", "freeze", "stall", "garbage", "valid flood")
 HANG_FILE = "hang"

@@ -17,11 +17,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks.safety.fault_cases import Case, all_cases
-from benchmarks.safety.fault_measures import Row, add_truth, check_replay, judge, read_story
-from benchmarks.safety.fault_process_cases import real_time_cases
-from benchmarks.safety.fault_processes import measure_processes
-from benchmarks.safety.fault_runs import rover_config, run_case
+from benchmarks.safety.faults.cases import Case, all_cases
+from benchmarks.safety.faults.measures import Row, add_truth, check_replay, judge, read_story
+from benchmarks.safety.faults.process_cases import real_time_cases
+from benchmarks.safety.faults.processes import measure_processes
+from benchmarks.safety.faults.runs import rover_config, run_case
 
 COLUMNS = (
     "rover | device | fault | must | detectable s | zero ms after | stop s | driven m | invented | error m | "

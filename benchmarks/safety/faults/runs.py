@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.safety.fault_cases import Case
-from benchmarks.safety.fault_injection import Window, inject
+from benchmarks.safety.faults.cases import Case
+from benchmarks.safety.faults.injection import Window, inject
 from drivers.clock import VirtualClock, nanoseconds
 from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import collect_data_files

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.safety.fault_cases import Case
-from benchmarks.safety.fault_measures import Row, add_truth, check_replay, judge, read_story
-from benchmarks.safety.fault_process_cases import ROLL_OUT_S, ProcessCase
-from benchmarks.safety.fault_runs import rover_config, run_length_s
+from benchmarks.safety.faults.cases import Case
+from benchmarks.safety.faults.measures import Row, add_truth, check_replay, judge, read_story
+from benchmarks.safety.faults.process_cases import ROLL_OUT_S, ProcessCase
+from benchmarks.safety.faults.runs import rover_config, run_length_s
 from drivers.clock import SystemClock, nanoseconds, seconds
 from drivers.errors import LogError
 
-CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
+CONFIGS = Path(__file__).parents[3] / "rover_hil" / "config" / "shipped" / "configs"
 CAMERA = re.compile(r"^camera = .*\n|^rig = .*\n|^\[devices\.camera\]\n(?:.+\n)+", re.MULTILINE)
 REST_RAD_S = 0.05
 MOVE_LIMIT_S = 90.0
@@ -52,7 +52,7 @@ def measure_processes(case: Case) -> Row:
 
 @contextmanager
 def _simulator(case: Case, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
-    command = [sys.executable, "-m", "benchmarks.safety.fault_server", case.title, "truth.txt"]
+    command = [sys.executable, "-m", "benchmarks.safety.faults.server", case.title, "truth.txt"]
     process = subprocess.Popen(command, cwd=folder, env=_environment())
     try:
         _wait((folder / "truth.txt").exists, process)
@@ -66,7 +66,7 @@ def _simulator(case: Case, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
 @contextmanager
 def _program(case: Case, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     length_s = START_UP_S + run_length_s(rover_config(case), case)
-    command = [sys.executable, "-m", "benchmarks.safety.hanging_program", "run", "rover.toml"]
+    command = [sys.executable, "-m", "benchmarks.safety.faults.hanging_program", "run", "rover.toml"]
     command += ["--duration", f"{length_s:g}", "--out", "out"]
     with (folder / "said.txt").open("wb") as said:
         process = subprocess.Popen(command, cwd=folder, env=_environment(), stdout=said, stderr=said)
@@ -79,7 +79,7 @@ def _program(case: Case, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "400"}
+    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3]), "COLUMNS": "400"}
 
 
 def _wait_for_begin(folder: Path, program: subprocess.Popen[bytes]) -> int:

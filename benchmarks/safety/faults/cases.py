@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from benchmarks.safety.fault_injection import (
+from benchmarks.safety.faults.injection import (
     Biased,
     Chance,
     Changed,
@@ -33,7 +33,7 @@ from benchmarks.safety.fault_injection import (
     stall,
     with_old_stamp,
 )
-from benchmarks.safety.fault_wires import (
+from benchmarks.safety.faults.wires import (
     Change,
     CompassSentences,
     GyroFrames,

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.safety.fault_cases import FOR_EVER_S, Case, Duty
-from benchmarks.safety.fault_runs import WATCHED_S
+from benchmarks.safety.faults.cases import FOR_EVER_S, Case, Duty
+from benchmarks.safety.faults.runs import WATCHED_S
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds
 from drivers.errors import LogError

@@ -6,7 +6,7 @@ from typing import Generic, Protocol
 
 import numpy as np
 
-from benchmarks.safety.fault_wires import Change, Reading, Wire
+from benchmarks.safety.faults.wires import Change, Reading, Wire
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.link import CameraImage, PayloadT, Received
 from sim_backends.world.line import NEVER_NS, Line

@@ -1,6 +1,6 @@
 """Serve the simulated rover of `rover.toml` with the fault of one case, and write down the truth.
 
-    python -m benchmarks.safety.fault_server TITLE TRUTH_FILE
+    python -m benchmarks.safety.faults.server TITLE TRUTH_FILE
 
 Runs until it is ended. Each line of the truth file: time, begin of the fault (both ns, monotonic; -1 while
 the rover has not moved), x, y in m, yaw in rad, largest wheel speed in rad/s. The log has the same clock.
@@ -10,9 +10,9 @@ import signal
 import sys
 from pathlib import Path
 
-from benchmarks.safety.fault_cases import all_cases
-from benchmarks.safety.fault_process_cases import process_cases
-from benchmarks.safety.fault_runs import FaultTimer
+from benchmarks.safety.faults.cases import all_cases
+from benchmarks.safety.faults.process_cases import process_cases
+from benchmarks.safety.faults.runs import FaultTimer
 from drivers.clock import SystemClock
 from rover_hil.config import load_config
 from sim_backends.build import build_world

@@ -1,0 +1,1 @@
+"""Faults of devices and of the program: cases, injection, measures."""
