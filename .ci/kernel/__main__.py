@@ -1,7 +1,7 @@
 """Run the driver suite on the devices of a real kernel, in a virtual machine.
 
-Arguments of `python .ci/kernel` are those of pytest, by default `tests/kernel`. The machine is built once, in
-the folder that the variable KERNEL_CACHE names.
+Arguments of `python .ci/kernel` are those of pytest; where none of them names a test, `tests/kernel` is run.
+The machine is built once, in the folder that the variable KERNEL_CACHE names.
 """
 
 import os
@@ -67,7 +67,8 @@ def _script(root: Path, variables: dict[str, str], arguments: list[str]) -> str:
         "OPENBLAS_NUM_THREADS": "1",
     }
     exports = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in guest.items())
-    command = shlex.join([*pytest, *results, *(arguments or ["tests/kernel"])])
+    names_tests = any(not argument.startswith("-") for argument in arguments)
+    command = shlex.join([*pytest, *results, *arguments, *([] if names_tests else ["tests/kernel"])])
     lines = [
         "mkdir -p /lib/modules /sbin",
         f"mount --bind {shlex.quote(str(root / 'lib/modules'))} /lib/modules",
