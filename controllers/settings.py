@@ -6,7 +6,7 @@ from typing import Annotated, Self
 from pydantic import AliasChoices, Field, model_validator
 
 from controllers.estimation.settings import FilterSettings
-from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, has_four_wheels
 from controllers.motion.settings import LimitSettings, MissionSettings
 from controllers.safety.settings import SafetySettings
 from controllers.slip.effort.settings import SlipSettings
@@ -60,6 +60,8 @@ class ControlSettings(Settings):
     def _check_slip(self) -> Self:
         for conflict in find_slip_conflicts(self.rover, self.slip, self.scomp):
             raise ValueError(conflict)
+        for conflict in find_crab_conflicts(self.mission, self.scomp):
+            raise ValueError(conflict)
         return self
 
 
@@ -72,8 +74,24 @@ def find_slip_conflicts(
             f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
             f"'{rover.kinematics}': leave [slip] out"
         )
-    if scomp is not None and not isinstance(rover, SkidSteerRoverSettings):
+    if scomp is not None and not has_four_wheels(rover):
         yield (
-            f"scomp: it is for a rover with four wheels, but rover.kinematics is "
-            f"'{rover.kinematics}': leave [scomp] out"
+            f"scomp: it is for a rover with four wheels, front left, front right, rear left, rear right, but "
+            f"rover.kinematics is '{rover.kinematics}' with others: leave [scomp] out"
+        )
+
+
+def find_crab_conflicts(mission: MissionSettings | None, scomp: ScompSettings | None) -> Iterator[str]:
+    """Yield what a mission that crabs lacks, with the fix."""
+    if mission is None or mission.heading != "crab":
+        return
+    if scomp is None:
+        yield (
+            'mission.heading is "crab", which needs the slip angle: add [scomp], or set heading to '
+            '"along_path"'
+        )
+    elif not scomp.steer_against_drift:
+        yield (
+            'scomp.steer_against_drift is false, but mission.heading "crab" steers against the drift: remove '
+            'the key, or set heading to "along_path"'
         )

@@ -20,6 +20,8 @@ class Kinematics(Protocol):
         moves_sideways: Whether the rover can move in any direction at any heading.
         turns_on_spot: Whether it can turn without moving forwards.
         turn_radius_m: Least radius of an arc, 0 where every arc is possible.
+        crab_limit_rad: Greatest angle, to either side, by which all wheels can be turned together; 0 where
+            not all wheels steer.
         steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
             where none steers.
     """
@@ -28,6 +30,7 @@ class Kinematics(Protocol):
     moves_sideways: bool
     turns_on_spot: bool
     turn_radius_m: float
+    crab_limit_rad: float
     steering_rates_rad_s: tuple[float, ...]
 
     def wheel_speeds(
@@ -69,6 +72,7 @@ class _FixedWheels(ABC):
 
     turns_on_spot = True
     turn_radius_m = 0.0
+    crab_limit_rad = 0.0
     steering_rates_rad_s: tuple[float, ...] = ()
 
     @abstractmethod

@@ -49,10 +49,11 @@ class PathFollower:
         moves_sideways: Whether the rover can move in any direction at any heading.
         turns_on_spot: Whether it can turn without moving forwards.
         turn_radius_m: Least radius of an arc that it can drive.
+        crab_limit_rad: Greatest angle by which all wheels can be turned together, 0 where they cannot.
 
     Raises:
-        ConfigError: The rover cannot move sideways but the mission holds its heading, or two corners are
-            within the position tolerance of each other.
+        ConfigError: The rover cannot move sideways but the mission holds its heading, it cannot crab but the
+            mission crabs, or two corners are within the position tolerance of each other.
     """
 
     def __init__(
@@ -62,13 +63,17 @@ class PathFollower:
         *,
         turns_on_spot: bool = True,
         turn_radius_m: float = 0.0,
+        crab_limit_rad: float = 0.0,
     ) -> None:
-        for conflict in find_mission_conflicts(mission, moves_sideways, turns_on_spot=turns_on_spot):
+        for conflict in find_mission_conflicts(
+            mission, moves_sideways, turns_on_spot=turns_on_spot, crab_limit_rad=crab_limit_rad
+        ):
             raise ConfigError(conflict)
         self._mission = mission
         self._moves_sideways = moves_sideways
         self._turns_on_spot = turns_on_spot
         self._turn_radius_m = turn_radius_m
+        self._crab_limit_rad = crab_limit_rad
         self._lines = list(pairwise(corner_points(mission)))
         self._index = 0
 
@@ -77,8 +82,8 @@ class PathFollower:
 
         Args:
             pose: Of the rover.
-            drift_rad: Angle from the rover's axis to its course over ground; a rover that cannot move
-                sideways is turned against it.
+            drift_rad: Angle from the direction in which the wheels roll to the course over ground; a rover
+                that cannot move sideways is turned against it, one that crabs turns its wheels against it.
         """
         cross_m, remaining_m = _locate(pose, self._lines[self._index])
         while remaining_m <= self._mission.position_tolerance_m:
@@ -104,7 +109,16 @@ class PathFollower:
         )
         course_error_rad = wrap_angle(course_rad - pose.yaw_rad)
         limit_rad_s = mission.yaw_rate_limit_rad_s
-        if self._moves_sideways:
+        if mission.heading == "crab":
+            turn_rad = wrap_angle(line_rad - pose.yaw_rad)
+            crab_rad = wrap_angle(course_error_rad - drift_rad)
+            crab_rad = min(max(crab_rad, -self._crab_limit_rad), self._crab_limit_rad)
+            if abs(turn_rad) > SPOT_TURN_RAD:
+                speed_m_s = 0.0 if self._turns_on_spot else SLOWEST_SHARE * mission.speed_m_s
+                crab_rad = 0.0
+            forward_m_s, sideways_m_s = speed_m_s * math.cos(crab_rad), speed_m_s * math.sin(crab_rad)
+            limit_rad_s = self._turn_limit_rad_s(forward_m_s)
+        elif self._moves_sideways:
             facing_rad = 0.0 if mission.heading == "hold" else line_rad
             turn_rad = wrap_angle(facing_rad - pose.yaw_rad)
             forward_m_s = speed_m_s * math.cos(course_error_rad)
@@ -114,8 +128,7 @@ class PathFollower:
             forward_m_s = speed_m_s * math.cos(course_error_rad)
             if abs(course_error_rad) > SPOT_TURN_RAD:
                 forward_m_s = 0.0 if self._turns_on_spot else SLOWEST_SHARE * mission.speed_m_s
-            if forward_m_s != 0.0 and self._turn_radius_m > 0.0:
-                limit_rad_s = min(limit_rad_s, forward_m_s / self._turn_radius_m)
+            limit_rad_s = self._turn_limit_rad_s(forward_m_s)
         return Guidance(
             velocity_x_m_s=forward_m_s,
             velocity_y_m_s=sideways_m_s,
@@ -124,9 +137,15 @@ class PathFollower:
             finished=False,
         )
 
+    def _turn_limit_rad_s(self, forward_m_s: float) -> float:
+        limit_rad_s = self._mission.yaw_rate_limit_rad_s
+        if forward_m_s != 0.0 and self._turn_radius_m > 0.0:
+            return min(limit_rad_s, forward_m_s / self._turn_radius_m)
+        return limit_rad_s
+
 
 def find_mission_conflicts(
-    mission: MissionSettings, moves_sideways: bool, *, turns_on_spot: bool
+    mission: MissionSettings, moves_sideways: bool, *, turns_on_spot: bool, crab_limit_rad: float = 0.0
 ) -> Iterator[str]:
     """Yield why a rover cannot follow a mission, with the fix.
 
@@ -134,7 +153,13 @@ def find_mission_conflicts(
         mission: Path, speed and gains.
         moves_sideways: Whether the rover can move in any direction at any heading.
         turns_on_spot: Whether it can turn without moving forwards.
+        crab_limit_rad: Greatest angle by which all wheels can be turned together, 0 where they cannot.
     """
+    if mission.heading == "crab" and crab_limit_rad == 0.0:
+        yield (
+            "mission.heading: this rover cannot crab, because not all of its wheels steer to both sides: give "
+            'every wheel in rover.wheels a steering, or set heading to "along_path"'
+        )
     if mission.heading == "hold" and not moves_sideways:
         yield 'mission.heading: this rover cannot move sideways and hold its heading, set it to "along_path"'
     if isinstance(mission, SmallTurnsMission | WholeTurnsMission):

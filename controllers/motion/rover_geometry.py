@@ -11,6 +11,8 @@ from controllers.motion.wheel_settings import WheelRadius, WheelSettings
 from drivers.settings import Settings
 
 CLOSEST_WHEELS_DEG = 15.0
+FOUR_WHEEL_SIGNS = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
+"""Signs of x and y of front left, front right, rear left, rear right."""
 
 
 class OmniRoverSettings(Settings):
@@ -75,6 +77,32 @@ class WheelsRoverSettings(Settings):
         for conflict in find_wheel_conflicts(self.wheels):
             raise ValueError(conflict)
         return self
+
+
+def has_four_wheels(rover: "RoverSettings") -> bool:
+    """Return whether a rover has four driven wheels, front left, front right, rear left, rear right.
+
+    All of them point forwards at steering angle 0, and none has rollers.
+    """
+    if isinstance(rover, SkidSteerRoverSettings):
+        return True
+    if not isinstance(rover, WheelsRoverSettings) or len(rover.wheels) != len(FOUR_WHEEL_SIGNS):
+        return False
+    return all(
+        x_sign * wheel.x_m > 0.0
+        and y_sign * wheel.y_m > 0.0
+        and wheel.driven
+        and wheel.roller_deg is None
+        and wheel.angle_deg == 0.0
+        for wheel, (x_sign, y_sign) in zip(rover.wheels, FOUR_WHEEL_SIGNS, strict=True)
+    )
+
+
+def track_of(rover: "SkidSteerRoverSettings | WheelsRoverSettings") -> float:
+    """Return the mean distance in m between the left and the right wheels."""
+    if isinstance(rover, SkidSteerRoverSettings):
+        return rover.track_m
+    return 2.0 * sum(abs(wheel.y_m) for wheel in rover.wheels) / len(rover.wheels)
 
 
 RoverSettings: TypeAlias = Annotated[

@@ -18,7 +18,9 @@ class PathSettings(Settings):
     Attributes:
         speed_m_s: Speed along the path away from corners.
         heading: `hold` keeps the heading at the start, `along_path` points along the path. A rover that
-            cannot move sideways can only do the latter.
+            cannot move sideways can only do the latter. `crab` points along the path, too, and turns all
+            wheels together against the slip angle, so that the rover stays on the path on a side slope. It
+            needs wheels that all steer, and [scomp].
         position_tolerance_m: A corner or the end counts as reached within this distance before it, along the
             path.
         lookahead_m: The rover steers to the point of the path at this distance ahead.
@@ -28,7 +30,7 @@ class PathSettings(Settings):
     """
 
     speed_m_s: Annotated[float, Field(ge=0.005, le=3.0)] = 0.1
-    heading: Literal["hold", "along_path"] = "hold"
+    heading: Literal["hold", "along_path", "crab"] = "hold"
     position_tolerance_m: Annotated[float, Field(ge=0.001, le=0.5)] = 0.01
     lookahead_m: Annotated[float, Field(ge=0.02, le=5.0)] = 0.2
     approach_gain_per_s: Annotated[float, Field(ge=0.05, le=10.0)] = 1.5

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import takewhile
 
 import numpy as np
 
@@ -24,6 +25,8 @@ WAIT_RAD = 0.35
 """The drives wait while a wheel is still this far from its steering angle; below, they slow down with it."""
 SLOWEST_CONTACT_M_S = 1e-4
 """A contact point that is slower has no direction: its wheel keeps its steering angle."""
+LARGEST_CRAB_DEG = 45
+"""A rover whose wheels are turned further moves sideways rather than forwards."""
 CURVATURE_STEP = 1.02
 FLATTEST = 50.0
 """Largest turn radius that is tried, over the rover's size."""
@@ -42,6 +45,8 @@ class WheelsKinematics:
         moves_sideways: Whether the rover can move in any direction at any heading.
         turns_on_spot: Whether it can turn without moving forwards.
         turn_radius_m: Least radius of an arc to either side, 0 where every arc is possible.
+        crab_limit_rad: Greatest angle, to either side, by which all wheels can be turned together; 0 where
+            not all wheels steer.
         steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
             where none steers.
     """
@@ -63,6 +68,7 @@ class WheelsKinematics:
         self.moves_sideways = not fixed and all(map(_reaches_every_direction, wheels))
         self.turns_on_spot = self._reaches((0.0, 0.0, 1.0)) and self._reaches((0.0, 0.0, -1.0))
         self.turn_radius_m = self._least_radius_m()
+        self.crab_limit_rad = self._crab_limit_rad()
         self._straight = (0.0,) * self.wheel_count
         self._solved: tuple[tuple[float, ...], _Solution] | None = None
 
@@ -169,6 +175,18 @@ class WheelsKinematics:
             if not _angles_along(wheel, math.atan2(aside, along))[0]:
                 return False
         return True
+
+    def _crab_limit_rad(self) -> float:
+        if any(wheel.steering is None for wheel in self._wheels):
+            return 0.0
+        steps_rad = map(math.radians, range(1, LARGEST_CRAB_DEG + 1))
+        reached = takewhile(
+            lambda angle: all(
+                self._reaches((math.cos(angle), side * math.sin(angle), 0.0)) for side in (1.0, -1.0)
+            ),
+            steps_rad,
+        )
+        return max(reached, default=0.0)
 
     def _least_radius_m(self) -> float:
         if all(map(_reaches_every_direction, self._wheels)) or not self._steers:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from controllers.roles import DeviceRoles
-from controllers.settings import ControlSettings, find_slip_conflicts
+from controllers.settings import ControlSettings, find_crab_conflicts, find_slip_conflicts
 from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.device_settings import ByteDeviceSettings, DeviceSettings, DriveSettings
@@ -215,6 +215,10 @@ def _find_slip_conflicts(draft: Draft) -> Iterator[str]:
     return find_slip_conflicts(config.rover, config.slip, config.scomp)
 
 
+def _find_crab_conflicts(draft: Draft) -> Iterator[str]:
+    return find_crab_conflicts(draft.config.mission, draft.config.scomp)
+
+
 def _find_rig_conflicts(draft: Draft) -> Iterator[str]:
     config, name = draft.config, draft.config.roles.camera
     rig = None if config.scomp is None else config.scomp.rig
@@ -233,6 +237,7 @@ SCHEMA_RULES = (
     Rule(("roles", "devices"), _find_unfit_devices),
     Rule(("roles", "slip"), _find_missing_gyro),
     Rule(("rover", "slip", "scomp"), _find_slip_conflicts),
+    Rule(("mission", "scomp"), _find_crab_conflicts),
     Rule(("roles", "devices", "scomp"), _find_rig_conflicts),
 )
 """What every configuration fulfils, also one read from a log."""

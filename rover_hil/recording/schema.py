@@ -141,6 +141,8 @@ class DriftRecord(TypedDict):
     slip_angle_rad: float
     trace: TraceRecord | None
     reason: str
+    wheel_slip_angle_rad: NotRequired[float]
+    source: NotRequired[str]
 
 
 class ContradictionRecord(TypedDict):
@@ -169,6 +171,7 @@ class EstimateRecord(TypedDict):
     drift: NotRequired[DriftRecord | None]
     contradiction: NotRequired[ContradictionRecord | None]
     steering_rad: NotRequired[MaybeNumbers]
+    crab_drift_rad: NotRequired[float | None]
 
 
 class TracesRecord(TypedDict):
@@ -292,6 +295,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "drift": None if output.scomp is None else _drift(output.scomp),
         "contradiction": None if output.contradiction is None else _contradiction(output.contradiction),
         "steering_rad": output.steering_rad,
+        "crab_drift_rad": output.crab_drift_rad,
     }
 
 
@@ -336,6 +340,8 @@ def _drift(report: ScompReport) -> DriftRecord:
         "slip_angle_rad": report.slip_angle_rad,
         "trace": None if report.trace is None else _trace(report.trace),
         "reason": report.reason,
+        "wheel_slip_angle_rad": report.wheel_slip_angle_rad,
+        "source": report.source.value,
     }
 
 

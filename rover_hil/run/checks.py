@@ -94,7 +94,10 @@ def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
     if mission is not None:
         kinematics = make_kinematics(draft.config.rover)
         yield from find_mission_conflicts(
-            mission, kinematics.moves_sideways, turns_on_spot=kinematics.turns_on_spot
+            mission,
+            kinematics.moves_sideways,
+            turns_on_spot=kinematics.turns_on_spot,
+            crab_limit_rad=kinematics.crab_limit_rad,
         )
 
 

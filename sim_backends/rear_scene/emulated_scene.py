@@ -18,6 +18,7 @@ FARTHEST_M = 1.3
 """Greatest distance of visible ground from the watched wheel; the scene stores the ground about this far."""
 PRESSED_STEP_M = 0.01
 ROCKING_TIME_S = 0.5
+RIG_WHEELS = 4
 
 
 def make_rig(emulator: CameraEmulatorSettings, width: int, height: int, fps: float) -> Rig:
@@ -115,8 +116,18 @@ class EmulatedScene:
                 wheel_angle_rad=sum(wheel_angles_rad) / len(wheel_angles_rad) if wheel_angles_rad else 0.0,
                 velocity_m_s=(truth.velocity_x_m_s, truth.velocity_y_m_s),
                 yaw_rate_rad_s=truth.yaw_rate_rad_s,
+                steering_rad=_steering_of_the_rig(truth),
             )
         )
+
+
+def _steering_of_the_rig(truth: Truth) -> tuple[float, ...]:
+    """Return the steering angles in the order of the rig: the watched wheel, rear left, is the last."""
+    angles_rad = truth.steering_rad or ()
+    if len(angles_rad) != RIG_WHEELS:
+        return (0.0,) * RIG_WHEELS
+    front_left, front_right, rear_left, rear_right = angles_rad
+    return front_left, front_right, rear_right, rear_left
 
 
 def _with_rotation(pose: Pose) -> Pose:

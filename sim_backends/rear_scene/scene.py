@@ -53,6 +53,7 @@ class Pose:
         yaw_rate_rad_s: Yaw rate of the vehicle.
         softness: Under each wheel of the rig: 0 on ground too hard to take a rut, 1 on ground that takes the
             full one.
+        steering_rad: Steering angle of each wheel of the rig, counter-clockwise, beyond the rig's own.
     """
 
     position_m: Array
@@ -63,6 +64,7 @@ class Pose:
     velocity_m_s: tuple[float, float] = (0.0, 0.0)
     yaw_rate_rad_s: float = 0.0
     softness: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    steering_rad: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,11 +136,13 @@ class RearScene:
         before, self._before = self._before, pose
         if before is None:
             return
-        for wheel, softness in zip(self._rig.wheels, pose.softness, strict=True):
+        for wheel, softness, steering_rad in zip(
+            self._rig.wheels, pose.softness, pose.steering_rad, strict=True
+        ):
             start, end = _contact(wheel, before), _contact(wheel, pose)
             pitch_rad = 2 * math.pi / wheel.lug_count
             lugs = before.wheel_angle_rad / pitch_rad, pose.wheel_angle_rad / pitch_rad
-            heading = pose.yaw_rad + math.radians(wheel.steer_deg)
+            heading = pose.yaw_rad + math.radians(wheel.steer_deg) + steering_rad
             if math.dist(start, end) > 0 and softness > HARD:
                 roll = WheelStep(
                     start_m=start,

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Protocol
 
 from controllers.estimation.odometry import BodyIncrement
@@ -11,7 +12,7 @@ from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.roles import DeviceRoles
 from controllers.slip.scomp.filter import ScompFilter, StartHeading
-from controllers.slip.scomp.motion_model import Motion, expected_drift
+from controllers.slip.scomp.motion_model import Motion, expected_drift, tilt_along
 from controllers.slip.scomp.parameters import SCOMP
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.slip_laws import PitchLaw
@@ -59,19 +60,37 @@ class TraceFinder(Protocol):
         ...
 
 
+class DriftSource(StrEnum):
+    """What the slip angle comes from: the first of these that is there.
+
+    TRACE: the trace of the rear wheel or the motion of the ground, not older than `trace_age_s`, and the tilt.
+    TILT: the tilt alone, by the gain that the trace has taught so far.
+    NONE: neither; the slip angle fades to zero.
+    """
+
+    TRACE = "trace"
+    TILT = "tilt"
+    NONE = "none"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScompReport:
     """Slip of the rover.
 
     Attributes:
-        slip: Slip ratio of the rover, eq 3 of paper 000.
+        slip: Slip ratio of the rover, eq 3 of paper 000, in the direction in which its wheels roll.
         slip_angle_rad: Angle of its velocity from its axis, left positive, eq 1.
+        wheel_slip_angle_rad: The same from the direction in which its wheels roll; equal to it for wheels
+            that do not steer.
+        source: What the slip angle comes from.
         trace: The trace in the frame evaluated in this cycle; None without one.
         reason: Why slip and slip angle are uncertain; empty where they are not.
     """
 
     slip: float
     slip_angle_rad: float
+    wheel_slip_angle_rad: float
+    source: DriftSource
     trace: TraceReading | None
     reason: str
 
@@ -107,13 +126,14 @@ class ScompCompensator:
         self._rates: Rates | None = None
         self._readings_rad_s: list[float] = []
         self._since_trace_s = math.inf
-        self._slip = self._slip_angle_rad = 0.0
+        self._slip = self._wheel_slip_angle_rad = 0.0
+        self._steering_rad: tuple[float, ...] = ()
         self._pending = _Pending()
 
     @property
-    def slip_angle_rad(self) -> float:
-        """Angle of the velocity from the axis of the rover, left positive."""
-        return self._slip_angle_rad
+    def wheel_slip_angle_rad(self) -> float:
+        """Angle of the velocity from the direction in which the wheels roll, left positive."""
+        return self._wheel_slip_angle_rad
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take a sample of gyro or camera as of `t_ns`; other samples have no effect."""
@@ -140,9 +160,10 @@ class ScompCompensator:
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
-        rolled, _, turn = self._kinematics.body_motion(wheel_values)
-        ahead = rolled * (1.0 - self._slip)
-        return ahead, ahead * math.tan(self._slip_angle_rad), turn
+        rolled_x, rolled_y, turn = self._kinematics.body_motion(wheel_values, self._steering_rad)
+        ahead, aside = rolled_x * (1.0 - self._slip), rolled_y * (1.0 - self._slip)
+        drift = math.tan(self._wheel_slip_angle_rad)
+        return ahead - drift * aside, aside + drift * ahead, turn
 
     def compensate(
         self, increment: BodyIncrement, set_speed_rad_s: Sequence[float], gyro_rate_rad_s: float | None
@@ -152,13 +173,19 @@ class ScompCompensator:
         Set-points and gyro rate have no effect: `feed` takes the samples of the gyro.
         """
         trace = None
+        self._steering_rad = increment.steering_rad
         self._pending.add(increment)
         if self._pending.duration_s >= SCOMP.motion.step_s:
             trace = self._step()
         x_m, y_m, _ = self.body_motion(increment.turned_rad)
         reason = self._uncertainty()
         self._report = ScompReport(
-            slip=self._slip, slip_angle_rad=self._slip_angle_rad, trace=trace, reason=reason
+            slip=self._slip,
+            slip_angle_rad=mean_steering_rad(increment.steering_rad) + self._wheel_slip_angle_rad,
+            wheel_slip_angle_rad=self._wheel_slip_angle_rad,
+            source=self._source(),
+            trace=trace,
+            reason=reason,
         )
         return replace(increment, x_m=x_m, y_m=y_m, is_sure=not reason)
 
@@ -174,7 +201,10 @@ class ScompCompensator:
         pending, self._pending = self._pending, _Pending()
         readings, self._readings_rad_s = self._readings_rad_s, []
         parameters = self._settings.parameters
-        pitch_rad, roll_rad = self._tilt.pitch_rad, self._tilt.roll_rad
+        steering_rad = pending.steered_rad_s / pending.duration_s
+        pitch_rad, roll_rad = tilt_along(
+            parameters, self._tilt.pitch_rad, self._tilt.roll_rad, steering_rad
+        )
         scomp_filter = self._filter
         scomp_filter.move(
             Motion(
@@ -186,6 +216,7 @@ class ScompCompensator:
                 is_gyro=bool(readings),
                 pitch_rad=pitch_rad,
                 expected_drift_rad=expected_drift(parameters, pitch_rad, roll_rad),
+                steering_rad=steering_rad,
             )
         )
         scomp_filter.correct_standstill()
@@ -193,7 +224,7 @@ class ScompCompensator:
         trace = self._measure_trace(pending.rim_m / pending.duration_s)
         state = scomp_filter.step.estimate[0]
         self._slip = scomp_filter.model.slip(state, scomp_filter.motion)
-        self._slip_angle_rad = scomp_filter.model.drift(state, scomp_filter.motion)
+        self._wheel_slip_angle_rad = scomp_filter.model.drift(state, scomp_filter.motion)
         return trace
 
     def _measure_trace(self, rim_m_s: float) -> TraceReading | None:
@@ -217,26 +248,41 @@ class ScompCompensator:
             self._since_trace_s = 0.0
         return reading
 
+    def _has_trace(self) -> bool:
+        return self._finder is not None and self._since_trace_s <= self._settings.trace_age_s
+
+    def _source(self) -> DriftSource:
+        if self._has_trace():
+            return DriftSource.TRACE
+        return DriftSource.TILT if self._tilt.is_known else DriftSource.NONE
+
     def _uncertainty(self) -> str:
         if not self._tilt.is_known:
             return "no tilt"
-        if self._finder is not None and self._since_trace_s > self._settings.trace_age_s:
-            return "no trace"
-        return ""
+        return "" if self._finder is None or self._has_trace() else "no trace"
 
 
 @dataclass(slots=True)
 class _Pending:
-    """Motion of the wheels since the last step."""
+    """Motion of the rolling wheels since the last step."""
 
     duration_s: float = 0.0
-    rim_m: float = 0.0
+    x_m: float = 0.0
+    y_m: float = 0.0
     turn_rad: float = 0.0
+    steered_rad_s: float = 0.0
+
+    @property
+    def rim_m(self) -> float:
+        """Distance that the wheels have rolled, negative backwards."""
+        return math.copysign(math.hypot(self.x_m, self.y_m), self.x_m)
 
     def add(self, increment: BodyIncrement) -> None:
         self.duration_s += increment.duration_s
-        self.rim_m += increment.x_m
+        self.x_m += increment.x_m
+        self.y_m += increment.y_m
         self.turn_rad += increment.turn_rad
+        self.steered_rad_s += mean_steering_rad(increment.steering_rad) * increment.duration_s
 
 
 class _Tilt:
@@ -262,6 +308,16 @@ class _Tilt:
         self.pitch_rad += share * (pitch_rad - self.pitch_rad)
         self.roll_rad += share * (roll_rad - self.roll_rad)
         self._t_ns = t_ns
+
+
+def mean_steering_rad(steering_rad: Sequence[float]) -> float:
+    """Return the direction in which steered wheels roll, forwards or backwards; 0 where none steers.
+
+    It is that of the centre while they turn the rover, too: their angles differ from it to both sides.
+    """
+    if not steering_rad:
+        return 0.0
+    return sum(math.remainder(angle, math.pi) for angle in steering_rad) / len(steering_rad)
 
 
 def _exposed_ns(frame: FrameSample) -> int:

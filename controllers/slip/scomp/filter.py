@@ -63,8 +63,9 @@ class StartHeading:
 class ScompFilter:
     """The filter; its state is described at `motion_model.STATES`. It starts at the origin.
 
-    The trace is alpha_r = beta - b r / V_x (eq 2, no steering). A position fix corrects all states that are
-    correlated with the position, among them the parameters of the slip law: they adapt on-line.
+    The trace is alpha_r = beta - b r / V_x (eq 2), the direction of the rear wheel's velocity in the body:
+    steering turns beta, not the relation. A position fix corrects all states that are correlated with the
+    position, among them the parameters of the slip law: they adapt on-line.
 
     Args:
         parameters: Rover, ground and sensors.
@@ -156,8 +157,8 @@ class ScompFilter:
             return None
         settings, state = self._parameters.trace, self._filter.state
         arm_s = self._parameters.rover.rear_axle_m / self._velocity_x_m_s
-        drift = self.model.drift(state, self.motion)
-        expected = math.atan(math.tan(drift) - arm_s * self._yaw_rate_rad_s)
+        course = self.model.course(state, self.motion)
+        expected = math.atan(math.tan(course) - arm_s * self._yaw_rate_rad_s)
         error_rad = state[TRACE_NOISE] + state[TRACE_OFFSET]
         residual = wrap_angle(settings.sign * angle_rad - expected - error_rad)
         row = np.zeros(STATES)

@@ -1,5 +1,6 @@
 """Prediction of the filter's state and covariance by one step."""
 
+import cmath
 import math
 from dataclasses import dataclass
 
@@ -31,8 +32,9 @@ class Motion:
         wheel_rad: Mean angle turned by the wheels.
         rate_rad_s: Yaw rate: mean of the gyro's readings at both ends, or by the wheels.
         is_gyro: True where the rate is the gyro's.
-        pitch_rad: With the sign of the log; 0 where unknown.
+        pitch_rad: Along the direction in which the wheels roll, with the sign of the log; 0 where unknown.
         expected_drift_rad: Slip angle expected from the roll, see `expected_drift`; 0 where unknown.
+        steering_rad: Direction in which the wheels roll, counter-clockwise from the rover's axis.
     """
 
     duration_s: float
@@ -41,6 +43,12 @@ class Motion:
     is_gyro: bool
     pitch_rad: float = 0.0
     expected_drift_rad: float = 0.0
+    steering_rad: float = 0.0
+
+    @property
+    def rolling(self) -> complex:
+        """Unit vector in which the wheels roll: forward as real part, left as imaginary part."""
+        return cmath.rect(1.0, self.steering_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +59,7 @@ class Prediction:
         state: State after the step.
         transition: Jacobian over the state before it.
         noise: Covariance added by the step.
-        velocity_x_m_s: Eq 15 with the estimator's slip.
+        velocity_x_m_s: Eq 15 with the estimator's slip, along the rover's axis.
         yaw_rate_rad_s: Gyro bias removed.
     """
 
@@ -71,8 +79,23 @@ def expected_drift(parameters: ScompParameters, pitch_rad: float, roll_rad: floa
     return -parameters.pitch.model.drift_at(traction, math.sin(roll_rad))
 
 
+def tilt_along(
+    parameters: ScompParameters, pitch_rad: float, roll_rad: float, steering_rad: float
+) -> tuple[float, float]:
+    """Return pitch and roll of a tilted rover along and across the direction in which its wheels roll."""
+    cosine, sine = math.cos(steering_rad), math.sin(steering_rad)
+    sign = parameters.pitch.pitch_sign
+    return (
+        pitch_rad * cosine + sign * roll_rad * sine,
+        roll_rad * cosine - sign * pitch_rad * sine,
+    )
+
+
 class MotionModel:
     """Eqs 15-17 with slip and slip angle from the state.
+
+    Wheels that are steered roll in the direction `Motion.steering_rad`; slip, slip angle and tilt are then
+    those along and across that direction.
 
     Args:
         parameters: Rover, ground and sensors.
@@ -92,12 +115,16 @@ class MotionModel:
         return self._residual_sd**2, (self._residual_sd * self._rate_per_s) ** 2
 
     def drift(self, state: Array | list[float], motion: Motion) -> float:
-        """Return the slip angle in rad: the roll's share and the residual."""
+        """Return the slip angle of the wheels in rad: the roll's share and the residual."""
         beta = float(state[GAIN]) * motion.expected_drift_rad + float(state[RESIDUAL])
         return min(max(beta, -SCOMP.motion.largest_drift_rad), SCOMP.motion.largest_drift_rad)
 
+    def course(self, state: Array | list[float], motion: Motion) -> float:
+        """Return the slip angle of the rover in rad, eq 1: that of its wheels, and their steering."""
+        return motion.steering_rad + self.drift(state, motion)
+
     def slip(self, state: Array | list[float], motion: Motion) -> float:
-        """Return the slip ratio of the rover, eq 3."""
+        """Return the slip ratio of the rover, eq 3, in the direction in which the wheels roll."""
         beta = self.drift(state, motion)
         return self._law.slip_at(beta, motion.pitch_rad, float(state[FIRST]), float(state[SECOND]))
 
@@ -133,7 +160,9 @@ class MotionModel:
         return Prediction(
             state=moved,
             transition=transition,
-            noise=self._noise(motion, rim_m, toward * complex(1.0, math.tan(self.drift(state, motion)))),
+            noise=self._noise(
+                motion, rim_m, toward * motion.rolling * complex(1.0, math.tan(self.drift(state, motion)))
+            ),
             velocity_x_m_s=travel_m.real / dt_s,
             yaw_rate_rad_s=turn / dt_s,
         )
@@ -144,8 +173,8 @@ class MotionModel:
         slip, over_beta, over_first, over_second = slopes(
             self._law, beta, motion.pitch_rad, state[FIRST], state[SECOND]
         )
-        direction = complex(1.0, math.tan(beta))
-        across = 1j * rim_m * (1.0 - slip) * (1.0 + math.tan(beta) ** 2)
+        direction = motion.rolling * complex(1.0, math.tan(beta))
+        across = motion.rolling * 1j * rim_m * (1.0 - slip) * (1.0 + math.tan(beta) ** 2)
         by_beta = -rim_m * over_beta * direction + across
         return rim_m * (1.0 - slip) * direction, {
             RESIDUAL: by_beta,
