@@ -157,8 +157,8 @@ def find_mission_conflicts(
     """
     if mission.heading == "crab" and crab_limit_rad == 0.0:
         yield (
-            "mission.heading: this rover cannot crab, because not all of its wheels steer to both sides: give "
-            'every wheel in rover.wheels a steering, or set heading to "along_path"'
+            "mission.heading: this rover cannot crab, because not all of its wheels steer to both sides: "
+            'give every wheel in rover.wheels a steering, or set heading to "along_path"'
         )
     if mission.heading == "hold" and not moves_sideways:
         yield 'mission.heading: this rover cannot move sideways and hold its heading, set it to "along_path"'

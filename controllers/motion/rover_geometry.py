@@ -2,7 +2,7 @@
 
 import math
 from itertools import combinations
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias, TypeGuard
 
 from pydantic import Field, model_validator
 
@@ -79,7 +79,7 @@ class WheelsRoverSettings(Settings):
         return self
 
 
-def has_four_wheels(rover: "RoverSettings") -> bool:
+def has_four_wheels(rover: "RoverSettings") -> "TypeGuard[SkidSteerRoverSettings | WheelsRoverSettings]":
     """Return whether a rover has four driven wheels, front left, front right, rear left, rear right.
 
     All of them point forwards at steering angle 0, and none has rollers.

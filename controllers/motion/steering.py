@@ -69,3 +69,13 @@ class SteeringAngles:
     def release(self) -> None:
         """End the hold."""
         self._held_rad = None
+
+
+def mean_steering_rad(steering_rad: Sequence[float]) -> float:
+    """Return the direction in which steered wheels roll, forwards or backwards; 0 where none steers.
+
+    It is that of the centre while they turn the rover, too: their angles differ from it to both sides.
+    """
+    if not steering_rad:
+        return 0.0
+    return sum(math.remainder(angle, math.pi) for angle in steering_rad) / len(steering_rad)

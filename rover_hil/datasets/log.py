@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controllers.motion.steering import mean_steering_rad
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample
 from rover_hil.config import Config
@@ -21,6 +22,7 @@ DEGREES = {
     "pitch_rad": "pitch_deg",
     "roll_rad": "roll_deg",
     "trace_rad": "beta_ftrace_deg",
+    "steering_rad": "steering_deg",
 }
 """Columns of a table that are in degrees, as in CSV files of drives."""
 SINGLE = ("heading_rad", "trace_rad")
@@ -74,12 +76,13 @@ class LogRows:
     Names carry the unit; wheels count from 1. Wheels: `enc1_rad`, `speed1_rad_s`, `current1_a`, `voltage1_v`,
     `set1_rad_s` (delivered set-points only). Body: `gyro_z_rad_s`, `pitch_rad` (nose up), `roll_rad` (left
     side up), `heading_rad` of the first heading device, `heading_rad DEVICE REFERENCE` of each, and on
-    request `trace_rad`, the angles of the rear left wheel's trace that the run itself found. Truth: `x_m`,
-    `y_m`, `psi_rad`, `true_slip1`, `true_speed1_rad_s`, `true_forward_m_s`, `true_left_m_s`.
+    request `trace_rad`, the angles of the rear left wheel's trace that the run itself found, and
+    `steering_rad`, the mean steering angle of the wheels. Truth: `x_m`, `y_m`, `psi_rad`, `true_slip1`,
+    `true_speed1_rad_s`, `true_steering1_rad`, `true_forward_m_s`, `true_left_m_s`.
 
     Args:
         config: Of the log.
-        with_traces: Read the trace angles too.
+        with_traces: Read trace and steering angles too.
 
     Attributes:
         unsigned_wheels: Wheels, from 1, whose currents are magnitudes.
@@ -124,7 +127,10 @@ class LogRows:
                 if record.get("delivered", True):
                     self._add_wheels("set{}_rad_s", message.t_ns, record["speed_rad_s"])
             case schema.ESTIMATE if self._with_traces:
-                drift = log.parse(message, schema.TRACES_SHAPE).get("drift")
+                record = log.parse(message, schema.TRACES_SHAPE)
+                drift, steering_rad = record.get("drift"), record.get("steering_rad")
+                if steering_rad:
+                    self._rows["steering_rad"].append((message.t_ns, mean_steering_rad(steering_rad)))
                 trace = None if drift is None else drift.get("trace")
                 if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
                     self._rows["trace_rad"].append((trace["t_ns"], trace["theta_rad"]))
@@ -217,6 +223,7 @@ class LogRows:
                 self._rows[name].append((t_ns, value))
         self._add_wheels("true_slip{}", t_ns, truth.get("slip", ()))
         self._add_wheels("true_speed{}_rad_s", t_ns, truth.get("wheel_speed_rad_s", ()))
+        self._add_wheels("true_steering{}_rad", t_ns, truth.get("steering_rad") or ())
         if "velocity_x_m_s" in truth and "velocity_y_m_s" in truth:
             self._rows["true_forward_m_s"].append((t_ns, truth["velocity_x_m_s"]))
             self._rows["true_left_m_s"].append((t_ns, truth["velocity_y_m_s"]))

@@ -175,9 +175,10 @@ class EstimateRecord(TypedDict):
 
 
 class TracesRecord(TypedDict):
-    """What `ESTIMATE` holds of the trace; the rest of the record may be that of another version."""
+    """What `ESTIMATE` holds of trace and steering; the rest of the record may be that of another version."""
 
     drift: NotRequired[DriftRecord | None]
+    steering_rad: NotRequired[MaybeNumbers]
 
 
 class SetPointRecord(TypedDict):

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.datasets.arrays import rms
-from rover_hil.report.run_data import DriftData
-from rover_hil.report.tracks import Series
+from rover_hil.report.run_data import CrabData, DriftData
+from rover_hil.report.tracks import Series, Track
+
+LINE_STEPS = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +32,39 @@ class DriftSummary:
     greatest_slip_angle_deg: float
     traces: int
     unsure_share: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CrabSummary:
+    """Steering of a rover that crabs.
+
+    Attributes:
+        greatest_steering_deg: Largest mean steering angle of the wheels, either way.
+        source_share: Share of the driven cycles by what the slip angle came from: trace, tilt, none.
+        true_left_of_line_rms_m: Root mean square of the true distance from the line over the distance along
+            it; None where unknown, or for a path with corners.
+    """
+
+    greatest_steering_deg: float
+    source_share: dict[str, float]
+    true_left_of_line_rms_m: float | None
+
+
+def summarise_crab(crab: CrabData | None, truth: Track | None) -> CrabSummary | None:
+    """Return the numbers of a run; None where the rover did not crab."""
+    if crab is None:
+        return None
+    sources = Counter(crab.sources)
+    left_m = None
+    if crab.true_left_of_line is not None and truth is not None:
+        along_m = np.maximum.accumulate(truth.x_m)
+        steps_m = np.linspace(along_m[0], along_m[-1], LINE_STEPS)
+        left_m = rms(np.interp(steps_m, along_m, crab.true_left_of_line.value))
+    return CrabSummary(
+        greatest_steering_deg=math.degrees(float(np.abs(crab.steering.value).max())),
+        source_share={source: cycles / len(crab.sources) for source, cycles in sources.most_common()},
+        true_left_of_line_rms_m=left_m,
+    )
 
 
 def summarise_drift(drift: DriftData | None) -> DriftSummary | None:

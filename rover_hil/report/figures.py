@@ -6,6 +6,7 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from rover_hil.pages.picture import Drawing, Picture, draw_pictures
+from rover_hil.report.crab_figures import draw_crab
 from rover_hil.report.drift_figures import draw_drift
 from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
 from rover_hil.report.run_data import RunData
@@ -43,6 +44,12 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
         "Slip and slip angle",
         "See how far the rover slid back and aside, estimated from trace and tilt.",
         draw_drift,
+    ),
+    (
+        "Crabbing",
+        "See whether the wheels are turned against their slip angle: the two mirror each other, and the "
+        "rover stays on its line.",
+        draw_crab,
     ),
     (
         "Effort",

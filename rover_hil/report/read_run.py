@@ -9,18 +9,21 @@ import numpy as np
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit
-from controllers.motion.rover_geometry import SkidSteerRoverSettings
+from controllers.motion.rover_geometry import has_four_wheels
+from controllers.motion.settings import LineMission
+from controllers.motion.steering import mean_steering_rad
 from controllers.safety import Mode
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.arrays import Array, in_body_frame
 from rover_hil.datasets.log import HEADING, POSE, LogRows, Readings
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.report.run_data import (
+    CrabData,
     Cycles,
     DriftData,
     EstimatedSlip,
@@ -41,7 +44,7 @@ from rover_hil.report.tracks import (
 
 SLOWEST_RIM_M_S, SLOWEST_M_S = 0.03, 0.01
 """Below the first the true slip, below the second the true slip angle is not defined."""
-SKID_STEER_PLACES = ("front left", "front right", "rear left", "rear right")
+FOUR_WHEEL_PLACES = ("front left", "front right", "rear left", "rear right")
 
 
 def read_run(path: Path) -> RunData:
@@ -70,6 +73,7 @@ class _Collector:
         self._computed: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))
         self._slips: list[tuple[float, schema.SlipRecord]] = []
         self._drift_reasons: list[str] = []
+        self._drift_sources: list[str] = []
         self._uncompared: Counter[str] = Counter()
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
@@ -145,6 +149,7 @@ class _Collector:
             wheels=self._wheels(),
             slip=self._slip(),
             drift=self._drift(computed),
+            crab=self._crab(truth),
             health=self._health,
             link_events=self._link_events,
             watchdog_s=self._watchdog_s,
@@ -172,6 +177,7 @@ class _Collector:
             self._slips.append((t_s, slip))
         if drift is not None:
             self._take_drift(drift)
+            self._take_crab(t_s, output, drift)
         for innovation in output["innovations"]:
             residual, variance = innovation["residual"], innovation["variance"]
             if residual is not None and variance is not None:
@@ -185,6 +191,16 @@ class _Collector:
         trace = drift["trace"]
         if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
             self._rows["trace", ""].append((self._seconds(trace["t_ns"]), trace["theta_rad"]))
+
+    def _take_crab(self, t_s: float, output: schema.EstimateRecord, drift: schema.DriftRecord) -> None:
+        drift_rad, steering_rad = output.get("crab_drift_rad"), output.get("steering_rad")
+        set_rad = output["command"].get("steering_rad")
+        if drift_rad is None or not steering_rad or not set_rad:
+            return
+        self._rows["crab", ""].append(
+            (t_s, drift_rad, mean_steering_rad(steering_rad), mean_steering_rad(set_rad))
+        )
+        self._drift_sources.append(drift.get("source", ""))
 
     def _readings_of(self, name: str) -> Series | None:
         """Return readings over time; None where there are none."""
@@ -207,11 +223,21 @@ class _Collector:
         turns = np.abs(rim_m_s) > SLOWEST_RIM_M_S
         moves = turns & (forward.value > SLOWEST_M_S)
         t_s = self._elapsed_s(forward)
-        slip = np.where(turns, 1.0 - forward.value / np.where(turns, rim_m_s, 1.0), np.nan)
+        along_m_s, _ = in_body_frame(forward.value, left.value, self._true_steering_rad(len(forward)))
+        slip = np.where(turns, 1.0 - along_m_s / np.where(turns, rim_m_s, 1.0), np.nan)
         angle = np.where(moves, np.arctan2(left.value, forward.value), np.nan)
         found = (Series.of(np.column_stack((t_s, values))) for values in (slip, angle))
         true_slip, true_angle = (series if len(series.t_s) else None for series in found)
         return true_slip, true_angle
+
+    def _true_steering_rad(self, count: int) -> Array:
+        """Return the mean true steering angle at the `count` times of the truth; zeros where unknown."""
+        wheels = make_kinematics(self._config.rover).wheel_count
+        angles = [self._readings[f"true_steering{number}_rad"].value for number in range(1, wheels + 1)]
+        if any(len(angle) != count for angle in angles):
+            return np.zeros(count)
+        mean: Array = np.mean(angles, axis=0)
+        return mean
 
     def _elapsed_s(self, readings: Readings) -> Array:
         elapsed: Array = (readings.t_ns - self._start_ns) / 1e9
@@ -281,12 +307,29 @@ class _Collector:
             true_angle=true_angle,
         )
 
+    def _crab(self, truth: Array) -> CrabData | None:
+        if not self._rows["crab", ""]:
+            return None
+        t_s, *columns = np.array(self._rows["crab", ""]).T
+        drift, steering, set_point = (Series(t_s, values) for values in columns)
+        left = None
+        if len(truth) and isinstance(self._config.mission, LineMission):
+            path = Track.of(truth).from_first_pose()
+            left = Series(path.t_s, path.y_m)
+        return CrabData(
+            set_point=set_point,
+            steering=steering,
+            drift=drift,
+            sources=self._drift_sources,
+            true_left_of_line=left,
+        )
+
     def _wheels(self) -> list[WheelData]:
         rover = self._config.rover
         limit_rad_s = self._config.limits.wheel_speed_rad_s
         wheels: list[WheelData] = []
         for wheel in range(make_kinematics(rover).wheel_count):
-            place = f" ({SKID_STEER_PLACES[wheel]})" if isinstance(rover, SkidSteerRoverSettings) else ""
+            place = f" ({FOUR_WHEEL_PLACES[wheel]})" if has_four_wheels(rover) else ""
             number = wheel + 1
             position = self._readings_of(f"enc{number}_rad")
             # A device's own speeds are often coarse, so positions come first.

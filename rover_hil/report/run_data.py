@@ -101,6 +101,26 @@ class DriftData:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CrabData:
+    """Steering of a rover that crabs, while it drives; angles in rad, means over its wheels.
+
+    Attributes:
+        set_point: Commanded steering angle.
+        steering: Measured or assumed one.
+        drift: Slip angle of the wheels against which they are turned.
+        sources: What that slip angle comes from, one for each value of `drift`.
+        true_left_of_line: True distance to the left of the line; None where unknown, or for a path with
+            corners.
+    """
+
+    set_point: Series
+    steering: Series
+    drift: Series
+    sources: Sequence[str]
+    true_left_of_line: Series | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InnovationData:
     """One measurement against the estimate: residual, its expected deviation, 1 if accepted."""
 
@@ -139,6 +159,7 @@ class RunData:
         uncompared: How many measurements could not be compared with the estimate, by name.
         slip: By slip compensation; None without it.
         drift: By compensation with trace and tilt; None without it.
+        crab: Steering against the slip angle; None where the rover does not crab.
         health: The last health facts of each device.
         watchdog_s: When the watchdog stopped the drive.
     """
@@ -163,6 +184,7 @@ class RunData:
     wheels: Sequence[WheelData]
     slip: SlipData | None
     drift: DriftData | None
+    crab: CrabData | None
     health: Sequence[Health]
     link_events: Sequence[LinkEvent]
     watchdog_s: Sequence[float]

@@ -12,7 +12,7 @@ from controllers.motion.planar import wrap_angle
 from controllers.safety import Mode
 from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
-from rover_hil.report.drift_summary import DriftSummary, summarise_drift
+from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
 from rover_hil.report.run_data import RunData, WheelData
 from rover_hil.report.tracks import Series, Track, running_mean, spans
 
@@ -116,6 +116,7 @@ class Summary:
         wheel_slip: True slip ratio of each wheel, its mean over the angle turned; None where it is not known.
         slip: Estimates of slip compensation; None without it.
         drift: Estimates of compensation by trace and tilt; None without it.
+        crab: Steering against the slip angle; None where the rover did not crab.
         cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
         lateness: How late cycles began; None for imported logs.
         work: How long they took; None likewise.
@@ -148,6 +149,7 @@ class Summary:
     wheel_slip: tuple[float | None, ...]
     slip: SlipSummary | None
     drift: DriftSummary | None
+    crab: CrabSummary | None
     cross_track_rms_m: float | None
     cross_track_max_m: float | None
     lateness: Spread | None
@@ -190,6 +192,7 @@ def summarise(run: RunData) -> Summary:
         wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
         slip=_slip_summary(run),
         drift=summarise_drift(run.drift),
+        crab=summarise_crab(run.crab, truth),
         cross_track_rms_m=None if cross_m is None else rms(cross_m),
         cross_track_max_m=None if cross_m is None else float(cross_m.max()),
         lateness=_spread(cycles.late_us) if is_timed else None,

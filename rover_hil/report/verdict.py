@@ -7,7 +7,7 @@ from statistics import fmean
 
 from controllers.motion.settings import LineMission, RectangleMission, SmallTurnsMission, WholeTurnsMission
 from controllers.safety import Mode
-from rover_hil.report.drift_summary import DriftSummary
+from rover_hil.report.drift_summary import CrabSummary, DriftSummary
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import SlipSummary, Summary, TrackError
 from rover_hil.run.executive import End
@@ -78,6 +78,8 @@ def facts(summary: Summary) -> list[Fact]:
         found += _slip_facts(summary.slip)
     if summary.drift is not None:
         found += _drift_facts(summary.drift)
+    if summary.crab is not None:
+        found.append(_crab_fact(summary.crab))
     if summary.cross_track_rms_m is not None and summary.cross_track_max_m is not None:
         greatest = length(summary.cross_track_max_m)
         found.append(
@@ -114,6 +116,13 @@ def _drift_facts(drift: DriftSummary) -> list[Fact]:
         return []
     detail = f"slip angle up to {drift.greatest_slip_angle_deg:.1f}°, {drift.traces} traces"
     return [Fact("estimated slip", percent(drift.slip), detail)]
+
+
+def _crab_fact(crab: CrabSummary) -> Fact:
+    by = ", ".join(f"{source} {percent(share)}" for source, share in crab.source_share.items())
+    return Fact(
+        "wheels turned by up to", f"{crab.greatest_steering_deg:.1f}°", f"against the slip angle by {by}"
+    )
 
 
 def length(length_m: float) -> str:

@@ -19,6 +19,7 @@ SENSORS = (
     "beta_ftrace_deg",
     "beta_valid",
     "beta_new",
+    "steering_deg",
 )
 FIXES = ("fix_x_m", "fix_y_m")
 KNOWN = ("t_s", *WHEELS, *SENSORS, *FIXES)
@@ -57,6 +58,7 @@ def drive_of(columns: Mapping[str, Array], where: str) -> tuple[Drive, list[str]
         pitch_rad=_filled(columns, "pitch_deg", t_s, notes),
         roll_rad=_filled(columns, "roll_deg", t_s, notes),
         trace_rad=_trace(columns),
+        steering_rad=_filled(columns, "steering_deg", t_s, notes),
         fix_m=np.column_stack(fix) if len(fix) == 2 and np.isfinite(fix[0]).any() else None,
     )
     return drive, notes

@@ -20,6 +20,8 @@ class Drive:
         pitch_rad: With the sign of the log, without NaN.
         roll_rad: With the sign of the log, without NaN.
         trace_rad: Angle of the rear left wheel's trace, new valid readings only.
+        steering_rad: Mean steering angle of the wheels, counter-clockwise, without NaN; None for wheels that
+            do not steer.
         fix_m: Absolute positions in the frame of the pose at start, shape (n, 2).
         fix_sd_m: Their standard deviation.
     """
@@ -32,6 +34,7 @@ class Drive:
     pitch_rad: Array | None = None
     roll_rad: Array | None = None
     trace_rad: Array | None = None
+    steering_rad: Array | None = None
     fix_m: Array | None = None
     fix_sd_m: float = 0.05
 

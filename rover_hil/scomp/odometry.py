@@ -9,7 +9,17 @@ import numpy as np
 from controllers.estimation.guarded_filter import Innovation
 from controllers.motion.planar import wrap_angle
 from controllers.slip.scomp.filter import FilterStep, ScompFilter, StartHeading
-from controllers.slip.scomp.motion_model import ANGLES, FIRST, SECOND, YAW, Motion, X, Y, expected_drift
+from controllers.slip.scomp.motion_model import (
+    ANGLES,
+    FIRST,
+    SECOND,
+    YAW,
+    Motion,
+    X,
+    Y,
+    expected_drift,
+    tilt_along,
+)
 from controllers.slip.scomp.parameters import SCOMP, ScompParameters
 from controllers.slip.scomp.slip_laws import PitchLaw, SlipLaw, TwoSegmentLaw
 from drivers.errors import ModelError
@@ -110,7 +120,7 @@ def _track(
         y_m=states[:, Y],
         heading_rad=np.unwrap(states[:, YAW]),
         slip=np.array([model.slip(state, motion) if motion.wheel_rad else 0.0 for state, motion in pairs]),
-        slip_angle_rad=np.array([model.drift(state, motion) for state, motion in pairs]),
+        slip_angle_rad=np.array([model.course(state, motion) for state, motion in pairs]),
         sigma_x_m=np.sqrt(variances[:, 0]),
         sigma_y_m=np.sqrt(variances[:, 1]),
     )
@@ -164,6 +174,10 @@ def _motion(drive: Drive, parameters: ScompParameters, index: int) -> Motion:
         rate = rover.wheel_radius_m * turned / (0.5 * rover.track_m) / dt_s
     pitch = 0.0 if drive.pitch_rad is None else float(drive.pitch_rad[index])
     roll = 0.0 if drive.roll_rad is None else float(drive.roll_rad[index])
+    steering = 0.0
+    if drive.steering_rad is not None:
+        steering = 0.5 * float(drive.steering_rad[index] + drive.steering_rad[index - 1])
+    pitch, roll = tilt_along(parameters, pitch, roll, steering)
     return Motion(
         duration_s=dt_s,
         wheel_rad=float(drive.wheel_rad[index] - drive.wheel_rad[index - 1]),
@@ -171,6 +185,7 @@ def _motion(drive: Drive, parameters: ScompParameters, index: int) -> Motion:
         is_gyro=drive.gyro_rad_s is not None,
         pitch_rad=pitch,
         expected_drift_rad=expected_drift(parameters, pitch, roll),
+        steering_rad=steering,
     )
 
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from controllers.motion.rover_geometry import SkidSteerRoverSettings
+from controllers.motion.rover_geometry import has_four_wheels, track_of
 from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import RecordedDrive
 from rover_hil.scomp.drive import TruePath
 
-NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", "trace_rad")
+NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", "trace_rad", "steering_rad")
 STANDSTILL_RAD = 0.02
 
 
@@ -17,17 +17,21 @@ def log_columns(drive: RecordedDrive) -> tuple[dict[str, Array], RoverGeometry]:
     """Return a log as columns in the units of the CSV files, a row per position of the first wheel.
 
     The heading is that of the first heading device, the rate that of the gyro. Raised nose and left side are
-    positive. The trace angles are those that the run found in its frames.
+    positive. The trace angles are those that the run found in its frames, the steering angle is the mean of
+    the wheels.
 
     Raises:
         LogError: The log is of another kind of rover, or lacks wheel positions.
     """
     path, rover = drive.log.path, drive.config.rover
-    if not isinstance(rover, SkidSteerRoverSettings):
-        raise LogError(f"{path} is of a {rover.kinematics} rover: sComp needs four wheels that do not steer")
+    if not has_four_wheels(rover):
+        raise LogError(
+            f"{path} is of a {rover.kinematics} rover: sComp needs four wheels: front left, front right, "
+            "rear left, rear right"
+        )
     if len(drive.rows["enc1_rad"]) < 2:
         raise LogError(f"log {path} holds no positions of the first wheel: give the log of a drive")
-    return drive.table(NAMES), RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=rover.track_m)
+    return drive.table(NAMES), RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=track_of(rover))
 
 
 def log_truth(drive: RecordedDrive) -> tuple[TruePath, str]:

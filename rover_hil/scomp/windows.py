@@ -23,9 +23,10 @@ class Windows:
 
     Attributes:
         t_s: Middle of each, shape (k,) as everything else.
-        slip: Eq 3, from the true distance along the body over that of the wheels.
-        slip_angle_rad: Eq 4, from the true motion.
+        slip: Eq 3, from the true distance along the wheels over that of their rims.
+        slip_angle_rad: Eq 4, from the true motion, against the direction in which the wheels roll.
         pitch_rad: Mean, with the sign of the log; None without pitch. Likewise roll_rad.
+        steering_rad: Mean steering angle of the wheels, 0 for wheels that do not steer.
         without_truth: Number of windows not used because they begin or end within a gap of the truth.
     """
 
@@ -34,6 +35,7 @@ class Windows:
     slip_angle_rad: Array
     pitch_rad: Array | None
     roll_rad: Array | None
+    steering_rad: Array
     without_truth: int = 0
 
 
@@ -69,13 +71,17 @@ def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
             f"log and truth share {np.count_nonzero(use)} windows of {WINDOW_S:g} s with turning wheels, "
             f"{FEWEST_WINDOWS} are needed: check that both use the same clock, and give a longer drive"
         )
-    ahead_m, aside_m = _body_travel(truth, edges)
+    steering_rad = _means(drive.t_s, drive.steering_rad, edges, np.ones(len(edges) - 1, bool))
+    if steering_rad is None:
+        steering_rad = np.zeros(len(edges) - 1)
+    ahead_m, aside_m = in_body_frame(*_body_travel(truth, edges), steering_rad)
     return Windows(
         t_s=0.5 * (edges[1:] + edges[:-1])[use],
         slip=(1.0 - ahead_m[use] / distance_m[use]),
         slip_angle_rad=np.arctan2(aside_m, ahead_m)[use],
         pitch_rad=_means(drive.t_s, drive.pitch_rad, edges, use),
         roll_rad=_means(drive.t_s, drive.roll_rad, edges, use),
+        steering_rad=steering_rad[use],
         without_truth=int(np.count_nonzero(turns & ~use)),
     )
 

@@ -10,6 +10,7 @@ from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
+from controllers.motion.steering import mean_steering_rad
 from controllers.roles import DeviceRoles
 from controllers.slip.scomp.filter import ScompFilter, StartHeading
 from controllers.slip.scomp.motion_model import Motion, expected_drift, tilt_along
@@ -63,7 +64,7 @@ class TraceFinder(Protocol):
 class DriftSource(StrEnum):
     """What the slip angle comes from: the first of these that is there.
 
-    TRACE: the trace of the rear wheel or the motion of the ground, not older than `trace_age_s`, and the tilt.
+    TRACE: trace of the rear wheel or motion of the ground, not older than `trace_age_s`, and the tilt.
     TILT: the tilt alone, by the gain that the trace has taught so far.
     NONE: neither; the slip angle fades to zero.
     """
@@ -202,9 +203,7 @@ class ScompCompensator:
         readings, self._readings_rad_s = self._readings_rad_s, []
         parameters = self._settings.parameters
         steering_rad = pending.steered_rad_s / pending.duration_s
-        pitch_rad, roll_rad = tilt_along(
-            parameters, self._tilt.pitch_rad, self._tilt.roll_rad, steering_rad
-        )
+        pitch_rad, roll_rad = tilt_along(parameters, self._tilt.pitch_rad, self._tilt.roll_rad, steering_rad)
         scomp_filter = self._filter
         scomp_filter.move(
             Motion(
@@ -308,16 +307,6 @@ class _Tilt:
         self.pitch_rad += share * (pitch_rad - self.pitch_rad)
         self.roll_rad += share * (roll_rad - self.roll_rad)
         self._t_ns = t_ns
-
-
-def mean_steering_rad(steering_rad: Sequence[float]) -> float:
-    """Return the direction in which steered wheels roll, forwards or backwards; 0 where none steers.
-
-    It is that of the centre while they turn the rover, too: their angles differ from it to both sides.
-    """
-    if not steering_rad:
-        return 0.0
-    return sum(math.remainder(angle, math.pi) for angle in steering_rad) / len(steering_rad)
 
 
 def _exposed_ns(frame: FrameSample) -> int:

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from controllers.motion.planar import wrap_angle
 from controllers.slip.scomp.combined_slip import CombinedSlip
-from controllers.slip.scomp.motion_model import expected_drift
+from controllers.slip.scomp.motion_model import expected_drift, tilt_along
 from controllers.slip.scomp.parameters import (
     CompassModel,
     DriftFromRoll,
@@ -124,6 +124,9 @@ def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[Sl
     from scipy.optimize import least_squares
 
     start = SlipFromPitch().model_copy(update={"pitch_sign": sign})
+    if windows.roll_rad is not None:
+        steering_rad = windows.steering_rad
+        pitch_rad = pitch_rad * np.cos(steering_rad) + sign * windows.roll_rad * np.sin(steering_rad)
     pulls, angles = (sign * np.sin(pitch_rad)).tolist(), windows.slip_angle_rad.tolist()
     log_stiffness = math.log(start.model.c_x_n)
     spread = SCOMP_FIT.pitch.least_fluctuation
@@ -182,8 +185,10 @@ def fit_roll(windows: Windows, parameters: ScompParameters) -> DriftFromRoll:
         return DriftFromRoll(
             gain=0.0, gain_sd=0.0, rest=alone, rest_time_s=alone_s, alone=alone, alone_time_s=alone_s
         )
-    tilts = zip(windows.pitch_rad.tolist(), windows.roll_rad.tolist(), strict=True)
-    expected = np.array([expected_drift(parameters, pitch, roll) for pitch, roll in tilts])
+    tilts = zip(
+        windows.pitch_rad.tolist(), windows.roll_rad.tolist(), windows.steering_rad.tolist(), strict=True
+    )
+    expected = np.array([expected_drift(parameters, *tilt_along(parameters, *tilt)) for tilt in tilts])
     gain, prior_weight = SCOMP_FIT.roll.gain_prior[0], SCOMP_FIT.roll.gain_prior[1] ** -2
     precision = prior_weight
     for _ in range(3):

@@ -29,6 +29,7 @@ def windows_of(resistance: float, stiffness_n: float, sign: int = 1, noise: floa
         slip_angle_rad=angle,
         pitch_rad=sign * pitch,
         roll_rad=None,
+        steering_rad=np.zeros(60),
     )
 
 
