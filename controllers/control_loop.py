@@ -11,7 +11,7 @@ from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.estimator import Estimator
-from controllers.motion.crab import CrabDrift
+from controllers.motion.crab import CrabDrift, CrabReport
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.path_following import Guidance, PathFollower
@@ -52,8 +52,7 @@ class StepOutput:
         contradiction: How far the wheels contradict each other; None where they are not redundant, or
             without fresh motion.
         steering_rad: Present steering angles of the wheels; None where none steers.
-        crab_drift_rad: Slip angle of the wheels, smoothed, against which a rover that crabs turns them; None
-            while it does not crab.
+        crab: Slip angle against which a rover that crabs turns its wheels; None while it does not crab.
     """
 
     t_ns: int
@@ -70,7 +69,7 @@ class StepOutput:
     scomp: ScompReport | None = None
     contradiction: ContradictionReport | None = None
     steering_rad: tuple[float, ...] | None = None
-    crab_drift_rad: float | None = None
+    crab: CrabReport | None = None
 
 
 class ControlLoop:
@@ -171,7 +170,7 @@ class ControlLoop:
             scomp=self._scomp.report() if self._scomp is not None and is_fresh else None,
             contradiction=self._estimator.contradiction.report if is_fresh else None,
             steering_rad=self._estimator.steering.angles_rad or None,
-            crab_drift_rad=None if guidance is None or self._crab is None else self._crab.drift_rad,
+            crab=None if guidance is None or self._crab is None else self._crab.report,
         )
 
     def _is_motion_fresh(self, now_ns: int) -> bool:
@@ -219,7 +218,7 @@ class ControlLoop:
         if self._scomp is not None and self._steers_against_drift:
             drift_rad = self._scomp.wheel_slip_angle_rad
             if self._crab is not None:
-                drift_rad = self._crab.take(now_ns, drift_rad)
+                drift_rad = self._crab.take(now_ns, drift_rad, self._scomp.source)
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
         if isinstance(self._follower, SmallTurns | WholeTurns):
             guidance = self._follower.guide(pose, seconds(now_ns))

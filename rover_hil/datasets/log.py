@@ -127,13 +127,7 @@ class LogRows:
                 if record.get("delivered", True):
                     self._add_wheels("set{}_rad_s", message.t_ns, record["speed_rad_s"])
             case schema.ESTIMATE if self._with_traces:
-                record = log.parse(message, schema.TRACES_SHAPE)
-                drift, steering_rad = record.get("drift"), record.get("steering_rad")
-                if steering_rad:
-                    self._rows["steering_rad"].append((message.t_ns, mean_steering_rad(steering_rad)))
-                trace = None if drift is None else drift.get("trace")
-                if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
-                    self._rows["trace_rad"].append((trace["t_ns"], trace["theta_rad"]))
+                self._take_angles(message.t_ns, log.parse(message, schema.TRACES_SHAPE))
 
     def true_poses(self, log: LogReader) -> TruePoses:
         """Return the poses on `/truth`, else those of the camera in `roles.fixes` that gave most fixes.
@@ -177,6 +171,14 @@ class LogRows:
             position_sd_m=position_sd_m,
             yaw_sd_rad=yaw_sd_rad,
         )
+
+    def _take_angles(self, t_ns: int, record: schema.TracesRecord) -> None:
+        drift, steering_rad = record.get("drift"), record.get("steering_rad")
+        if steering_rad:
+            self._rows["steering_rad"].append((t_ns, mean_steering_rad(steering_rad)))
+        trace = None if drift is None else drift.get("trace")
+        if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
+            self._rows["trace_rad"].append((trace["t_ns"], trace["theta_rad"]))
 
     def _add_wheels(self, name: str, t_ns: int, values: Sequence[float]) -> None:
         for wheel, value in enumerate(values, start=1):

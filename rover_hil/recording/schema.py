@@ -14,6 +14,7 @@ from typing_extensions import TypedDict
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.pose_filter import PoseEstimate
+from controllers.motion.crab import CrabReport
 from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.scomp.compensator import ScompReport
@@ -141,8 +142,6 @@ class DriftRecord(TypedDict):
     slip_angle_rad: float
     trace: TraceRecord | None
     reason: str
-    wheel_slip_angle_rad: NotRequired[float]
-    source: NotRequired[str]
 
 
 class ContradictionRecord(TypedDict):
@@ -152,6 +151,13 @@ class ContradictionRecord(TypedDict):
     wheel: int | None
     rolling_m: Numbers
     side_m: Numbers
+
+
+class CrabRecord(TypedDict):
+    """Slip angle against which a rover that crabs turns its wheels, and what it comes from."""
+
+    drift_rad: float
+    source: str
 
 
 class EstimateRecord(TypedDict):
@@ -171,7 +177,7 @@ class EstimateRecord(TypedDict):
     drift: NotRequired[DriftRecord | None]
     contradiction: NotRequired[ContradictionRecord | None]
     steering_rad: NotRequired[MaybeNumbers]
-    crab_drift_rad: NotRequired[float | None]
+    crab: NotRequired[CrabRecord | None]
 
 
 class TracesRecord(TypedDict):
@@ -296,7 +302,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "drift": None if output.scomp is None else _drift(output.scomp),
         "contradiction": None if output.contradiction is None else _contradiction(output.contradiction),
         "steering_rad": output.steering_rad,
-        "crab_drift_rad": output.crab_drift_rad,
+        "crab": None if output.crab is None else _crab(output.crab),
     }
 
 
@@ -335,14 +341,16 @@ def _rover_slip(found: RoverSlip) -> RoverSlipRecord:
     }
 
 
+def _crab(report: CrabReport) -> CrabRecord:
+    return {"drift_rad": report.drift_rad, "source": report.source.value}
+
+
 def _drift(report: ScompReport) -> DriftRecord:
     return {
         "slip": report.slip,
         "slip_angle_rad": report.slip_angle_rad,
         "trace": None if report.trace is None else _trace(report.trace),
         "reason": report.reason,
-        "wheel_slip_angle_rad": report.wheel_slip_angle_rad,
-        "source": report.source.value,
     }
 
 

@@ -177,7 +177,9 @@ class _Collector:
             self._slips.append((t_s, slip))
         if drift is not None:
             self._take_drift(drift)
-            self._take_crab(t_s, output, drift)
+        crab = output.get("crab")
+        if crab is not None:
+            self._take_crab(t_s, output, crab)
         for innovation in output["innovations"]:
             residual, variance = innovation["residual"], innovation["variance"]
             if residual is not None and variance is not None:
@@ -192,15 +194,11 @@ class _Collector:
         if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
             self._rows["trace", ""].append((self._seconds(trace["t_ns"]), trace["theta_rad"]))
 
-    def _take_crab(self, t_s: float, output: schema.EstimateRecord, drift: schema.DriftRecord) -> None:
-        drift_rad, steering_rad = output.get("crab_drift_rad"), output.get("steering_rad")
-        set_rad = output["command"].get("steering_rad")
-        if drift_rad is None or not steering_rad or not set_rad:
-            return
-        self._rows["crab", ""].append(
-            (t_s, drift_rad, mean_steering_rad(steering_rad), mean_steering_rad(set_rad))
-        )
-        self._drift_sources.append(drift.get("source", ""))
+    def _take_crab(self, t_s: float, output: schema.EstimateRecord, crab: schema.CrabRecord) -> None:
+        steering_rad = mean_steering_rad(output.get("steering_rad") or ())
+        set_rad = mean_steering_rad(output["command"].get("steering_rad") or ())
+        self._rows["crab", ""].append((t_s, crab["drift_rad"], steering_rad, set_rad))
+        self._drift_sources.append(crab["source"])
 
     def _readings_of(self, name: str) -> Series | None:
         """Return readings over time; None where there are none."""

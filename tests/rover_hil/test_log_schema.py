@@ -10,12 +10,13 @@ from controllers.control_loop import StepOutput
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_filter import PoseEstimate, YawSource
 from controllers.estimation.wheel_contradiction import ContradictionReport
+from controllers.motion.crab import CrabReport, DriftSource
 from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
 from controllers.safety import Mode
 from controllers.slip.effort.compensator import SlipReport, WheelSlip
 from controllers.slip.effort.excited_slip import RoverSlip, SlipSource
-from controllers.slip.scomp.compensator import DriftSource, ScompReport, TraceReading
+from controllers.slip.scomp.compensator import ScompReport, TraceReading
 from drivers.samples import PoseFixSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.datasets.log import read_drive
@@ -77,12 +78,10 @@ OUTPUT = StepOutput(
             t_ns=5, detected=True, theta_rad=0.15, confidence=0.9, source="trace", theta_sd_rad=0.01
         ),
         reason="",
-        wheel_slip_angle_rad=0.15,
-        source=DriftSource.TRACE,
     ),
     contradiction=ContradictionReport(scaled=1.5, wheel=1, rolling_m=(0.0, 0.01), side_m=(0.0, 0.002)),
     steering_rad=(0.05, 0.0),
-    crab_drift_rad=0.14,
+    crab=CrabReport(drift_rad=0.14, source=DriftSource.TRACE),
 )
 RECORD = (
     b'{"t_ns":7,"mode":"running","reason":"","estimate":{"t_ns":6,"x_m":1.0,"y_m":2.0,'
@@ -96,10 +95,9 @@ RECORD = (
     b'{"current_a":0.5,"paper_torque_nm":0.1,"wheel_torque_nm":0.2,"slip":0.3,"valid":false,'
     b'"reason":"too slow"}],"rover":{"slip":0.3,"sd":0.05,"source":"excitation",'
     b'"reason":"","gyro_lag_s":0.001}},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
-    b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":"",'
-    b'"wheel_slip_angle_rad":0.15,"source":"trace"},'
+    b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""},'
     b'"contradiction":{"scaled":1.5,"wheel":1,"rolling_m":[0.0,0.01],"side_m":[0.0,0.002]},'
-    b'"steering_rad":[0.05,0.0],"crab_drift_rad":0.14}'
+    b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"}}'
 )
 
 
@@ -117,7 +115,7 @@ def test_nothing_that_a_cycle_computes_is_left_out() -> None:
 def test_a_cycle_of_an_older_log_is_read() -> None:
     older = json.loads(RECORD)
     del older["slip"], older["drift"], older["contradiction"], older["steering_rad"]
-    del older["command"]["steering_rad"], older["crab_drift_rad"]
+    del older["command"]["steering_rad"], older["crab"]
     record = ESTIMATE_SHAPE.validate_python(older)
     assert "slip" not in record
     assert record["estimate"]["x_m"] == 1.0

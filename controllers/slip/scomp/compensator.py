@@ -3,12 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Protocol
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
 from controllers.motion.body_motion import BodyMotion
+from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import mean_steering_rad
 from controllers.roles import DeviceRoles
@@ -61,19 +61,6 @@ class TraceFinder(Protocol):
         ...
 
 
-class DriftSource(StrEnum):
-    """What the slip angle comes from: the first of these that is there.
-
-    TRACE: trace of the rear wheel or motion of the ground, not older than `trace_age_s`, and the tilt.
-    TILT: the tilt alone, by the gain that the trace has taught so far.
-    NONE: neither; the slip angle fades to zero.
-    """
-
-    TRACE = "trace"
-    TILT = "tilt"
-    NONE = "none"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScompReport:
     """Slip of the rover.
@@ -81,17 +68,12 @@ class ScompReport:
     Attributes:
         slip: Slip ratio of the rover, eq 3 of paper 000, in the direction in which its wheels roll.
         slip_angle_rad: Angle of its velocity from its axis, left positive, eq 1.
-        wheel_slip_angle_rad: The same from the direction in which its wheels roll; equal to it for wheels
-            that do not steer.
-        source: What the slip angle comes from.
         trace: The trace in the frame evaluated in this cycle; None without one.
         reason: Why slip and slip angle are uncertain; empty where they are not.
     """
 
     slip: float
     slip_angle_rad: float
-    wheel_slip_angle_rad: float
-    source: DriftSource
     trace: TraceReading | None
     reason: str
 
@@ -135,6 +117,13 @@ class ScompCompensator:
     def wheel_slip_angle_rad(self) -> float:
         """Angle of the velocity from the direction in which the wheels roll, left positive."""
         return self._wheel_slip_angle_rad
+
+    @property
+    def source(self) -> DriftSource:
+        """What the slip angle comes from."""
+        if self._has_trace():
+            return DriftSource.TRACE
+        return DriftSource.TILT if self._tilt.is_known else DriftSource.NONE
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take a sample of gyro or camera as of `t_ns`; other samples have no effect."""
@@ -183,8 +172,6 @@ class ScompCompensator:
         self._report = ScompReport(
             slip=self._slip,
             slip_angle_rad=mean_steering_rad(increment.steering_rad) + self._wheel_slip_angle_rad,
-            wheel_slip_angle_rad=self._wheel_slip_angle_rad,
-            source=self._source(),
             trace=trace,
             reason=reason,
         )
@@ -249,11 +236,6 @@ class ScompCompensator:
 
     def _has_trace(self) -> bool:
         return self._finder is not None and self._since_trace_s <= self._settings.trace_age_s
-
-    def _source(self) -> DriftSource:
-        if self._has_trace():
-            return DriftSource.TRACE
-        return DriftSource.TILT if self._tilt.is_known else DriftSource.NONE
 
     def _uncertainty(self) -> str:
         if not self._tilt.is_known:
