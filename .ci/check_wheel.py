@@ -25,6 +25,8 @@ DATA_FILES = {
     "sim_backends/plants/robotino/sites/paper_like.toml",
     "drivers/can_wheels/generic_wheel.dbc",
     "drivers/can_wheels/generic_wheel.toml",
+    "drivers/can_wheels/steered_wheel.dbc",
+    "drivers/can_wheels/steered_wheel.toml",
 } | {f"{package}/py.typed" for package in PACKAGES}
 
 

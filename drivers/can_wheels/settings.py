@@ -13,8 +13,8 @@ class CanWheelsSettings(CanDeviceSettings, DriveSettings):
     """Wheel encoders and drives on one CAN bus, classic frames.
 
     Attributes:
-        mapping: Name of a shipped mapping (generic_wheel, odrive_0_5, odrive_0_6), or path of a TOML file,
-            relative to the current directory.
+        mapping: Name of a shipped mapping (generic_wheel, steered_wheel, odrive_0_5,
+            odrive_0_6), or path of a TOML file, relative to the current directory.
     """
 
     data_file_keys = ("mapping",)

@@ -1,5 +1,6 @@
 """Read a log of this software as quantities over time: the reader behind identify, scomp, gap and report."""
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -174,7 +175,7 @@ class LogRows:
 
     def _take_angles(self, t_ns: int, record: schema.TracesRecord) -> None:
         drift, steering_rad = record.get("drift"), record.get("steering_rad")
-        if steering_rad:
+        if steering_rad and all(map(math.isfinite, steering_rad)):
             self._rows["steering_rad"].append((t_ns, mean_steering_rad(steering_rad)))
         trace = None if drift is None else drift.get("trace")
         if trace is not None and trace["detected"] and trace["theta_rad"] is not None:

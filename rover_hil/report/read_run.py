@@ -1,5 +1,6 @@
 """Reads a log into arrays."""
 
+import math
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
@@ -195,9 +196,12 @@ class _Collector:
             self._rows["trace", ""].append((self._seconds(trace["t_ns"]), trace["theta_rad"]))
 
     def _take_crab(self, t_s: float, output: schema.EstimateRecord, crab: schema.CrabRecord) -> None:
-        steering_rad = mean_steering_rad(output.get("steering_rad") or ())
-        set_rad = mean_steering_rad(output["command"].get("steering_rad") or ())
-        self._rows["crab", ""].append((t_s, crab["drift_rad"], steering_rad, set_rad))
+        steering_rad, set_rad = output.get("steering_rad") or (), output["command"].get("steering_rad") or ()
+        if not all(map(math.isfinite, (crab["drift_rad"], *steering_rad, *set_rad))):
+            return
+        self._rows["crab", ""].append(
+            (t_s, crab["drift_rad"], mean_steering_rad(steering_rad), mean_steering_rad(set_rad))
+        )
         self._drift_sources.append(crab["source"])
 
     def _readings_of(self, name: str) -> Series | None:

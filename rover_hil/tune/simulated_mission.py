@@ -69,7 +69,7 @@ def simulate_mission(config: Config, seed: int) -> SimulatedMission:
     elif reversals > stability.reversals_per_s:
         refused = f"a wheel set-point reversed {reversals:.2f} times per second"
     corners, true_path = corner_points(config.mission), TruePath.of(truth)
-    along_path = config.mission.heading == "along_path"
+    along_path = config.mission.heading != "hold"
     terms = {
         "path_rms_m": path_rms_m(true_path, corners),
         "closure_m": closure_m(true_path, corners),

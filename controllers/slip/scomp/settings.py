@@ -21,6 +21,7 @@ class ScompSettings(Settings):
             some milliseconds of a cycle.
         trace_age_s: Without a trace for this long the slip angle is flagged as uncertain.
         steer_against_drift: Align the course over ground with the path, not the rover's longitudinal axis.
+            Where `mission.heading` is `crab` the wheels are turned for it, else the body.
     """
 
     parameters: ScompParameters = ScompParameters()
