@@ -84,10 +84,11 @@ def test_how_far_the_wheels_can_be_turned_together() -> None:
 
 def test_the_drift_begins_at_once_and_then_follows_smoothly() -> None:
     drift = CrabDrift()
-    assert drift.report is None
     assert drift.take(0, -0.1, DriftSource.TILT) == -0.1
     assert drift.take(nanoseconds(1.0), -0.2, DriftSource.TRACE) == pytest.approx(-0.2 + 0.1 * math.exp(-1.0))
-    assert drift.report.source is DriftSource.TRACE
+    report = drift.report
+    assert report is not None
+    assert report.source is DriftSource.TRACE
 
 
 def test_the_mean_direction_of_wheels() -> None:
@@ -158,6 +159,9 @@ class Bench:
             )
             self.increment = self.scomp.compensate(rolled, (), None)
 
+    def source(self) -> str:
+        return self.scomp.source.value
+
     @property
     def course_rad(self) -> float:
         return math.atan2(self.increment.y_m, self.increment.x_m)
@@ -203,17 +207,17 @@ def test_without_a_trace_the_slip_angle_is_that_of_the_tilt_and_without_both_it_
     bench = Bench(finder, 0.0, 0.14)
     bench.run(1.0, rim_m_s=0.0)
     bench.run(6.0)
-    assert bench.scomp.source is DriftSource.TRACE
+    assert bench.source() == "trace"
     assert bench.scomp.wheel_slip_angle_rad == pytest.approx(-0.25, abs=0.02)
     finder.theta_rad = None
     bench.run(0.8)
-    assert bench.scomp.source is DriftSource.TRACE
+    assert bench.source() == "trace"
     bench.run(15.0)
-    assert bench.scomp.source is DriftSource.TILT
+    assert bench.source() == "tilt"
     # The trace has taught that the roll explains more than the parameters say.
     untaught = Bench(None, 0.0, 0.14)
     untaught.run(5.0)
-    assert untaught.scomp.source is DriftSource.TILT
+    assert untaught.source() == "tilt"
     assert -0.25 < bench.scomp.wheel_slip_angle_rad < untaught.scomp.wheel_slip_angle_rad - 0.01
     level = SeenTrace(-0.25)
     blind = Bench(level, 0.0, None)
@@ -221,5 +225,5 @@ def test_without_a_trace_the_slip_angle_is_that_of_the_tilt_and_without_both_it_
     assert blind.scomp.wheel_slip_angle_rad < -0.15
     level.theta_rad = None
     blind.run(30.0)
-    assert blind.scomp.source is DriftSource.NONE
+    assert blind.source() == "none"
     assert blind.scomp.wheel_slip_angle_rad == pytest.approx(0.0, abs=0.01)

@@ -102,7 +102,7 @@ def test_mistakes_are_named(edit: Callable[[str, str], Path], old: str, new: str
 
 
 def test_unknown_name_lists_the_shipped_ones() -> None:
-    with pytest.raises(ConfigError, match="give a TOML file or one of el-dorado, robotino"):
+    with pytest.raises(ConfigError, match="give a TOML file or one of el-dorado, el-dorado-crab, robotino"):
         load_config("robotinho")
 
 

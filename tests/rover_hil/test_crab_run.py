@@ -69,7 +69,7 @@ def test_the_rover_keeps_its_line_by_turning_all_wheels_and_not_its_body(log: Pa
 
 def test_the_steering_angles_go_over_the_bus_and_come_back(log: Path) -> None:
     angles_deg = [
-        np.degrees([record[key] for record in records(log, topic) if record.get(key)])
+        np.degrees(np.array([record[key] for record in records(log, topic) if record.get(key)], np.float64))
         for topic, key in (("/command", "steering_rad"), ("/truth", "steering_rad"))
     ]
     commanded, true = angles_deg

@@ -19,10 +19,13 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("nothere.toml", "no configuration nothere.toml: give a TOML file or one of el-dorado, robotino"),
+        (
+            "nothere.toml",
+            "no configuration nothere.toml: give a TOML file or one of el-dorado, el-dorado-crab, robotino",
+        ),
         (
             "robotin",
-            "no configuration robotin: give a TOML file or one of el-dorado, robotino; "
+            "no configuration robotin: give a TOML file or one of el-dorado, el-dorado-crab, robotino; "
             "did you mean robotino?",
         ),
     ],
