@@ -9,8 +9,6 @@ EXIT_NO = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Ended by ctrl-C."""
-
-
 EXIT_TERMINATED = 143
 """Ended by SIGTERM."""
 

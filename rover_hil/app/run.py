@@ -92,7 +92,7 @@ def run_rover(
         messages.print(
             f"no report yet: `rover-hil replay {log_path} --out {folder}` writes it", soft_wrap=True
         )
-        return EXIT_NO
+        return EXIT_INTERRUPTED
     if as_json:
         Console().out(summary_json)
     else:

@@ -186,3 +186,16 @@ def test_a_folder_that_was_finished_replaces_an_earlier_one(tmp_path: Path) -> N
             part.mkdir()
             write_file(part / f"{name}.svg", name)
     assert [path.name for path in tmp_path.rglob("*")] == ["pictures", "second.svg"]
+
+
+def test_ctrl_c_while_the_report_is_written_keeps_the_log(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_command, "write_report", interrupted)
+    out = tmp_path / "out"
+    assert command("run", "robotino", "--virtual", "--duration", "0.5", "--out", str(out)) == 130
+    assert f"rover-hil replay {out / 'run.mcap'} --out {out}" in command.error
+    assert [path.name for path in out.iterdir()] == ["run.mcap"]
