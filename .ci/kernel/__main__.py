@@ -67,7 +67,7 @@ def _script(root: Path, variables: dict[str, str], arguments: list[str]) -> str:
         "OPENBLAS_NUM_THREADS": "1",
     }
     exports = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in guest.items())
-    names_tests = any(not argument.startswith("-") for argument in arguments)
+    names_tests = any(Path(REPOSITORY, argument.partition("::")[0]).exists() for argument in arguments)
     command = shlex.join([*pytest, *results, *arguments, *([] if names_tests else ["tests/kernel"])])
     lines = [
         "mkdir -p /lib/modules /sbin",
