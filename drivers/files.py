@@ -41,6 +41,9 @@ CHUNK_BYTES = 32 * MEGABYTE
 UNPACKED_BYTES = 8 * MEGABYTE
 UNPACKED_PER_BYTE = 30
 """Compressed parts of a log may together be this large unpacked, and per byte of the file."""
+UNPACKED_PIXELS = 2**26
+UNPACKED_PIXELS_PER_BYTE = 2000
+"""Pictures of a log may together have this many pixels, and per byte of the file; black ones pack well."""
 LONGEST_NAME_BYTES = 255
 """A name between two slashes; what file systems allow."""
 LONGEST_PATH = 4095

@@ -8,10 +8,18 @@ from drivers.samples import Image
 
 @dataclass(frozen=True, slots=True)
 class CameraImage:
-    """Payload of a camera link: pixels and the camera's own stamp of the exposure, monotonic ns."""
+    """Payload of a camera link.
+
+    Attributes:
+        image: Pixels.
+        t_capture_ns: The camera's own stamp of the exposure, monotonic time.
+        jpeg: The compressed frame as the camera sent it, from which `image` was decoded; None where it sent
+            pixels.
+    """
 
     image: Image
     t_capture_ns: int | None
+    jpeg: bytes | None = None
 
 
 PayloadT = TypeVar("PayloadT", bytes, CameraImage)

@@ -1,5 +1,6 @@
 """Hostile logs: a real small log, changed at the level of bytes, records, chunks, JSON and values."""
 
+import base64
 import json
 import random
 import struct
@@ -145,6 +146,7 @@ def named_logs(parts: LogParts, device: str) -> Iterator[Named]:
     yield from _heads(parts, device)
     yield from _chunks(parts)
     yield from _records(parts)
+    yield from _second_version(parts, device)
     picture = {
         "bitmap_of_a_gigapixel": bytes(8) + bitmap_head(32_000, 32_000) + bytes(1000),
         "picture_bomb": bytes(8) + png_bomb(30_000),
@@ -232,6 +234,36 @@ def _chunks(parts: LogParts) -> Iterator[Named]:
         yield f"bomb_{compression}", partial(_with_bombs, parts, compression, BOMB_BYTES, 1)
         yield f"many_bombs_{compression}", partial(_with_bombs, parts, compression, 2**24, 200)
         yield f"million_messages_{compression}", partial(_with_many_messages, parts, compression)
+
+
+def _second_version(parts: LogParts, device: str) -> Iterator[Named]:
+    metadata = {**parts.metadata, "schema": "rover-hil-log/2", "wall_offset_ns": "0"}
+    second = replace(parts, metadata=metadata)
+    item = b'{"device":"%s","kind":"received","t_ns":1,"hex":"%s"}'
+    for name, data in {
+        "no_hexadecimal": b'{"payloads":[' + item % (device.encode(), b"xx") + b"]}",
+        "a_ghost": b'{"payloads":[' + item % (b"ghost", b"00") + b"]}",
+        "million_wrong": b'{"payloads":[' + b"1," * 900_000 + b"1]}",
+        "many": b'{"payloads":[' + b",".join([item % (device.encode(), b"00")] * 30_000) + b"]}",
+        "deep": DEEP,
+    }.items():
+        yield f"payloads_{name}", partial(_with_message, second, "/bytes", data)
+    for name, picture in {"bomb": png_bomb(30_000), "black": png_bomb(8000), "nothing": b""}.items():
+        record = {
+            "timestamp": {"sec": 0, "nsec": 0},
+            "frame_id": "camera",
+            "data": base64.b64encode(picture).decode(),
+            "format": "png",
+            "t_capture_ns": None,
+        }
+        data = json.dumps(record).encode()
+        yield f"picture_2_{name}", partial(_with_message, second, "/camera/camera", data)
+        many = (("/camera/camera", parts.messages[-1][1], data),) * 60
+        more = replace(second, messages=second.messages + many)
+        yield f"pictures_2_{name}", partial(encode, more, "zstd")
+    for offset in ("", "x", "-9", "9" * 30):
+        changed = replace(second, metadata={**metadata, "wall_offset_ns": offset})
+        yield f"offset_{offset[:2]}", partial(encode, changed)
 
 
 def _with_bombs(parts: LogParts, compression: str, size_bytes: int, count: int) -> bytes:

@@ -59,16 +59,20 @@ class Capture(Protocol):
         ...
 
 
-def retrieve_jpeg(capture: Capture) -> Image:
-    """Return the pixels of the compressed frame grabbed last; `NO_PIXELS` when any part of it is damaged.
+def retrieve_jpeg(capture: Capture) -> bytes:
+    """Return the compressed frame grabbed last as the camera sent it, b"" without one."""
+    ok, data = capture.retrieve()
+    return _pixels_of(data if ok else None).tobytes()
+
+
+def decode_jpeg(compressed: bytes) -> Image:
+    """Return the pixels of a compressed frame; `NO_PIXELS` when any part of it is damaged.
 
     A frame that was cut off or overwritten on its way still decodes in OpenCV, with old or grey pixels in the
     place of what is missing; libjpeg-turbo reports it. Damage that leaves a valid bit stream is not noticed.
     """
-    ok, data = capture.retrieve()
-    compressed = _pixels_of(data if ok else None)
     try:
-        pixels: Image = simplejpeg.decode_jpeg(compressed.tobytes(), colorspace="BGR", strict=True)
+        pixels: Image = simplejpeg.decode_jpeg(compressed, colorspace="BGR", strict=True)
     except ValueError:
         return NO_PIXELS
     return pixels

@@ -14,7 +14,7 @@ os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 import cv2
 
-from drivers.camera.images import FrameFormat, format_of, retrieve, retrieve_jpeg
+from drivers.camera.images import FrameFormat, decode_jpeg, format_of, retrieve, retrieve_jpeg
 from drivers.camera.parameters import FrameSourceParameters
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds, seconds
 from drivers.errors import NotConnectedError
@@ -155,9 +155,10 @@ class V4l2Link(ThreadedLink[CameraImage]):
         self._stamp_ns = stamp_ns
         self._moved_ns = t_ns
         t_capture_ns = stamp_ns if self._stamps_are_captures else None
-        is_jpeg = self._settings.fourcc == JPEG_FOURCC
-        pixels = retrieve_jpeg(capture) if is_jpeg else retrieve(capture)
-        return Received(t_ns, CameraImage(pixels, t_capture_ns))
+        if self._settings.fourcc != JPEG_FOURCC:
+            return Received(t_ns, CameraImage(retrieve(capture), t_capture_ns))
+        compressed = retrieve_jpeg(capture)
+        return Received(t_ns, CameraImage(decode_jpeg(compressed), t_capture_ns, compressed))
 
     def _require_slow(self, asked_ns: int) -> None:
         """Raise unless a frame that has not come may still be on its way, as with a camera at 1 Hz."""

@@ -21,7 +21,7 @@ from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK
 from rover_hil.config import Config, load_config
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.schema import END, TRUTH, WATCHDOG, end_record, truth_record
+from rover_hil.recording.schema import END, end_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
@@ -132,7 +132,7 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
             rig, world = build_virtual_rig(config, clock, log)
 
             def record_truth(now_ns: int) -> None:
-                log.write_json(TRUTH, now_ns, truth_record(world.plant.truth()))
+                log.truth(now_ns, world.plant.truth())
 
             rig.connect(CONNECT_TIMEOUT_S)
             resources.enter_context(closing(rig))
@@ -166,7 +166,7 @@ def run_real(
                 rig.drive,
                 clock,
                 nanoseconds(config.safety.expiry_s),
-                lambda t_ns: log.write_json(WATCHDOG, t_ns, None),
+                log.watchdog,
             )
             executive = Executive(rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog)
         gc.collect()

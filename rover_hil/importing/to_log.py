@@ -9,7 +9,7 @@ from drivers.link import Received
 from rover_hil.config import Config, RoleSettings
 from rover_hil.importing.robotino_csv import RobotinoRun
 from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.schema import CYCLE, ESTIMATE, SET_POINT, TRUTH, TruthRecord, estimate_record
+from rover_hil.recording.schema import CYCLE, SET_POINT, TRUTH, TruthRecord
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_replay_rig
 
@@ -56,7 +56,7 @@ def write_run_as_log(run: RobotinoRun, config: Config, path: Path) -> Iterator[i
             samples = rig.poll()
             output = rig.loop.step(row.t_ns, samples)
             log.samples(row.t_ns, samples)
-            log.write_json(ESTIMATE, row.t_ns, estimate_record(output))
+            log.estimate(output)
             log.write_json(SET_POINT, row.t_ns, {"speed_rad_s": row.set_speed_rad_s})
             truth: TruthRecord = {
                 "t_ns": row.t_ns,

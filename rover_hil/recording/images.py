@@ -1,62 +1,134 @@
-"""Camera images as bytes in a log: the capture stamp, then an uncompressed BMP file.
+"""Camera images in a log: the picture file as the camera sent it, or a PNG.
 
-Uncompressed, because the loop itself writes them: a PNG of 640 x 480 takes longer than a control period.
+A PNG of 640 x 480 pixels takes longer than a control period; the log's own thread makes it. Version 1 of the
+log held uncompressed bitmaps. Both give the same pixels again, bit for bit.
 """
 
+import base64
+import binascii
 import struct
 
 from drivers.errors import LogError
+from drivers.files import IMAGE_PIXELS
 from drivers.link import CameraImage
+from rover_hil.recording.schema import PictureRecord
+from rover_hil.recording.views import timestamp
+
+PNG_LEVEL = 1
+"""Of zlib: higher ones take several times as long and save a few percent."""
 
 _STAMP = struct.Struct("<q")
 _NO_STAMP = -1
 _BITMAP = struct.Struct("<2s8xI4xiiHHI")
 """Of a bitmap file: mark, offset of the pixels, width, height, planes, bits per pixel, packing."""
+_PNG = struct.Struct(">8s4x4sII")
+"""Of a PNG file: mark, kind of the first part, width, height."""
+_PNG_MARK = b"\x89PNG\r\n\x1a\n"
+_JPEG_MARK = b"\xff\xd8"
 _DAMAGED = "a camera image in the log cannot be decoded: the log is damaged"
 
 
-def encode_image(image: CameraImage) -> bytes:
-    """Return the bytes of an image; nothing is lost, so that a replay sees the same pixels.
+def picture_record(device: str, time_ns: int, image: CameraImage) -> PictureRecord:
+    """Return the record of an image; nothing is lost, so that a replay sees the same pixels.
 
-    An image without pixels, which represents a frame that could not be decoded, becomes the stamp alone.
+    An image without pixels, which represents a frame that could not be decoded, has no data.
+
+    Args:
+        device: The camera.
+        time_ns: When it arrived, ns since 1970.
+        image: The image.
     """
-    import cv2
+    data, name = b"", ""
+    if image.jpeg is not None:
+        data, name = image.jpeg, "jpeg"
+    elif image.image.size:
+        import cv2
 
-    stamp = _STAMP.pack(_NO_STAMP if image.t_capture_ns is None else image.t_capture_ns)
-    if image.image.size == 0:
-        return stamp
-    _, bitmap = cv2.imencode(".bmp", image.image)
-    return stamp + bitmap.tobytes()
+        _, picture = cv2.imencode(".png", image.image, (cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL))
+        data, name = picture.tobytes(), "png"
+    stamp = timestamp(time_ns)
+    return {
+        "timestamp": {"sec": stamp["sec"], "nsec": stamp["nsec"]},
+        "frame_id": device,
+        "data": base64.b64encode(data).decode("ascii"),
+        "format": name,
+        "t_capture_ns": image.t_capture_ns,
+    }
+
+
+def picture_payload(record: PictureRecord) -> bytes:
+    """Return the bytes that `decode_image` takes, as version 1 of the log has them: stamp and picture file.
+
+    Raises:
+        LogError: The record holds no picture in base64.
+    """
+    stamp_ns = _NO_STAMP if record["t_capture_ns"] is None else record["t_capture_ns"]
+    try:
+        return _STAMP.pack(stamp_ns) + base64.b64decode(record["data"], validate=True)
+    except (binascii.Error, ValueError, struct.error) as error:
+        raise LogError(_DAMAGED) from error
+
+
+def pixels_in(data: bytes) -> int:
+    """Return how many pixels a payload of `decode_image` unpacks to; 0 for a bitmap, which is not packed.
+
+    Raises:
+        LogError: It is no picture, or holds more than `IMAGE_PIXELS`.
+    """
+    picture = data[_STAMP.size :]
+    if picture.startswith(_PNG_MARK) and len(picture) >= _PNG.size:
+        _, kind, width, height = _PNG.unpack_from(picture)
+        if kind != b"IHDR":
+            raise LogError(_DAMAGED)
+    elif picture.startswith(_JPEG_MARK):
+        import simplejpeg
+
+        try:
+            height, width, _, _ = simplejpeg.decode_jpeg_header(picture)
+        except ValueError:
+            return 0  # a frame that was cut off on its way is kept as it came, and has no pixels
+    else:
+        return 0
+    if width * height > IMAGE_PIXELS:
+        raise LogError(_DAMAGED)
+    return int(width * height)
 
 
 def decode_image(data: bytes) -> CameraImage:
-    """Return the image in bytes made by `encode_image`.
+    """Return the image in the data of a message on `/raw/CAMERA`.
 
     Raises:
         LogError: The bytes are not such an image.
     """
-    import cv2
     import numpy as np
 
     if len(data) < _STAMP.size:
         raise LogError(_DAMAGED)
     (stamp,) = _STAMP.unpack_from(data)
     t_capture_ns = None if stamp == _NO_STAMP else stamp
-    if len(data) == _STAMP.size:
+    picture = data[_STAMP.size :]
+    if not picture:
         return CameraImage(np.zeros((0, 0), np.uint8), t_capture_ns)
-    # Any other picture, or a packed bitmap, may unpack to much more than the log holds.
-    if not _is_plain_bitmap(data[_STAMP.size : _STAMP.size + _BITMAP.size], len(data) - _STAMP.size):
+    pixels_in(data)
+    if picture.startswith(_JPEG_MARK):
+        from drivers.camera.images import decode_jpeg
+
+        return CameraImage(decode_jpeg(picture), t_capture_ns, picture)
+    if not picture.startswith(_PNG_MARK) and not _is_plain_bitmap(picture):
         raise LogError(_DAMAGED)
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8, offset=_STAMP.size), cv2.IMREAD_UNCHANGED)
+    import cv2
+
+    pixels = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise LogError(_DAMAGED)
     return CameraImage(np.asarray(pixels, np.uint8), t_capture_ns)
 
 
-def _is_plain_bitmap(head: bytes, size_bytes: int) -> bool:
+def _is_plain_bitmap(picture: bytes) -> bool:
     """Return whether a bitmap file holds all of its pixels, unpacked."""
-    if len(head) < _BITMAP.size:
+    # Any other picture, or a packed bitmap, may unpack to much more than the log holds.
+    if len(picture) < _BITMAP.size:
         return False
-    mark, offset, width, height, _, bits, packing = _BITMAP.unpack(head)
+    mark, offset, width, height, _, bits, packing = _BITMAP.unpack_from(picture)
     needed = offset + abs(height) * ((width * bits + 31) // 32 * 4)
-    return mark == b"BM" and width > 0 and bits in (8, 24) and packing == 0 and needed <= size_bytes
+    return mark == b"BM" and width > 0 and bits in (8, 24) and packing == 0 and needed <= len(picture)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,17 +15,35 @@ from drivers.files import (
     LARGEST_WHOLE_NUMBER,
     MEGABYTE,
     MESSAGE_JSON_BYTES,
+    UNPACKED_PIXELS,
+    UNPACKED_PIXELS_PER_BYTE,
     open_file,
     parse_json,
 )
+from rover_hil.recording.images import picture_payload, pixels_in
 from rover_hil.recording.mcap_records import DamagedRecordError, Record, read_records
-from rover_hil.recording.schema import CONFIG_ATTACHMENT, LOG_SCHEMA
+from rover_hil.recording.schema import (
+    BYTES,
+    BYTES_SHAPE,
+    CAMERA,
+    CONFIG_ATTACHMENT,
+    HEALTH,
+    LOG_SCHEMA,
+    LOG_SCHEMA_1,
+    PICTURE_SHAPE,
+    RAW,
+    SENT,
+    UNSENT,
+    VIEW,
+)
+from rover_hil.recording.text import ExactTexts, Texts
 
 RecordT = TypeVar("RecordT")
 
 LAST_NS = LARGEST_WHOLE_NUMBER // 2
 """Latest time in a log, so that a difference of two times has 64 bits too."""
 MOST_TOPIC_CHARACTERS = 200
+_TOPICS = {"received": RAW, "sent": SENT, "unsent": UNSENT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +86,7 @@ class LogReader:
         path: The file.
 
     Attributes:
+        texts: How this version of the log writes what a replay computes again.
         is_complete: After `messages` has ended, whether the log was closed properly. A killed run's log
             is not, and holds everything up to its last flush.
         bytes_read: Position of `messages` in the file.
@@ -82,12 +101,17 @@ class LogReader:
         self.bytes_read = 0
         self.attachments: Mapping[str, bytes]
         self.attachments, metadata = self._read_header()
-        if metadata.get("schema") != LOG_SCHEMA:
+        if metadata.get("schema") not in (LOG_SCHEMA, LOG_SCHEMA_1):
             raise LogError(f"{path} is not a log of this software: metadata 'schema' is not {LOG_SCHEMA}")
+        self._is_first_version = metadata["schema"] == LOG_SCHEMA_1
+        self.texts: type[Texts] = ExactTexts if self._is_first_version else Texts
         try:
             self.start_ns = int(metadata["start_ns"])
             self.origin = metadata["origin"]
+            self._offset_ns = 0 if self._is_first_version else int(metadata["wall_offset_ns"])
             _check_time(self.start_ns)
+            if abs(self._offset_ns) > LAST_NS:
+                raise ValueError(f"{self._offset_ns} ns is no offset")
         except (KeyError, ValueError) as error:
             raise LogError(f"log {path} is damaged: its metadata lack a start time or an origin") from error
         if CONFIG_ATTACHMENT not in self.attachments:
@@ -101,6 +125,9 @@ class LogReader:
             LogError: The message has another shape.
         """
         message.check_size()
+        return self._validated(message, shape)
+
+    def _validated(self, message: LogMessage, shape: TypeAdapter[RecordT]) -> RecordT:
         try:
             return shape.validate_json(message.data)
         except ValidationError as error:
@@ -111,11 +138,56 @@ class LogReader:
             ) from error
 
     def messages(self) -> Iterator[LogMessage]:
-        """Yield every message in the order of writing.
+        """Yield every message in the order of writing, under the topics of version 1 of the log.
+
+        What is there for viewers alone is left out.
 
         Raises:
             LogError: The file is damaged; messages before the damage have been yielded.
         """
+        if self._is_first_version:
+            yield from self._stored_messages()
+            return
+        unpacked_pixels = 0
+        for message in self._stored_messages():
+            if message.topic == BYTES:
+                yield from self._payloads(message)
+            elif message.topic.startswith(CAMERA):
+                picture = self._picture(message)
+                unpacked_pixels += pixels_in(picture.data)
+                self._check_pixels(unpacked_pixels)
+                yield picture
+            elif message.topic == HEALTH:
+                yield replace(message, data=_inside(message, b'{"devices":', b"}"))
+            elif not message.topic.startswith(VIEW):
+                yield message
+
+    def _payloads(self, message: LogMessage) -> Iterator[LogMessage]:
+        for payload in self.parse(message, BYTES_SHAPE)["payloads"]:
+            if not 0 <= payload["t_ns"] <= LAST_NS:
+                raise LogError(f"{self.path} is damaged: a payload at {payload['t_ns']} ns")
+            try:
+                data = bytes.fromhex(payload["hex"])
+            except ValueError:
+                raise LogError(
+                    f"{self.path} is damaged: {BYTES} at {message.t_ns} ns: bytes that are not hexadecimal"
+                ) from None
+            yield LogMessage(_TOPICS[payload["kind"]] + payload["device"], payload["t_ns"], data)
+
+    def _picture(self, message: LogMessage) -> LogMessage:
+        record = self._validated(message, PICTURE_SHAPE)
+        device = message.topic.removeprefix(CAMERA)
+        return LogMessage(RAW + device, message.t_ns, picture_payload(record))
+
+    def _check_pixels(self, count: int) -> None:
+        size_bytes = self.path.stat().st_size
+        if count > UNPACKED_PIXELS + UNPACKED_PIXELS_PER_BYTE * size_bytes:
+            raise LogError(
+                f"log {self.path} is damaged: its pictures hold more than {UNPACKED_PIXELS_PER_BYTE} pixels "
+                "for each byte of the file"
+            )
+
+    def _stored_messages(self) -> Iterator[LogMessage]:
         topics: dict[int, str] = {}
         for record in self._records():
             if isinstance(record, Channel):
@@ -127,9 +199,10 @@ class LogReader:
                     raise LogError(
                         f"{self.path} is damaged: a message on an unknown channel {record.channel_id}"
                     )
-                if record.publish_time > LAST_NS:
-                    raise LogError(f"{self.path} is damaged: a message at {record.publish_time} ns")
-                yield LogMessage(topics[record.channel_id], record.publish_time, record.data)
+                t_ns = record.publish_time - self._offset_ns
+                if not 0 <= t_ns <= LAST_NS:
+                    raise LogError(f"{self.path} is damaged: a message at {t_ns} ns")
+                yield LogMessage(topics[record.channel_id], t_ns, record.data)
 
     def _read_header(self) -> tuple[dict[str, bytes], dict[str, str]]:
         attachments: dict[str, bytes] = {}
@@ -165,6 +238,10 @@ class LogReader:
                     yield record
             except DamagedRecordError as error:
                 raise LogError(f"log {self.path} is damaged or not an MCAP file: {error}") from error
+
+
+def _inside(message: LogMessage, before: bytes, after: bytes) -> bytes:
+    return message.data.removeprefix(before).removesuffix(after)
 
 
 def _check_time(t_ns: int) -> None:

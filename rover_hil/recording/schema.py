@@ -1,4 +1,4 @@
-"""What a log holds: its topics and the shape of the record on each, version `rover-hil-log/1`.
+"""What a log holds: its topics and the shape of the record on each, version `rover-hil-log/2`.
 
 The writer and every reader take topics and shapes from here, so that a name in a controller may change and
 old logs stay readable. `docs/reference/log_format.md` describes the same for people. Every time is in ns of
@@ -7,7 +7,7 @@ one monotonic clock.
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import Annotated, NotRequired, TypeAlias, TypeVar, cast
+from typing import Annotated, Literal, NotRequired, TypeAlias, TypeVar, cast
 
 from pydantic import BaseModel, FailFast, Field, TypeAdapter
 from typing_extensions import TypedDict
@@ -30,11 +30,19 @@ from drivers.samples import (
     WheelSample,
 )
 
-LOG_SCHEMA = "rover-hil-log/1"
+LOG_SCHEMA = "rover-hil-log/2"
+LOG_SCHEMA_1 = "rover-hil-log/1"
+"""Unchunked, one message for each payload on `RAW` and `SENT`; still read."""
 CONFIG_ATTACHMENT = "config.json"
 
 RAW, SENT, UNSENT, LINK = "/raw/", "/sent/", "/unsent/", "/link/"
+"""Followed by the name of a device. In version 2 a reader makes the first three from `BYTES` and `CAMERA`."""
+BYTES = "/bytes"
+CAMERA = "/camera/"
 """Followed by the name of a device."""
+VIEW = "/view/"
+"""Repetitions of other records for viewers; no reader uses them."""
+VIEW_POSE, VIEW_TRUE_POSE, VIEW_PATH, VIEW_LOG = "/view/pose", "/view/true_pose", "/view/path", "/view/log"
 SAMPLES = "/samples"
 ESTIMATE = "/estimate"
 COMMAND = "/command"
@@ -178,6 +186,7 @@ class EstimateRecord(TypedDict):
     contradiction: NotRequired[ContradictionRecord | None]
     steering_rad: NotRequired[MaybeNumbers]
     crab: NotRequired[CrabRecord | None]
+    exact: NotRequired[str]
 
 
 class TracesRecord(TypedDict):
@@ -237,6 +246,53 @@ class EndRecord(TypedDict):
     watchdog_interventions: int
 
 
+class PayloadRecord(TypedDict):
+    """Bytes as they were received from a device, sent to it, or could not be sent, in hexadecimal."""
+
+    device: str
+    kind: Literal["received", "sent", "unsent"]
+    t_ns: int
+    hex: str
+
+
+class BytesRecord(TypedDict):
+    """Payloads in the order in which they were noted, on `BYTES`."""
+
+    payloads: Annotated[list[PayloadRecord], FailFast()]
+
+
+class TimestampRecord(TypedDict):
+    """Wall-clock time as Foxglove's schemas have it."""
+
+    sec: int
+    nsec: int
+
+
+class PictureRecord(TypedDict):
+    """Foxglove's `CompressedImage` and the camera's own time, on `CAMERA`.
+
+    `data` is the picture file in base64, empty for a frame that could not be decoded.
+    """
+
+    timestamp: TimestampRecord
+    frame_id: str
+    data: str
+    format: str
+    t_capture_ns: int | None
+
+
+class WatchdogRecord(TypedDict):
+    """When the watchdog stopped the drive, on `WATCHDOG`; version 1 wrote null."""
+
+    t_ns: int
+
+
+class HealthRecord(TypedDict):
+    """Facts of all devices, on `HEALTH`; version 1 wrote the list alone."""
+
+    devices: list[Health]
+
+
 class SamplesRecord(BaseModel):
     """The samples of a cycle that readers use, by kind, on `SAMPLES`."""
 
@@ -256,6 +312,8 @@ CYCLE_SHAPE = TypeAdapter(CycleRecord)
 HEALTH_SHAPE = TypeAdapter(Annotated[list[Health], FailFast()])
 LINK_SHAPE = TypeAdapter(LinkChange)
 END_SHAPE = TypeAdapter(EndRecord)
+BYTES_SHAPE = TypeAdapter(BytesRecord)
+PICTURE_SHAPE = TypeAdapter(PictureRecord)
 
 
 RecordT = TypeVar("RecordT")
@@ -358,17 +416,20 @@ def samples_record(samples: Sequence[Sample]) -> dict[str, list[object]]:
     """Return samples grouped by kind; of a camera frame only what surrounds the pixels."""
     grouped: dict[str, list[object]] = {}
     for sample in samples:
-        record: object = sample
-        if isinstance(sample, FrameSample):
-            record = {
-                "device": sample.device,
-                "t_ns": sample.t_ns,
-                "t_capture_ns": sample.t_capture_ns,
-                "index": sample.index,
-                "shape": sample.image.shape,
-            }
+        record = frame_record(sample) if isinstance(sample, FrameSample) else sample
         grouped.setdefault(type(sample).__name__, []).append(record)
     return grouped
+
+
+def frame_record(frame: FrameSample) -> dict[str, object]:
+    """Return what surrounds the pixels of a camera frame."""
+    return {
+        "device": frame.device,
+        "t_ns": frame.t_ns,
+        "t_capture_ns": frame.t_capture_ns,
+        "index": frame.index,
+        "shape": frame.image.shape,
+    }
 
 
 def health_record(health: Health) -> dict[str, object]:

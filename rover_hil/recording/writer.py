@@ -1,49 +1,84 @@
 """Write a run to one MCAP file that can be read even when the program was killed in the middle.
 
-Messages are not chunked: each goes to the file as it is, and the file is flushed ten times a second, so
-a killed run loses at most the last tenth of a second. The layout is described in
-`docs/reference/log_format.md`.
+What is noted is turned into text, compressed and written by a thread of the log, in chunks of less than a
+second. The loop only keeps what it hands over, and never waits for the disk unless thousands of records wait.
+The layout is described in `docs/reference/log_format.md`.
 """
 
+import errno
 import os
 import threading
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Self
+from typing import Any, Protocol, Self, TypeAlias
 
-from mcap.writer import Writer
 from pydantic_core import to_json
 
-from drivers.clock import wall_time_ns
+from controllers.control_loop import StepOutput
+from drivers.clock import NANOSECONDS_PER_SECOND, wall_time_ns
 from drivers.driver import Health
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, LinkItem
 from drivers.samples import Sample
-from rover_hil.recording.images import encode_image
+from rover_hil.recording import views
+from rover_hil.recording.chunked_file import CHUNK_NS, ChunkedFile
+from rover_hil.recording.images import picture_record
+from rover_hil.recording.json_schema import topic_schema
 from rover_hil.recording.schema import (
+    BYTES,
+    CAMERA,
     CONFIG_ATTACHMENT,
+    ESTIMATE,
     HEALTH,
     LINK,
     LOG_SCHEMA,
-    RAW,
     SAMPLES,
-    SENT,
-    UNSENT,
+    TRUTH,
+    VIEW_LOG,
+    VIEW_PATH,
+    VIEW_POSE,
+    VIEW_TRUE_POSE,
+    WATCHDOG,
     health_record,
-    samples_record,
 )
+from rover_hil.recording.text import estimate_text, quoted, samples_text, truth_text
 
-FLUSH_PERIOD_NS = 100_000_000
+VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 5
+WAKE_S = 0.02
+"""The log's thread wakes this often; work in small portions never keeps the loop waiting."""
+MOST_ITEMS = 20_000
+MOST_PICTURES = 64
+"""When more records or pictures wait to be written, the loop waits too: the disk has hung for many seconds."""
+MOST_PAYLOAD_CHARACTERS = 500_000
+"""Of one record; a record of a log has a limit."""
 
-JSON_SCHEMA = b'{"type":"object"}'
+
+class TruePose(Protocol):
+    """The part of a simulated rover's true state that is drawn."""
+
+    @property
+    def x_m(self) -> float:
+        """Forward from the start."""
+        ...
+
+    @property
+    def y_m(self) -> float:
+        """Left of the start."""
+        ...
+
+    @property
+    def yaw_rad(self) -> float:
+        """Counter-clockwise."""
+        ...
 
 
 class LogWriter:
     """A log being written; also the tap that sees raw data before it is parsed.
 
-    When the file cannot be written, every method that writes raises LogError from then on: a run must not go
-    on without its log. What was written before can be read as after a crash.
+    When the file cannot be written, every method that writes raises LogError within a second and from then on:
+    a run must not go on without its log. What was written before can be read as after a crash.
 
     Args:
         path: The file; must not exist.
@@ -55,6 +90,7 @@ class LogWriter:
 
     Raises:
         FileExistsError: `path` exists; a log is never overwritten.
+        LogError: The file cannot be written.
     """
 
     def __init__(
@@ -70,24 +106,36 @@ class LogWriter:
         self._path = final_path or path
         self._stream = path.open("xb")
         self._failure = ""
-        self._lock = threading.Lock()
         self._wall_offset_ns = wall_time_ns() - start_ns
-        self._next_flush_ns = start_ns
         self._channels: dict[str, int] = {}
-        # The index of a killed run is lost anyway, and the data checksum finds corruption on reading.
-        self._writer = Writer(self._stream, use_chunking=False, enable_data_crcs=True)
-        self._writer.start(profile="", library="rover_hil")
-        # An empty schema is still one: PlotJuggler refuses a log with channels that have none.
-        self._schema_ids = {
-            "json": self._writer.register_schema("object", "jsonschema", JSON_SCHEMA),
-            "raw": self._writer.register_schema("raw", "", b""),
-        }
-        self._writer.add_metadata(
-            "rover_hil",
-            {"schema": LOG_SCHEMA, "start_ns": str(start_ns), "origin": origin},
-        )
-        for name, data in {CONFIG_ATTACHMENT: config_json, **attachments}.items():
-            self._writer.add_attachment(0, self._wall_offset_ns + start_ns, name, "", data)
+        self._payloads: list[str] = []
+        self._payload_characters = 0
+        self._payload_ns = 0
+        self._items: deque[_Item] = deque()
+        self._is_ending = threading.Event()
+        self._has_room = threading.Event()
+        self._picture_room = threading.Semaphore(MOST_PICTURES)
+        self._close_lock = threading.Lock()
+        self._next_views_ns = {VIEW_POSE: start_ns, VIEW_TRUE_POSE: start_ns}
+        self._shown = ("", "")
+        try:
+            self._file = ChunkedFile(self._stream, "rover_hil")
+            self._file.add_metadata(
+                "rover_hil",
+                {
+                    "schema": LOG_SCHEMA,
+                    "start_ns": str(start_ns),
+                    "origin": origin,
+                    "wall_offset_ns": str(self._wall_offset_ns),
+                },
+            )
+            for name, data in {CONFIG_ATTACHMENT: config_json, **attachments}.items():
+                self._file.add_attachment(name, self._wall_offset_ns + start_ns, data)
+            self._file.flush()
+        except OSError as error:
+            raise self._give_up(error) from error
+        self._thread = threading.Thread(target=self._run, name="log", daemon=True)
+        self._thread.start()
 
     def __enter__(self) -> Self:
         return self
@@ -101,14 +149,18 @@ class LogWriter:
         Raises:
             LogError: The end of the file cannot be written.
         """
-        with self._lock:
+        with self._close_lock:
             if self._stream.closed:
                 return
+            had_failed = bool(self._failure)
+            self._is_ending.set()
+            self._thread.join()
             try:
-                self._writer.finish()  # type: ignore[no-untyped-call]
                 self._stream.close()
             except OSError as error:
-                raise self._give_up(error) from error
+                self._note_failure(error)
+            if self._failure and not had_failed:
+                raise LogError(self._failure)
 
     def require_file(self) -> None:
         """Check that the file is still in a folder.
@@ -116,64 +168,193 @@ class LogWriter:
         Raises:
             LogError: It has been deleted; what is written to it is lost.
         """
-        with self._lock:
-            if self._stream.closed or os.fstat(self._stream.fileno()).st_nlink > 0:
-                return
-            self._failure = f"log {self._path} was deleted during the run: start again, with another --out"
-            raise LogError(self._failure)
+        if self._stream.closed or os.fstat(self._stream.fileno()).st_nlink > 0:
+            return
+        self._failure = f"log {self._path} was deleted during the run: start again, with another --out"
+        raise LogError(self._failure)
 
     def received(self, device: str, item: LinkItem[bytes] | LinkItem[CameraImage]) -> None:
         """Note what arrived from a device."""
         if isinstance(item, LinkChange):
-            self.write_json(f"{LINK}{device}", item.t_ns, item)
-            return
-        payload = item.payload
-        data = encode_image(payload) if isinstance(payload, CameraImage) else payload
-        self._write(f"{RAW}{device}", item.t_ns, data, encoding="raw")
+            self._note((LogWriter._put_link, device, item.t_ns, item))
+        elif isinstance(item.payload, CameraImage):
+            self._wait_for_pictures()
+            self._note((LogWriter._put_picture, device, item.t_ns, item.payload))
+        else:
+            self._note((LogWriter._put_received, device, item.t_ns, item.payload))
 
     def sent(self, device: str, t_ns: int, payload: bytes, delivered: bool) -> None:
         """Note what was sent to a device, or could not be."""
-        topic = SENT if delivered else UNSENT
-        self._write(f"{topic}{device}", t_ns, payload, encoding="raw")
+        self._note((LogWriter._put_sent if delivered else LogWriter._put_unsent, device, t_ns, payload))
 
     def samples(self, t_ns: int, samples: Sequence[Sample]) -> None:
-        """Note decoded samples."""
-        record = samples_record(samples)
-        if record:
-            self.write_json(SAMPLES, t_ns, record)
+        """Note decoded samples; they are kept until they are written and must not change."""
+        if samples:
+            self._note((LogWriter._put_samples, SAMPLES, t_ns, samples))
+
+    def estimate(self, output: StepOutput) -> None:
+        """Note everything that a cycle computed."""
+        self._note((LogWriter._put_estimate, ESTIMATE, output.t_ns, output))
+
+    def truth(self, t_ns: int, truth: TruePose) -> None:
+        """Note the true state of a simulated rover; it must not change."""
+        self._note((LogWriter._put_truth, TRUTH, t_ns, truth))
 
     def health(self, t_ns: int, healths: Sequence[Health]) -> None:
         """Note the health facts of all devices."""
-        self.write_json(HEALTH, t_ns, [health_record(health) for health in healths])
+        self.write_json(HEALTH, t_ns, {"devices": [health_record(health) for health in healths]})
+
+    def watchdog(self, t_ns: int) -> None:
+        """Note that the watchdog stopped the drive."""
+        self.write_json(WATCHDOG, t_ns, {"t_ns": t_ns})
+        self._note_event(t_ns, views.WARNING, "watchdog", "the watchdog stopped the drive")
+
+    def path(self, t_ns: int, points_m: Sequence[tuple[float, float]]) -> None:
+        """Note the corners of the planned path, for viewers."""
+        data = views.path_view(self._wall_offset_ns + t_ns, points_m)
+        self._note((LogWriter._put_text, VIEW_PATH, t_ns, data))
 
     def write_json(self, topic: str, t_ns: int, record: object) -> None:
         """Write one record as JSON; dataclasses, mappings, sequences and numbers are allowed."""
-        self._write(topic, t_ns, to_json(record), encoding="json")
+        self._note((LogWriter._put_text, topic, t_ns, to_json(record)))
 
-    def _write(self, topic: str, t_ns: int, data: bytes, *, encoding: str) -> None:
-        with self._lock:
-            if self._failure:
-                raise LogError(self._failure)
-            if self._stream.closed:
+    def _note(self, item: "_Item") -> None:
+        if self._failure:
+            raise LogError(self._failure)
+        if self._stream.closed:
+            return
+        self._items.append(item)
+        if len(self._items) > MOST_ITEMS:
+            self._wait_for_room()
+
+    def _wait_for_room(self) -> None:
+        while len(self._items) > MOST_ITEMS and self._thread.is_alive():
+            self._has_room.clear()
+            self._has_room.wait(WAKE_S)
+
+    def _wait_for_pictures(self) -> None:
+        while not self._picture_room.acquire(timeout=WAKE_S):
+            if not self._thread.is_alive():
                 return
-            try:
-                self._write_message(topic, t_ns, data, encoding)
-            except OSError as error:
-                raise self._give_up(error) from error
 
-    def _write_message(self, topic: str, t_ns: int, data: bytes, encoding: str) -> None:
+    def _note_event(self, t_ns: int, level: int, name: str, message: str) -> None:
+        data = views.log_view(self._wall_offset_ns + t_ns, level, name, message)
+        self._note((LogWriter._put_text, VIEW_LOG, t_ns, data))
+
+    def _run(self) -> None:
+        """Write what is noted until the log is closed; the body of the thread."""
+        try:
+            idle_s = 0.0
+            is_ending = False
+            while not is_ending:
+                is_ending = self._is_ending.wait(WAKE_S)
+                self._write_items()
+                # In time of the clock on the wall: what a caller that hangs has noted survives a kill, too.
+                idle_s += WAKE_S
+                if idle_s >= CHUNK_NS / NANOSECONDS_PER_SECOND:
+                    idle_s = 0.0
+                    self._file.flush()
+            self._write_payloads()
+            self._file.finish()
+        except OSError as error:
+            self._note_failure(error)
+        except Exception as error:  # noqa: BLE001 - the caller must get every error
+            self._note_failure(OSError(errno.EIO, str(error) or repr(error)))
+        self._items.clear()
+        self._has_room.set()
+
+    def _write_items(self) -> None:
+        items = self._items
+        for _ in range(len(items)):
+            put, name, t_ns, content = items.popleft()
+            put(self, name, t_ns, content)
+            if len(items) < MOST_ITEMS:
+                self._has_room.set()
+
+    def _put_received(self, device: str, t_ns: int, payload: bytes) -> None:
+        self._put_payload("received", device, t_ns, payload)
+
+    def _put_sent(self, device: str, t_ns: int, payload: bytes) -> None:
+        self._put_payload("sent", device, t_ns, payload)
+
+    def _put_unsent(self, device: str, t_ns: int, payload: bytes) -> None:
+        self._put_payload("unsent", device, t_ns, payload)
+
+    def _put_payload(self, kind: str, device: str, t_ns: int, payload: bytes) -> None:
+        text = f'{{"device":{quoted(device)},"kind":"{kind}","t_ns":{t_ns},"hex":"{payload.hex()}"}}'
+        if self._payload_characters + len(text) > MOST_PAYLOAD_CHARACTERS:
+            self._write_payloads()
+        self._payloads.append(text)
+        self._payload_characters += len(text)
+        self._payload_ns = max(self._payload_ns, t_ns)
+
+    def _write_payloads(self) -> None:
+        if self._payloads:
+            data = f'{{"payloads":[{",".join(self._payloads)}]}}'.encode()
+            self._payloads.clear()
+            self._payload_characters = 0
+            self._add(BYTES, self._payload_ns, data)
+            self._payload_ns = 0
+
+    def _put_text(self, topic: str, t_ns: int, data: bytes) -> None:
+        # A replay feeds what arrived before a cycle's other records.
+        self._write_payloads()
+        self._add(topic, t_ns, data)
+
+    def _put_samples(self, topic: str, t_ns: int, samples: Sequence[Sample]) -> None:
+        self._put_text(topic, t_ns, samples_text(samples))
+
+    def _put_estimate(self, topic: str, t_ns: int, output: StepOutput) -> None:
+        self._put_text(topic, t_ns, estimate_text(output))
+        self._put_pose(VIEW_POSE, t_ns, views.FRAME, output.estimate)
+        shown = (output.mode.value, output.reason)
+        if shown != self._shown:
+            self._shown = shown
+            level = views.WARNING if output.reason else views.INFORMATION
+            self._put_event(t_ns, level, "mode", ": ".join(filter(None, shown)))
+
+    def _put_truth(self, topic: str, t_ns: int, truth: TruePose) -> None:
+        self._put_text(topic, t_ns, truth_text(truth))
+        self._put_pose(VIEW_TRUE_POSE, t_ns, views.TRUE_FRAME, truth)
+
+    def _put_link(self, device: str, t_ns: int, change: LinkChange) -> None:
+        self._put_text(f"{LINK}{device}", t_ns, to_json(change))
+        word = "up" if change.up else "down"
+        self._put_event(t_ns, views.WARNING, device, f"link {word}: {change.reason}")
+
+    def _put_picture(self, device: str, t_ns: int, image: CameraImage) -> None:
+        record = picture_record(device, self._wall_offset_ns + t_ns, image)
+        self._put_text(f"{CAMERA}{device}", t_ns, to_json(record))
+        self._picture_room.release()
+
+    def _put_pose(self, topic: str, t_ns: int, frame: str, pose: TruePose) -> None:
+        if t_ns >= self._next_views_ns[topic]:
+            self._next_views_ns[topic] = t_ns + VIEW_PERIOD_NS
+            time_ns = self._wall_offset_ns + t_ns
+            self._add(topic, t_ns, views.pose_view(time_ns, frame, pose.x_m, pose.y_m, pose.yaw_rad))
+
+    def _put_event(self, t_ns: int, level: int, name: str, message: str) -> None:
+        self._add(VIEW_LOG, t_ns, views.log_view(self._wall_offset_ns + t_ns, level, name, message))
+
+    def _add(self, topic: str, t_ns: int, data: bytes) -> None:
         channel = self._channels.get(topic)
         if channel is None:
-            schema_id = self._schema_ids[encoding]
-            channel = self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
-        self._writer.add_message(channel, self._wall_offset_ns + t_ns, data, t_ns)
-        if t_ns >= self._next_flush_ns:
-            self._stream.flush()
-            self._next_flush_ns = t_ns + FLUSH_PERIOD_NS
+            schema = topic_schema(topic)
+            channel = self._channels[topic] = self._file.add_channel(topic, schema.name, schema.text)
+        self._file.add_message(channel, self._wall_offset_ns + t_ns, data)
+
+    def _note_failure(self, error: OSError) -> None:
+        if not self._failure:
+            self._failure = (
+                f"cannot write log {self._path}: {error.strerror}; make room, or choose another --out"
+            )
 
     def _give_up(self, error: OSError) -> LogError:
-        # Nothing more goes to the file: a whole record after half a one would be damage in the middle.
+        self._note_failure(error)
         with suppress(OSError):
             self._stream.close()
-        self._failure = f"cannot write log {self._path}: {error.strerror}; make room, or choose another --out"
         return LogError(self._failure)
+
+
+_Item: TypeAlias = tuple[Callable[[LogWriter, str, int, Any], None], str, int, Any]
+"""What writes it, the device or topic, the time in ns, and the content."""

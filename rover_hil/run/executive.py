@@ -9,7 +9,7 @@ from controllers.control_loop import StepOutput
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
 from drivers.driver import DeviceState
-from rover_hil.recording.schema import COMMAND, CYCLE, ESTIMATE, estimate_record, set_point_record
+from rover_hil.recording.schema import COMMAND, CYCLE, set_point_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
 from rover_hil.run.watchdog import Watchdog
@@ -151,7 +151,7 @@ class Executive:
         if self._watchdog is not None:
             self._watchdog.feed()
         self._log.samples(now_ns, samples)
-        self._log.write_json(ESTIMATE, now_ns, estimate_record(output))
+        self._log.estimate(output)
         self._log.write_json(COMMAND, sent.t_ns, set_point_record(sent))
         if self._on_cycle is not None:
             self._on_cycle(now_ns)

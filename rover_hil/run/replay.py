@@ -5,22 +5,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from pydantic_core import to_json
-
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.schema import (
-    COMMAND,
-    LINK_SHAPE,
-    SENT,
-    estimate_record,
-    samples_record,
-    set_point_record,
-)
+from rover_hil.recording.schema import COMMAND, LINK_SHAPE, SENT
+from rover_hil.recording.text import Texts
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
 
@@ -79,7 +71,7 @@ def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> Repl
     """
     rig, links = build_replay_rig(config, VirtualClock(log.start_ns), NoTap())
     rig.connect(timeout_s=0.0)
-    replayer = _Replayer(rig, links)
+    replayer = _Replayer(rig, links, log.texts)
     for message in _in_order(log.messages()):
         if replayer.take(message, log):
             on_cycle()
@@ -90,8 +82,9 @@ def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> Repl
 class _Replayer:
     """Collects the messages of one cycle, then runs it and compares."""
 
-    def __init__(self, rig: Rig, links: ReplayLinks) -> None:
+    def __init__(self, rig: Rig, links: ReplayLinks, texts: type[Texts]) -> None:
         self.result = ReplayResult()
+        self._texts = texts
         self._rig = rig
         self._links = links
         self._drive_link = links.bytes_links[rig.drive.name]
@@ -149,13 +142,13 @@ class _Replayer:
         rig.clock.sleep_until(t_ns)
         samples = rig.poll()
         output = rig.loop.step(t_ns, samples)
-        self._compare("samples", t_ns, samples_record(samples) or None)
-        self._compare("estimate", t_ns, estimate_record(output))
+        self._compare("samples", t_ns, self._texts.samples(samples))
+        self._compare("estimate", t_ns, self._texts.estimate(output))
         command = self._expected.get("command")
         if command is not None:
             recorded_sent = self._prepare_drive(command.t_ns)
             rig.clock.sleep_until(command.t_ns)
-            self._compare("command", t_ns, set_point_record(rig.drive.command(output.command)))
+            self._compare("command", t_ns, self._texts.command(rig.drive.command(output.command)))
             self._compare_sent(t_ns, recorded_sent, "sent bytes")
             self._has_commanded = True
         self._expected.clear()
@@ -179,13 +172,11 @@ class _Replayer:
             self._rig.drive.stop()
         return [message.data for message in due]
 
-    def _compare(self, topic: str, t_ns: int, replayed: object) -> None:
+    def _compare(self, topic: str, t_ns: int, replayed: bytes) -> None:
         expected = self._expected.get(topic)
-        recorded_json = b"null" if expected is None else expected.data
-        replayed_json = to_json(replayed)
-        if replayed_json != recorded_json:
+        if replayed != (b"" if expected is None else expected.data):
             recorded = None if expected is None else expected.json()
-            for name, was, now in _unequal_fields(topic, recorded, json.loads(replayed_json)):
+            for name, was, now in _unequal_fields(topic, recorded, json.loads(replayed or b"null")):
                 self.result.note(t_ns, name, was, now)
 
     def _compare_sent(self, t_ns: int, recorded: list[bytes], name: str) -> None:

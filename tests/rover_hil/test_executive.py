@@ -118,7 +118,12 @@ def test_when_the_log_cannot_be_written_all_wheels_are_stopped(
     def no_space(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    bench.before_sending({THIRD_CYCLE: lambda: monkeypatch.setattr(bench.log, "_write_message", no_space)})
+    def fill_disk() -> None:
+        monkeypatch.setattr(bench.log._file, "add_message", no_space)
+        bench.log.write_json("/any", 1, {})
+        bench.log._thread.join()
+
+    bench.before_sending({THIRD_CYCLE: fill_disk})
     with pytest.raises(LogError, match="No space left"):
         bench.executive.run(5.0)
     assert tuple(bench.identifiers()) == SET_POINTS * 6

@@ -1,5 +1,6 @@
 """Files of strangers: bounded memory and time, and one sentence that says what is wrong."""
 
+import base64
 import gzip
 import json
 import os
@@ -41,7 +42,12 @@ class RealLog:
 
     def __init__(self, path: Path) -> None:
         log = LogReader(path)
-        self.metadata = {"schema": "rover-hil-log/1", "start_ns": str(log.start_ns), "origin": log.origin}
+        self.metadata = {
+            "schema": "rover-hil-log/2",
+            "start_ns": str(log.start_ns),
+            "origin": log.origin,
+            "wall_offset_ns": "0",
+        }
         self.attachments = dict(log.attachments)
         self.messages = [(message.topic, message.t_ns, message.data) for message in log.messages()]
 
@@ -60,7 +66,7 @@ class RealLog:
             for name, data in (self.attachments if attachments is None else attachments).items():
                 writer.add_attachment(0, 0, name, "", data)
             channels: dict[str, int] = {}
-            for topic, t_ns, data in self.messages if messages is None else messages:
+            for topic, t_ns, data in map(as_stored, self.messages if messages is None else messages):
                 if topic not in channels:
                     channels[topic] = writer.register_channel(topic, "json", 0)
                 writer.add_message(channels[topic], t_ns, data, t_ns)
@@ -71,6 +77,19 @@ class RealLog:
         """Return the messages with one more in the middle."""
         half = len(self.messages) // 2
         return [*self.messages[:half], (topic, self.messages[half][1], data), *self.messages[half:]]
+
+
+def as_stored(message: Message) -> Message:
+    """Return a message as a log of version 2 holds it."""
+    topic, t_ns, data = message
+    kind, _, device = topic[1:].partition("/")
+    if kind in ("raw", "sent", "unsent"):
+        named = "received" if kind == "raw" else kind
+        payload = {"device": device, "kind": named, "t_ns": t_ns, "hex": data.hex()}
+        return "/bytes", t_ns, json.dumps({"payloads": [payload]}).encode()
+    if topic == "/health":
+        return topic, t_ns, b'{"devices":' + data + b"}"
+    return message
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +200,80 @@ def test_a_compressed_chunk_does_not_unpack_to_gigabytes(real: RealLog, tmp_path
     path.write_bytes(whole[:first] + struct.pack("<BQ", 6, len(content)) + content + whole[first:])
     with pytest.raises(LogError, match="more than 32 MB"):
         LogReader(path)
+
+
+def payload(**changes: object) -> bytes:
+    item = {"device": "board", "kind": "received", "t_ns": 10**9, "hex": "00", **changes}
+    return json.dumps({"payloads": [item]}).encode()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"{}",
+        b"[]",
+        b"",
+        DEEP,
+        b'{"payloads":[1,2]}',
+        payload(hex="0g"),
+        payload(hex="000"),
+        payload(kind="eaten"),
+        payload(t_ns=-1),
+        payload(t_ns=2**63),
+        payload(device=5),
+    ],
+)
+def test_wrong_payloads_are_a_damaged_log(real: RealLog, tmp_path: Path, data: bytes) -> None:
+    path = real.write(tmp_path / "bytes.mcap", real.with_message("/bytes", data))
+    with pytest.raises(LogError, match="damaged"):
+        list(LogReader(path).messages())
+
+
+def picture(content: bytes, **changes: object) -> bytes:
+    record = {
+        "timestamp": {"sec": 1, "nsec": 0},
+        "frame_id": "camera",
+        "data": base64.b64encode(content).decode(),
+        "format": "png",
+        "t_capture_ns": None,
+        **changes,
+    }
+    return json.dumps(record).encode()
+
+
+def png_head(side: int) -> bytes:
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", side, side) + bytes(100)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"{}",
+        b"[]",
+        picture(b"", data="not base64!"),
+        picture(b"", data=7),
+        picture(b"", t_capture_ns=2**63),
+        picture(png_head(30_000)),
+    ],
+)
+def test_a_wrong_picture_is_a_damaged_log(real: RealLog, tmp_path: Path, data: bytes) -> None:
+    path = real.write(tmp_path / "picture.mcap", real.with_message("/camera/board", data))
+    with pytest.raises(LogError, match="damaged"):
+        list(LogReader(path).messages())
+
+
+def test_pictures_do_not_unpack_to_gigabytes(real: RealLog, tmp_path: Path) -> None:
+    large = ("/camera/board", real.messages[-1][1], picture(png_head(8000)))
+    path = real.write(tmp_path / "pictures.mcap", [*real.messages, *[large] * 400])
+    with pytest.raises(LogError, match="its pictures hold more than 2000 pixels for each byte"):
+        list(LogReader(path).messages())
+
+
+@pytest.mark.parametrize("offset", ["", "x", "9" * 30])
+def test_a_clock_that_is_none_is_a_damaged_log(real: RealLog, tmp_path: Path, offset: str) -> None:
+    path = real.write(tmp_path / "offset.mcap", metadata={**real.metadata, "wall_offset_ns": offset})
+    with pytest.raises(LogError, match="damaged"):
+        list(LogReader(path).messages())
 
 
 @pytest.mark.parametrize("length", [2**31, 2**63, 2**64 - 1])

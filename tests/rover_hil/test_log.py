@@ -1,14 +1,23 @@
 """The log: what goes in comes out, in order, also when the file was cut off; damage is noticed."""
 
+import errno
+import json
+import os
+from itertools import count
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
+from drivers.camera.images import decode_jpeg
+from drivers.clock import SystemClock
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, Received
 from drivers.samples import FrameSample, PowerSample
-from rover_hil.recording.images import decode_image, encode_image
+from rover_hil.recording.chunked_file import CHUNK_NS
+from rover_hil.recording.images import decode_image, picture_payload, picture_record
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.recording.writer import LogWriter
 
@@ -70,7 +79,8 @@ def test_link_changes_and_images_come_back(tmp_path: Path) -> None:
 def test_an_image_without_pixels_and_a_grey_one_survive() -> None:
     for shape in ((0, 0), (4, 5), (4, 5, 3)):
         pixels = np.arange(np.prod(shape), dtype=np.uint8).reshape(shape)
-        image = decode_image(encode_image(CameraImage(pixels, 5)))
+        record = picture_record("camera", START_NS, CameraImage(pixels, 5))
+        image = decode_image(picture_payload(record))
         assert np.array_equal(image.image, pixels)
         assert image.t_capture_ns == 5
 
@@ -107,55 +117,146 @@ def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_a_full_disk_is_said_so_at_every_write_from_then_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+NO_SPACE = r"cannot write log .*run\.mcap: No space left on device; make room, or choose another --out"
+
+
+def test_a_disk_that_is_full_at_the_start_is_said_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full_disk = Path("/dev/full").open("wb")  # noqa: SIM115 - the writer closes it
     monkeypatch.setattr(Path, "open", lambda *_: full_disk)
-    log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
-    words = r"cannot write log .*run\.mcap: No space left on device; make room, or choose another --out"
-    with pytest.raises(LogError, match=words):
-        log.sent("board", START_NS, b"x" * 100_000, delivered=True)
-    with pytest.raises(LogError, match=words):
+    with pytest.raises(LogError, match=NO_SPACE):
+        LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
+    assert full_disk.closed
+
+
+class DiskOf:
+    """A file on a disk with room for so many bytes."""
+
+    def __init__(self, path: Path, room_bytes: int) -> None:
+        self._file = path.open("wb")
+        self._room_bytes = room_bytes
+
+    def write(self, data: bytes) -> int:
+        self._room_bytes -= len(data)
+        if self._room_bytes < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return self._file.write(data)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._file, name)
+
+
+def test_a_disk_that_fills_up_is_said_so_at_every_write_from_then_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.mcap"
+    disk = DiskOf(path, 3000)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", lambda *_: disk)
+        log = LogWriter(path, START_NS, CONFIG, {}, "virtual")
+    noise = np.random.default_rng(1)
+
+    def fill() -> None:
+        for written in count():
+            log.write_json("/noise", START_NS + written * 10**9, {"hex": noise.bytes(1000).hex()})
+
+    with pytest.raises(LogError, match=NO_SPACE):
+        fill()
+    with pytest.raises(LogError, match=NO_SPACE):
         log.write_json("/cycle", START_NS, {})
     log.close()
-    assert full_disk.closed
+    kept, messages = read_all(path)
+    assert messages
+    assert not kept.is_complete
 
 
 def test_a_disk_that_is_full_at_the_end_is_said_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    full_disk = Path("/dev/full").open("wb")  # noqa: SIM115 - the writer closes it
-    monkeypatch.setattr(Path, "open", lambda *_: full_disk)
-    log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
-    with pytest.raises(LogError, match="No space left on device"):
+    path = tmp_path / "run.mcap"
+    disk = DiskOf(path, 2000)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", lambda *_: disk)
+        log = LogWriter(path, START_NS, CONFIG, {}, "virtual")
+    log.write_json("/cycle", START_NS, {"noise": np.random.default_rng(1).bytes(2000).hex()})
+    with pytest.raises(LogError, match=NO_SPACE):
         log.close()
     log.close()
-    assert full_disk.closed
 
 
-def test_cut_off_anywhere_it_opens_and_holds_every_whole_message_before_the_cut(tmp_path: Path) -> None:
-    whole = write_log(tmp_path / "run.mcap").read_bytes()
-    _, all_messages = read_all(tmp_path / "run.mcap")
+def test_cut_off_anywhere_it_opens_and_holds_every_chunk_before_the_cut(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, START_NS, CONFIG, {}, "virtual") as log:
+        for index in range(6):
+            log.write_json("/cycle", START_NS + index * CHUNK_NS, {"index": index})
+    whole = path.read_bytes()
+    _, all_messages = read_all(path)
     cut_path = tmp_path / "cut.mcap"
     counts = []
-    for length in range(whole.index(b"/raw/board"), len(whole)):
+    for length in range(whole.index(b"zstd"), len(whole), 7):
         cut_path.write_bytes(whole[:length])
-        log, messages = read_all(cut_path)
+        log_cut, messages = read_all(cut_path)
         assert messages == all_messages[: len(messages)]
-        assert len(messages) == len(all_messages) or not log.is_complete
+        assert len(messages) == len(all_messages) or not log_cut.is_complete
         counts.append(len(messages))
     assert counts == sorted(counts)
-    assert counts[0] == 0
-    assert counts[-1] == len(all_messages)
+    assert set(counts) == set(range(7))
+
+
+def test_what_a_caller_that_hangs_has_noted_is_in_the_file_within_a_second(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path, START_NS, CONFIG, {}, "virtual")
+    log.write_json("/cycle", START_NS, {"index": 1})
+    clock = SystemClock()
+    limit_ns = clock.now_ns() + 60 * 10**9
+    while not list(LogReader(path).messages()) and clock.now_ns() < limit_ns:
+        clock.sleep_until(clock.now_ns() + 10**7)
+    _, messages = read_all(path)
+    assert [message.topic for message in messages] == ["/cycle"]
+    log.close()
 
 
 def test_every_flipped_byte_of_a_message_is_noticed(tmp_path: Path) -> None:
     whole = bytearray(write_log(tmp_path / "run.mcap", messages=3).read_bytes())
-    place = whole.index(b'{"index":1')
-    whole[place + 3] ^= 0x20
+    whole[whole.index(b"zstd") + 40] ^= 0x20
     path = tmp_path / "flipped.mcap"
     path.write_bytes(whole)
-    with pytest.raises(LogError, match="checksum"):
+    with pytest.raises(LogError, match=r"checksum|cannot be unpacked"):
         read_all(path)
+
+
+def test_other_programs_find_named_fields_and_the_index(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "run.mcap")
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.chunk_count == len(summary.chunk_indexes) == 1
+        assert {schema.encoding for schema in summary.schemas.values()} == {"jsonschema"}
+        rows = [
+            (channel.topic, schema.name, json.loads(message.data))
+            for schema, channel, message in reader.iter_messages(["/bytes", "/cycle"])
+            if schema is not None
+        ]
+        assert summary.statistics.message_count == len(rows)
+        assert next(attachment.name for attachment in reader.iter_attachments()) == "config.json"
+    assert rows[0][:2] == ("/bytes", "rover_hil.Bytes")
+    assert rows[0][2]["payloads"][0] == {"device": "board", "kind": "received", "t_ns": START_NS, "hex": "00"}
+    assert rows[1] == ("/cycle", "rover_hil.Cycle", {"index": 0, "value": 0.1})
+
+
+def test_a_camera_that_sends_jpeg_is_kept_as_it_sent(tmp_path: Path) -> None:
+    generator = np.random.default_rng(3)
+    pixels = cv2.GaussianBlur(generator.integers(0, 255, (48, 64, 3), dtype=np.uint8), (5, 5), 2.0)
+    sent = cv2.imencode(".jpg", pixels)[1].tobytes()
+    damaged = sent[: len(sent) // 2]
+    with LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual") as log:
+        log.received("camera", Received(START_NS, CameraImage(decode_jpeg(sent), 7, sent)))
+        log.received("camera", Received(START_NS, CameraImage(decode_jpeg(damaged), 8, damaged)))
+    _, messages = read_all(tmp_path / "run.mcap")
+    whole, cut = (decode_image(message.data) for message in messages)
+    assert whole.jpeg == sent
+    assert np.array_equal(whole.image, decode_jpeg(sent))
+    assert cut.jpeg == damaged
+    assert cut.image.size == 0
 
 
 def test_random_damage_never_escapes_as_another_exception(tmp_path: Path) -> None:

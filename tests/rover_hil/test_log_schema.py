@@ -1,7 +1,8 @@
 """The records of a log: their names stay when the controllers rename things, and old logs stay readable."""
 
 import json
-from dataclasses import fields
+import math
+from dataclasses import fields, replace
 from pathlib import Path
 
 from pydantic_core import to_json
@@ -20,6 +21,7 @@ from controllers.slip.scomp.compensator import ScompReport, TraceReading
 from drivers.samples import PoseFixSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.datasets.log import read_drive
+from rover_hil.recording.json_schema import topic_schema
 from rover_hil.recording.schema import (
     ESTIMATE_SHAPE,
     EstimateRecord,
@@ -28,6 +30,7 @@ from rover_hil.recording.schema import (
     samples_record,
     set_point_record,
 )
+from rover_hil.recording.text import estimate_text
 from rover_hil.recording.writer import LogWriter
 
 OUTPUT = StepOutput(
@@ -101,15 +104,52 @@ RECORD = (
 )
 
 
-def test_a_cycle_is_written_under_the_names_of_version_1() -> None:
+def test_a_cycle_of_version_1_has_all_digits() -> None:
     assert to_json(estimate_record(OUTPUT)) == RECORD
     assert to_json(ESTIMATE_SHAPE.validate_json(RECORD)) == RECORD
+
+
+def test_a_cycle_is_written_with_the_digits_of_its_sensors_and_a_checksum() -> None:
+    record = json.loads(estimate_text(OUTPUT))
+    older = json.loads(RECORD)
+    older["estimate"]["yaw_rad"] = 0.3
+    checksum = record.pop("exact")
+    assert record == older
+    changed = replace(OUTPUT, estimate=replace(OUTPUT.estimate, yaw_rad=0.3))
+    assert json.loads(estimate_text(changed))["exact"] != checksum
+    assert ESTIMATE_SHAPE.validate_json(estimate_text(OUTPUT))["exact"] == checksum
+
+
+def test_numbers_that_are_not_finite_are_spelled_as_json_parsers_do() -> None:
+    reason = "inf, nan"
+    odd = replace(OUTPUT, reason=reason, odometry=Pose(x_m=math.nan, y_m=-math.inf, yaw_rad=math.inf))
+    record = json.loads(estimate_text(odd))
+    assert math.isnan(record["odometry"]["x_m"])
+    assert (record["odometry"]["y_m"], record["odometry"]["yaw_rad"]) == (-math.inf, math.inf)
+    assert record["reason"] == reason
+
+
+def test_every_topic_has_a_schema_that_simple_readers_understand() -> None:
+    topics = ["/estimate", "/samples", "/command", "/truth", "/health", "/bytes", "/cycle", "/end", "/link/x"]
+    for topic in [*topics, "/camera/x", "/watchdog", "/view/pose", "/view/path", "/view/log", "/other"]:
+        _check_types(json.loads(topic_schema(topic).text))
+    estimate = json.loads(topic_schema("/estimate").text)["properties"]
+    assert set(estimate) == set(EstimateRecord.__annotations__)
+    assert estimate["estimate"]["properties"]["x_m"] == {"type": "number", "description": "m"}
+
+
+def _check_types(schema: dict[str, object]) -> None:
+    assert schema["type"] in ("object", "array", "string", "number", "integer", "boolean")
+    for inner in schema.get("properties", {}).values():  # type: ignore[attr-defined]
+        _check_types(inner)
+    if schema["type"] == "array":
+        _check_types(schema["items"])  # type: ignore[arg-type]
 
 
 def test_nothing_that_a_cycle_computes_is_left_out() -> None:
     names = {"scomp": "drift"}.get
     keys = {names(field.name, field.name) for field in fields(StepOutput)}
-    assert keys == set(EstimateRecord.__annotations__)
+    assert keys | {"exact"} == set(EstimateRecord.__annotations__)
 
 
 def test_a_cycle_of_an_older_log_is_read() -> None:

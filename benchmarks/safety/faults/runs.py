@@ -11,7 +11,7 @@ from benchmarks.safety.faults.injection import Window, inject
 from drivers.clock import VirtualClock, nanoseconds
 from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.schema import END, TRUTH, end_record, truth_record
+from rover_hil.recording.schema import END, end_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import Executive, RunResult
@@ -116,7 +116,7 @@ def run_case(case: Case, path: Path, watched_s: float = WATCHED_S) -> tuple[RunR
         resources.enter_context(closing(rig))
 
         def on_cycle(now_ns: int) -> None:
-            log.write_json(TRUTH, now_ns, truth_record(world.plant.truth()))
+            log.truth(now_ns, world.plant.truth())
             timer.watch(now_ns)
 
         executive = Executive(rig, log, config.loop.rate_hz, on_cycle=on_cycle)
