@@ -4,7 +4,7 @@
 
 One virtual run notes everything that a log gets. Both writers then take the same calls, in turns. Time is
 that of the processor, of the loop's thread and of all threads. With `--camera` a camera of 640 x 480 pixels
-at 5 Hz (MJPG) is added: pictures of the simulated trace as JPEG of quality 90.
+at 5 Hz (MJPG) is added: photographs of ground as JPEG of quality 90.
 """
 
 import argparse
@@ -44,6 +44,7 @@ BAR_CAMERA_GB_PER_HOUR = 1.5
 DRIVEN_S = 45.0
 CAMERA_HZ = 5
 JPEG_QUALITY = 90
+PHOTOGRAPHS = Path(__file__).parents[2] / "sim_backends" / "rear_scene" / "photographs"
 
 AnyWriter: TypeAlias = LogWriter | log_1_writer.LogWriter
 Call: TypeAlias = Callable[[AnyWriter], None]
@@ -112,18 +113,17 @@ def drive(*, with_camera: bool) -> tuple[list[Call], int, int]:
 
 
 def jpeg_pictures() -> list[CameraImage]:
-    """Return pictures of sand as a camera with MJPG sends them."""
+    """Return photographs of ground, shifted from frame to frame, as a camera with MJPG sends them."""
     import cv2
     import numpy as np
 
-    generator = np.random.default_rng(1)
     found = []
-    for _ in range(16):
-        coarse = generator.normal(120, 35, (120, 160, 3))
-        image = cv2.resize(coarse, (640, 480)) + generator.normal(0, 6, (480, 640, 3))
-        pixels = np.clip(image, 0, 255).astype(np.uint8)
-        data = cv2.imencode(".jpg", pixels, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()
-        found.append(CameraImage(pixels, None, data))
+    for path in sorted(PHOTOGRAPHS.glob("*.png"))[:4]:
+        photograph = cv2.resize(cv2.imread(str(path), cv2.IMREAD_COLOR), (900, 700))
+        for shift in range(0, 160, 40):
+            pixels = np.ascontiguousarray(photograph[shift : shift + 480, shift : shift + 640], np.uint8)
+            data = cv2.imencode(".jpg", pixels, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()
+            found.append(CameraImage(pixels, None, data))
     return found
 
 

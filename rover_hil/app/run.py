@@ -13,6 +13,7 @@ from rich.live import Live
 from rich.text import Text
 
 from controllers.control_loop import StepOutput
+from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
@@ -137,6 +138,7 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
             rig.connect(CONNECT_TIMEOUT_S)
             resources.enter_context(closing(rig))
             executive = Executive(rig, log, config.loop.rate_hz, on_cycle=record_truth, on_status=show)
+        _note_path(log, config, clock.now_ns())
         return _execute(executive, log, limit_s)
 
 
@@ -169,6 +171,7 @@ def run_real(
                 log.watchdog,
             )
             executive = Executive(rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog)
+        _note_path(log, config, clock.now_ns())
         gc.collect()
         gc.freeze()  # what start-up made need not be looked at again in every collection
         watchdog.start()
@@ -186,6 +189,11 @@ def _open_log(part: Path, path: Path, config: Config, start_ns: int, origin: str
         return LogWriter(part, start_ns, config_json, data_files, origin, final_path=path)
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}; choose another --out") from error
+
+
+def _note_path(log: LogWriter, config: Config, t_ns: int) -> None:
+    if config.mission is not None:
+        log.path(t_ns, corner_points(config.mission))
 
 
 def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:

@@ -1,7 +1,7 @@
 """An MCAP file in compressed chunks with an index, each closed when the caller wants.
 
-Layout according to the specification of MCAP, version 0: https://mcap.dev/spec. The library's own writer closes
-a chunk only when it is full, so that a killed run would lose it.
+Layout according to the specification of MCAP, version 0: https://mcap.dev/spec. The library's own writer
+closes a chunk only when it is full, so that a killed run would lose it.
 """
 
 import io
@@ -37,8 +37,8 @@ CHUNK_NS = 7 * NANOSECONDS_PER_SECOND // 10
 CHUNK_BYTES = 2**20
 """A chunk is closed before it is larger, unless one message is."""
 COMPRESSION = "zstd"
-# Fitted on logs of the shipped Robotino: 15 % smaller than level 3 at half its time. Numbers in text have many
-# short matches that cost more than they save, so that only longer ones are used.
+# Fitted on logs of the shipped Robotino: 15 % smaller than level 3 in about the same time. Numbers in text
+# have many short matches that cost more than they save, so that only longer ones are used.
 PARAMETERS = zstandard.ZstdCompressionParameters(
     window_log=20, chain_log=17, hash_log=17, search_log=4, min_match=6, strategy=zstandard.STRATEGY_LAZY2
 )
@@ -256,4 +256,5 @@ class ChunkedFile:
 def _encode(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()
+    content: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return content

@@ -142,7 +142,7 @@ def _encoder(kind: object, number: str) -> tuple[str, Encode | None]:
     if kind is bool:
         return "%s", _TRUTH_VALUES.__getitem__  # type: ignore[return-value]
     if isinstance(kind, type) and issubclass(kind, str):
-        return "%s", quoted  # type: ignore[return-value]
+        return "%s", quoted
     if get_origin(kind) in (Union, UnionType):
         (inner,) = (option for option in get_args(kind) if option is not NoneType)
         return "%s", _optional(*_encoder(inner, number))
@@ -195,13 +195,18 @@ def _record(shape: object, number: str) -> Encode:
 
 def _kinds(shape: object) -> Mapping[str, object]:
     hints = get_type_hints(shape)
-    names = [field.name for field in fields(shape)] if is_dataclass(shape) else list(hints)  # type: ignore[arg-type]
+    names = [field.name for field in fields(shape)] if is_dataclass(shape) else list(hints)
     return {name: hints[name] for name in names if name not in ONLY_WRITTEN}
 
 
-@cache
+_sample_encoders: dict[str, Encode] = {}
+
+
 def _sample_encoder(kind: type[Sample]) -> Encode:
-    return _record(kind, SAMPLE_DECIMALS)
+    encoder = _sample_encoders.get(kind.__name__)
+    if encoder is None:
+        encoder = _sample_encoders[kind.__name__] = _record(kind, SAMPLE_DECIMALS)
+    return encoder
 
 
 _estimate = _record(EstimateRecord, DECIMALS)

@@ -24,9 +24,9 @@ def pose_view(time_ns: int, frame: str, x_m: float, y_m: float, yaw_rad: float) 
     """Return a `foxglove.PoseInFrame` of a pose on the plane."""
     seconds, nanoseconds = divmod(time_ns, NANOSECONDS_PER_SECOND)
     return (
-        '{"timestamp":{"sec":%d,"nsec":%d},"frame_id":"%s","pose":{"position":{"x":%.4f,"y":%.4f,"z":0},'
-        '"orientation":{"x":0,"y":0,"z":%.5f,"w":%.5f}}}'
-        % (seconds, nanoseconds, frame, x_m, y_m, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
+        f'{{"timestamp":{{"sec":{seconds},"nsec":{nanoseconds}}},"frame_id":"{frame}","pose":{{'
+        f'"position":{{"x":{x_m:.4f},"y":{y_m:.4f},"z":0}},'
+        f'"orientation":{{"x":0,"y":0,"z":{math.sin(yaw_rad / 2):.5f},"w":{math.cos(yaw_rad / 2):.5f}}}}}}}'
     ).encode()
 
 

@@ -50,7 +50,7 @@ WAKE_S = 0.02
 """The log's thread wakes this often; work in small portions never keeps the loop waiting."""
 MOST_ITEMS = 20_000
 MOST_PICTURES = 64
-"""When more records or pictures wait to be written, the loop waits too: the disk has hung for many seconds."""
+"""When more records or pictures wait to be written, the loop waits too: the disk has hung for long."""
 MOST_PAYLOAD_CHARACTERS = 500_000
 """Of one record; a record of a log has a limit."""
 
@@ -77,8 +77,8 @@ class TruePose(Protocol):
 class LogWriter:
     """A log being written; also the tap that sees raw data before it is parsed.
 
-    When the file cannot be written, every method that writes raises LogError within a second and from then on:
-    a run must not go on without its log. What was written before can be read as after a crash.
+    When the file cannot be written, every method that writes raises LogError within a second and from then
+    on: a run must not go on without its log. What was written before can be read as after a crash.
 
     Args:
         path: The file; must not exist.
