@@ -119,7 +119,9 @@ def jpeg_pictures() -> list[CameraImage]:
 
     found = []
     for path in sorted(PHOTOGRAPHS.glob("*.png"))[:4]:
-        photograph = cv2.resize(cv2.imread(str(path), cv2.IMREAD_COLOR), (900, 700))
+        read = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        assert read is not None
+        photograph = cv2.resize(read, (900, 700))
         for shift in range(0, 160, 40):
             pixels = np.ascontiguousarray(photograph[shift : shift + 480, shift : shift + 640], np.uint8)
             data = cv2.imencode(".jpg", pixels, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()

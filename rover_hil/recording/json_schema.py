@@ -90,18 +90,8 @@ def _with_unit(name: str, shape: dict[str, object]) -> dict[str, object]:
 
 _SAMPLES = {
     kind.__name__: {"type": "array", "items": _schema_of(kind)}
-    for kind in (
-        samples.WheelSample,
-        samples.PowerSample,
-        samples.BumperSample,
-        samples.HeadingSample,
-        samples.AttitudeSample,
-        samples.RateSample,
-        samples.AccelerationSample,
-        samples.PoseFixSample,
-        samples.FaultSample,
-        samples.LinkSample,
-    )
+    for kind in vars(samples).values()
+    if isinstance(kind, type) and issubclass(kind, samples.Sample) and kind is not samples.FrameSample
 }
 _FRAME = {
     "device": {"type": "string"},
