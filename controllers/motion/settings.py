@@ -91,18 +91,20 @@ class SmallTurnsMission(PathSettings):
 
 
 class WholeTurnsMission(PathSettings):
-    """Whole turns on the spot, first counter-clockwise and then as many back: calibrates compass and gyro.
+    """Whole turns on the spot, first counter-clockwise and then as many back: calibrates compass and wheels.
 
     Attributes:
         turns: Turns in each sense.
         turn_rate_rad_s: Yaw rate.
         rest_s: Rest before the turns, between the two senses, and after them.
+        senses: `left` turns counter-clockwise only, `right` clockwise only.
     """
 
     type: Literal["whole_turns"]
     turns: Annotated[int, Field(ge=1, le=50)] = 3
     turn_rate_rad_s: Annotated[float, Field(ge=0.05, le=2.0)] = 0.4
     rest_s: Annotated[float, Field(ge=0.5, le=60.0)] = 2.0
+    senses: Literal["both", "left", "right"] = "both"
 
 
 MissionSettings: TypeAlias = Annotated[

@@ -29,7 +29,9 @@ class WholeTurns:
         if not turns_on_spot:
             raise ConfigError(NO_TURN_ON_SPOT)
         self._mission = mission
-        self._targets_rad = [math.tau * mission.turns, 0.0]
+        turned_rad = math.tau * mission.turns
+        targets_rad = {"both": [turned_rad, 0.0], "left": [turned_rad], "right": [-turned_rad]}
+        self._targets_rad = targets_rad[mission.senses]
         self._turned_rad = 0.0
         self._yaw_rad: float | None = None
         self._rest_until_s = 0.0

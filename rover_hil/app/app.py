@@ -595,6 +595,64 @@ def calibrate_compass(
     )
 
 
+@calibrate_app.command("wheels")
+def calibrate_wheels(
+    config: ConfigArgument,
+    out: Annotated[Path, out_option("File to write, TOML; page and logs beside it have its name.")],
+    line: Annotated[
+        list[str] | None,
+        typer.Option(help="A straight drive of known distance from start to end, LOG=METRES; repeat it."),
+    ] = None,
+    spin: Annotated[
+        list[str] | None,
+        typer.Option(help="Turns on the spot, LOG=TURNS, counter-clockwise positive; repeat it."),
+    ] = None,
+    virtual: Annotated[bool, typer.Option("--virtual", help="Drive the simulated rover.")] = False,
+    length: Annotated[float, number_option("Length of a straight drive, m.", "m", 0.5, 50.0)] = 2.0,
+    turns: Annotated[int, number_option("Turns of a drive on the spot.", "turns", 1, 50)] = 3,
+    tape_sd: Annotated[
+        float, number_option("Accuracy of a known distance, standard deviation, m.", "m", 0.0001, 1.0)
+    ] = 0.005,
+    turn_sd: Annotated[
+        float, number_option("Accuracy of a known turn, standard deviation, deg.", "deg", 0.01, 45.0)
+    ] = 2.0,
+    enter: Annotated[
+        bool, typer.Option("--enter", help="Enter the values into the configuration; comments stay.")
+    ] = False,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Fit radius and base of the wheels to known distances and known turns, with intervals.
+
+    Without --line and --spin the rover drives two lines and turns on the spot in both senses; after each
+    drive the command asks for the measured distance, or the turns. The page with the picture is written
+    before the file. Exit code 1: a factor is not sure, or implausible; the file is not written.
+
+    Example: `rover-hil calibrate wheels robotino --virtual --out wheels.toml`
+
+    Data: drives of your rover and a tape measure, or logs of such drives;
+    docs/how-to/calibrate_the_wheels.md.
+    """
+    from rover_hil.app.calibrate_wheels import calibrate_wheels as calibrate
+
+    sys.exit(
+        calibrate(
+            config,
+            lines=line or [],
+            spins=spin or [],
+            virtual=virtual,
+            length_m=length,
+            turns=turns,
+            tape_sd_m=tape_sd,
+            turn_sd_deg=turn_sd,
+            out=out,
+            enter=enter,
+            as_json=as_json,
+            force=force,
+        )
+    )
+
+
 import_app = typer.Typer(cls=Group, help="Turn measured data of others into logs.")
 app.add_typer(import_app, name="import")
 

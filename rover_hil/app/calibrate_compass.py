@@ -29,7 +29,7 @@ from rover_hil.identify.compass.coverage import Coverage
 from rover_hil.identify.compass.figures import draw_deviation, draw_errors, draw_field
 from rover_hil.identify.compass.fit import CompassFit, fit_compass
 from rover_hil.identify.compass.parameters import COMPASS_FIT
-from rover_hil.identify.compass.record import CompassRecord, compass_of, read_record
+from rover_hil.identify.compass.record import CompassRecord, CompassSettings, compass_of, read_record
 from rover_hil.pages.atomic_write import check_file, unfinished, write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
@@ -232,7 +232,10 @@ def turning_config(config: Config, device: str, turns: int) -> Config:
                 "faults": tuple(fault for fault in simulation.faults if fault.device in kept),
             }
         )
-    devices = {**kept, device: kept[device].model_copy(update={"calibration": None})}
+    settings = kept[device]
+    if isinstance(settings, CompassSettings):
+        settings = settings.model_copy(update={"calibration": None})
+    devices = {**kept, device: settings}
     changes = {"mission": mission, "slip": None, "scomp": None, "roles": roles, "loop": loop}
     return config.model_copy(update={**changes, "devices": devices, "simulation": simulation})
 

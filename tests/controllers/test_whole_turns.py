@@ -28,6 +28,19 @@ def test_the_rover_turns_there_and_back_and_rests_in_between() -> None:
     assert sum(rests) * STEP_S == pytest.approx(3.0, abs=0.2)
 
 
+@pytest.mark.parametrize(("senses", "expected"), [("left", math.tau), ("right", -math.tau)])
+def test_one_sense_only(senses: str, expected: float) -> None:
+    mission = WholeTurnsMission.model_validate(
+        {"type": "whole_turns", "turns": 1, "turn_rate_rad_s": 0.8, "rest_s": 0.5, "senses": senses}
+    )
+    turns, yaw, t_s = WholeTurns(mission), 0.0, 0.0
+    while not (guidance := turns.guide(Pose(yaw_rad=wrap_angle(yaw)), t_s)).finished:
+        yaw += guidance.yaw_rate_rad_s * STEP_S
+        t_s += STEP_S
+        assert t_s < 60.0
+    assert yaw == pytest.approx(expected, abs=0.03)
+
+
 def test_a_rover_that_cannot_turn_on_the_spot_is_refused() -> None:
     with pytest.raises(ConfigError, match="turns on the spot"):
         WholeTurns(WholeTurnsMission(type="whole_turns"), turns_on_spot=False)

@@ -1,0 +1,58 @@
+"""Questions to the user on the terminal; answers come from the standard input, also from a file."""
+
+import sys
+
+from drivers.errors import ConfigError
+
+
+def ask(question: str, default: str = "") -> str:
+    """Return the answer to a question; the default for an empty line.
+
+    Raises:
+        ConfigError: The input has ended.
+    """
+    shown = f" [{default}]" if default else ""
+    sys.stderr.write(f"{question}{shown}: ")
+    sys.stderr.flush()
+    line = sys.stdin.readline()
+    if not line:
+        raise ConfigError(f"the question '{question}' got no answer: run the command in a terminal")
+    if not sys.stdin.isatty():
+        sys.stderr.write(f"{line.strip()}\n")
+    return line.strip() or default
+
+
+def ask_yes(question: str, *, default: bool) -> bool:
+    """Return whether the user agrees; asks again until the answer is yes or no."""
+    while True:
+        answer = ask(f"{question} (yes/no)", "yes" if default else "no").lower()
+        if answer in ("y", "yes", "n", "no"):
+            return answer.startswith("y")
+        _again("answer yes or no")
+
+
+def ask_number(question: str, lower: float, upper: float, default: float | None = None) -> float:
+    """Return a number within the limits; asks again until there is one."""
+    while True:
+        answer = ask(question, "" if default is None else f"{default:g}")
+        try:
+            value = float(answer)
+        except ValueError:
+            _again(f"'{answer}' is not a number: use a point, like 0.04")
+            continue
+        if lower <= value <= upper:
+            return value
+        _again(f"{value:g} is outside {lower:g} .. {upper:g}: correct it")
+
+
+def ask_choice(question: str, choices: tuple[str, ...], default: str) -> str:
+    """Return one of the choices; asks again until it is one."""
+    while True:
+        answer = ask(f"{question} ({', '.join(choices)})", default)
+        if answer in choices:
+            return answer
+        _again(f"'{answer}' is none of them")
+
+
+def _again(words: str) -> None:
+    sys.stderr.write(f"  {words}\n")
