@@ -1,6 +1,7 @@
 """`rover-hil calibrate wheels`: radius and base of a rover whose configuration is wrong about them."""
 
 import json
+import math
 import tomllib
 from pathlib import Path
 
@@ -8,40 +9,92 @@ import numpy as np
 import pytest
 
 from controllers.motion.rover_geometry import SkidSteerRoverSettings, WheelsRoverSettings
+from controllers.motion.settings import LineMission, WholeTurnsMission
+from rover_hil.app import calibrate_wheels
 from rover_hil.app.ask import ask_number, ask_yes
-from rover_hil.config import load_config, read_config_text
+from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.identify.wheels.fit import fit_factor, proposal
+from rover_hil.recording.schema import ESTIMATE, TRUTH
+from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.command import Command, assert_one_sentence
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 
 
-def test_wrong_geometry_is_found_on_the_simulated_rover(command: Command, tmp_path: Path) -> None:
-    text = read_config_text("robotino").replace("wheel_radius_m = 0.040", "wheel_radius_m = 0.042")
-    text = text.replace("base_radius_m = 0.125", "base_radius_m = 0.120")
-    (tmp_path / "rover.toml").write_text(text, "utf-8")
-    command_line = "calibrate wheels rover.toml --virtual --out wheels.toml --length 0.8 --turns 1 --enter"
-    assert command(*command_line.split()) == 0
-    found = tomllib.loads((tmp_path / "wheels.toml").read_text("utf-8"))["rover"]
-    assert found["wheel_radius_m"] == pytest.approx(0.040, rel=0.01)
-    assert found["base_radius_m"] == pytest.approx(0.125, rel=0.015)
-    rover = load_config("rover.toml").rover
-    assert rover.model_dump(include={"wheel_radius_m", "base_radius_m"}) == found
-    assert (tmp_path / "wheels.html").is_file()
-    # The same logs again, as a user names them.
-    logs = ["--line", "wheels-line1.mcap=0.762", "--spin", "wheels-spin2.mcap=-1.0"]
-    assert command("calibrate", "wheels", "rover.toml", "--out", "again.toml", *logs, "--json") == 0
-    assert json.loads(command.out)["rover"]["wheel_radius_m"] == pytest.approx(0.040, rel=0.02)
-    assert (
-        command("calibrate", "wheels", "rover.toml", "--out", "double.toml", "--line", "wheels-line1.mcap=2")
-        == 1
+TRUE_RADIUS_M, TRUE_BASE_M = 0.040, 0.125
+WRONG_RADIUS_M, WRONG_BASE_M = 0.042, 0.120
+START_NS = 1_000_000_000
+
+
+def write_drive(path: Path, config: Config, true_m: float, true_turns: float) -> None:
+    """Write the odometry of a rover whose configuration is wrong, and the truth."""
+    steps = 60
+    with LogWriter(path, START_NS, config.model_dump_json(by_alias=True).encode(), {}, "virtual") as log:
+        for step in range(steps + 1):
+            t_ns, share = START_NS + step * 100_000_000, step / steps
+            x_m, yaw_rad = true_m * share, math.tau * true_turns * share
+            turned_rad = yaw_rad * WRONG_RADIUS_M / TRUE_RADIUS_M * TRUE_BASE_M / WRONG_BASE_M
+            rolled_m = x_m * WRONG_RADIUS_M / TRUE_RADIUS_M
+            pose = {"x_m": rolled_m, "y_m": 0.0, "yaw_rad": math.remainder(turned_rad, math.tau)}
+            velocity = {"velocity_x_m_s": 0.0, "velocity_y_m_s": 0.0, "yaw_rate_rad_s": 0.0}
+            estimate = {"t_ns": t_ns, **pose, **velocity, "gyro_bias_rad_s": 0.0, "covariance": [0.0] * 6}
+            command = {"t_ns": t_ns, "expires_ns": t_ns, "speed_rad_s": [0.0] * 3}
+            record = {
+                "t_ns": t_ns, "mode": "running", "reason": "", "odometry": pose, "odometry_rebases": 0,
+                "estimate": {**estimate, "yaw_source": "gyro"}, "innovations": [], "command": command,
+                "limit": "", "cross_track_m": None,
+            }  # fmt: skip
+            log.write_json(ESTIMATE, t_ns, record)
+            log.write_json(TRUTH, t_ns, {"t_ns": t_ns, "x_m": x_m, "y_m": 0.0, "yaw_rad": yaw_rad})
+
+
+def write_config(folder: Path) -> str:
+    text = read_config_text("robotino").replace(
+        "wheel_radius_m = 0.040", f"wheel_radius_m = {WRONG_RADIUS_M}"
     )
+    text = text.replace("base_radius_m = 0.125", f"base_radius_m = {WRONG_BASE_M}")
+    (folder / "rover.toml").write_text(text, "utf-8")
+    return "rover.toml"
+
+
+def test_wrong_geometry_is_found_where_the_command_drives(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def drive(config: Config, path: Path, limit_s: float, show: object) -> None:
+        mission = config.mission
+        assert limit_s > 20.0
+        if isinstance(mission, LineMission):
+            write_drive(path, config, mission.length_m, 0.0)
+        else:
+            assert isinstance(mission, WholeTurnsMission)
+            write_drive(path, config, 0.0, mission.turns if mission.senses == "left" else -mission.turns)
+
+    monkeypatch.setattr(calibrate_wheels, "run_virtual", drive)
+    path = write_config(tmp_path)
+    assert command("calibrate", "wheels", path, "--virtual", "--out", "wheels.toml", "--enter") == 0
+    found = tomllib.loads((tmp_path / "wheels.toml").read_text("utf-8"))["rover"]
+    assert found == {"wheel_radius_m": TRUE_RADIUS_M, "base_radius_m": TRUE_BASE_M}
+    assert load_config(path).rover.model_dump(include=set(found)) == found
+    assert "# What `rover-hil tune` may change" in (tmp_path / path).read_text("utf-8")
+    assert (tmp_path / "wheels.html").is_file()
+
+
+def test_known_distances_and_turns_of_logs(command: Command, tmp_path: Path) -> None:
+    path = write_config(tmp_path)
+    config = load_config(path)
+    for name, metres, turns in (("a", 5.0, 0.0), ("b", 0.0, -3.0), ("c", 0.1, 0.1)):
+        write_drive(tmp_path / f"{name}.mcap", config, metres, turns)
+    logs = ["--line", "a.mcap=5.01", "--spin", "b.mcap=-2.99"]
+    assert command("calibrate", "wheels", path, "--out", "wheels.toml", *logs, "--json") == 0
+    found = json.loads(command.out)["rover"]
+    assert found["wheel_radius_m"] == pytest.approx(TRUE_RADIUS_M, rel=0.003)
+    assert found["base_radius_m"] == pytest.approx(TRUE_BASE_M, rel=0.006)
+    assert command("calibrate", "wheels", path, "--out", "double.toml", "--line", "a.mcap=2.5") == 1
     assert "correct ticks, gear ratio, sign or units" in command.out
     assert not (tmp_path / "double.toml").exists()
-    assert (
-        command("calibrate", "wheels", "rover.toml", "--out", "c.toml", "--spin", "wheels-line1.mcap=1") == 2
-    )
-    assert_one_sentence(command.error, "half a turn in one sense is needed")
+    for option, words in (("--spin", "half a turn in one sense is needed"), ("--line", "0.3 m are needed")):
+        assert command("calibrate", "wheels", path, "--out", "c.toml", option, "c.mcap=1") == 2
+        assert_one_sentence(command.error, words)
 
 
 @pytest.mark.parametrize("seed", range(3))
