@@ -2,6 +2,7 @@
 
 import cmath
 import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -11,10 +12,12 @@ from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
-from controllers.slip.effort.excited_slip import ExcitedSlip, RoverSlip, SlipSource
-from controllers.slip.effort.motor_model import EffortFlag, EffortObserver, WheelEffort
+from controllers.slip.effort.excited_slip import ExcitedSlip, RoverSlip
+from controllers.slip.effort.ground_knowledge import GroundKnowledge, KnownSlip, SlipSource
+from controllers.slip.effort.motor_model import SIGN_UNKNOWN, EffortFlag, EffortObserver, WheelEffort
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
+from controllers.slip.effort.slip_by_fixes import SlipByFixes
 from controllers.slip.effort.slip_map import wheel_slip
 from controllers.slip.effort.slip_sharing import share_slip
 from controllers.slip.effort.stuck_wheels import StuckWheels
@@ -22,7 +25,7 @@ from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Trave
 from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
 from drivers.clock import seconds
-from drivers.samples import RateSample, Sample, WheelSample
+from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +58,7 @@ class SlipReport:
         surface: The recognised surface; None where it is unknown.
         drift_rad: Angle from the encoders' course to the true course, positive to the left.
         wheels: One after the other.
-        rover: Slip of the rover by the yaw excitation; None where another map is in use.
+        rover: Slip of the rover, its uncertainty and where it comes from.
     """
 
     map: str
@@ -95,18 +98,25 @@ class EffortCompensator:
         if settings.known_surfaces:
             surfaces = surfaces.only(settings.known_surfaces)
         self._report: SlipReport | None = None
+        self._ground = GroundKnowledge(
+            surfaces, are_named=bool(settings.known_surfaces), learns=settings.learn
+        )
+        self._fixes = roles.fixes if settings.learn else ()
+        self._by_fixes = SlipByFixes()
         self._device = roles.wheels
         self._gyro = roles.gyro
         self._gyro_ns: int | None = None
         self.efforts: tuple[WheelEffort, ...] = ()
         self.excited = (
-            ExcitedSlip(probe_map, settings.gyro_response, roles.wheel_age_s)
+            ExcitedSlip(probe_map, settings.gyro_response, roles.wheel_age_s, settings.excitation_rest_s)
             if settings.use == YAW_PROBE and probe_map
             else None
         )
         correction = settings.torque_correction
         self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
+        # The excitation falls back by rules of its own.
+        self._uses_map_anywhere = settings.unknown_ground == "map" or self.excited is not None
         self._wheel_map = settings.maps.wheel_maps.get(settings.use)
         self._stuck = StuckWheels(settings.maps.motor, count)
         self._kinematics = kinematics
@@ -119,11 +129,26 @@ class EffortCompensator:
         self._window_slip = _WindowSlip(None, 0.0, "too little way so far")
         if self.excited is not None:
             self._window_slip = _WindowSlip((0.0,) * count, 0.0, self.excited.slip.reason)
-        self._slips = [self._tracker.prior_slip] * count
-        self._held = [self._tracker.prior_slip] * count
+        self._slips = [self._prior_slip] * count
+        self._held = [self._prior_slip] * count
         self._window_rad = [0.0] * count
+        self._force_rad: tuple[float, ...] = (0.0,) * count
+        self._rolled_rad: tuple[float, ...] = (0.0,) * count
+        self._map_slip = 0.0
+        self._map_problem = self._ground.known.reason
         self._window_s = 0.0
+        self._window_work_j: float | None = 0.0
         self._reported_m = 0j
+
+    @property
+    def _prior_slip(self) -> float:
+        """Slip of a wheel without any other knowledge."""
+        known = self._ground.known
+        if not known.reason:
+            return known.slip
+        if not self._uses_map_anywhere:
+            return 0.0
+        return self._tracker.prior_slip if self._surface.surface is None else self._surface.slip
 
     def report(self) -> SlipReport | None:
         """Return the slip as of the newest increment; None before the first."""
@@ -131,6 +156,10 @@ class EffortCompensator:
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
+        if isinstance(sample, PoseFixSample) and sample.device in self._fixes:
+            found = self._by_fixes.take(sample)
+            if found is not None:
+                self._ground.learn(found.slip, found.force_n)
         if isinstance(sample, RateSample) and sample.device == self._gyro and self._is_newer(t_ns):
             self._gyro_ns = t_ns
         if not isinstance(sample, WheelSample) or sample.device != self._device:
@@ -167,6 +196,9 @@ class EffortCompensator:
         motion that was reported during it with the slip before.
         """
         self.efforts = tuple(self._observe(increment, set_speed_rad_s))
+        self._ground.move(increment.duration_s, math.hypot(increment.x_m, increment.y_m))
+        if self._fixes:
+            self._move_between_fixes(increment, gyro_rate_rad_s)
         correction_m = self._update(increment, gyro_rate_rad_s)
         wheels = [
             self._wheel_slip(wheel, increment.duration_s, set_speed_rad_s[wheel])
@@ -177,13 +209,16 @@ class EffortCompensator:
         x_m, y_m, turn_rad = self.body_motion(increment.turned_rad)
         self._window_rad = [sum(pair) for pair in zip(self._window_rad, increment.turned_rad, strict=True)]
         self._window_s += increment.duration_s
+        self._add_window_work(increment)
         self._reported_m += complex(x_m, y_m)
         self._report = SlipReport(
             map=self._settings.use,
             surface=self._surface.surface,
             drift_rad=self._window_slip.drift_rad,
             wheels=tuple(wheels),
-            rover=None if self.excited is None else self.excited.slip,
+            rover=(
+                self._rover_slip(wheels, increment.turned_rad) if self.excited is None else self.excited.slip
+            ),
         )
         return replace(
             increment,
@@ -195,6 +230,27 @@ class EffortCompensator:
                 for index, wheel in enumerate(wheels)
             ),
         )
+
+    def _rover_slip(self, wheels: Sequence[WheelSlip], turned_rad: Sequence[float]) -> RoverSlip:
+        """Return the slip of the rover by a map, from the angles that the wheels turned."""
+        known = self._ground.known
+        slip = self._travel_slip(turned_rad, self.body_motion(turned_rad))
+        reason = next((one.reason for one in wheels if one.reason not in ("", EffortFlag.SLOW)), "")
+        if not reason and not any(one.valid for one in wheels):
+            reason = EffortFlag.SLOW.value
+        if reason:
+            source = SlipSource.HELD if abs(slip) > EFFORT.hold.encoders_below else SlipSource.ENCODERS
+            return RoverSlip(slip=slip, sd=1.0, source=source, reason=reason, gyro_lag_s=None)
+        off = 0.0 if self._wheel_map is None else self._map_slip - known.slip
+        return RoverSlip(
+            slip=slip, sd=math.hypot(known.sd, off), source=known.source, reason="", gyro_lag_s=None
+        )
+
+    def _travel_slip(self, turned_rad: Sequence[float], moved: BodyMotion) -> float:
+        """Return which share of the travel by the wheels is missing in a motion; 0 without travel."""
+        x_m, y_m, _ = self._kinematics.body_motion(turned_rad)
+        square_m2 = x_m**2 + y_m**2
+        return 1.0 - (moved[0] * x_m + moved[1] * y_m) / square_m2 if square_m2 > 0.0 else 0.0
 
     def _is_at_rest(self, wheel: int, set_speed_rad_s: float) -> bool:
         """Return True for a wheel at rest as commanded; wheel maps do not apply to it."""
@@ -254,28 +310,75 @@ class EffortCompensator:
         self._window_slip = found
         reported_m, window_rad = self._reported_m, self._window_rad
         self._reported_m, self._window_rad, self._window_s = 0j, [0.0] * len(window_rad), 0.0
+        self._window_work_j = 0.0
         if found.slips is None:
             return 0j
         x_m, y_m, _ = self._motion(window_rad, found.slips, found.drift_rad)
         return complex(x_m, y_m) - reported_m
 
+    def _add_window_work(self, increment: BodyIncrement) -> None:
+        if any(effort.unknown_torque not in (None, *SIGN_UNKNOWN) for effort in self.efforts):
+            self._window_work_j = None
+        if self._window_work_j is not None:
+            self._window_work_j += self._work_j(increment)
+
+    def _move_between_fixes(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> None:
+        turn_rad = increment.turn_rad if gyro_rate_rad_s is None else gyro_rate_rad_s * increment.duration_s
+        is_known = not any(effort.unknown_work for effort in self.efforts)
+        work_j = self._work_j(increment) if is_known else None
+        self._by_fixes.move(max(self._wheel_ns), complex(increment.x_m, increment.y_m), turn_rad, work_j)
+
+    def _work_j(self, increment: BodyIncrement) -> float:
+        return sum(
+            effort.wheel_torque_nm * turned_rad
+            for effort, turned_rad in zip(self.efforts, increment.turned_rad, strict=True)
+        )
+
     def _slip_by_surface(self, increment: BodyIncrement) -> _WindowSlip | None:
         unknown = next((effort.unknown_work for effort in self.efforts if effort.unknown_work), None)
         if unknown is not None:
             self._tracker.interrupt()
+            self._force_rad = self._rolled_rad = (0.0,) * self._kinematics.wheel_count
             return _WindowSlip(None, self._window_slip.drift_rad, unknown.value)
-        work_j = sum(
-            effort.wheel_torque_nm * turned_rad
-            for effort, turned_rad in zip(self.efforts, increment.turned_rad, strict=True)
-        )
+        self._add_map_motion(increment.turned_rad)
+        work_j = self._work_j(increment)
         before = self._surface
         self._surface = self._tracker.step(
             Travel(increment.duration_s, increment.x_m, increment.y_m, increment.turn_rad, work_j)
         )
-        if self._surface is before:
+        if self._surface is before or self._tracker.window is None:
             return None
-        slips = (self._surface.slip,) * self._kinematics.wheel_count
-        return _WindowSlip(slips, self._surface.drift_rad, self._surface.reason)
+        known = self._ground.known
+        if self.excited is None:
+            known = self._ground.step(self._tracker.window)
+        self._compare_wheel_map(known)
+        if known.reason and not self._uses_map_anywhere:
+            return _WindowSlip(None, 0.0, known.reason)
+        count = self._kinematics.wheel_count
+        if known.reason:
+            return _WindowSlip((self._surface.slip,) * count, self._surface.drift_rad, known.reason)
+        return _WindowSlip((known.slip,) * count, known.drift_rad, "")
+
+    def _add_map_motion(self, turned_rad: Sequence[float]) -> None:
+        if self._wheel_map is None:
+            return
+        slips = [wheel_slip(self._wheel_map, effort).slip for effort in self.efforts]
+        rolled_rad = [angle * (1.0 - slip) for angle, slip in zip(turned_rad, slips, strict=True)]
+        self._force_rad = tuple(map(operator.add, self._force_rad, turned_rad))
+        self._rolled_rad = tuple(map(operator.add, self._rolled_rad, rolled_rad))
+
+    def _compare_wheel_map(self, known: KnownSlip) -> None:
+        """Compare the slip of the rover by the wheel map in the last half second with that of the ground."""
+        self._map_problem = known.reason
+        if self._wheel_map is None:
+            return
+        turned_rad, rolled_rad = self._force_rad, self._rolled_rad
+        self._force_rad = self._rolled_rad = (0.0,) * len(turned_rad)
+        self._map_slip = self._travel_slip(turned_rad, self._kinematics.body_motion(rolled_rad))
+        if not known.reason and abs(self._map_slip - known.slip) > EFFORT.recognition.contradiction:
+            self._map_problem = (
+                f"{self._settings.use} gives a slip of {self._map_slip:.2f}, the ground has {known.slip:.2f}"
+            )
 
     def _slip_by_excitation(
         self, increment: BodyIncrement, gyro_rate_rad_s: float | None
@@ -288,14 +391,29 @@ class EffortCompensator:
         )
         if response is None:
             return None
-        x_m, y_m, _ = self._kinematics.body_motion(self._window_rad)
-        is_mapped = bool(self._settings.known_surfaces) and self._surface.valid
-        found = self.excited.take(response, complex(x_m, y_m), self._surface.slip if is_mapped else None)
+        x_m, y_m, turn_rad = self._kinematics.body_motion(self._window_rad)
+        known = self._slip_by_excited_force(x_m, y_m, turn_rad)
+        found = self.excited.take(response, complex(x_m, y_m), known)
+        if found.source is SlipSource.EXCITATION:
+            self._ground.learn(found.slip)
         if found.source is not SlipSource.EXCITATION:
             return _WindowSlip((found.slip,) * self._kinematics.wheel_count, 0.0, found.reason)
         missing_rad_s = (1.0 - found.slip) * response.wheel_rate_rad_s - response.gyro_rate_rad_s
         slips = share_slip(self._kinematics, self._window_rad, found.slip, missing_rad_s * self._window_s)
         return _WindowSlip(slips, 0.0, "")
+
+    def _slip_by_excited_force(self, x_m: float, y_m: float, turn_rad: float) -> KnownSlip | None:
+        """Return the slip by the drive force of the open window; None where currents are not to be used.
+
+        With the excitation each set-point falls below the speed ten times in a second. Where the sign of a
+        current is then unknown, it is taken to drive the wheel: on average the motors hardly brake.
+        """
+        if not (self._settings.known_surfaces or self._settings.learn):
+            return None
+        if self._window_work_j is not None:
+            travel = Travel(self._window_s, x_m, y_m, turn_rad, self._window_work_j)
+            self._ground.step(self._tracker.force_window(travel))
+        return self._ground.known
 
     def _gyro_after_s(self) -> float:
         """Return by how much the gyro's time stamp is after that of the wheels."""
@@ -309,8 +427,8 @@ class EffortCompensator:
         elif slip is not None:
             self._held[wheel] = slip
         else:
-            prior = self._tracker.prior_slip if self._surface.surface is None else self._surface.slip
-            self._held[wheel] += (prior - self._held[wheel]) * elapsed_s / (EFFORT.hold.hold_s + elapsed_s)
+            share = elapsed_s / (EFFORT.hold.hold_s + elapsed_s)
+            self._held[wheel] += (self._prior_slip - self._held[wheel]) * share
             slip = self._held[wheel]
         return WheelSlip(
             current_a=effort.current_a,
@@ -326,7 +444,9 @@ class EffortCompensator:
         if self._wheel_map is not None:
             effort = self.efforts[wheel]
             found = wheel_slip(self._wheel_map, effort)
-            return (None if effort.flags else found.slip), found.reason or self._direction_problem()
+            reason = found.reason or self._map_problem or self._direction_problem()
+            is_usable = not effort.flags and (self._uses_map_anywhere or not self._map_problem)
+            return (found.slip if is_usable else None), reason
         slips = self._window_slip.slips
         return (None if slips is None else slips[wheel]), self._window_slip.reason
 

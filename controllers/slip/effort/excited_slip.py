@@ -3,8 +3,8 @@
 import cmath
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
+from controllers.slip.effort.ground_knowledge import KnownSlip, SlipSource
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.gyro_watch import GyroWatch
 from controllers.slip.effort.parameters import EFFORT
@@ -20,21 +20,13 @@ from controllers.slip.effort.yaw_excitation import (
     slip_of,
 )
 
+RESTS = "the excitation rests"
 RETURNING = "excitation valid again, waiting for a second window"
-
-
-class SlipSource(StrEnum):
-    """Where the slip in use comes from, in the order of preference."""
-
-    EXCITATION = "excitation"
-    MAP = "map"
-    HELD = "held"
-    ENCODERS = "encoders"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoverSlip:
-    """Slip of the rover by the yaw excitation.
+    """Slip of the rover.
 
     Attributes:
         slip: In use, 0 to 1.
@@ -55,13 +47,17 @@ class ExcitedSlip:
     """Turns windows of the excitation into the slip of the rover.
 
     While the excitation gives no valid slip, the slip is, in this order: that of a recognised surface, if the
-    user has named the surfaces; the last valid one, which decays; zero, as the encoders have it. After a
-    map or zero the excitation must be valid in `windows_to_return` windows before it is used again.
+    user has named the surfaces; that of the learned curve, if the user wants one; the last valid one, which
+    decays; zero, as the encoders have it. After a map or zero the excitation must be valid in
+    `windows_to_return` windows before it is used again.
+
+    Where asked to, the excitation rests after some valid windows, as long as map or learned curve are valid.
 
     Args:
         settings: The excitation.
         gyro: Constants of the gyro; None where they were not identified.
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
+        rest_s: How long the excitation may rest.
 
     Attributes:
         excitation: Excites the yaw.
@@ -69,7 +65,11 @@ class ExcitedSlip:
     """
 
     def __init__(
-        self, settings: YawExcitationMap, gyro: GyroResponse | None, wheel_age_s: float | None
+        self,
+        settings: YawExcitationMap,
+        gyro: GyroResponse | None,
+        wheel_age_s: float | None,
+        rest_s: float = 0.0,
     ) -> None:
         self._settings = settings
         sensors = sensor_response(settings, gyro, wheel_age_s or 0.0)
@@ -88,6 +88,8 @@ class ExcitedSlip:
         self._valid_windows = 0
         self._now_s = 0.0
         self._pause_end_s = 0.0
+        self._rest_s = rest_s
+        self._rest_end_s = 0.0
         self.slip = RoverSlip(
             slip=0.0, sd=1.0, source=SlipSource.ENCODERS, reason=self.watch.reason, gyro_lag_s=None
         )
@@ -105,26 +107,29 @@ class ExcitedSlip:
     def yaw_rate_rad_s(self, t_s: float) -> float:
         """Return what to add to the commanded yaw rate at a time; 0 during a pause."""
         self._now_s = t_s
-        return 0.0 if t_s < self._pause_end_s else self.excitation.yaw_rate_rad_s(t_s)
+        return 0.0 if t_s < max(self._pause_end_s, self._rest_end_s) else self.excitation.yaw_rate_rad_s(t_s)
 
-    def take(self, response: ExcitationResponse, travelled_m: complex, map_slip: float | None) -> RoverSlip:
+    def take(self, response: ExcitationResponse, travelled_m: complex, known: KnownSlip | None) -> RoverSlip:
         """Take one window; return the slip to use from here on.
 
         Args:
             response: Of the window.
             travelled_m: By the wheels in the window, in the body frame.
-            map_slip: Slip of the recognised surface; None where it is not to be used.
+            known: Slip by the drive force; None where it is not to be used.
         """
         found, reason = self._read(response, travelled_m)
         self._valid_windows = 0 if reason else self._valid_windows + 1
         before = self.slip
-        is_back = before.source in (SlipSource.EXCITATION, SlipSource.HELD)
+        is_back = before.source in (SlipSource.EXCITATION, SlipSource.LEARNED, SlipSource.HELD)
         if not reason and not is_back and self._valid_windows < EFFORT.hold.windows_to_return:
             reason = RETURNING
         slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION
-        if reason:
-            slip, source = self._fall_back(map_slip)
+        if reason and known is not None and not known.reason:
+            slip, sd, source, reason = known.slip, known.sd, known.source, ""
+        elif reason:
+            slip, source = self._fall_back()
             sd = 1.0
+        self._rest(known)
         self.slip = RoverSlip(slip=slip, sd=sd, source=source, reason=reason, gyro_lag_s=self.watch.lag_s)
         return self.slip
 
@@ -135,7 +140,8 @@ class ExcitedSlip:
         if self._now_s < self._pause_end_s:
             return ContactSlip(0.0, 1.0), SPRINGS
         if response.reason:
-            return ContactSlip(0.0, 1.0), response.reason
+            rests = self._now_s < self._rest_end_s
+            return ContactSlip(0.0, 1.0), RESTS if rests else response.reason
         speed_m_s = abs(travelled_m) / EFFORT.excitation.window_s
         turning = math.tau * self._settings.frequency_hz
         lag_s = -cmath.phase(response.share) / turning
@@ -147,9 +153,15 @@ class ExcitedSlip:
             found = ContactSlip(slip_of(self._settings, response.transmission_loss), self._settings.slip_sd)
         return found, problem
 
-    def _fall_back(self, map_slip: float | None) -> tuple[float, SlipSource]:
-        if map_slip is not None:
-            return map_slip, SlipSource.MAP
+    def _rest(self, known: KnownSlip | None) -> None:
+        """Begin a rest of the excitation after enough valid windows; end it where nothing else is valid."""
+        if known is None or known.reason:
+            self._rest_end_s = 0.0
+        elif self._valid_windows >= EFFORT.excitation.windows_to_rest:
+            self._valid_windows = 0
+            self._rest_end_s = self._now_s + self._rest_s
+
+    def _fall_back(self) -> tuple[float, SlipSource]:
         slip = self.slip.slip * math.exp(-EFFORT.excitation.window_s / EFFORT.hold.fade_s)
         if slip < EFFORT.hold.encoders_below:
             return 0.0, SlipSource.ENCODERS

@@ -38,9 +38,56 @@ class SurfaceParameters:
     """Recognition of the surface by the drive force."""
 
     window_s: float = 0.5  # force is work per distance over this time: over a single cycle it would be noise
+    greatest_age_s: float = 1.5  # of a drive force whose slip is still used
     memory_s: float = 2.0  # the force is averaged over about this time while it stays the same
     unknown_deviations: float = 3.0  # a force further from every surface means an unknown one; in deviations
     turning_share: float = 0.35  # rim speed from turning, over travel speed, up to which curves still hold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecognitionParameters:
+    """Whether the ground is a surface of the map.
+
+    Chosen on simulated floors of one surface, random patchworks and floors of random constants (seeds 0 to 9
+    of `benchmarks/robotino/torque_maps.py`).
+    """
+
+    windows: int = 6  # half seconds over which level and scatter of the force are compared
+    least_windows: int = 4  # for a verdict
+    deviations: float = 2.0  # of the level, and of a single half second
+    scatter: float = 1.5  # greatest, over the scatter of the surface
+    slip_sd: float = 0.05  # of a recognised surface's slip
+    greatest_sd: float = 0.12  # with the spread of all surfaces that fit; above it the slip is not valid
+    contradiction: float = 0.1  # of a wheel map or a learned curve against the surface's slip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearningParameters:
+    """Slip over drive force of the present ground, learned while driving.
+
+    Chosen on 90 simulated drives with the excitation (seeds 0 to 9 of nine kinds of ground), by the error of
+    the slip in windows where the excitation was left out for 4.5 s of 6 s.
+    """
+
+    weight: float = 0.3  # of the newest slip per force
+    least_count: int = 2  # measured slips before the curve is used
+    least_force_n: float = 3.0  # a smaller one counts as this: its slip is small
+    jump_deviations: float = 3.0  # of the force, in scatters of the map's surfaces: another ground
+    sd: float = 0.03
+    sd_share: float = 0.25  # growth with slip: that of the excitation, from which it is learned
+    sd_share_per_sqrt_m: float = 0.6  # growth with slip and distance since
+    sd_per_sqrt_m: float = 0.08
+    sd_jump_share: float = 0.7  # of the change that the curve predicts
+    greatest_sd: float = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixParameters:
+    """Slip between two pose fixes."""
+
+    greatest_sd: float = 0.04  # of the slip, by the noise of the fixes
+    straightness: float = 0.97  # distance between the ends over distance travelled
+    most_cycles: int = 1000  # that are remembered; a fix may be as old as this
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +102,7 @@ class ExcitationParameters:
     # the rule about a gyro that does not follow would stop the rover: so the excitation pauses.
     resonance: float = 1.35  # of the body over the wheels
     pause_s: float = 5.0
+    windows_to_rest: int = 3  # valid windows before the excitation may rest
     greatest_residual: float = 0.7  # of the wheels' yaw rate after the fit, over the sinusoid
 
 
@@ -138,6 +186,9 @@ class EffortParameters:
     motor: MotorParameters = MotorParameters()
     stuck: StuckParameters = StuckParameters()
     surface: SurfaceParameters = SurfaceParameters()
+    recognition: RecognitionParameters = RecognitionParameters()
+    learning: LearningParameters = LearningParameters()
+    fixes: FixParameters = FixParameters()
     excitation: ExcitationParameters = ExcitationParameters()
     watch: WatchParameters = WatchParameters()
     contact: ContactParameters = ContactParameters()

@@ -44,6 +44,13 @@ class SlipSettings(Settings):
         known_surfaces: Where the ground is known: only these surfaces are considered.
         gyro_response: Constants of the gyro by `rover-hil calibrate imu`: path of the file. Without them the
             yaw probe accepts only a gyro that is fast, and says so.
+        unknown_ground: What is used where the drive force fits no known surface, or several that differ in
+            slip. `encoders`: the last valid slip, which decays to zero. `map`: the map nevertheless, as in
+            paper 003. Either way the slip is flagged as not valid. Not used by `yaw_probe`.
+        learn: Learns slip over drive force of the ground, from the yaw excitation and from pose fixes, and
+            uses it where there is no other valid slip.
+        excitation_rest_s: With `learn`: the excitation rests for this time after 1.5 s with valid slip, while
+            the learned curve is valid; 0 for no rest.
         torque_correction: Also corrects the set-points; without it they stay as they are.
     """
 
@@ -51,6 +58,9 @@ class SlipSettings(Settings):
     use: str = SURFACES
     known_surfaces: tuple[str, ...] = ()
     gyro_response: GyroResponse | None = None
+    unknown_ground: Literal["encoders", "map"] = "encoders"
+    learn: bool = False
+    excitation_rest_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
     torque_correction: TorqueCorrectionSettings | None = None
 
     @model_validator(mode="after")
@@ -63,4 +73,12 @@ class SlipSettings(Settings):
         for name in self.known_surfaces:
             if name not in shipped:
                 raise ValueError(f"known_surfaces has '{name}', but the map knows {', '.join(shipped)}")
+        return self
+
+    @model_validator(mode="after")
+    def _check_rest(self) -> Self:
+        if self.excitation_rest_s > 0.0 and not (self.learn and self.use == YAW_PROBE):
+            raise ValueError(
+                "excitation_rest_s needs learn = true and use = 'yaw_probe': set both, or leave it out"
+            )
         return self

@@ -17,6 +17,8 @@ from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.travel_range import travel_problem
 from drivers.settings import Settings
 
+TOO_SLOW = "too slow to judge the surface"
+
 
 class DirectionCurve(Settings):
     """A number over the direction of travel, and a little over speed.
@@ -133,6 +135,22 @@ class Travel(NamedTuple):
     work_j: float
 
 
+class ForceWindow(NamedTuple):
+    """Drive force over half a second.
+
+    Attributes:
+        direction_rad: Direction of travel in the body frame.
+        speed_m_s: By the wheels.
+        force_n: Work of the wheels per distance.
+        problem: Why the force says nothing about the ground; empty where it does.
+    """
+
+    direction_rad: float
+    speed_m_s: float
+    force_n: float
+    problem: str
+
+
 NO_TRAVEL = Travel(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -152,9 +170,13 @@ class SurfaceTracker:
     Args:
         surface_map: The known surfaces.
         base_radius_m: Distance of the wheels from the middle.
+
+    Attributes:
+        window: The newest half second; None before the first.
     """
 
     def __init__(self, surface_map: SurfaceMap, base_radius_m: float) -> None:
+        self.window: ForceWindow | None = None
         self._map = surface_map
         self._base_radius_m = base_radius_m
         self._sd_n = max(surface.force_window_sd_n for surface in surface_map.surfaces)
@@ -167,7 +189,8 @@ class SurfaceTracker:
         """Take the travel since the step before; a new estimate comes about every half second."""
         self._pending = Travel(*(a + b for a, b in zip(self._pending, travel, strict=True)))
         if self._pending.elapsed_s >= EFFORT.surface.window_s:
-            self._estimate = self._evaluate(self._pending)
+            self.window = self.force_window(self._pending)
+            self._estimate = self._evaluate(self.window, self._pending.elapsed_s)
             self._pending = NO_TRAVEL
         return self._estimate
 
@@ -181,19 +204,26 @@ class SurfaceTracker:
         slips = [surface.slip.mean for surface in self._map.surfaces]
         return sum(slips) / len(slips)
 
-    def _evaluate(self, travel: Travel) -> SurfaceEstimate:
+    def force_window(self, travel: Travel) -> ForceWindow:
+        """Return the drive force of a travel, and whether it says anything about the ground."""
         distance_m = math.hypot(travel.x_m, travel.y_m)
         speed_m_s = distance_m / travel.elapsed_s
         low_m_s = min(surface.speed_range_m_s[0] for surface in self._map.surfaces)
         if speed_m_s < 0.5 * low_m_s:
-            self._excess_n = None
-            return self._estimate._replace(valid=False, reason="too slow to judge the surface")
+            return ForceWindow(0.0, speed_m_s, 0.0, TOO_SLOW)
         direction_rad = math.atan2(travel.y_m, travel.x_m)
-        force_n = self._averaged(travel.work_j / distance_m, direction_rad, speed_m_s, travel.elapsed_s)
-        estimate = self._classify(force_n, direction_rad, speed_m_s)
         problem = self._map.range_problem(direction_rad, speed_m_s)
         if abs(travel.yaw_rad) * self._base_radius_m > EFFORT.surface.turning_share * distance_m:
             problem = "turning: the map is one of straight travel"
+        return ForceWindow(direction_rad, speed_m_s, travel.work_j / distance_m, problem)
+
+    def _evaluate(self, window: ForceWindow, elapsed_s: float) -> SurfaceEstimate:
+        direction_rad, speed_m_s, problem = window.direction_rad, window.speed_m_s, window.problem
+        if problem == TOO_SLOW:
+            self._excess_n = None
+            return self._estimate._replace(valid=False, reason=TOO_SLOW)
+        force_n = self._averaged(window.force_n, direction_rad, speed_m_s, elapsed_s)
+        estimate = self._classify(force_n, direction_rad, speed_m_s)
         return estimate._replace(valid=False, reason=problem) if problem else estimate
 
     def _averaged(self, force_n: float, direction_rad: float, speed_m_s: float, elapsed_s: float) -> float:

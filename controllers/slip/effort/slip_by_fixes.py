@@ -1,0 +1,96 @@
+"""Slip of the rover between two pose fixes."""
+
+import bisect
+import cmath
+import math
+from collections import deque
+from typing import NamedTuple
+
+from controllers.slip.effort.parameters import EFFORT
+from drivers.samples import PoseFixSample
+
+
+class _Moved(NamedTuple):
+    """What the wheels have done until a time.
+
+    Attributes:
+        place_m: Position by the wheels, x + i y.
+        work_j: Known work of the wheels.
+        unknown: Number of cycles whose work is unknown.
+    """
+
+    t_ns: int
+    place_m: complex
+    distance_m: float
+    work_j: float
+    unknown: int
+
+
+class SlipAtForce(NamedTuple):
+    """Slip ratio of the rover, and the drive force during it."""
+
+    force_n: float
+    slip: float
+
+
+class SlipByFixes:
+    """Compares the distance between two pose fixes with that of the wheels.
+
+    Only straight travel is used, whose length does not depend on the heading, and only as much of it as makes
+    the noise of the fixes small.
+    """
+
+    def __init__(self) -> None:
+        self._past: deque[_Moved] = deque([_Moved(0, 0j, 0.0, 0.0, 0)], maxlen=EFFORT.fixes.most_cycles)
+        self._yaw_rad = 0.0
+        self._last: tuple[_Moved, complex] | None = None
+
+    def move(self, t_ns: int, moved_m: complex, turn_rad: float, work_j: float | None) -> None:
+        """Take the motion and the work of the wheels in one cycle.
+
+        Args:
+            t_ns: Time at its end.
+            moved_m: In the body frame, without regard to slip.
+            turn_rad: Turn of the body.
+            work_j: None where it is unknown.
+        """
+        last = self._past[-1]
+        if t_ns <= last.t_ns:
+            return
+        step_m = moved_m * cmath.exp(1j * (self._yaw_rad + 0.5 * turn_rad))
+        self._yaw_rad += turn_rad
+        self._past.append(
+            _Moved(
+                t_ns=t_ns,
+                place_m=last.place_m + step_m,
+                distance_m=last.distance_m + abs(step_m),
+                work_j=last.work_j + (work_j or 0.0),
+                unknown=last.unknown + (work_j is None),
+            )
+        )
+
+    def take(self, fix: PoseFixSample) -> SlipAtForce | None:
+        """Take a fix; return the slip since an earlier one, None where it does not determine it."""
+        moved = self._at(min(fix.t_capture_ns, fix.t_ns))
+        if moved is None:
+            return None
+        place_m = complex(fix.x_m, fix.y_m)
+        if self._last is None:
+            self._last = (moved, place_m)
+            return None
+        before, fixed_m = self._last
+        distance_m = moved.distance_m - before.distance_m
+        noise = math.sqrt(2.0) * fix.position_std_m
+        if distance_m < noise / EFFORT.fixes.greatest_sd:
+            return None
+        self._last = (moved, place_m)
+        straight_m = abs(moved.place_m - before.place_m)
+        if straight_m < EFFORT.fixes.straightness * distance_m or moved.unknown > before.unknown:
+            return None
+        slip = 1.0 - abs(place_m - fixed_m) / straight_m
+        return SlipAtForce((moved.work_j - before.work_j) / distance_m, min(max(slip, 0.0), 1.0))
+
+    def _at(self, t_ns: int) -> _Moved | None:
+        """Return the motion at the first cycle at or after a time; None outside what is remembered."""
+        index = bisect.bisect_left(self._past, t_ns, key=lambda one: one.t_ns)
+        return self._past[index] if 0 < index < len(self._past) else None
