@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import SlipSettings
-from drivers.samples import WheelSample
+from controllers.slip.effort.surface_map import TOO_SLOW, TURNING
+from drivers.samples import PoseFixSample, WheelSample
 from tests.controllers.simulated import OMNI, ROLES
 from tests.controllers.slip_maps import ALL_AROUND, make_maps
 
@@ -20,6 +22,8 @@ PERIOD_S = 0.02
 KINEMATICS = OmniKinematics(OMNI)
 PRIOR = 0.3
 """Mean of the two surfaces, 0.1 and 0.5."""
+GROUND_REASONS = ("", "too little way so far", "surface not yet recognised", TURNING, TOO_SLOW)
+BOTH = ("firm", "soft")
 
 
 @dataclass
@@ -29,6 +33,11 @@ class Bench:
     Attributes:
         use: Which map.
         is_signed: What the current sensors tell.
+        unknown_ground: What is used on unknown ground; every wheel has a reason there.
+        learn: Whether slip over force is learned.
+        rest_s: How long the excitation may rest.
+        fixes: Devices that measure the pose.
+        slip_per_a: Of the wheel map.
         way: Sum of what it told, x + i y.
     """
 
@@ -37,17 +46,28 @@ class Bench:
     drift_rad: float = 0.0
     directions_rad: tuple[float, ...] = ALL_AROUND
     known: tuple[str, ...] = ()
+    unknown_ground: Literal["encoders", "map"] = "encoders"
+    learn: bool = False
+    rest_s: float = 0.0
+    fixes: tuple[str, ...] = ()
+    slip_per_a: float = 0.5
     gyro_response: GyroResponse | None = None
     t_ns: int = 0
     way: complex = 0j
     told: BodyIncrement = field(init=False)
 
     def __post_init__(self) -> None:
-        maps = make_maps(self.drift_rad, self.directions_rad)
+        maps = make_maps(self.drift_rad, self.directions_rad, self.slip_per_a)
         slip = SlipSettings(
-            maps=maps, use=self.use, known_surfaces=self.known, gyro_response=self.gyro_response
+            maps=maps,
+            use=self.use,
+            known_surfaces=self.known,
+            gyro_response=self.gyro_response,
+            unknown_ground=self.unknown_ground,
+            learn=self.learn,
+            excitation_rest_s=self.rest_s,
         )
-        self.slip = EffortCompensator(slip, OMNI, KINEMATICS, ROLES)
+        self.slip = EffortCompensator(slip, OMNI, KINEMATICS, replace(ROLES, fixes=self.fixes))
 
     @property
     def report(self) -> SlipReport:
@@ -71,6 +91,7 @@ class Bench:
                     device="wheels",
                     t_ns=self.t_ns,
                     wheel=wheel,
+                    position_rad=0.0,
                     current_a=current_a,
                     current_is_signed=self.is_signed,
                 ),
@@ -84,6 +105,20 @@ class Bench:
         )
         self.way += complex(self.told.x_m, self.told.y_m)
         return self.report
+
+    def fix(self, x_m: float) -> None:
+        """Take a pose fix of now, on the x axis."""
+        sample = PoseFixSample(
+            device="overhead",
+            t_ns=self.t_ns,
+            x_m=x_m,
+            y_m=0.0,
+            yaw_rad=0.0,
+            position_std_m=0.003,
+            yaw_std_rad=0.01,
+            t_capture_ns=self.t_ns,
+        )
+        self.slip.feed(sample, self.t_ns)
 
     def drive(
         self,
@@ -104,6 +139,16 @@ class Bench:
         for _ in range(round(duration_s / PERIOD_S)):
             report = self.step(speeds, currents)
         return report
+
+
+def line_bench(*, is_signed: bool = True) -> Bench:
+    """Return a bench with the wheel map, which it uses on every ground."""
+    return Bench(use="line", is_signed=is_signed, unknown_ground="map")
+
+
+def own_reasons(report: SlipReport) -> list[str]:
+    """Return why the wheels are not valid, for reasons other than the ground."""
+    return ["" if wheel.reason in GROUND_REASONS else wheel.reason for wheel in report.wheels]
 
 
 def wheel_speeds(direction_rad: float, speed_m_s: float) -> tuple[float, ...]:

@@ -37,9 +37,11 @@ def surface(name: str, force_n: float, slip: float, drift_rad: float = 0.0) -> S
     )
 
 
-def make_maps(drift_rad: float = 0.0, directions_rad: tuple[float, ...] = ALL_AROUND) -> SlipMapFile:
+def make_maps(
+    drift_rad: float = 0.0, directions_rad: tuple[float, ...] = ALL_AROUND, slip_per_a: float = 0.5
+) -> SlipMapFile:
     """Return maps: a line slip = current / 2 A, a firm and a soft surface, and the probe."""
-    line = PolynomialMap(feature="current_a", valid_from=0.1, valid_to=1.5, coefficients=(0.0, 0.5))
+    line = PolynomialMap(feature="current_a", valid_from=0.1, valid_to=1.5, coefficients=(0.0, slip_per_a))
     return SlipMapFile(
         source="by hand",
         fitted_on=date(2026, 1, 1),

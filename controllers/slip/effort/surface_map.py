@@ -18,6 +18,7 @@ from controllers.slip.effort.travel_range import travel_problem
 from drivers.settings import Settings
 
 TOO_SLOW = "too slow to judge the surface"
+TURNING = "turning: the map is one of straight travel"
 
 
 class DirectionCurve(Settings):
@@ -214,7 +215,7 @@ class SurfaceTracker:
         direction_rad = math.atan2(travel.y_m, travel.x_m)
         problem = self._map.range_problem(direction_rad, speed_m_s)
         if abs(travel.yaw_rad) * self._base_radius_m > EFFORT.surface.turning_share * distance_m:
-            problem = "turning: the map is one of straight travel"
+            problem = TURNING
         return ForceWindow(direction_rad, speed_m_s, travel.work_j / distance_m, problem)
 
     def _evaluate(self, window: ForceWindow, elapsed_s: float) -> SurfaceEstimate:
