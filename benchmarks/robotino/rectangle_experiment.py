@@ -62,8 +62,12 @@ class Version:
 
 VERSIONS = (
     Version("encoders (paper)", None, gyro=False),
-    Version("slip model, linear in M (paper)", {"use": "linear_m"}, gyro=False),
-    Version("the same, torque correction", {"use": "linear_m", "torque_correction": {}}, gyro=False),
+    Version("slip model, linear in M (paper)", {"use": "linear_m", "unknown_ground": "map"}, gyro=False),
+    Version(
+        "the same, torque correction",
+        {"use": "linear_m", "unknown_ground": "map", "torque_correction": {}},
+        gyro=False,
+    ),
     Version("encoders, gyro", None),
     Version("linear in M, gyro", {"use": "linear_m"}),
     Version("drive force and surface, gyro", {"use": "surfaces"}),

@@ -30,7 +30,7 @@ CORRECTIONS: tuple[dict[str, object] | None, ...] = (
 def judge(correction: dict[str, object] | None, site: int) -> str:
     """Drive once; return reversals per second and mean change of a set-point in rad/s2."""
     table = load_config("robotino").model_dump(by_alias=True)
-    table["slip"] |= {"use": "linear_m", "torque_correction": correction}
+    table["slip"] |= {"use": "linear_m", "unknown_ground": "map", "torque_correction": correction}
     config = Config.model_validate(table)
     driven = drive(with_scenario(config, site))
     if driven.mode is not Mode.FINISHED:

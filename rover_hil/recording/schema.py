@@ -113,7 +113,7 @@ class WheelSlipRecord(TypedDict):
 
 
 class RoverSlipRecord(TypedDict):
-    """Slip of the rover by the yaw excitation, and the check of the gyro."""
+    """Slip of the rover with its uncertainty and source, and the check of the gyro."""
 
     slip: float
     sd: float

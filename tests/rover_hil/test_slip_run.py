@@ -53,7 +53,9 @@ def test_no_slip_is_told_once_the_wheels_are_silent(tmp_path: Path) -> None:
 
 def rehearse(correction: dict[str, object] | None, site: int) -> tuple[Mode, float]:
     """Return the mode, and the reversals of the busiest wheel per second."""
-    config = with_changes("robotino", slip__use="linear_m", slip__torque_correction=correction)
+    config = with_changes(
+        "robotino", slip__use="linear_m", slip__unknown_ground="map", slip__torque_correction=correction
+    )
     driven = drive(with_scenario(config, site))
     period_s = 1.0 / config.loop.rate_hz
     return driven.mode, reversals_per_s(driven.set_points_rad_s, period_s, REVERSAL_RAD_S)
