@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.robotino.yaw_probe_faults import Fault, judge_slip, random_constants, spoil
 from controllers.motion.mission import corner_points
@@ -60,7 +59,6 @@ class Run:
         path_m, closure_m: Errors of the true path.
         valid, wrong: Shares of the running time with valid slip, and with wrong slip marked valid.
         square: Mean square of the error of valid slip; None without valid slip.
-        excited: Share of the running time in which the wheels shake.
     """
 
     finished: bool
@@ -69,7 +67,6 @@ class Run:
     valid: float
     wrong: float
     square: float | None
-    excited: float
 
 
 def one_floor(seed: int) -> Site:
@@ -133,7 +130,7 @@ def drive(slip: dict[str, object] | None, ground: Site | Floor, seed: int) -> Ru
             found = (math.nan, math.nan, 0.0) if rover is None else (rover.slip, rover.sd, not rover.reason)
             pose = (truth.x_m, truth.y_m, truth.yaw_rad)
             moves = (*truth.wheel_position_rad, mode is Mode.RUNNING)
-            rows.append((seconds(now_ns - start_ns), *pose, *moves, *found, truth.yaw_rate_rad_s))
+            rows.append((seconds(now_ns - start_ns), *pose, *moves, *found))
     table = np.array(rows)
     assert config.mission is not None
     path, corners = TruePath.of(Track.of(table[:, :4]).from_first_pose()), corner_points(config.mission)
@@ -145,18 +142,7 @@ def drive(slip: dict[str, object] | None, ground: Site | Floor, seed: int) -> Ru
         valid=valid,
         wrong=wrong,
         square=square,
-        excited=_excited(table),
     )
-
-
-def _excited(table: NDArray[np.float64]) -> float:
-    """Return the share of half seconds in which the wheels' yaw rate changes its sign four times or more."""
-    running = table[table[:, 7] > 0.0]
-    rate = np.diff(running[:, 4:7].sum(axis=1))
-    rate = rate[: len(rate) // 25 * 25].reshape(-1, 25)
-    turns = (np.diff(np.sign(rate - rate.mean(axis=1, keepdims=True)), axis=1) != 0).sum(axis=1)
-    swings = rate.std(axis=1) > 0.03
-    return float(np.mean((turns >= 4) & swings)) if len(rate) else 0.0
 
 
 def print_row(ground: str, use: str, runs: Sequence[Run]) -> None:
@@ -168,7 +154,6 @@ def print_row(ground: str, use: str, runs: Sequence[Run]) -> None:
         f"{100 * np.mean([run.valid for run in runs]):.0f}",
         f"{100 * np.mean([run.wrong for run in runs]):.1f}",
         f"{math.sqrt(float(np.mean(squares))):.3f}" if squares else "",
-        f"{100 * np.mean([run.excited for run in runs]):.0f}",
         f"{1e3 * np.median([run.path_m for run in runs]):.0f}",
         f"{1e3 * np.sqrt(np.mean([run.path_m**2 for run in runs])):.0f}",
         f"{1e3 * np.median([run.closure_m for run in runs]):.0f}",
