@@ -16,7 +16,8 @@ from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
 from controllers.safety import Mode
 from controllers.slip.effort.compensator import SlipReport, WheelSlip
-from controllers.slip.effort.excited_slip import RoverSlip, SlipSource
+from controllers.slip.effort.excited_slip import RoverSlip
+from controllers.slip.effort.ground_knowledge import SlipSource
 from controllers.slip.scomp.compensator import ScompReport, TraceReading
 from drivers.samples import PoseFixSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
