@@ -1,6 +1,6 @@
 """Drive for half an hour in real time as two processes: does memory stay flat, does the healthy rover stop?
 
-    python -m benchmarks.safety.soak [--minutes 30]
+    python -m benchmarks.safety.soak [--minutes 30] [--keep FOLDER]
 
 Two processes: `rover-hil simulate` and `rover-hil run`, over pseudo-terminals and slcan. The mission
 repeats a square.
@@ -53,10 +53,12 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--keep", type=Path, help="new folder for the configuration, the log and the report")
     arguments = parser.parse_args()
     clock = SystemClock()
-    with tempfile.TemporaryDirectory() as folder_name:
-        folder = Path(folder_name)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = arguments.keep or Path(temporary)
+        folder.mkdir(exist_ok=not arguments.keep)
         (folder / "rover.toml").write_text(endless_config())
         simulator = subprocess.Popen(
             [PROGRAM, "simulate", "rover.toml"], cwd=folder, stdout=subprocess.DEVNULL

@@ -58,7 +58,7 @@ class SafetySettings(
 
 
 def make_rules(
-    settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float = 0.0
+    settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float
 ) -> tuple[StopRule, ...]:
     """Return the rules in the order in which their reasons are reported: the likelier cause first.
 

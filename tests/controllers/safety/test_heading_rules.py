@@ -350,7 +350,7 @@ def test_a_rate_that_the_filter_rejects_is_not_integrated(others: int) -> None:
 def test_without_a_gyro_there_is_no_rule() -> None:
     for gyro, count in (("imu", 1), (None, 0)):
         roles = replace(ROLES, gyro=gyro)
-        rules = make_rules(SafetySettings(), roles, 4)
+        rules = make_rules(SafetySettings(), roles, 4, 0.0)
         assert sum(isinstance(rule, HeadingTurnRule) for rule in rules) == count
 
 

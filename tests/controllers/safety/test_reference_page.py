@@ -44,6 +44,6 @@ def test_every_setting_is_on_the_page_with_its_range_and_default(key: str) -> No
 
 
 def test_every_rule_is_registered() -> None:
-    rules = make_rules(SafetySettings(), DeviceRoles(wheels="wheels", gyro="imu", required={}), 1)
+    rules = make_rules(SafetySettings(), DeviceRoles(wheels="wheels", gyro="imu", required={}), 1, 0.0)
     assert {type(rule) for rule in rules} == set(StopRule.__subclasses__())
     assert len(rules) == len(StopRule.__subclasses__())
