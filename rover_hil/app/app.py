@@ -142,6 +142,29 @@ def replay(
 
 
 @app.command()
+def export(
+    log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`.")],
+    csv: Annotated[bool, typer.Option("--csv", help="Tables as CSV files.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet files.")] = False,
+    rosbag2: Annotated[bool, typer.Option("--rosbag2", help="A ROS 2 bag.")] = False,
+    out: Annotated[Path | None, out_option("Folder to write [default: LOG_FORMAT].")] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Write the records of a log as tables with units in the names of their columns, or as a ROS 2 bag.
+
+    Example: `rover-hil export runs/first/run.mcap --csv`
+
+    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
+    """
+    from rover_hil.app.export import export_log
+
+    wanted = {"csv": csv, "parquet": parquet, "rosbag2": rosbag2}
+    formats = [name for name, is_wanted in wanted.items() if is_wanted]
+    sys.exit(export_log(log, formats=formats, out=out, force=force, as_json=json))
+
+
+@app.command()
 def check(
     config: ConfigArgument,
     schema: Annotated[

@@ -86,6 +86,7 @@ class LogReader:
         path: The file.
 
     Attributes:
+        wall_offset_ns: Wall-clock minus monotonic time; 0 in version 1, which does not hold it.
         texts: How this version of the log writes what a replay computes again.
         is_complete: After `messages` has ended, whether the log was closed properly. A killed run's log
             is not, and holds everything up to its last flush.
@@ -108,10 +109,10 @@ class LogReader:
         try:
             self.start_ns = int(metadata["start_ns"])
             self.origin = metadata["origin"]
-            self._offset_ns = 0 if self._is_first_version else int(metadata["wall_offset_ns"])
+            self.wall_offset_ns = 0 if self._is_first_version else int(metadata["wall_offset_ns"])
             _check_time(self.start_ns)
-            if abs(self._offset_ns) > LAST_NS:
-                raise ValueError(f"{self._offset_ns} ns is no offset")
+            if abs(self.wall_offset_ns) > LAST_NS:
+                raise ValueError(f"{self.wall_offset_ns} ns is no offset")
         except (KeyError, ValueError) as error:
             raise LogError(f"log {path} is damaged: its metadata lack a start time or an origin") from error
         if CONFIG_ATTACHMENT not in self.attachments:
@@ -199,7 +200,7 @@ class LogReader:
                     raise LogError(
                         f"{self.path} is damaged: a message on an unknown channel {record.channel_id}"
                     )
-                t_ns = record.publish_time - self._offset_ns
+                t_ns = record.publish_time - self.wall_offset_ns
                 if not 0 <= t_ns <= LAST_NS:
                     raise LogError(f"{self.path} is damaged: a message at {t_ns} ns")
                 yield LogMessage(topics[record.channel_id], t_ns, record.data)

@@ -1,0 +1,84 @@
+"""`rover-hil export`: the records of a log for other programs."""
+
+from pathlib import Path
+
+from pydantic_core import to_json
+from rich.console import Console
+from rich.progress import Progress
+
+from drivers.errors import ConfigError, LogError
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.exporting.rosbag2 import write_rosbag2
+from rover_hil.exporting.tables import read_tables
+from rover_hil.exporting.write import write_tables
+from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
+from rover_hil.recording.reader import LogReader
+
+TABLES = {"csv": ".csv", "parquet": ".parquet"}
+ROSBAG = "rosbag2"
+
+
+def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool, as_json: bool) -> int:
+    """Write the records of a log in one format; returns the exit code.
+
+    Args:
+        path: The log.
+        formats: The formats wanted: "csv", "parquet", "rosbag2"; one of them.
+        out: Folder [default: the name of the log with `_` and the format].
+        force: Overwrite an earlier export.
+        as_json: Print what was written as JSON.
+
+    Raises:
+        LogError: The log cannot be read, or holds no record.
+        ConfigError: Not one format is wanted, its library is missing, or the folder cannot be written.
+    """
+    if len(formats) != 1:
+        raise ConfigError("choose one format: --csv, --parquet or --rosbag2")
+    (name,) = formats
+    log = LogReader(path)
+    folder = out or path.with_name(f"{path.stem}_{name}")
+    _check_folder(folder, name, force=force)
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("reading", total=path.stat().st_size)
+
+        def show() -> None:
+            progress.update(task, completed=log.bytes_read)
+
+        if name == ROSBAG:
+            with unfinished(folder) as part:
+                rows = dict(write_rosbag2(log, part, show))
+                _require_records(log, rows)
+        else:
+            tables = read_tables(log, show)
+            rows = {table: len(content.rows) for table, content in tables.items()}
+            _require_records(log, rows)
+            progress.update(task, description="writing")
+            write_tables(tables, folder, TABLES[name], force=force)
+    console = Console(highlight=False, soft_wrap=True)
+    if as_json:
+        console.out(
+            to_json({"folder": str(folder), "rows": rows, "log_is_complete": log.is_complete}).decode()
+        )
+        return EXIT_OK
+    what = "messages" if name == ROSBAG else "rows"
+    for table, count in rows.items():
+        console.print(f"{table}: {count} {what}")
+    console.print(f"written: {folder}")
+    if not log.is_complete:
+        console.print(f"{path} was cut off; everything up to the cut was written")
+    return EXIT_OK
+
+
+def _check_folder(folder: Path, name: str, *, force: bool) -> None:
+    if name != ROSBAG:
+        refuse_overwrite(*sorted(folder.glob(f"*{TABLES[name]}"))[:1], force=force)
+        return
+    refuse_overwrite(folder, force=force)
+    # The whole folder is replaced: it must be one that held a bag only.
+    if folder.exists() and not (folder / "metadata.yaml").is_file():
+        raise ConfigError(f"{folder} is not a bag: choose another --out")
+
+
+def _require_records(log: LogReader, rows: dict[str, int]) -> None:
+    if not rows:
+        raise LogError(f"log {log.path} holds no records: give the log of a run")
