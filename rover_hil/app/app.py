@@ -338,13 +338,20 @@ def gap(
 
 @app.command()
 def ftrace(
-    frames: Annotated[Path, typer.Argument(help="A folder of pictures, or a video.")],
-    rig: Annotated[Path, typer.Option(help="Rig file, JSON, schema rear-camera-rig/1.")],
+    frames: Annotated[
+        Path,
+        typer.Argument(help="A folder of pictures, a video, or a log of a rover with a rear camera (.mcap)."),
+    ],
     out: Annotated[Path, out_option("CSV file to write: one row per frame.")],
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Rig file, JSON, schema rear-camera-rig/1; a log holds that of its configuration."),
+    ] = None,
     telemetry: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file: frame, t, wheel speed, compass, gyro; see docs/reference/ftrace_files.md."
+            help="CSV file: frame, t, wheel speed, compass, gyro; see docs/reference/ftrace_files.md. A log "
+            "holds its own."
         ),
     ] = None,
     overlay: Annotated[
@@ -359,10 +366,11 @@ def ftrace(
 ) -> None:
     """Measure the slip angle from the trace that a rear wheel leaves, seen by a rearward camera.
 
-    Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`
+    Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`, or of a
+    log: `rover-hil ftrace runs/sand/run.mcap --out angles.csv`
 
-    Data: your recorded drive, or the rendered one that docs/how-to/measure_a_wheel_trace.md makes;
-    run it in that folder.
+    Data: your recorded drive, or the rendered one that docs/how-to/measure_a_wheel_trace.md makes; run it in
+    that folder. `rover-hil run el-dorado --virtual --out runs/sand` writes the log.
     """
     from rover_hil.app.ftrace import trace_angles
 

@@ -5,31 +5,34 @@ import sys
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
 from controllers.ftrace.estimator import Method, TraceEstimator
+from controllers.ftrace.rig import RigFile
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.app.options import check_inputs
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
+from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.ftrace.overlay import OverlayWriter
 from rover_hil.ftrace.run import HEADER, FrameAngle, csv_row, estimate, longest_gap
-from rover_hil.ftrace.telemetry import read_telemetry
+from rover_hil.ftrace.telemetry import TelemetryRow, read_telemetry
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
 
+LOG_SUFFIX = ".mcap"
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
 def trace_angles(
     frames: Path,
     *,
-    rig_path: Path,
+    rig_path: Path | None,
     telemetry_path: Path | None,
     out: Path,
     overlay: Path | None,
@@ -40,9 +43,9 @@ def trace_angles(
     """Write the angle of every frame; returns the exit code: 130 when interrupted, the frames so far written.
 
     Args:
-        frames: Folder of pictures, or a video.
-        rig_path: Rig file, JSON.
-        telemetry_path: CSV file with a row for each frame, or None.
+        frames: Folder of pictures, a video, or a log of a run with its camera.
+        rig_path: Rig file, JSON; None for that in a log.
+        telemetry_path: CSV file with a row for each frame, or None; a log holds its own.
         out: CSV file to write.
         overlay: Video or folder for pictures, or None.
         method: `fused` or `hough`; `ftrace`, the old name of `hough`, is accepted with a note.
@@ -50,18 +53,18 @@ def trace_angles(
         force: Replace earlier files.
 
     Raises:
-        ConfigError: Unknown method, a file is wrong, the frames do not fit the rig, or `out` or `overlay`
-            exists.
+        ConfigError: Unknown method, a file is wrong or missing, the frames do not fit the rig, or `out` or
+            `overlay` exists.
+        LogError: The log cannot be read, or holds no frames.
     """
     chosen = _method(method)
     check_file(out, force=force)
     if overlay is not None:
         refuse_overwrite(overlay, force=force, option="--overlay")
     check_inputs(frames)
-    rig = read_rig(rig_path)
+    drive = _read(frames, rig_path, telemetry_path)
+    source, rig, telemetry = drive.source, drive.rig, drive.telemetry
     geometry = rig.geometry()
-    source = FrameSource(frames)
-    telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
     estimator = TraceEstimator(geometry, chosen)
     found: list[FrameAngle] = []
     code = EXIT_OK
@@ -83,6 +86,36 @@ def trace_angles(
         write_file(out, "\n".join([HEADER, *map(csv_row, found)]) + "\n")
     _report(found, out, chosen, as_json=as_json)
     return code
+
+
+class _Drive(NamedTuple):
+    """Frames, calibration of their camera, and telemetry by frame number."""
+
+    source: FrameSource | LogFrames
+    rig: RigFile
+    telemetry: dict[int, TelemetryRow] | None
+
+
+def _read(frames: Path, rig_path: Path | None, telemetry_path: Path | None) -> _Drive:
+    """Return what a drive consists of.
+
+    Raises:
+        ConfigError: A file is wrong or missing.
+        LogError: The log cannot be read, or holds no frames.
+    """
+    given = None if rig_path is None else read_rig(rig_path)
+    if frames.suffix == LOG_SUFFIX:
+        if telemetry_path is not None:
+            raise ConfigError(f"--telemetry: {frames} holds its own, leave the option out")
+        log = LogFrames(frames)
+        rig = given or log.rig
+        if rig is None:
+            raise ConfigError(f"{frames} holds no calibration of its camera: give its rig file with --rig")
+        return _Drive(log, rig, log.telemetry)
+    if given is None:
+        raise ConfigError("--rig is missing: give the rig file of the camera; only a log may hold its own")
+    telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
+    return _Drive(FrameSource(frames), given, telemetry)
 
 
 def _method(name: str) -> Method:

@@ -10,7 +10,7 @@ from rich.progress import Progress
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.pages.atomic_write import check_file, write_file
-from rover_hil.scomp.files import read_drive, read_parameters, track_text
+from rover_hil.scomp.files import ReadDrive, read_drive, read_parameters, track_text
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.summary import summary_of
 
@@ -22,7 +22,7 @@ def run_scomp(
 
     Args:
         log: Our log or a CSV file.
-        params: File by `rover-hil identify scomp`; defaults without.
+        params: File by `rover-hil identify scomp`; without, those in the log, or the defaults.
         out: CSV file.
         online: Each row as the rover knew it then.
         as_json: Print the summary as JSON.
@@ -36,11 +36,11 @@ def run_scomp(
     check_file(out, force=force)
     source = read_drive(log)
     notes = list(source.notes)
-    parameters = ScompParameters() if params is None else read_parameters(params)
-    if params is None:
-        notes.append("no --params: lunar soil simulant and the rover of the paper are assumed")
-        if source.rover is not None:
-            parameters = parameters.model_copy(update={"rover": source.rover})
+    if params is not None:
+        parameters = read_parameters(params)
+    else:
+        parameters, note = _parameters_of(source)
+        notes.append(f"no --params: {note}")
     console = Console(stderr=True, highlight=False)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("estimating", total=len(source.drive.t_s))
@@ -58,6 +58,17 @@ def run_scomp(
     else:
         _print(summary, notes)
     return EXIT_OK
+
+
+def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, str]:
+    """Return the parameters for a drive without any given, and what they are."""
+    config = None if source.recorded is None else source.recorded.config
+    if config is not None and config.scomp is not None:
+        return config.scomp.parameters, "those of [scomp] in the log are used"
+    parameters = ScompParameters()
+    if source.rover is not None:
+        parameters = parameters.model_copy(update={"rover": source.rover})
+    return parameters, "lunar soil simulant and the rover of the paper are assumed"
 
 
 def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:

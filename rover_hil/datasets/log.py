@@ -10,7 +10,7 @@ import numpy as np
 
 from controllers.motion.steering import mean_steering_rad
 from drivers.errors import LogError
-from drivers.samples import PoseFixSample
+from drivers.samples import PoseFixSample, RateSample
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array, Times
 from rover_hil.recording import schema
@@ -75,9 +75,9 @@ class LogRows:
     """Collects the readings of a drive, message by message.
 
     Names carry the unit; wheels count from 1. Wheels: `enc1_rad`, `speed1_rad_s`, `current1_a`, `voltage1_v`,
-    `set1_rad_s` (delivered set-points only). Body: `gyro_z_rad_s`, `pitch_rad` (nose up), `roll_rad` (left
-    side up), `heading_rad` of the first heading device, `heading_rad DEVICE REFERENCE` of each, and on
-    request `trace_rad`, the angles of the rear left wheel's trace that the run itself found, and
+    `set1_rad_s` (delivered set-points only). Body: `gyro_z_rad_s` (and x, y), `pitch_rad` (nose up),
+    `roll_rad` (left side up), `heading_rad` of the first heading device, `heading_rad DEVICE REFERENCE` of
+    each, and on request `trace_rad`, the angles of the rear left wheel's trace that the run itself found, and
     `steering_rad`, the mean steering angle of the wheels. Truth: `x_m`, `y_m`, `psi_rad`, `true_slip1`,
     `true_speed1_rad_s`, `true_steering1_rad`, `true_forward_m_s`, `true_left_m_s`.
 
@@ -150,12 +150,19 @@ class LogRows:
                 position_sd_m=exact,
                 yaw_sd_rad=exact,
             )
-        device = max(self._fixes, key=lambda name: len(self._fixes[name]), default=None)
-        if device is None:
+        fixes = self.fixes()
+        if fixes is None:
             raise LogError(
                 f"log {log.path} holds no true pose, neither on /truth nor as pose fixes of a device in "
                 "roles.fixes: record one with an overhead camera"
             )
+        return fixes
+
+    def fixes(self) -> TruePoses | None:
+        """Return the poses of the camera in `roles.fixes` that gave most fixes; None without one."""
+        device = max(self._fixes, key=lambda name: len(self._fixes[name]), default=None)
+        if device is None:
+            return None
         columns = ("x_m", "y_m", "yaw_rad", "position_std_m", "yaw_std_rad")
         taken = [(min(fix.t_capture_ns, fix.t_ns), fix) for fix in self._fixes[device]]
         t_ns = np.array([t for t, _ in taken], np.int64)
@@ -211,13 +218,18 @@ class LogRows:
                 rows[name].append((heading.t_ns, heading.heading_rad))
         for rate in samples.rates:
             if rate.device == roles.gyro:
-                rows["gyro_z_rad_s"].append((rate.t_ns, rate.rate_z_rad_s))
+                self._take_rates(rate)
         for attitude in samples.attitudes:
             # A sample counts nose down.
             nose_up_rad = None if attitude.pitch_rad is None else -attitude.pitch_rad
             for name, value in (("pitch_rad", nose_up_rad), ("roll_rad", attitude.roll_rad)):
                 if value is not None:
                     rows[name].append((attitude.t_ns, value))
+
+    def _take_rates(self, rate: RateSample) -> None:
+        for axis, value in (("x", rate.rate_x_rad_s), ("y", rate.rate_y_rad_s), ("z", rate.rate_z_rad_s)):
+            if value is not None:
+                self._rows[f"gyro_{axis}_rad_s"].append((rate.t_ns, value))
 
     def _take_truth(self, truth: schema.TruthRecord) -> None:
         t_ns = truth["t_ns"]

@@ -1,7 +1,7 @@
 """Runs the trace estimator over recorded frames."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,7 +10,7 @@ from controllers.ftrace.rig import RigFile
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from rover_hil.ftrace.frames import FrameSource, to_grey
+from rover_hil.ftrace.frames import FrameFile, to_grey
 from rover_hil.ftrace.telemetry import TelemetryRow
 
 HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected,source,theta_sd_deg"
@@ -27,7 +27,10 @@ class FrameAngle:
 
 
 def estimate(
-    source: FrameSource, rig: RigFile, telemetry: dict[int, TelemetryRow] | None, estimator: TraceEstimator
+    source: Iterable[FrameFile],
+    rig: RigFile,
+    telemetry: dict[int, TelemetryRow] | None,
+    estimator: TraceEstimator,
 ) -> Iterator[FrameAngle]:
     """Yield the estimate of each frame.
 

@@ -94,6 +94,18 @@ def pixels_in(data: bytes) -> int:
     return int(width * height)
 
 
+def capture_time_ns(data: bytes) -> int | None:
+    """Return when the image that `decode_image` takes was taken; None where that is not known.
+
+    Raises:
+        LogError: The bytes are not such an image.
+    """
+    if len(data) < _STAMP.size:
+        raise LogError(_DAMAGED)
+    (stamp,) = _STAMP.unpack_from(data)
+    return None if stamp == _NO_STAMP else int(stamp)
+
+
 def decode_image(data: bytes) -> CameraImage:
     """Return the image in the data of a message on `/raw/CAMERA`.
 
@@ -102,10 +114,7 @@ def decode_image(data: bytes) -> CameraImage:
     """
     import numpy as np
 
-    if len(data) < _STAMP.size:
-        raise LogError(_DAMAGED)
-    (stamp,) = _STAMP.unpack_from(data)
-    t_capture_ns = None if stamp == _NO_STAMP else stamp
+    t_capture_ns = capture_time_ns(data)
     picture = data[_STAMP.size :]
     if not picture:
         return CameraImage(np.zeros((0, 0), np.uint8), t_capture_ns)

@@ -1,12 +1,13 @@
 """Read a drive, and its true path, from one of our own logs."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.motion.rover_geometry import has_four_wheels, track_of
 from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.log import RecordedDrive
+from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.datasets.log import RecordedDrive, TruePoses
 from rover_hil.scomp.drive import TruePath
 
 NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", "trace_rad", "steering_rad")
@@ -51,11 +52,47 @@ def log_truth(drive: RecordedDrive) -> tuple[TruePath, str]:
         )
     if true.is_exact:
         return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=psi_rad), true.source
-    wheel = drive.rows["enc1_rad"]
-    turned = np.abs(wheel.value - wheel.value[0]) > STANDSTILL_RAD
-    at_start = true.t_ns < (wheel.t_ns[np.argmax(turned)] if turned.any() else wheel.t_ns[-1])
-    at_start[0] = True
-    start_rad = float(psi_rad[at_start].mean())
-    moved_m = (x_m - x_m[at_start].mean() + 1j * (y_m - y_m[at_start].mean())) * np.exp(-1j * start_rad)
+    at_start = _at_start(drive, true)
+    moved_m, start_rad = _from_start_m(true, at_start)
     path = TruePath(t_s=t_s, x_m=moved_m.real, y_m=moved_m.imag, psi_rad=psi_rad - start_rad)
     return path, true.source
+
+
+def log_fixes(drive: RecordedDrive) -> tuple[dict[str, Array], float]:
+    """Return the pose fixes of the camera in `roles.fixes` as columns in the frame of the pose at start.
+
+    Returns:
+        `fix_x_m` and `fix_y_m`, one row per position of the first wheel, empty without fixes; and their
+        standard deviation in m, with that of the direction at start at the farthest fix.
+    """
+    fixes = drive.rows.fixes()
+    if fixes is None or not len(fixes.t_ns):
+        return {}, 0.0
+    at_start = _at_start(drive, fixes)
+    moved_m, _ = _from_start_m(fixes, at_start)
+    turned_m = float(fixes.yaw_sd_rad[at_start].mean() / np.sqrt(at_start.sum()) * np.abs(moved_m).max())
+    sd_m = float(np.hypot(np.median(fixes.position_sd_m), turned_m))
+    rows_ns = np.unique(drive.rows[drive.clock].t_ns)
+    row = np.searchsorted(rows_ns, fixes.t_ns)
+    inside = row < len(rows_ns)
+    columns = {name: np.full(len(rows_ns), np.nan) for name in ("fix_x_m", "fix_y_m")}
+    columns["fix_x_m"][row[inside]] = moved_m.real[inside]
+    columns["fix_y_m"][row[inside]] = moved_m.imag[inside]
+    return columns, sd_m
+
+
+def _at_start(drive: RecordedDrive, poses: TruePoses) -> Flags:
+    """Return which poses are from before the first wheel turns; the first one in any case."""
+    wheel = drive.rows["enc1_rad"]
+    turned = np.abs(wheel.value - wheel.value[0]) > STANDSTILL_RAD
+    at_start: Flags = poses.t_ns < (wheel.t_ns[np.argmax(turned)] if turned.any() else wheel.t_ns[-1])
+    at_start[0] = True
+    return at_start
+
+
+def _from_start_m(poses: TruePoses, at_start: Flags) -> tuple[NDArray[np.complex128], float]:
+    """Return positions in the frame of the pose at start, x as real part, and the yaw at start."""
+    x_m, y_m = poses.x_m, poses.y_m
+    start_rad = float(poses.yaw_rad[at_start].mean())
+    moved_m = (x_m - x_m[at_start].mean() + 1j * (y_m - y_m[at_start].mean())) * np.exp(-1j * start_rad)
+    return moved_m, start_rad

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -58,7 +59,11 @@ def identify_scomp(
         progress.advance(task)
         origin = Provenance(log=log.name, truth=truth_name, fitted_on=wall_time_text()[:8])
         parameters = found.parameters.model_copy(update={"provenance": origin})
-        result = estimate_track(source.drive, parameters)
+        drive = source.drive
+        if source.recorded is not None:
+            # Its pose fixes may be the truth: a path through them would show nothing of the parameters.
+            drive = replace(drive, fix_m=None)
+        result = estimate_track(drive, parameters)
     error_m = final_error_m(result.track, path)
     notes = [*source.notes, *found.notes, *result.notes]
     if truth is None:
