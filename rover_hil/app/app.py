@@ -165,6 +165,32 @@ def export(
 
 
 @app.command()
+def init(
+    out: Annotated[Path, typer.Argument(help="The configuration to write, TOML.")],
+    dbc: Annotated[Path | None, typer.Option(help="DBC file of the drives on the CAN bus.")] = None,
+    ports: Annotated[
+        Path | None,
+        typer.Option(help="Also look into this folder, e.g. the `ports` that `rover-hil simulate` serves."),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Set a rover up: find its devices, ask what cannot be found, write a configuration.
+
+    Looks at serial ports, CAN interfaces and cameras, listens to what they send, and proposes devices and
+    settings. After an explicit question (wheels lifted) it turns each wheel a little, to find order and
+    sign. Answers come from the standard input. Exit code 1: no drive was found, or the configuration has
+    mistakes.
+
+    Example: `rover-hil init my_rover.toml`
+
+    Data: the devices of your rover, connected; docs/how-to/set_a_rover_up.md.
+    """
+    from rover_hil.app.init import init as set_up
+
+    sys.exit(set_up(out, ports=ports, dbc=dbc, force=force))
+
+
+@app.command()
 def check(
     config: ConfigArgument,
     schema: Annotated[

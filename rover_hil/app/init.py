@@ -1,0 +1,325 @@
+"""`rover-hil init`: find the devices, ask for the rest, and write a configuration that passes `check`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.clock import SystemClock
+from drivers.device_settings import CanDeviceSettings, DriveSettings
+from drivers.errors import ConfigError, NotConnectedError
+from drivers.registry import AnyDeviceSettings
+from drivers.vesc.settings import VescSettings
+from rover_hil.app.ask import ask, ask_choice, ask_number, ask_yes
+from rover_hil.app.check import examine_config
+from rover_hil.app.error_message import readable_line
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.steps import show_steps
+from rover_hil.config import schema_text
+from rover_hil.config.loader import SCHEMA_NAME
+from rover_hil.doctor.finding import SystemPaths
+from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.setting_up.config_text import Answers, config_text
+from rover_hil.setting_up.drives import (
+    guess_mapping,
+    reordered_text,
+    shipped_mapping,
+    vesc_nodes,
+    write_mapping,
+)
+from rover_hil.setting_up.places import find_places
+from rover_hil.setting_up.probing import Found, probe_camera, probe_can, probe_serial
+from rover_hil.setting_up.turning import Turner
+
+TURN_SPEED_RAD_S = 1.0
+LEAST_TURN_RAD = 0.1
+POSITIONS = {
+    "omni3": ("at 60 deg", "at 180 deg", "at 300 deg"),
+    "differential": ("left", "right"),
+    "skid_steer_4": ("front left", "front right", "rear left", "rear right"),
+}
+"""Wheels in the order of the configuration."""
+NAMES = {"frames": "camera", "rate": "imu", "heading": "compass"}
+
+
+def init(out: Path, *, ports: Path | None, dbc: Path | None, force: bool) -> int:
+    """Set a rover up; returns the exit code: 1 where no drive was found, or the result has mistakes.
+
+    Args:
+        out: Configuration to write.
+        ports: Folder with further ports, or None.
+        dbc: DBC file of the drives on the CAN bus, or None.
+        force: Replace an earlier configuration.
+
+    Raises:
+        ConfigError: A file exists or cannot be read, or a question got no answer.
+    """
+    check_file(out, force=force)
+    if dbc is not None and not dbc.is_file():
+        raise ConfigError(f"no DBC file {dbc}: correct --dbc")
+    console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    made: list[Path] = []
+    try:
+        return _set_up(out, ports, dbc, made, console, force=force)
+    except BaseException:
+        for path in made:
+            path.unlink(missing_ok=True)
+        raise
+
+
+def _set_up(
+    out: Path, ports: Path | None, dbc: Path | None, made: list[Path], console: Console, *, force: bool
+) -> int:
+    found = _look(ports, console)
+    devices: dict[str, tuple[AnyDeviceSettings, str]] = {}
+    drive: tuple[AnyDeviceSettings, str] | None = None
+    for each in found:
+        if each.kinds & {"can", "wheels"}:
+            recognised = _drive_of(each, dbc, out, made, console, force=force)
+            if recognised is not None and drive is None:
+                drive = recognised, each.what
+        elif ask_yes(f"Use {each.what}, {_place_of(each.settings)}?", default=True):
+            name = _name_of(each)
+            devices[f"{name}_{len(devices)}" if name in devices else name] = (each.settings, each.what)
+    if drive is None or not isinstance(drive[0], DriveSettings):
+        console.print(
+            "no drive was recognised, nothing is written: switch it on, name its DBC file with --dbc, or "
+            "the folder "
+            "of its port with --ports; docs/how-to/set_a_rover_up.md"
+        )
+        return EXIT_NO
+    wheel_count = drive[0].make_codec("wheels").wheel_count
+    kinematics, rover = _rover(wheel_count, console)
+    settings = _turn_wheels(drive[0], kinematics, made, console)
+    speed = ask_number("Greatest speed of the wheels to begin with, rad/s", 0.5, 200.0, 5.0)
+    gyro = next((name for name, (each, _) in devices.items() if _has(found, each, "rate")), None)
+    compasses = [name for name, (each, _) in devices.items() if each.type == "nmea_compass"]
+    radius_m = float(str(rover.get("wheel_radius_m") or 0.0)) or _first_radius(rover)
+    answers = Answers(
+        rover=rover,
+        devices=[("wheels", settings, drive[1]), *((name, *each) for name, each in devices.items())],
+        wheels="wheels",
+        gyro=gyro,
+        headings=compasses,
+        wheel_speed_rad_s=speed,
+        moves_sideways=kinematics == "omni3",
+        speed_m_s=float(f"{max(0.01, min(0.1, 0.4 * speed * radius_m)):.2g}"),
+    )
+    write_file(out, config_text(answers))
+    schema = out.with_name(SCHEMA_NAME)
+    if not schema.exists():
+        write_file(schema, schema_text())
+    return _report(out, console)
+
+
+def _look(ports: Path | None, console: Console) -> list[Found]:
+    """Probe every port, and print what is there."""
+    clock = SystemClock()
+    places = find_places(SystemPaths(), ports)
+    found: list[Found] = []
+    results: list[tuple[str, Found | str]] = []
+    with show_steps("looking for ports") as step:
+        results += [(port, probe_serial(port, clock, step)) for port in places.serial]
+        results += [(name, probe_can("socketcan", name, clock, step)) for name in places.can]
+        for path in places.cameras:
+            results.append((path, probe_camera(path, clock, is_folder=Path(path).is_dir(), step=step)))
+    for place, result in results:
+        console.print(readable_line(f"{place}: {result if isinstance(result, str) else result.what}"))
+        if isinstance(result, Found):
+            found.append(result)
+    if not results:
+        console.print("no serial port, CAN interface or camera is connected")
+    return found
+
+
+def _drive_of(
+    found: Found, dbc: Path | None, out: Path, made: list[Path], console: Console, *, force: bool
+) -> AnyDeviceSettings | None:
+    """Return the settings of the drives behind a port, or None where they are not known."""
+    if not isinstance(found.settings, CanWheelsSettings):
+        return found.settings
+    bus = found.settings
+    shipped = shipped_mapping(found.frames) if dbc is None else ""
+    if shipped:
+        console.print(f"the messages are those of the shipped mapping '{shipped}'")
+        return bus.model_copy(update={"mapping": shipped, "max_age_s": 0.1})
+    nodes = vesc_nodes(found.frames)
+    if nodes and dbc is None:
+        console.print(f"VESC controllers {', '.join(map(str, nodes))}")
+        return VescSettings.model_validate(
+            {
+                "type": "vesc",
+                "interface": bus.interface,
+                "channel": bus.channel,
+                "bit_rate": bus.bit_rate,
+                "wheel": [{"node": node} for node in nodes],
+                "pole_pairs": int(ask_number("Pairs of magnetic poles of the motors", 1, 100, 7)),
+                "gear_ratio": ask_number("Turns of the motor per turn of the wheel", 0.01, 1000, 1.0),
+            }
+        )
+    if dbc is None:
+        answer = ask("DBC file of these messages (empty for none)")
+        if not answer:
+            return None
+        dbc = Path(answer)
+    guess = guess_mapping(dbc, found.frames)
+    console.print(f"wheels {', '.join(map(str, guess.nodes))} of {dbc}:")
+    for key, value in guess.every_wheel.items():
+        console.print(f"  {key}: signal {value['signal']} of {value['message']}, {value['unit']}")
+    if not ask_yes("Is that right?", default=True):
+        raise ConfigError(
+            f"{dbc}: write the mapping by hand, docs/how-to/drive_your_own_rover.md, or rename signals and "
+            f"units"
+        )
+    if guess.needs_ticks:
+        ticks = ask_number("Encoder ticks per turn of the encoder", 1, 1e8)
+        guess.every_wheel["position"]["ticks_per_revolution"] = ticks
+    gear = ask_number("Turns of the encoder per turn of the wheel (gear ratio)", 0.001, 1000, 1.0)
+    path = dbc.with_name(f"{out.stem}_can.toml")
+    check_file(path, force=force)
+    made.append(path)
+    write_mapping(path, dbc, guess, found.frames, gear_ratio=gear)
+    console.print(f"mapping written: {path}")
+    return bus.model_copy(update={"mapping": str(path), "max_age_s": 0.1})
+
+
+def _rover(wheel_count: int, console: Console) -> tuple[str, dict[str, object]]:
+    """Ask for kind and size of the rover; return the kind and the section [rover]."""
+    kinds = {2: "differential", 3: "omni3", 4: "skid_steer_4"}
+    if wheel_count not in kinds:
+        raise ConfigError(
+            f"the drive has {wheel_count} wheels: copy docs/examples/six_wheels.toml and describe each "
+            f"wheel, "
+            "docs/how-to/drive_your_own_rover.md"
+        )
+    kind = kinds[wheel_count]
+    words = {
+        "differential": "two driven wheels, with castors",
+        "omni3": "three omnidirectional wheels",
+        "skid_steer_4": "four wheels that do not steer",
+    }
+    console.print(
+        f"{wheel_count} wheels: {words[kind]}; for another kind see docs/how-to/drive_your_own_rover.md"
+    )
+    radius_m = ask_number("Radius of the wheels, m", 0.005, 1.0, 0.04 if kind == "omni3" else None)
+    if kind == "omni3":
+        base_m = ask_number("Distance of the wheels from the middle of the rover, m", 0.02, 2.0, 0.125)
+        return kind, {"kinematics": "omni3", "wheel_radius_m": radius_m, "base_radius_m": base_m}
+    track_m = ask_number("Distance between left and right wheels, m", 0.05, 5.0)
+    if kind == "skid_steer_4":
+        return kind, {"kinematics": "skid_steer_4", "wheel_radius_m": radius_m, "track_m": track_m}
+    wheels = [{"x_m": 0.0, "y_m": side * track_m / 2, "radius_m": radius_m} for side in (1, -1)]
+    return kind, {"kinematics": "wheels", "wheels": wheels}
+
+
+def _turn_wheels(
+    drive: DriveSettings, kinematics: str, made: list[Path], console: Console
+) -> AnyDeviceSettings:
+    """Turn each wheel after a question; return the drive with order and signs of its wheels."""
+    places = POSITIONS[kinematics]
+    settings: AnyDeviceSettings = drive  # type: ignore[assignment]  # a drive of the registry
+    console.print("Each wheel can now be turned a little, to find its place and its sign.")
+    if not ask_yes("Are ALL wheels lifted off the ground and free, and is nobody near them?", default=False):
+        console.print("no wheel was turned: check order and sign with the wheels lifted before you drive")
+        return settings
+    order: dict[str, tuple[int, int]] = {}
+    try:
+        with Turner(drive, SystemClock(), TURN_SPEED_RAD_S) as turner:
+            for wheel in range(turner.wheel_count):
+                with show_steps(f"wheel {wheel}") as step:
+                    turned = turner.turn(wheel, step)
+                _check_encoders(wheel, turned, console)
+                left = tuple(place for place in places if place not in order)
+                place = ask_choice(f"Which wheel turned just now, number {wheel}", (*left, "none"), left[0])
+                if place == "none":
+                    raise ConfigError(f"wheel {wheel} did not turn: switch its drive on, and run init again")
+                forwards = ask_yes(
+                    "Did it turn forwards (counter-clockwise for omnidirectional wheels)?", default=True
+                )
+                order[place] = wheel, 1 if forwards else -1
+    except NotConnectedError as error:
+        raise ConfigError(f"{error}: the wheels cannot be turned") from error
+    wheels = [order[place][0] for place in places]
+    signs = [order[place][1] for place in places]
+    if wheels == sorted(wheels) and set(signs) == {1}:
+        return settings
+    return _reordered(settings, wheels, signs, made, console)
+
+
+def _check_encoders(wheel: int, turned: Sequence[float], console: Console) -> None:
+    """Report what the encoders say of a wheel that was turned forwards."""
+    console.print("  encoders: " + ", ".join(f"{each:+.2f} rad" for each in turned))
+    others = [index for index, each in enumerate(turned) if index != wheel and abs(each) > LEAST_TURN_RAD]
+    if abs(turned[wheel]) < LEAST_TURN_RAD:
+        console.print(f"  attention: the encoder of wheel {wheel} did not move")
+    elif turned[wheel] < 0.0:
+        console.print(
+            f"  attention: the encoder of wheel {wheel} counts against its motor: swap two wires of it"
+        )
+    if others:
+        console.print(f"  attention: encoder {others[0]} moved too: motors and encoders are mixed up")
+
+
+def _reordered(
+    settings: AnyDeviceSettings, wheels: list[int], signs: list[int], made: list[Path], console: Console
+) -> AnyDeviceSettings:
+    if isinstance(settings, VescSettings):
+        entries = [
+            settings.wheel[wheel].model_copy(update={"sign": sign})
+            for wheel, sign in zip(wheels, signs, strict=True)
+        ]
+        return settings.model_copy(update={"wheel": tuple(entries)})
+    if isinstance(settings, CanWheelsSettings):
+        path = Path(settings.mapping)
+        if not path.is_file():
+            path = _own_copy(settings.mapping, made)
+        path.write_text(reordered_text(path.read_text("utf-8"), wheels, signs), "utf-8")
+        console.print(f"order and signs of the wheels entered into {path}")
+        return settings.model_copy(update={"mapping": str(path)})
+    raise ConfigError(
+        "the board has a fixed order of its wheels: connect the motors in the order 60, 180, 300 deg, "
+        "counter-clockwise positive"
+    )
+
+
+def _own_copy(mapping: str, made: list[Path]) -> Path:
+    """Copy a shipped mapping and its DBC file into the current folder; return the copy."""
+    path = Path(f"{mapping}_own.toml")
+    for source, target in ((f"{mapping}.toml", path), (f"{mapping}.dbc", Path(f"{mapping}.dbc"))):
+        check_file(target, force=False, option="folder")
+        made.append(target)
+        write_file(target, (SHIPPED_FOLDER / source).read_text("utf-8"))
+    return path
+
+
+def _has(found: Sequence[Found], settings: AnyDeviceSettings, kind: str) -> bool:
+    return any(each.settings is settings and kind in each.kinds for each in found)
+
+
+def _name_of(found: Found) -> str:
+    return next(name for kind, name in (*NAMES.items(), ("", "device")) if kind in found.kinds or not kind)
+
+
+def _place_of(settings: AnyDeviceSettings) -> str:
+    if isinstance(settings, CanDeviceSettings):
+        return settings.channel
+    return str(getattr(settings, "port", None) or getattr(settings, "path", ""))
+
+
+def _first_radius(rover: dict[str, object]) -> float:
+    wheels = rover["wheels"]
+    return float(wheels[0]["radius_m"]) if isinstance(wheels, list) else 0.1
+
+
+def _report(out: Path, console: Console) -> int:
+    mistakes, _, _ = examine_config(str(out))
+    for mistake in mistakes:
+        console.print(readable_line(mistake))
+    if mistakes:
+        console.print(f"{out} was written, but has mistakes: correct them and run `rover-hil check {out}`")
+        return EXIT_NO
+    console.print(f"{out} is written and valid. Next: `rover-hil doctor {out}`, then with the wheels lifted")
+    console.print(f"`rover-hil run {out} --duration 5`; docs/how-to/run_on_a_rover.md")
+    return EXIT_OK

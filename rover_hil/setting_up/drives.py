@@ -1,0 +1,277 @@
+"""Recognise the drives on a CAN bus: shipped mappings, VESCs, or a DBC file of the user's own."""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cantools
+from cantools.database.can import Message, Signal
+
+from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can_wheels.codec import CanWheelsCodec
+from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
+from drivers.can_wheels.messages import bus_id
+from drivers.driver import Rejection
+from drivers.errors import ConfigError
+from drivers.link import Received
+from drivers.samples import WheelSample
+from rover_hil.datasets.toml_text import toml_text
+
+VESC_STATUS = {9: "status 1", 27: "status 5"}
+POSITION = re.compile(r"pos|enc|tick|count|angle", re.IGNORECASE)
+SPEED = re.compile(r"speed|vel|rpm", re.IGNORECASE)
+CURRENT = re.compile(r"curr|iq", re.IGNORECASE)
+CHECKSUM = re.compile(r"check|crc", re.IGNORECASE)
+COUNTER = re.compile(r"counter|alive|seq", re.IGNORECASE)
+SETPOINT = re.compile(r"set|cmd|command|target|ref|input", re.IGNORECASE)
+NUMBERED = re.compile(r"(.*?)(\d+)(.*)")
+POSITION_UNITS = {
+    "rad": "rad",
+    "rev": "rev",
+    "turns": "rev",
+    "deg": "deg",
+    "ticks": "ticks",
+    "counts": "ticks",
+}
+SPEED_UNITS = {"rad/s": "rad/s", "rev/s": "rev/s", "turns/s": "rev/s", "rpm": "rpm", "1/min": "rpm"}
+CURRENT_UNITS = {"a": "A", "ma": "mA"}
+ALGORITHMS = (None, "crc8_j1850", "xor8", "sum8")
+MOST_REJECTED = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """A mapping that fits a DBC file and what is on the bus.
+
+    Attributes:
+        every_wheel: Its keys for all wheels.
+        nodes: Numbers of the wheels.
+        protection: Keys of its protection; empty without one.
+        needs_ticks: The position counts ticks of which the number per turn is not known.
+    """
+
+    every_wheel: dict[str, dict[str, object]]
+    nodes: list[int]
+    protection: dict[str, object]
+    needs_ticks: bool
+
+
+def shipped_mapping(frames: Sequence[CanFrame]) -> str:
+    """Return the shipped mapping whose wheel messages are all on the bus; "" for none."""
+    heard = {_number(frame) for frame in frames}
+    best = ("", 0)
+    for path in sorted(SHIPPED_FOLDER.glob("*.toml")):
+        bus = load_mapping(path.stem)
+        sources = [
+            source
+            for wheel in bus.mapping.wheel
+            for source in (wheel.position, wheel.speed, wheel.current, wheel.steering)
+            if source is not None
+        ]
+        numbers = {bus_id(bus.message(source.message)) for source in sources}
+        if numbers <= heard and len(numbers) > best[1] and _decodes(path, frames):
+            best = (path.stem, len(numbers))
+    return best[0]
+
+
+def vesc_nodes(frames: Sequence[CanFrame]) -> list[int]:
+    """Return the numbers of the VESCs that send status messages 1 and 5."""
+    seen: defaultdict[int, set[int]] = defaultdict(set)
+    for frame in frames:
+        if frame.is_extended and frame.can_id >> 8 in VESC_STATUS:
+            seen[frame.can_id & 0xFF].add(frame.can_id >> 8)
+    return sorted(node for node, kinds in seen.items() if kinds == set(VESC_STATUS))
+
+
+def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
+    """Return a mapping for the drives of a DBC file, by the names and units of its signals.
+
+    Args:
+        dbc: The DBC file.
+        frames: What is on the bus: messages that are not there come from the host.
+
+    Raises:
+        ConfigError: The file cannot be read, or has no numbered messages with a position or speed and a
+        set-point.
+    """
+    messages = _messages(dbc)
+    heard = {_number(frame) for frame in frames}
+    sent = _templates(message for message in messages if bus_id(message) in heard)
+    taken = _templates(message for message in messages if bus_id(message) not in heard)
+    position, speed, current = (
+        _signal(sent, words, units)
+        for words, units in ((POSITION, POSITION_UNITS), (SPEED, SPEED_UNITS), (CURRENT, CURRENT_UNITS))
+    )
+    setpoint = _signal(taken, SPEED, SPEED_UNITS, prefer=SETPOINT)
+    measured = position or speed
+    if measured is None or setpoint is None:
+        lack = "set-point" if measured is not None else "position or speed on the bus"
+        raise ConfigError(
+            f"{dbc}: no numbered messages with a {lack} of each wheel were recognised: write the mapping "
+            f"by hand, "
+            "docs/how-to/drive_your_own_rover.md"
+        )
+    every_wheel = {
+        key: found[1]
+        for key, found in (("position", position), ("speed", speed), ("current", current))
+        if found
+    }
+    every_wheel["setpoint"] = setpoint[1]
+    nodes = sorted(set(sent[measured[0]]) & set(taken[setpoint[0]]))
+    templates = [str(each["message"]) for each in every_wheel.values()]
+    return Guess(
+        every_wheel=every_wheel,
+        nodes=nodes,
+        protection=_protection_signals({**sent, **taken}, templates),
+        needs_ticks=position is not None and position[1]["unit"] == "ticks",
+    )
+
+
+def write_mapping(path: Path, dbc: Path, guess: Guess, frames: Sequence[CanFrame], **changes: object) -> None:
+    """Write a mapping beside its DBC file, with the checksum that the frames on the bus have.
+
+    Args:
+        path: File to write, in the folder of `dbc`.
+        dbc: The DBC file.
+        guess: The mapping.
+        frames: What is on the bus.
+        changes: Further keys for every wheel.
+
+    Raises:
+        ConfigError: No kind of checksum fits.
+    """
+    for algorithm in ALGORITHMS if "checksum" in guess.protection else (None,):
+        protection = dict(guess.protection)
+        if algorithm is None:
+            protection.pop("checksum", None)
+        else:
+            protection["algorithm"] = algorithm
+        useful = {"counter", "checksum"} & set(protection)
+        table: dict[str, Any] = {
+            "dbc": dbc.name,
+            "every_wheel": {**changes},
+            "wheel": [{"node": node} for node in guess.nodes],
+            **({"protection": [protection]} if useful else {}),
+        }
+        path.write_text(mapping_text(table, guess), "utf-8")
+        if _decodes(path, frames):
+            if algorithm is None and "checksum" in guess.protection:
+                continue  # the checksum must be sent too
+            return
+    if "checksum" in guess.protection:
+        path.unlink(missing_ok=True)
+        raise ConfigError(
+            f"{dbc}: none of the known checksums ({', '.join(filter(None, ALGORITHMS))}) fits the frames "
+            f"on the bus: "
+            "write the mapping by hand, docs/how-to/drive_your_own_rover.md"
+        )
+    raise ConfigError(f"{dbc}: the frames on the bus do not fit the signals of {path}: correct it by hand")
+
+
+def mapping_text(table: dict[str, Any], guess: Guess) -> str:
+    """Return the text of a mapping; the signals as one line each."""
+    lines = ["# Made by `rover-hil init` from the names and units in the DBC file; check each line.", ""]
+    lines += [f'dbc = "{table["dbc"]}"', "", "[every_wheel]"]
+    lines += [toml_text(table["every_wheel"]).rstrip()] if table["every_wheel"] else []
+    lines += [f"{key} = {_inline(value)}" for key, value in guess.every_wheel.items()]
+    for wheel in table["wheel"]:
+        lines += ["", "[[wheel]]", toml_text(wheel).rstrip()]
+    for protection in table.get("protection", ()):
+        lines += ["", "[[protection]]", toml_text(protection).rstrip()]
+    return "\n".join(lines) + "\n"
+
+
+def reordered_text(text: str, order: Sequence[int], signs: Sequence[int]) -> str:
+    """Return a mapping with its wheels in another order; a sign of -1 reverses a wheel."""
+    head, *parts = re.split(r"(?m)^\[\[wheel\]\][ \t]*(?:#.*)?\n", text)
+    *bodies, last = parts
+    cut = re.search(r"(?m)^\[", last)
+    tail = "" if cut is None else last[cut.start() :]
+    bodies.append(last if cut is None else last[: cut.start()])
+    wheels = []
+    for wheel, sign in zip(order, signs, strict=True):
+        was_reversed = re.search(r"(?m)^sign[ \t]*=[ \t]*-1", bodies[wheel]) is not None
+        kept = re.sub(r"(?m)^sign[ \t]*=.*\n?", "", bodies[wheel]).strip()
+        wheels.append(f"[[wheel]]\n{kept}\n" + ("sign = -1\n" if was_reversed != (sign < 0) else ""))
+    return head + "\n".join(wheels) + (f"\n{tail}" if tail else "")
+
+
+def _messages(dbc: Path) -> list[Message]:
+    try:
+        database = cantools.database.load_file(dbc)
+    except (OSError, UnicodeDecodeError, cantools.Error, ValueError) as error:
+        raise ConfigError(f"cannot read DBC file {dbc}: {error}") from error
+    return list(getattr(database, "messages", ()))
+
+
+def _number(frame: CanFrame) -> int:
+    from drivers.can_frame import EXTENDED_FLAG
+
+    return frame.can_id | EXTENDED_FLAG if frame.is_extended else frame.can_id
+
+
+def _templates(messages: Iterator[Message] | Sequence[Message]) -> dict[str, dict[int, Message]]:
+    """Return messages by name with "{node}" for the number, then by number."""
+    found: defaultdict[str, dict[int, Message]] = defaultdict(dict)
+    for message in messages:
+        parts = NUMBERED.fullmatch(message.name)
+        if parts is not None:
+            found[f"{parts[1]}{{node}}{parts[3]}"][int(parts[2])] = message
+    return dict(found)
+
+
+def _signal(
+    templates: dict[str, dict[int, Message]],
+    words: re.Pattern[str],
+    units: dict[str, str],
+    prefer: re.Pattern[str] | None = None,
+) -> tuple[str, dict[str, object]] | None:
+    """Return template and keys of the best signal; by unit and name."""
+    best: tuple[int, str, dict[str, object]] | None = None
+    for template, nodes in templates.items():
+        for signal in next(iter(nodes.values())).signals:
+            unit = units.get((signal.unit or "").strip().lower())
+            score = (
+                2 * (unit is not None)
+                + 2 * bool(words.search(signal.name))
+                + bool(prefer and prefer.search(template))
+            )
+            if unit is not None and score > (best[0] if best else 2 - bool(words.search(signal.name))):
+                best = (score, template, {"message": template, "signal": signal.name, "unit": unit})
+    return None if best is None else (best[1], best[2])
+
+
+def _protection_signals(templates: dict[str, dict[int, Message]], names: Sequence[str]) -> dict[str, object]:
+    used = list(dict.fromkeys(names))
+    found: dict[str, object] = {"messages": used}
+    for key, words in (("counter", COUNTER), ("checksum", CHECKSUM)):
+        signals = [_named(next(iter(templates[name].values())), words) for name in used]
+        if signals and all(
+            each is not None and each.name == getattr(signals[0], "name", None) for each in signals
+        ):
+            found[key] = getattr(signals[0], "name", "")
+    return found
+
+
+def _named(message: Message, words: re.Pattern[str]) -> Signal | None:
+    return next((signal for signal in message.signals if words.search(signal.name)), None)
+
+
+def _decodes(path: Path, frames: Sequence[CanFrame]) -> bool:
+    """Return whether the codec accepts the frames with a mapping."""
+    codec = CanWheelsCodec("probe", load_mapping(str(path)))
+    results = [
+        result
+        for index, frame in enumerate(frames)
+        for result in codec.decode(Received(1 + index, pack_can_frame(frame)))
+    ]
+    samples = sum(isinstance(each, WheelSample) for each in results)
+    wrong = sum(isinstance(each, Rejection) and not each.reason.startswith("other") for each in results)
+    return samples > 0 and wrong <= MOST_REJECTED * samples
+
+
+def _inline(table: dict[str, object]) -> str:
+    return "{ " + ", ".join(toml_text({key: value}).strip() for key, value in table.items()) + " }"

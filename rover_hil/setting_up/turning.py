@@ -1,0 +1,66 @@
+"""Turn one wheel of a drive a little, and report which encoder moved."""
+
+from collections.abc import Callable
+
+from drivers.clock import Clock, nanoseconds
+from drivers.device_settings import DriveSettings
+from drivers.samples import WheelCommand, WheelSample
+
+PERIOD_S = 0.02
+EXPIRY_S = 0.2
+REST_S = 0.5
+TURN_S = 1.0
+
+
+class Turner:
+    """A connected drive whose wheels are turned one by one; a context manager that stops it.
+
+    Args:
+        settings: The drive.
+        clock: The host's clock.
+        speed_rad_s: Speed of a turning wheel.
+
+    Raises:
+        NotConnectedError: The drive cannot be opened.
+        ConfigError: A data file that it needs is missing or wrong.
+    """
+
+    def __init__(self, settings: DriveSettings, clock: Clock, speed_rad_s: float) -> None:
+        self._clock = clock
+        self._speed_rad_s = speed_rad_s
+        self._drive = settings.make_driver("wheels", settings.make_link(clock), clock)
+        self._drive.connect(2.0)
+        self.wheel_count = self._drive.wheel_count
+        self._positions: dict[int, float] = {}
+
+    def __enter__(self) -> "Turner":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._drive.close()
+
+    def turn(self, wheel: int, step: Callable[[str], None]) -> list[float]:
+        """Turn a wheel forwards for a second; return how far each wheel turned, in rad."""
+        self._command(None, REST_S)
+        before = dict(self._positions)
+        step(f"turning wheel {wheel} at {self._speed_rad_s:g} rad/s")
+        self._command(wheel, TURN_S)
+        self._command(None, REST_S)
+        after = self._positions
+        return [after.get(each, 0.0) - before.get(each, 0.0) for each in range(self.wheel_count)]
+
+    def _command(self, turning: int | None, duration_s: float) -> None:
+        now_ns = self._clock.now_ns()
+        end_ns = now_ns + nanoseconds(duration_s)
+        while now_ns < end_ns:
+            speeds = tuple(
+                self._speed_rad_s if wheel == turning else 0.0 for wheel in range(self.wheel_count)
+            )
+            self._drive.command(
+                WheelCommand(t_ns=now_ns, expires_ns=now_ns + nanoseconds(EXPIRY_S), speed_rad_s=speeds)
+            )
+            self._clock.sleep_until(now_ns + nanoseconds(PERIOD_S))
+            for sample in self._drive.poll():
+                if isinstance(sample, WheelSample) and sample.position_rad is not None:
+                    self._positions[sample.wheel] = sample.position_rad
+            now_ns = self._clock.now_ns()

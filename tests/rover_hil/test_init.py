@@ -1,0 +1,217 @@
+"""`rover-hil init` sets up a simulated rover that it knows nothing of, from answers on the standard input."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from drivers.can_frame import CanFrame, unpack_can_frame
+from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
+from drivers.clock import SystemClock, nanoseconds
+from drivers.errors import ConfigError
+from drivers.link import Received
+from drivers.nmea_compass.codec import encode_sentence
+from drivers.serial_link import SerialLink
+from rover_hil.app.init import POSITIONS
+from rover_hil.config import load_config
+from rover_hil.doctor.finding import SystemPaths
+from rover_hil.setting_up import probing, turning
+from rover_hil.setting_up.drives import (
+    guess_mapping,
+    reordered_text,
+    shipped_mapping,
+    vesc_nodes,
+    write_mapping,
+)
+from rover_hil.setting_up.places import find_places
+from rover_hil.setting_up.probing import max_age_s
+from sim_backends.build import build_world
+from tests.rover_hil.command import Command, assert_one_sentence
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+SIMULATE = "from rover_hil.app.app import main; main()"
+START_LIMIT_S = 60.0
+ANSWERS = ("yes", "8192", "1", "yes", "0.06", "0.3", "yes", "right", "no", "left", "yes", "6")
+"""The user calls wheel 0 the right one, turning backwards: as if the cables were swapped."""
+
+
+@pytest.fixture
+def ports(tmp_path: Path) -> Iterator[Path]:
+    """Serve the differential rover, and give the folder of its ports."""
+    text = (EXAMPLES / "differential.toml").read_text("utf-8")
+    mapping = EXAMPLES / "can" / "differential.toml"
+    (tmp_path / "sim.toml").write_text(
+        text.replace("docs/examples/can/differential.toml", str(mapping)), "utf-8"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", SIMULATE, "simulate", "sim.toml"],
+        cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        clock = SystemClock()
+        end_ns = clock.now_ns() + nanoseconds(START_LIMIT_S)
+        while not os.path.lexists(tmp_path / "ports" / "imu") and clock.now_ns() < end_ns:
+            clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
+        imu = str(tmp_path / "ports" / "imu")
+        while not probing._listen_raw(SerialLink(imu, 115_200, clock, 0.0), clock, 0.2):
+            assert clock.now_ns() < end_ns  # the simulator compiles before it sends
+        yield tmp_path / "ports"
+    finally:
+        process.terminate()
+        process.wait(START_LIMIT_S)
+
+
+@pytest.fixture
+def answers(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Give the list of answers to fill, and make the waits short."""
+    lines: list[str] = []
+
+    class Answers:
+        def readline(self) -> str:
+            return f"{lines.pop(0)}\n" if lines else ""
+
+        def isatty(self) -> bool:
+            return False
+
+    monkeypatch.setattr(sys, "stdin", Answers())
+    monkeypatch.setattr(turning, "TURN_S", 0.5)
+    monkeypatch.setattr(turning, "REST_S", 0.2)
+    return lines
+
+
+def test_a_rover_with_its_own_dbc_file_gets_a_valid_configuration(
+    command: Command, ports: Path, answers: list[str], tmp_path: Path
+) -> None:
+    shutil.copy(EXAMPLES / "can" / "differential.dbc", tmp_path / "mine.dbc")
+    answers += ANSWERS
+    assert command("init", "rover.toml", "--dbc", "mine.dbc", "--ports", "ports") == 0, command.error
+    assert answers == []
+    assert "rover.toml is written and valid" in command.error
+    config = load_config("rover.toml")
+    assert {name: device.type for name, device in config.devices.items()} == {
+        "wheels": "can_wheels",
+        "imu": "witmotion",
+    }
+    assert config.roles.gyro == "imu"
+    assert config.rover.wheel_radius_m == 0.06
+    wheels = load_mapping("rover_can.toml").mapping.wheel
+    assert [(wheel.node, wheel.sign) for wheel in wheels] == [(1, 1), (0, -1)]
+    assert wheels[0].position is not None
+    assert wheels[0].position.ticks_per_revolution == 8192
+    assert command("check", "rover.toml") == 0
+    # Nothing is overwritten, and what fails leaves nothing behind.
+    assert command("init", "rover.toml", "--ports", "ports") == 2
+    assert_one_sentence(command.error, "rover.toml exists", "--force")
+    answers += ANSWERS[:3]
+    assert command("init", "other.toml", "--dbc", "mine.dbc", "--ports", "ports") == 2
+    assert "got no answer" in command.error
+    assert not list(tmp_path.glob("other*"))
+
+
+def test_without_a_drive_nothing_is_written(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("rover_hil.app.init.SystemPaths", lambda: SystemPaths(tmp_path, tmp_path, tmp_path))
+    assert command("init", "rover.toml") == 1
+    assert "no drive was recognised" in command.error
+    assert list(tmp_path.iterdir()) == []
+    assert command("init", "rover.toml", "--dbc", "none.dbc") == 2
+    assert_one_sentence(command.error, "no DBC file none.dbc")
+
+
+def wheel_frames(name: str) -> list[CanFrame]:
+    """Return what the drives of a configuration send in a third of a second."""
+    config = load_config(name)
+    wheels = {"wheels": config.devices["wheels"]}
+    simulation = config.require_simulation().model_copy(update={"devices": {}, "faults": ()})
+    world = build_world(wheels, simulation, 0)
+    world.advance(nanoseconds(0.3))
+    payloads = world.byte_devices["wheels"].to_host.take(nanoseconds(0.3))
+    return [frame for each in payloads if (frame := unpack_can_frame(each.payload)) is not None]
+
+
+def test_counter_and_checksum_of_a_dbc_file_are_found(tmp_path: Path) -> None:
+    frames = wheel_frames("el-dorado")
+    assert shipped_mapping(frames) == "generic_wheel"
+    dbc = tmp_path / "mine.dbc"
+    shutil.copy(SHIPPED_FOLDER / "generic_wheel.dbc", dbc)
+    guess = guess_mapping(dbc, frames)
+    assert guess.nodes == [0, 1, 2, 3]
+    assert guess.needs_ticks
+    guess.every_wheel["position"]["ticks_per_revolution"] = 4096
+    path = tmp_path / "mine.toml"
+    write_mapping(path, dbc, guess, frames, gear_ratio=1.0)
+    found, shipped = load_mapping(str(path)).mapping, load_mapping("generic_wheel").mapping
+    for wheel, expected in zip(found.wheel, shipped.wheel, strict=True):
+        assert (wheel.position, wheel.speed, wheel.current) == (
+            expected.position,
+            expected.speed,
+            expected.current,
+        )
+        assert wheel.setpoint == expected.setpoint
+    assert found.protection[0].algorithm == "crc8_j1850"
+    assert found.protection[0].counter == "Counter"
+
+
+def test_a_dbc_file_without_drives_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.dbc").write_text(
+        'VERSION ""\n\nBU_: A\n\nBO_ 5 Lamp: 1 A\n SG_ On : 0|1@1+ (1,0) [0|1] "" A\n'
+    )
+    with pytest.raises(ConfigError, match="no numbered messages with a position or speed"):
+        guess_mapping(tmp_path / "mine.dbc", wheel_frames("el-dorado"))
+    (tmp_path / "mine.dbc").write_text("\0")
+    with pytest.raises(ConfigError, match=r"cannot read DBC file|no numbered messages"):
+        guess_mapping(tmp_path / "mine.dbc", [])
+
+
+def test_vesc_controllers_are_found_by_their_status_messages() -> None:
+    frames = [CanFrame(kind << 8 | node, bytes(8), is_extended=True) for node in (3, 7) for kind in (9, 27)]
+    assert vesc_nodes([*frames, CanFrame(9 << 8 | 5, bytes(8), is_extended=True)]) == [3, 7]
+    assert shipped_mapping(frames) == ""
+
+
+def test_wheels_of_a_mapping_are_reordered_and_the_rest_stays() -> None:
+    text = (SHIPPED_FOLDER / "generic_wheel.toml").read_text("utf-8")
+    found = reordered_text(text, [2, 0, 3, 1], [1, -1, 1, 1])
+    assert [line for line in found.splitlines() if line.startswith(("node", "sign ="))] == [
+        "node = 2", "node = 0", "sign = -1", "node = 3", "node = 1",
+    ]  # fmt: skip
+    assert found.count("[[protection]]") == text.count("[[protection]]") == 1
+    assert reordered_text(found, [0, 1, 2, 3], [1, 1, 1, 1]).count("sign = -1") == 1
+    assert reordered_text(found, [0, 1, 2, 3], [1, -1, 1, 1]).count("sign =") == 0
+
+
+@pytest.mark.parametrize(
+    ("payload", "expected"), [(encode_sentence("HCHDM,12.0,M"), "nmea_compass"), (b"?#", "")]
+)
+def test_a_talker_is_known_by_what_it_says(payload: bytes, expected: str) -> None:
+    arrivals = [Received(1 + index, payload) for index in range(8)]
+    found = probing._talker("/dev/ttyUSB0", 4800, arrivals, 0.8)
+    assert (found.settings.type if found else "") == expected
+
+
+def test_a_port_is_listed_once_under_the_name_that_stays(tmp_path: Path) -> None:
+    (tmp_path / "serial" / "by-id").mkdir(parents=True)
+    (tmp_path / "ttyUSB0").touch()
+    (tmp_path / "ttyUSB1").touch()
+    (tmp_path / "serial" / "by-id" / "usb-imu").symlink_to(tmp_path / "ttyUSB0")
+    (tmp_path / "class" / "net" / "can0").mkdir(parents=True)
+    (tmp_path / "class" / "net" / "can0" / "type").write_text("280\n")
+    places = find_places(SystemPaths(tmp_path, tmp_path, tmp_path), None)
+    assert places.serial == [str(tmp_path / "serial" / "by-id" / "usb-imu"), str(tmp_path / "ttyUSB1")]
+    assert places.can == ["can0"]
+    assert places.cameras == []
+
+
+def test_every_kind_of_rover_has_names_for_its_wheels() -> None:
+    assert {kind: len(names) for kind, names in POSITIONS.items()} == {
+        "differential": 2,
+        "omni3": 3,
+        "skid_steer_4": 4,
+    }
+    assert max_age_s(50.0) == 0.1
+    assert max_age_s(10.0) == 0.25
