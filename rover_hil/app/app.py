@@ -142,6 +142,24 @@ def replay(
 
 
 @app.command()
+def compare(
+    runs: Annotated[list[Path], typer.Argument(help="Two to six logs, or folders of runs.")],
+    out: Annotated[Path, out_option("Page to write.")] = Path("compare.html"),
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Put runs side by side: figures, differences of the configuration, ways in one picture.
+
+    Example: `rover-hil compare runs/first runs/second --out compare.html`
+
+    Data: `rover-hil run robotino --virtual --out runs/first`, and a second run with your changes.
+    """
+    from rover_hil.app.compare import compare_logs
+
+    sys.exit(compare_logs(runs, out=out, force=force, as_json=json))
+
+
+@app.command()
 def export(
     log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`.")],
     csv: Annotated[bool, typer.Option("--csv", help="Tables as CSV files.")] = False,

@@ -1,0 +1,41 @@
+"""`rover-hil compare`: runs side by side on one page."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic_core import to_json
+from rich.console import Console
+
+from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import check_inputs
+from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.report.compare import MOST_RUNS, compare_runs, render_comparison
+
+
+def compare_logs(paths: Sequence[Path], *, out: Path, force: bool, as_json: bool) -> int:
+    """Write the comparison of logs, or of folders of runs; returns the exit code.
+
+    Raises:
+        LogError: A log cannot be read.
+        ConfigError: There are fewer than two runs or too many, or the page cannot be written.
+    """
+    if not 2 <= len(paths) <= MOST_RUNS:
+        raise ConfigError(f"{len(paths)} run given: give two to {MOST_RUNS}")
+    check_inputs(*paths)
+    check_file(out, force=force)
+    logs = [path / "run.mcap" if path.is_dir() else path for path in paths]
+    with Console(stderr=True).status(f"reading {len(logs)} runs"):
+        comparison = compare_runs(logs)
+        page = render_comparison(comparison)
+    write_file(out, page)
+    console = Console(highlight=False, soft_wrap=True)
+    if as_json:
+        tables = {
+            name: {row.name: row.values for row in rows}
+            for name, rows in (("figures", comparison.figures), ("settings", comparison.settings))
+        }
+        console.out(to_json({"runs": [run.name for run in comparison.runs], **tables}, indent=2).decode())
+    else:
+        console.print(f"{len(logs)} runs, {len(comparison.settings)} differences of the configuration: {out}")
+    return EXIT_OK
