@@ -113,16 +113,22 @@ _FIGURES: tuple[tuple[str, Callable[[Summary], str | None]], ...] = (
     ("slip", lambda run: _of(run.slip_ratio, lambda slip: f"{slip:.1%}")),
     (
         "estimate off the truth, rms",
-        lambda run: run.estimate_error and length(run.estimate_error.position_rms_m),
+        lambda run: None if run.estimate_error is None else length(run.estimate_error.position_rms_m),
     ),
-    ("at the end", lambda run: run.estimate_error and length(run.estimate_error.position_final_m)),
-    ("yaw off the truth, rms", lambda run: run.estimate_error and _degrees(run.estimate_error.yaw_rms_rad)),
+    (
+        "at the end",
+        lambda run: None if run.estimate_error is None else length(run.estimate_error.position_final_m),
+    ),
+    (
+        "yaw off the truth, rms",
+        lambda run: None if run.estimate_error is None else _degrees(run.estimate_error.yaw_rms_rad),
+    ),
     (
         "wheels off the truth, rms",
-        lambda run: run.encoders_error and length(run.encoders_error.position_rms_m),
+        lambda run: None if run.encoders_error is None else length(run.encoders_error.position_rms_m),
     ),
     ("estimate off the path, rms", lambda run: _of(run.cross_track_rms_m, length)),
-    ("work of a cycle, median", lambda run: run.work and f"{run.work.p50_us:.0f} us"),
+    ("work of a cycle, median", lambda run: None if run.work is None else f"{run.work.p50_us:.0f} us"),
 )
 
 
