@@ -75,7 +75,13 @@ class Estimator:
         self._gyro = GyroIntegrator(
             roles.max_age_s(roles.gyro), ESTIMATION.odometry.plausible_speed * fastest_turn_rad_s
         )
-        self._filter = PoseFilter(settings, roles.headings, roles.fixes, is_compensated=slip is not None)
+        self._filter = PoseFilter(
+            settings,
+            roles.headings,
+            roles.fixes,
+            is_compensated=slip is not None,
+            slip=None if slip is None else slip.states,
+        )
         self._silences = {
             device: SilenceWatch(ESTIMATION.pose.pause_ages * roles.max_age_s(device))
             for device in (roles.wheels, roles.gyro)
@@ -271,6 +277,8 @@ class Estimator:
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move the estimate; after a gap of the samples the path between is unknown."""
         step = self._filter.predict(increment, turn)
+        if self._slip is not None:
+            self._slip.correct(self._filter)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
             self._unseen.add(0.0, step.yaw_rad2)
             self._widen((0.0, 0.0, ESTIMATION.pose.gap_turn_error * abs(turn.by_wheels_rad)))

@@ -7,14 +7,18 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.estimation.guarded_filter import GuardedFilter, Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_fixes import Step, WayBack
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_states import SlipStates, SlipStep
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.samples import HeadingReference, PoseFixSample
+
+Array = NDArray[np.float64]
 
 X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
 CERTAIN = 1e-12
@@ -85,7 +89,9 @@ class PoseEstimate:
 
 
 class PoseFilter:
-    """State [x, y, yaw, gyro bias, offsets, origins, slip]: one offset per heading device and reference.
+    """State [x, y, yaw, gyro bias, offsets, origins, remaining slip, states of the slip compensator].
+
+    There is one offset per heading device and reference.
 
     An offset is the heading at a yaw of zero. It starts unknown. While the rover settles the yaw is certain,
     so the first headings give the offset, and later ones correct the yaw as far as the offset is known.
@@ -94,6 +100,9 @@ class PoseFilter:
     An origin is the pose of the local frame on the floor of a device that gives fixes, three states. It is
     estimated in the same way: the first fix ties the frames together, best while the rover is at rest, and
     later ones correct pose and origin as far as each is known. The mission stays in the local frame.
+
+    A slip compensator may have states of its own. They turn the motion of the wheels into that of the body,
+    so that every measurement corrects pose, gyro bias and slip together.
 
     The slip that remains is a share of the travel, along it and across: two first-order Gauss-Markov
     processes over the distance (Gelb 1974, section 3.8). Its effect on the position grows with the distance,
@@ -106,6 +115,7 @@ class PoseFilter:
         heading_devices: Names of the devices that give headings.
         fix_devices: Names of the devices that give absolute fixes.
         is_compensated: Whether slip is compensated where an increment is sure.
+        slip: States of the slip compensator; None where it has none.
     """
 
     def __init__(
@@ -115,6 +125,7 @@ class PoseFilter:
         fix_devices: Sequence[str] = (),
         *,
         is_compensated: bool = False,
+        slip: SlipStates | None = None,
     ) -> None:
         sources = [(device, reference) for device in heading_devices for reference in HeadingReference]
         self._settings = settings
@@ -126,14 +137,19 @@ class PoseFilter:
         sds = (settings.slip_sd, settings.unsure_slip_sd) if is_compensated else (settings.unsure_slip_sd,)
         self._slip_sds = sds if settings.has_slip else ()
         self._first_slip = first_slip
-        size = first_slip + 2 * len(self._slip_sds)
+        first_state = first_slip + 2 * len(self._slip_sds)
+        self._slip = slip
+        starts, start_variances = ((), ()) if slip is None else (slip.start, slip.start_variances)
+        size = first_state + len(starts)
+        self._block = slice(first_state, size)
         self._filter = GuardedFilter(
-            state=[0.0] * size,
+            state=[0.0] * first_state + [float(value) for value in starts],
             variances=[CERTAIN] * BIAS
             + [settings.gyro_bias_rad_s**2]
             + [UNKNOWN_ANGLE_RAD2] * len(sources)
             + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices)
-            + [max(sd**2, CERTAIN) for along in self._slip_sds for sd in (along, self._across(along))],
+            + [max(sd**2, CERTAIN) for along in self._slip_sds for sd in (along, self._across(along))]
+            + [max(float(variance), CERTAIN) for variance in start_variances],
             angles=[YAW, *self._offset_index.values(), *(i + YAW for i in self._origin_index.values())],
             gate_probability=settings.gate_probability,
         )
@@ -170,10 +186,14 @@ class PoseFilter:
         state = self._filter.state
         before = Pose(x_m=state[X], y_m=state[Y], yaw_rad=state[YAW])
         turn_rad = turn.angle_rad - state[BIAS] * turn.covered_s
-        travel_m = complex(increment.x_m, increment.y_m)
+        rolled_m = travel_m = complex(increment.x_m, increment.y_m)
+        by_slip = None
+        if self._slip is not None:
+            by_slip = self._slip.predict(np.array(state[self._block]), increment)
+            rolled_m = travel_m = by_slip.travel_m
         active = self._active_slip(is_sure=increment.is_sure)
-        if self._slip_sds:
-            travel_m *= 1.0 + complex(state[active], state[active + 1])
+        remaining = complex(state[active], state[active + 1]) if self._slip_sds else 0j
+        travel_m *= 1.0 + remaining
         after = move(before, travel_m.real, travel_m.imag, turn_rad)
         state[:BIAS] = after.x_m, after.y_m, after.yaw_rad
         moved_x_m, moved_y_m = after.x_m - before.x_m, after.y_m - before.y_m
@@ -184,11 +204,11 @@ class PoseFilter:
         transition[Y, BIAS] = -0.5 * moved_x_m * turn.covered_s
         transition[YAW, BIAS] = -turn.covered_s
         self._set_noise(increment, turn)
+        toward = cmath.rect(1.0, before.yaw_rad + 0.5 * turn_rad)
         if self._slip_sds:
-            rolled_m = complex(increment.x_m, increment.y_m) * cmath.rect(
-                1.0, before.yaw_rad + 0.5 * turn_rad
-            )
-            self._let_slip_change(rolled_m, state, active)
+            self._let_slip_change(rolled_m * toward, state, active)
+        if by_slip is not None:
+            self._take_slip(by_slip, toward * (1.0 + remaining), state)
         self._filter.predict(increment.duration_s, state, transition, self._noise)
         return Step(
             x_m=travel_m.real,
@@ -198,6 +218,23 @@ class PoseFilter:
             position_m2=float(self._noise[X, X]),
             yaw_rad2=float(self._noise[YAW, YAW]),
         )
+
+    def _take_slip(self, step: SlipStep, toward: complex, state: list[float]) -> None:
+        """Set the part of the compensator's states in transition, noise and `state`.
+
+        Args:
+            step: Their prediction.
+            toward: From the body frame to the local one, with the remaining slip.
+            state: Changed in place.
+        """
+        block = self._block
+        slopes_m = toward * step.slopes_m
+        self._transition[X, block], self._transition[Y, block] = slopes_m.real, slopes_m.imag
+        self._transition[block, block] = step.transition
+        self._noise[block, block] = step.noise
+        turned = np.array([[toward.real, -toward.imag], [toward.imag, toward.real]])
+        self._noise[:YAW, :YAW] += turned @ step.travel_noise_m2 @ turned.T
+        state[block] = step.values.tolist()
 
     def widen(self, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Add the uncertainty of motion that was not measured.
@@ -239,6 +276,23 @@ class PoseFilter:
             self._bias_row,
             self._settings.gyro_rate_noise_rad_s**2,
         )
+
+    @property
+    def slip_values(self) -> Array:
+        """The states of the slip compensator, shape (n,)."""
+        return np.array(self._filter.state[self._block])
+
+    def correct_slip(
+        self, name: str, residual: float, slopes: Array, bias_slope: float, variance: float
+    ) -> Innovation:
+        """Correct by a measurement of the slip, see `SlipEstimate`."""
+        row = np.zeros(self._block.stop)
+        row[BIAS], row[self._block] = bias_slope, slopes
+        return self._filter.update(name, residual, row, variance)
+
+    def widen_slip(self, index: int, variance: float) -> None:
+        """Increase the variance of one state of the slip compensator."""
+        self._filter.widen(self._block.start + index, variance)
 
     def correct_pose(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
         """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure.
@@ -347,5 +401,6 @@ class PoseFilter:
                 + settings.wheel_yaw_noise_rad_sqrt_m**2 * distance_m
             )
         bias_rad2_s2 = settings.gyro_bias_walk_rad_s_sqrt_s**2 * increment.duration_s
+        self._noise[X, Y] = self._noise[Y, X] = 0.0
         for index, variance in enumerate((position_m2, position_m2, yaw_rad2, bias_rad2_s2)):
             self._noise[index, index] = variance

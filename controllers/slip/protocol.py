@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
 from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.slip_states import SlipEstimate, SlipStates
 from controllers.motion.body_motion import BodyMotion
 from drivers.samples import Sample
 
@@ -11,7 +12,16 @@ ReportT = TypeVar("ReportT", covariant=True)
 
 
 class SlipCompensator(Protocol[ReportT]):
-    """Removes wheel slip from the motion that the wheels report."""
+    """Removes wheel slip from the motion that the wheels report.
+
+    It does so in `compensate`, or by states of its own in the pose filter. With states `compensate` leaves
+    the motion as it is; the filter predicts the body's motion from it.
+    """
+
+    @property
+    def states(self) -> SlipStates | None:
+        """The states in the pose filter; None without."""
+        ...
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples that the compensator does not need have no effect."""
@@ -27,6 +37,10 @@ class SlipCompensator(Protocol[ReportT]):
             set_speed_rad_s: Set-points of the wheels in that time.
             gyro_rate_rad_s: Newest yaw rate of the gyro, bias removed; None without a fresh one.
         """
+        ...
+
+    def correct(self, estimate: SlipEstimate) -> None:
+        """Correct the states by what was measured since the last increment, after the filter's prediction."""
         ...
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:

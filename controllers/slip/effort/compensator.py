@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.slip_states import SlipEstimate
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
@@ -149,6 +150,14 @@ class EffortCompensator:
         if not self._uses_map_anywhere:
             return 0.0
         return self._tracker.prior_slip if self._surface.surface is None else self._surface.slip
+
+    @property
+    def states(self) -> None:
+        """None: the slip is estimated outside of the pose filter."""
+        return
+
+    def correct(self, estimate: SlipEstimate) -> None:
+        """Correct nothing: there are no states in the pose filter."""
 
     def report(self) -> SlipReport | None:
         """Return the slip as of the newest increment; None before the first."""

@@ -5,18 +5,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+
+from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.slip_states import SlipEstimate
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import Kinematics
+from controllers.motion.planar import wrap_angle
 from controllers.motion.steering import mean_steering_rad
 from controllers.roles import DeviceRoles
-from controllers.slip.scomp.filter import ScompFilter, StartHeading
-from controllers.slip.scomp.motion_model import Motion, expected_drift, tilt_along
+from controllers.slip.scomp.motion_model import (
+    GAIN,
+    RESIDUAL,
+    TRACE_NOISE,
+    TRACE_OFFSET,
+    expected_drift,
+    tilt_along,
+)
 from controllers.slip.scomp.parameters import SCOMP
 from controllers.slip.scomp.settings import ScompSettings
-from controllers.slip.scomp.slip_laws import PitchLaw
+from controllers.slip.scomp.states import ScompStates
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
 
@@ -79,7 +90,7 @@ class ScompReport:
 
 
 class ScompCompensator:
-    """Turns wheel increments into body increments of a rover that slips and drifts.
+    """Slip and slip angle of a rover as states of the pose filter, corrected by the trace.
 
     Args:
         settings: Parameters of the estimator.
@@ -100,9 +111,10 @@ class ScompCompensator:
         self._roles = roles
         self._kinematics = kinematics
         self._finder = finder
-        start = StartHeading(heading_rad=0.0, standard_deviation_rad=SCOMP.motion.start_certain_rad)
-        parameters = settings.parameters
-        self._filter = ScompFilter(parameters, PitchLaw(parameters), start, follows_roll=True)
+        self._states = ScompStates(settings.parameters)
+        self._yaw_rate_rad_s = 0.0
+        self._trace_rejections = 0
+        self._skid_m_s = self._rim_m_s = 0.0
         self._tilt = _Tilt()
         self._frame: FrameSample | None = None
         self._frame_ns: int | None = None
@@ -124,6 +136,11 @@ class ScompCompensator:
         if self._has_trace():
             return DriftSource.TRACE
         return DriftSource.TILT if self._tilt.is_known else DriftSource.NONE
+
+    @property
+    def states(self) -> ScompStates:
+        """The states in the pose filter."""
+        return self._states
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take a sample of gyro or camera as of `t_ns`; other samples have no effect."""
@@ -158,24 +175,32 @@ class ScompCompensator:
     def compensate(
         self, increment: BodyIncrement, set_speed_rad_s: Sequence[float], gyro_rate_rad_s: float | None
     ) -> BodyIncrement:
-        """Return the increment of the body for an increment of rolling wheels, see `SlipCompensator`.
+        """Return the increment, flagged where the slip is unknown; the states turn it into the body's.
 
         Set-points and gyro rate have no effect: `feed` takes the samples of the gyro.
         """
-        trace = None
         self._steering_rad = increment.steering_rad
         self._pending.add(increment)
         if self._pending.duration_s >= SCOMP.motion.step_s:
-            trace = self._step()
-        x_m, y_m, _ = self.body_motion(increment.turned_rad)
-        reason = self._uncertainty()
+            parameters, tilt = self._settings.parameters, self._tilt
+            pitch_rad, roll_rad = tilt_along(
+                parameters, tilt.pitch_rad, tilt.roll_rad, self._pending.steering_rad
+            )
+            self._states.take_tilt(pitch_rad, expected_drift(parameters, pitch_rad, roll_rad))
+        return replace(increment, is_sure=self._tilt.is_known and not self._is_skidding())
+
+    def correct(self, estimate: SlipEstimate) -> None:
+        """Correct the states by the trace of the newest frame, and report the slip, see `SlipCompensator`."""
+        trace = None
+        if self._pending.duration_s >= SCOMP.motion.step_s:
+            trace = self._step(estimate)
+            self._slip, self._wheel_slip_angle_rad = self._states.slip_and_angle(estimate.slip_values)
         self._report = ScompReport(
             slip=self._slip,
-            slip_angle_rad=mean_steering_rad(increment.steering_rad) + self._wheel_slip_angle_rad,
+            slip_angle_rad=mean_steering_rad(self._steering_rad) + self._wheel_slip_angle_rad,
             trace=trace,
-            reason=reason,
+            reason=self._uncertainty(),
         )
-        return replace(increment, x_m=x_m, y_m=y_m, is_sure=not reason)
 
     def _take_frame(self, sample: FrameSample) -> None:
         exposed_ns = _exposed_ns(sample)
@@ -184,52 +209,31 @@ class ScompCompensator:
         ):
             self._frame = sample
 
-    def _step(self) -> TraceReading | None:
-        """Predict and correct the filter, the trace of the newest frame included."""
+    def _step(self, estimate: SlipEstimate) -> TraceReading | None:
+        """Follow the yaw rate, and correct by the trace of the newest frame."""
         pending, self._pending = self._pending, _Pending()
         readings, self._readings_rad_s = self._readings_rad_s, []
-        parameters = self._settings.parameters
-        steering_rad = pending.steered_rad_s / pending.duration_s
-        pitch_rad, roll_rad = tilt_along(parameters, self._tilt.pitch_rad, self._tilt.roll_rad, steering_rad)
-        scomp_filter = self._filter
-        scomp_filter.move(
-            Motion(
-                duration_s=pending.duration_s,
-                wheel_rad=pending.rim_m / parameters.rover.wheel_radius_m,
-                rate_rad_s=sum(readings) / len(readings)
-                if readings
-                else pending.turn_rad / pending.duration_s,
-                is_gyro=bool(readings),
-                pitch_rad=pitch_rad,
-                expected_drift_rad=expected_drift(parameters, pitch_rad, roll_rad),
-                steering_rad=steering_rad,
-            )
-        )
-        scomp_filter.correct_standstill()
+        rate_rad_s = pending.turn_rad / pending.duration_s
+        if readings:
+            rate_rad_s = sum(readings) / len(readings) - estimate.gyro_bias_rad_s
+            self._follow_skidding(pending, rate_rad_s)
+        share = -math.expm1(-pending.duration_s / SCOMP.correction.rate_memory_s)
+        self._yaw_rate_rad_s += share * (rate_rad_s - self._yaw_rate_rad_s)
         self._since_trace_s += pending.duration_s
-        trace = self._measure_trace(pending.rim_m / pending.duration_s)
-        state = scomp_filter.step.estimate[0]
-        self._slip = scomp_filter.model.slip(state, scomp_filter.motion)
-        self._wheel_slip_angle_rad = scomp_filter.model.drift(state, scomp_filter.motion)
-        return trace
-
-    def _measure_trace(self, rim_m_s: float) -> TraceReading | None:
-        """Find the trace in the newest frame and correct the filter with it.
-
-        Without a trace, the direction of the motion of the ground is used with its own standard deviation.
-        """
         frame, self._frame = self._frame, None
         if frame is None or self._finder is None:
             return None
         self._frame_ns = _exposed_ns(frame)
-        reading = self._finder.find(frame, rim_m_s, self._rates)
+        reading = self._finder.find(frame, pending.rim_m / pending.duration_s, self._rates)
         if reading is None or reading.theta_rad is None:
             return reading
         innovation = None
         if reading.detected:
-            innovation = self._filter.correct_trace(reading.theta_rad)
+            innovation = self._correct_trace(estimate, reading.theta_rad, 0.0, pending, bool(readings))
         elif reading.source == "flow" and reading.theta_sd_rad is not None:
-            innovation = self._filter.correct_trace(reading.theta_rad, reading.theta_sd_rad)
+            innovation = self._correct_trace(
+                estimate, reading.theta_rad, reading.theta_sd_rad, pending, bool(readings)
+            )
         if innovation is not None and innovation.accepted:
             self._since_trace_s = 0.0
         return reading
@@ -237,9 +241,65 @@ class ScompCompensator:
     def _has_trace(self) -> bool:
         return self._finder is not None and self._since_trace_s <= self._settings.trace_age_s
 
+    def _correct_trace(
+        self, estimate: SlipEstimate, angle_rad: float, sd_rad: float, pending: "_Pending", is_gyro: bool
+    ) -> Innovation | None:
+        """Correct by a trace angle, eq 2; None at a standstill.
+
+        Args:
+            estimate: The pose filter.
+            angle_rad: Of the trace, or of the motion of the ground.
+            sd_rad: Additional standard deviation of a direction measured without the trace.
+            pending: Motion of the wheels since the last step.
+            is_gyro: Whether the yaw rate is the gyro's.
+
+        After more than `most_trace_rejections` rejections in a row the ground has changed: the slip angle
+        then becomes as uncertain as its difference from the reading.
+        """
+        motion_m = complex(pending.x_m, pending.y_m) * self._states.motion_per_m
+        velocity_x_m_s = motion_m.real / pending.duration_s
+        if abs(velocity_x_m_s) < SCOMP.correction.slowest_m_s:
+            return None
+        parameters, values = self._settings.parameters, estimate.slip_values
+        arm_s = parameters.rover.rear_axle_m / velocity_x_m_s
+        course_rad = pending.steering_rad + self._states.slip_and_angle(values)[1]
+        expected_rad = math.atan(math.tan(course_rad) - arm_s * self._yaw_rate_rad_s)
+        error_rad = float(values[TRACE_NOISE - RESIDUAL] + values[TRACE_OFFSET - RESIDUAL])
+        residual = wrap_angle(parameters.trace.sign * angle_rad - expected_rad - error_rad)
+        slopes = np.zeros(len(values))
+        slopes[[0, TRACE_NOISE - RESIDUAL, TRACE_OFFSET - RESIDUAL]] = 1.0
+        slopes[GAIN - RESIDUAL] = self._states.expected_drift_rad
+        rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
+        if is_gyro:
+            rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
+        variance = SCOMP.correction.trace_grain_rad**2 + sd_rad**2 + (arm_s * rate_sd_rad_s) ** 2
+        bias_slope_s = arm_s if is_gyro else 0.0
+        innovation = estimate.correct_slip("trace", residual, slopes, bias_slope_s, variance)
+        self._trace_rejections = 0 if innovation.accepted else self._trace_rejections + 1
+        if self._trace_rejections > SCOMP.correction.most_trace_rejections and math.isfinite(residual):
+            estimate.widen_slip(0, residual**2)
+            self._trace_rejections = 0
+            innovation = estimate.correct_slip("trace", residual, slopes, bias_slope_s, variance)
+        return innovation
+
+    def _follow_skidding(self, pending: "_Pending", rate_rad_s: float) -> None:
+        """Follow the speed at which the wheels of a side skid, as the rover turns less than they do."""
+        share = -math.expm1(-pending.duration_s / SCOMP.correction.turn_memory_s)
+        missing_rad_s = pending.turn_rad / pending.duration_s - rate_rad_s
+        skid_m_s = 0.5 * self._settings.parameters.rover.track_m * abs(missing_rad_s)
+        self._skid_m_s += share * (skid_m_s - self._skid_m_s)
+        self._rim_m_s += share * (abs(pending.rim_m) / pending.duration_s - self._rim_m_s)
+
+    def _is_skidding(self) -> bool:
+        return self._skid_m_s > max(
+            SCOMP.correction.greatest_skid * self._rim_m_s, SCOMP.correction.slowest_m_s
+        )
+
     def _uncertainty(self) -> str:
         if not self._tilt.is_known:
             return "no tilt"
+        if self._is_skidding():
+            return "skidding in a turn"
         return "" if self._finder is None or self._has_trace() else "no trace"
 
 
@@ -252,6 +312,11 @@ class _Pending:
     y_m: float = 0.0
     turn_rad: float = 0.0
     steered_rad_s: float = 0.0
+
+    @property
+    def steering_rad(self) -> float:
+        """Mean steering angle."""
+        return self.steered_rad_s / self.duration_s
 
     @property
     def rim_m(self) -> float:

@@ -11,14 +11,12 @@ from controllers.motion.planar import wrap_angle
 from controllers.slip.scomp.motion_model import (
     ANGLES,
     BIAS,
+    CERTAIN,
     DEVIATION,
-    FIRST,
     GAIN,
     LAGGED,
     OFFSET,
     RESIDUAL,
-    RESIDUALS,
-    SECOND,
     STATES,
     TRACE_NOISE,
     TRACE_OFFSET,
@@ -33,7 +31,6 @@ from controllers.slip.scomp.slip_laws import SlipLaw
 
 Array = NDArray[np.float64]
 
-CERTAIN = 1e-10
 UNKNOWN_RAD2 = 10.0
 
 
@@ -86,7 +83,7 @@ class ScompFilter:
         self.motion = Motion(duration_s=1.0, wheel_rad=0.0, rate_rad_s=0.0, is_gyro=False)
         self._velocity_x_m_s = self._yaw_rate_rad_s = 0.0
         self._trace_rejections = self._compass_rejections = 0
-        state, variances = self._start(law, start, follows_roll=follows_roll)
+        state, variances = self._start(start, follows_roll=follows_roll)
         self._filter = GuardedFilter(state.tolist(), variances.tolist(), ANGLES, SCOMP.correction.gate)
         # Heading and lagged heading are equal at start, however uncertain.
         self._transition = np.eye(STATES)
@@ -187,10 +184,10 @@ class ScompFilter:
             ("fix x", "fix y"), away, rows, np.full(2, standard_deviation_m**2)
         )
 
-    def _start(self, law: SlipLaw, start: StartHeading, *, follows_roll: bool) -> tuple[Array, Array]:
+    def _start(self, start: StartHeading, *, follows_roll: bool) -> tuple[Array, Array]:
         """Return the first state and its variances."""
         parameters = self._parameters
-        compass, trace, spread = parameters.compass, parameters.trace, start.standard_deviation_rad
+        compass, spread = parameters.compass, start.standard_deviation_rad
         state, variances = np.zeros(STATES), np.full(STATES, CERTAIN)
         state[[YAW, LAGGED]] = start.heading_rad
         variances[YAW] = UNKNOWN_RAD2 if spread is None else spread**2
@@ -198,13 +195,7 @@ class ScompFilter:
         state[OFFSET] = compass.offset_rad or 0.0
         variances[OFFSET] = UNKNOWN_RAD2 if self._offset_is_unknown else compass.offset_sd_rad**2
         variances[DEVIATION : DEVIATION + 4] = compass.deviation_rad**2
-        variances[RESIDUALS] = self.model.residual_variances()
-        variances[TRACE_NOISE] = trace.noise_rad**2
-        state[TRACE_OFFSET], variances[TRACE_OFFSET] = trace.offset_rad, trace.offset_sd_rad**2
-        if follows_roll:
-            state[GAIN], variances[GAIN] = parameters.roll.gain, parameters.roll.gain_sd**2 + CERTAIN
-        state[FIRST], variances[FIRST] = law.first, law.first_sd**2 + CERTAIN
-        state[SECOND], variances[SECOND] = law.second, law.second_sd**2 + CERTAIN
+        state[RESIDUAL:], variances[RESIDUAL:] = self.model.start(follows_roll=follows_roll)
         return state, variances
 
     def _initialise(self, reading_rad: float) -> None:

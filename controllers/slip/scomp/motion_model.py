@@ -21,6 +21,7 @@ STATES = 17
 residual of the slip angle beyond the roll's share, and its rate; correlated and constant error of the trace;
 gain of the roll; the two parameters of the slip law."""
 ANGLES = (YAW, LAGGED, OFFSET)
+CERTAIN = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +110,21 @@ class MotionModel:
         roll = parameters.roll
         self._residual_sd = roll.rest if follows_roll else roll.alone
         self._rate_per_s = math.sqrt(3.0) / (roll.rest_time_s if follows_roll else roll.alone_time_s)
+
+    def start(self, *, follows_roll: bool) -> tuple[Array, Array]:
+        """Return the states from `RESIDUAL` on at the start, and their variances."""
+        trace, roll, law = self._parameters.trace, self._parameters.roll, self._law
+        gain, gain_rad2 = (roll.gain, roll.gain_sd**2) if follows_roll else (0.0, 0.0)
+        values = (0.0, 0.0, 0.0, trace.offset_rad, gain, law.first, law.second)
+        variances = (
+            *self.residual_variances(),
+            trace.noise_rad**2,
+            trace.offset_sd_rad**2,
+            gain_rad2 + CERTAIN,
+            law.first_sd**2 + CERTAIN,
+            law.second_sd**2 + CERTAIN,
+        )
+        return np.array(values), np.array(variances)
 
     def residual_variances(self) -> tuple[float, float]:
         """Return the stationary variances of the slip angle's residual and of its rate."""

@@ -1,0 +1,81 @@
+"""States of slip that a compensator adds to those of the pose filter."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.odometry import BodyIncrement
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlipStep:
+    """Motion of the body during an increment of the wheels, by n states of slip.
+
+    Attributes:
+        travel_m: In the body frame, to the left as imaginary part.
+        slopes_m: Its derivatives over the states, complex, shape (n,).
+        values: States after the increment, shape (n,).
+        transition: Their Jacobian over the states before it, shape (n, n).
+        noise: Covariance added to them, shape (n, n).
+        travel_noise_m2: Covariance added to the travel, in the body frame, shape (2, 2).
+    """
+
+    travel_m: complex
+    slopes_m: NDArray[np.complex128]
+    values: Array
+    transition: Array
+    noise: Array
+    travel_noise_m2: Array
+
+
+class SlipStates(Protocol):
+    """States of slip, as part of the pose filter.
+
+    Attributes:
+        start: Their values at the start, shape (n,).
+        start_variances: Variances of these, shape (n,).
+    """
+
+    start: Array
+    start_variances: Array
+
+    def predict(self, values: Array, increment: BodyIncrement) -> SlipStep:
+        """Return the motion of the body for an increment of the wheels, and what becomes of the states."""
+        ...
+
+
+class SlipEstimate(Protocol):
+    """What a compensator sees and corrects of the pose filter."""
+
+    @property
+    def slip_values(self) -> Array:
+        """The estimated states of slip."""
+        ...
+
+    @property
+    def gyro_bias_rad_s(self) -> float:
+        """The estimated bias of the gyro."""
+        ...
+
+    def correct_slip(
+        self, name: str, residual: float, slopes: Array, bias_slope: float, variance: float
+    ) -> Innovation:
+        """Correct by a measurement of the slip.
+
+        Args:
+            name: Of the measurement.
+            residual: Measured minus expected.
+            slopes: Derivatives of the expected measurement over the states of slip, shape (n,).
+            bias_slope: Its derivative over the bias of the gyro.
+            variance: Of the error of the measurement.
+        """
+        ...
+
+    def widen_slip(self, index: int, variance: float) -> None:
+        """Increase the variance of one state of slip."""
+        ...

@@ -1,0 +1,109 @@
+"""Slip, slip angle and slip law as states of the pose filter."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.slip_states import SlipStep
+from controllers.slip.scomp.motion_model import (
+    FIRST,
+    RESIDUAL,
+    STATES,
+    Motion,
+    MotionModel,
+    X,
+    Y,
+)
+from controllers.slip.scomp.parameters import SCOMP, ScompParameters
+from controllers.slip.scomp.slip_laws import PitchLaw
+
+Array = NDArray[np.float64]
+
+BLOCK = slice(RESIDUAL, STATES)
+"""Of the states of `motion_model.STATES`, those of slip and trace."""
+
+
+class ScompStates:
+    """The states of slip and trace of the sComp filter: indices from `RESIDUAL` on, without those before.
+
+    The slip law is linearised anew every `SCOMP.motion.step_s`; it changes slowly and is costly.
+
+    Args:
+        parameters: Rover, ground and sensors.
+
+    Attributes:
+        start: Values at the start, shape (7,).
+        start_variances: Their variances, shape (7,).
+    """
+
+    def __init__(self, parameters: ScompParameters) -> None:
+        law = PitchLaw(parameters)
+        self.model = MotionModel(parameters, law, follows_roll=True)
+        self.start, self.start_variances = self.model.start(follows_roll=True)
+        radius_m = parameters.rover.wheel_radius_m
+        self._metre = Motion(duration_s=1.0, wheel_rad=1.0 / radius_m, rate_rad_s=0.0, is_gyro=False)
+        self._pending_s = math.inf
+        self._pending_m = 0.0
+        self._at = self.start
+        self._per_m = 1.0 + 0.0j
+        self._slopes = np.zeros(len(self.start), dtype=complex)
+        self._spread_m2_s = np.zeros((2, 2))
+        self._same = (np.eye(len(self.start)), np.zeros((len(self.start),) * 2))
+
+    @property
+    def motion_per_m(self) -> complex:
+        """Motion of the body for a metre that the wheels roll, relative to their direction."""
+        return self._per_m
+
+    def take_tilt(self, pitch_rad: float, expected_drift_rad: float) -> None:
+        """Take pitch and expected slip angle for the next linearisation, see `Motion`."""
+        self._metre = replace(self._metre, pitch_rad=pitch_rad, expected_drift_rad=expected_drift_rad)
+
+    def slip_and_angle(self, values: Array) -> tuple[float, float]:
+        """Return slip and slip angle in rad for values of the states."""
+        state = self._full(values)
+        return self.model.slip(state, self._metre), self.model.drift(state, self._metre)
+
+    @property
+    def expected_drift_rad(self) -> float:
+        """The slip angle expected from the roll, for a gain of one."""
+        return self._metre.expected_drift_rad
+
+    def predict(self, values: Array, increment: BodyIncrement) -> SlipStep:
+        """Return the motion of the body for an increment of the wheels, see `SlipStates`."""
+        rolled_m = complex(increment.x_m, increment.y_m)
+        transition, noise = self._same
+        if self._pending_s >= SCOMP.motion.step_s:
+            transition, noise = self._linearise(values)
+        self._pending_s += increment.duration_s
+        self._pending_m += abs(rolled_m)
+        per_m = self._per_m + complex(self._slopes @ (values - self._at))
+        return SlipStep(
+            travel_m=rolled_m * per_m,
+            slopes_m=rolled_m * self._slopes,
+            values=transition @ values,
+            transition=transition,
+            noise=noise,
+            travel_noise_m2=self._spread_m2_s * (abs(rolled_m) ** 2 / increment.duration_s),
+        )
+
+    def _linearise(self, values: Array) -> tuple[Array, Array]:
+        """Linearise at values; return transition and noise of the time since the last linearisation."""
+        duration_s = self._pending_s if math.isfinite(self._pending_s) else SCOMP.motion.step_s
+        prediction = self.model.predict(self._full(values), replace(self._metre, duration_s=duration_s))
+        self._per_m = complex(prediction.state[X], prediction.state[Y])
+        self._slopes = prediction.transition[X, BLOCK] + 1j * prediction.transition[Y, BLOCK]
+        self._at = values
+        self._spread_m2_s = prediction.noise[:2, :2] * duration_s
+        noise = prediction.noise[BLOCK, BLOCK]
+        # That of a metre; it grows with the distance.
+        noise[FIRST - RESIDUAL, FIRST - RESIDUAL] *= self._pending_m
+        self._pending_s = self._pending_m = 0.0
+        return prediction.transition[BLOCK, BLOCK], noise
+
+    @staticmethod
+    def _full(values: Array) -> list[float]:
+        return [0.0] * RESIDUAL + [float(value) for value in values]
