@@ -352,9 +352,7 @@ def main() -> int:
     with ProcessPoolExecutor(arguments.workers) as pool:
         found = pool.map(mission, cases, [arguments.camera] * len(cases))
         console = Console(stderr=True)
-        for case, (end, figures_) in track(
-            zip(cases, found, strict=True), total=len(cases), console=console
-        ):
+        for case, (end, figures_) in track(zip(cases, found, strict=True), total=len(cases), console=console):
             name = ", ".join(case.group)
             ends[f"{case.way}: {end}"] += 1
             rows[name] += figures_

@@ -192,7 +192,9 @@ class CorrectionParameters:
     rate_memory_s: float = 0.3  # time constant of the yaw rate that the trace is compared with
     trace_grain_rad: float = math.radians(0.3)  # white noise of a trace angle
     turn_memory_s: float = 0.5  # time constant of the skidding that follows
-    greatest_skid: float = 0.15  # wheels skid in a turn by this share of their speed: the slip law does not hold
+    greatest_skid: float = (
+        0.15  # wheels skid in a turn by this share of their speed: the slip law does not hold
+    )
     most_trace_rejections: int = 2  # in a row, before the slip angle is taken from the trace
     most_compass_rejections: int = 20  # in a row, before the gyro's bias becomes less certain
     widened_bias_rad_s: float = math.radians(0.1)  # added to its standard deviation then
