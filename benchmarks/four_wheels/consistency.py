@@ -10,8 +10,10 @@ a constant error, a correlated one, white noise and missed frames, about as larg
 
 The pose is compared with the plant's truth at the time of the estimate, every half second of driving. Prints
 for position (two numbers) and yaw (one): share inside the 95 % ellipse, required 90 to 98 %; mean NEES over
-the dimension, required 0.5 to 1.5; root mean square of the error and of the reported standard deviation; the
-same at the end of the missions. Exit code 1 where a figure is outside.
+the dimension, required 0.5 to 1.5; root mean square of the error and of the reported standard deviation. First
+for each ground and at the end of the missions, then for both grounds together, which is what is judged: the
+rover does not know its ground. Exit code 1 where one of these is outside. A mission takes a quarter of a
+minute on an idle machine, several times as long with `--camera`.
 """
 
 import argparse
@@ -24,6 +26,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +36,7 @@ from rich.progress import track
 from benchmarks.four_wheels.field_drives import MOUNDS, SIDEWAYS
 from benchmarks.robotino.consistency import BOUND, INSIDE_BAR, NEES_BAR
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.estimation.pose_filter import PoseEstimate
 from controllers.safety import Mode
 from controllers.slip.scomp.compensator import Rates, TraceFinder, TraceReading
 from drivers.clock import VirtualClock, nanoseconds, seconds
@@ -45,6 +49,8 @@ from sim_backends.terramechanics.soil.library import load_soil
 from sim_backends.world.plant import Truth
 
 Array = NDArray[np.float64]
+Errors: TypeAlias = list[tuple[float, ...]]
+"""Rows of `find_errors`."""
 
 EVERY_S = 0.5
 LONGEST_S = 400.0
@@ -55,7 +61,7 @@ FIXES = ("no fixes", "fixes")
 FIX_PERIOD_S, FIX_DELAY_S, FIX_SD_M, FIX_SD_RAD = 2.0, 0.1, 0.01, 0.01
 FRAME_PERIOD_S, FRAME_DELAY_S = 0.2, 0.06
 REAR_LEFT_M = (-0.30, 0.22)
-SLOWEST_M_S = 0.01
+SLOWEST_M_S, FIRST_TRACE_S = 0.01, 5.0
 FIX_DEVICE, CAMERA = "overhead", "camera"
 
 
@@ -70,9 +76,9 @@ class Case:
     fixes: str = FIXES[0]
 
     @property
-    def group(self) -> tuple[str, str, str]:
-        """What is pooled: both sites and all seeds."""
-        return (self.way, self.ground, self.fixes)
+    def group(self) -> str:
+        """What is pooled: both sites, both grounds and all seeds. The rover does not know its ground."""
+        return f"{self.way}, {self.fixes}"
 
 
 def configured(case: Case, folder: Path, *, camera: bool = False) -> Config:
@@ -120,6 +126,37 @@ def _toml(table: dict[str, object], prefix: str = "") -> str:
     return "\n".join([*lines, *tables]) + "\n"
 
 
+class TraceErrors:
+    """Errors of the direction of a trace, frame by frame: constant, correlated, white; and missed frames."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._constant_deg = 0.3 * float(rng.standard_normal())
+        self._slow_deg = 0.0
+        self._missing = 0
+
+    def next(self) -> tuple[float, bool]:
+        """Return the error in deg of the next frame, and whether its trace is missed."""
+        keep = math.exp(-FRAME_PERIOD_S / 1.0)
+        self._slow_deg *= keep
+        self._slow_deg += math.sqrt(1.0 - keep * keep) * 0.5 * float(self._rng.standard_normal())
+        if self._rng.random() < 0.005:
+            self._missing = int(self._rng.integers(1, 10))
+        self._missing = max(0, self._missing - 1)
+        error_deg = self._constant_deg + self._slow_deg + 0.4 * float(self._rng.standard_normal())
+        return error_deg, self._missing > 0
+
+
+def shown_trace(
+    true_deg: Array, is_present: NDArray[np.bool_], rng: np.random.Generator
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the direction of a trace with errors, in deg, and in which frames it is seen."""
+    source = TraceErrors(rng)
+    found = [source.next() for _ in true_deg]
+    missed = np.array([is_missed for _, is_missed in found])
+    return true_deg + np.array([error for error, _ in found]), is_present & ~missed
+
+
 class TruthfulTrace:
     """A finder whose trace is the true direction of the rear left wheel with errors.
 
@@ -127,14 +164,11 @@ class TruthfulTrace:
         rng: Of the errors.
 
     Attributes:
-        truth: Of the frame that is found next, by its index.
+        truth: Of the frames that are yet to be found, by their index.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._constant_rad = math.radians(0.3) * float(rng.standard_normal())
-        self._slow_rad = 0.0
-        self._missing = 0
+        self._errors = TraceErrors(rng)
         self.truth: dict[int, Truth] = {}
 
     def find(
@@ -142,24 +176,18 @@ class TruthfulTrace:
     ) -> TraceReading | None:
         """Return the trace in a frame."""
         truth = self.truth.pop(frame.index)
-        keep = math.exp(-FRAME_PERIOD_S / 1.0)
-        step_rad = math.sqrt(1.0 - keep * keep) * math.radians(0.5) * float(self._rng.standard_normal())
-        self._slow_rad = keep * self._slow_rad + step_rad
-        white_rad = math.radians(0.4) * float(self._rng.standard_normal())
-        if self._rng.random() < 0.005:
-            self._missing = int(self._rng.integers(1, 10))
-        self._missing = max(0, self._missing - 1)
+        error_deg, is_missed = self._errors.next()
         ahead_m_s = truth.velocity_x_m_s - truth.yaw_rate_rad_s * REAR_LEFT_M[1]
         aside_m_s = truth.velocity_y_m_s + truth.yaw_rate_rad_s * REAR_LEFT_M[0]
-        seen = self._missing == 0 and ahead_m_s > SLOWEST_M_S and truth.t_ns > nanoseconds(5.0)
-        angle_rad = math.atan2(aside_m_s, ahead_m_s) + self._constant_rad + self._slow_rad + white_rad
+        seen = not is_missed and ahead_m_s > SLOWEST_M_S and truth.t_ns > nanoseconds(FIRST_TRACE_S)
+        angle_rad = math.atan2(aside_m_s, ahead_m_s) + math.radians(error_deg)
         return TraceReading(
             t_ns=frame.t_ns,
             detected=seen,
             theta_rad=angle_rad if seen else None,
             confidence=float(seen),
             source="trace" if seen else "none",
-            theta_sd_rad=0.02 if seen else None,
+            theta_sd_rad=None,
         )
 
 
@@ -280,9 +308,8 @@ def relative_pose(begin: Truth, truth: Truth) -> tuple[float, float, float]:
     return (turned.real, turned.imag, truth.yaw_rad - begin.yaw_rad)
 
 
-def figures(output: StepOutput, truth: Array) -> tuple[float, ...]:
+def find_errors(estimate: PoseEstimate, truth: Array) -> tuple[float, ...]:
     """Return NEES, squared error and variance of the position, then of the yaw, against x, y, yaw."""
-    estimate = output.estimate
     xx, xy, _, yy, _, tt = estimate.covariance
     position = np.array([estimate.x_m, estimate.y_m]) - truth[:2]
     yaw_rad = math.remainder(estimate.yaw_rad - truth[2], math.tau)
@@ -290,30 +317,30 @@ def figures(output: StepOutput, truth: Array) -> tuple[float, ...]:
     return (nees, float(position @ position), xx + yy, yaw_rad**2 / (tt + 1e-12), yaw_rad**2, tt)
 
 
-def rows_of(moments: Sequence[Moment]) -> list[tuple[float, ...]]:
-    """Return the figures of each half second of driving."""
+def rows_of(moments: Sequence[Moment]) -> Errors:
+    """Return the errors of each half second of driving."""
     times_s = [moment.t_s for moment in moments]
     truths = np.array([moment.truth for moment in moments])
-    rows: list[tuple[float, ...]] = []
+    rows: Errors = []
     next_s = 0.0
     for moment in moments:
         if moment.output.mode is Mode.RUNNING and moment.t_s >= next_s:
             then_s = moment.t_s - moment.age_s
             truth = np.array([np.interp(then_s, times_s, one) for one in truths.T])
-            rows.append(figures(moment.output, truth))
+            rows.append(find_errors(moment.output.estimate, truth))
             next_s = moment.t_s + EVERY_S
     return rows
 
 
-def mission(case: Case, camera: bool) -> tuple[str, list[tuple[float, ...]]]:
-    """Drive one mission; return its last mode, and the figures of each half second."""
+def mission(case: Case, camera: bool) -> tuple[str, Errors]:
+    """Drive one mission; return its last mode, and the errors of each half second."""
     with tempfile.TemporaryDirectory() as folder:
         config = configured(case, Path(folder), camera=camera)
         moments = drive(config, case)
     return moments[-1].output.mode.value, rows_of(moments)
 
 
-def is_within(name: str, table: Array, *, judged: bool) -> bool:
+def print_errors(name: str, table: Array) -> bool:
     """Print the figures of a group; return whether they are within the bars."""
     is_right = True
     for what, column, size in (("position", 0, 2), ("yaw", 3, 1)):
@@ -321,10 +348,10 @@ def is_within(name: str, table: Array, *, judged: bool) -> bool:
         inside, mean = float((nees <= BOUND[size]).mean()), float(nees.mean()) / size
         is_right &= INSIDE_BAR[0] <= inside <= INSIDE_BAR[1] and NEES_BAR[0] <= mean <= NEES_BAR[1]
         print(
-            f"{name:<46}{what:<9} inside {inside:6.1%}  NEES/dimension {mean:5.2f}  "
+            f"{name:<40}{what:<9} inside {inside:6.1%}  NEES/dimension {mean:5.2f}  "
             f"error {np.sqrt(error2.mean()):.4f}  reported {np.sqrt(variance.mean()):.4f}"
         )
-    return is_right or not judged
+    return is_right
 
 
 def main() -> int:
@@ -346,23 +373,22 @@ def main() -> int:
         for seed in seeds
         for site in SITES
     ]
-    rows: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
-    last: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
+    pooled: defaultdict[str, Errors] = defaultdict(list)
+    parts: defaultdict[str, Errors] = defaultdict(list)
     ends = Counter[str]()
     with ProcessPoolExecutor(arguments.workers) as pool:
         found = pool.map(mission, cases, [arguments.camera] * len(cases))
         console = Console(stderr=True)
-        for case, (end, figures_) in track(zip(cases, found, strict=True), total=len(cases), console=console):
-            name = ", ".join(case.group)
+        for case, (end, errors) in track(zip(cases, found, strict=True), total=len(cases), console=console):
             ends[f"{case.way}: {end}"] += 1
-            rows[name] += figures_
-            last[name] += figures_[-1:]
-    is_right = True
-    for name, table in rows.items():
-        is_right &= is_within(name, np.array(table), judged=True)
-        is_within(f"{name}, end", np.array(last[name]), judged=False)
+            pooled[case.group] += errors
+            parts[f"{case.group}, {case.ground}"] += errors
+            parts[f"{case.group}, end"] += errors[-1:]
+    for name in sorted(parts):
+        print_errors(name, np.array(parts[name]))
+    is_right = [print_errors(name, np.array(table)) for name, table in pooled.items()]
     print(dict(ends))
-    return 0 if is_right else 1
+    return 0 if all(is_right) else 1
 
 
 if __name__ == "__main__":

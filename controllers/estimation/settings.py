@@ -14,7 +14,8 @@ class FilterSettings(Settings):
         position_noise_m_sqrt_m: Standard deviation of the position after one metre, from wheel slip.
         unsure_position_noise_m_sqrt_m: The same where the compensated slip is flagged as not valid.
         slip_sd: Standard deviation of the slip that compensation leaves, as a share of the travel. It changes
-            slowly, so that its effect on the position grows with the distance.
+            slowly, so that its effect on the position grows with the distance. With [scomp] it is what the
+            slip law leaves beside the uncertainty of its parameters.
         unsure_slip_sd: The same without compensation, or where the compensated slip is flagged as not valid.
         cross_slip_ratio: Slip across the travel, over that along it.
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
