@@ -10,9 +10,9 @@ a constant error, a correlated one, white noise and missed frames, about as larg
 
 The pose is compared with the plant's truth at the time of the estimate, every half second of driving. Prints
 for position (two numbers) and yaw (one): share inside the 95 % ellipse, required 90 to 98 %; mean NEES over
-the dimension, required 0.5 to 1.5; root mean square of the error and of the reported standard deviation. First
-for each ground and at the end of the missions, then for both grounds together, which is what is judged: the
-rover does not know its ground. Exit code 1 where one of these is outside. A mission takes a quarter of a
+the dimension, required 0.5 to 1.5; root mean square of the error and of the reported standard deviation.
+First for each ground and at the end of the missions, then for both grounds together, which is what is judged:
+the rover does not know its ground. Exit code 1 where one of these is outside. A mission takes a quarter of a
 minute on an idle machine, several times as long with `--camera`.
 """
 

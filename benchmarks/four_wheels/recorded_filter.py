@@ -63,8 +63,6 @@ PLANTS = ("nature", "el_dorado")
 FIXES = ("no fixes", "fixes in the first half", "fixes")
 GROUNDS = ("known", "unknown")
 ROVER = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.092, track_m=0.66)
-SAND = {"slip_sd": 0.03}
-"""The sand of these drives differs less from seed to seed than that of `consistency`."""
 START_NS = nanoseconds(1.0)
 REST_S = 2.0
 COMPASS_ROWS, TRACE_ROWS, FIX_ROWS, FIX_LATE_ROWS, REPORT_ROWS = 2, 4, 40, 2, 10
@@ -219,7 +217,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=100)
     parser.add_argument("--plant", choices=PLANTS, default="nature")
     arguments = parser.parse_args()
-    settings = load_config("el-dorado").filter.model_copy(update=SAND)
+    settings = load_config("el-dorado").filter
     drives = [drives_of(arguments.plant, arguments.first + number) for number in range(arguments.seeds + 1)]
     fitted = [
         identify(drive_of(dict(one["test 1"].log), "simulated")[0], one["test 1"].path).parameters
