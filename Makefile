@@ -1,10 +1,10 @@
-# make setup | run | test | test-kernel | safety-coverage | check | reference | wheel | mutation
+# make setup | run | test | test-kernel | safety-coverage | check | reference | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-kernel safety-coverage check reference wheel mutation
+.PHONY: setup run test test-kernel safety-coverage check reference site wheel mutation
 
 setup: $(STAMP)
 
@@ -48,7 +48,13 @@ check: setup
 reference: setup
 	$(BIN)/python -m docs.generate docs/reference
 
+# The documents as a searchable site: build/site/index.html.
+site: setup
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group site
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going -b html -c docs/site docs build/site
+	cp build/site/README.html build/site/index.html
+
 wheel: setup
-	rm -rf build dist
+	rm -rf build/lib build/bdist.* dist
 	$(BIN)/python -m build --wheel --outdir dist .
 	$(BIN)/python .ci/check_wheel.py dist
