@@ -299,10 +299,18 @@ def gap(
         str,
         typer.Argument(
             help="`side-slope`, `single-wheel`, `robotino-motor`, `robotino-drive`, `four-wheel-drive`, or "
-            "`file.py:factory` for a model of your own, `unit.toml` for a functional mock-up unit."
+            "`file.py:factory` for a model of your own, `unit.toml` for a functional mock-up unit; none with "
+            "--config."
         ),
     ],
-    data: Annotated[Path, typer.Argument(help="Measured runs: a folder, CSV or log.")],
+    data: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Measured runs: a folder, CSV or log; with --config logs and folders of them."),
+    ] = None,
+    config: Annotated[
+        str | None,
+        typer.Option(help="Configuration of a rover with [[rover.wheels]]: its wheels are the model."),
+    ] = None,
     out: Annotated[
         Path | None, out_option("Folder for verdict, model, plan and report; required without --check.")
     ] = None,
@@ -352,22 +360,29 @@ def gap(
 
     Example: `rover-hil gap side-slope measured/ --out gap`
 
+    With the wheels of a rover of your own: `rover-hil gap --config my_rover.toml runs/*.mcap --out gap`.
+
     Data: your measured runs; docs/reference/gap_models.md names the columns,
     docs/tutorials/gap_tutorial.md makes some.
     """
-    from rover_hil.app.gap import Shortening, check_effects, find_gap
+    from rover_hil.app.gap import Shortening, check_effects, find_gap, named_model, rover_of
 
     shortening = Shortening(cut_s=cut, warm_up_s=warm_up)
+    if config is None and len(data or ()) != 1:
+        raise ConfigError("gap needs a model and one file or folder of measured runs, or --config and logs")
+    if config is not None and (check or allowed is not None or shortening != Shortening()):
+        raise ConfigError("--check, --allowed, --cut and --warm-up are for a StateModel: leave out --config")
     if check:
-        sys.exit(check_effects(model, data, as_json=json, shortening=shortening))
+        sys.exit(check_effects(model, (data or [])[0], as_json=json, shortening=shortening))
     if out is None:
         raise ConfigError(
             "--out is missing: give a folder for verdict, model, plan and report, or use --check"
         )
     sys.exit(
         find_gap(
-            model,
-            data,
+            named_model(model, (data or [])[0])
+            if config is None
+            else rover_of(config, [Path(model), *(data or ())]),
             out=out,
             extended=extended,
             confirm=confirm,

@@ -1,8 +1,9 @@
 """`rover-hil gap`: where model and measurement disagree, what is missing, and the proof."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -12,10 +13,12 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.options import check_inputs
 from rover_hil.app.steps import show_steps
+from rover_hil.config import load_config
 from rover_hil.gap import verdict_rules
 from rover_hil.gap.checks import object_to, slower_channels
 from rover_hil.gap.data.cut import cut_runs, without_warm_up
 from rover_hil.gap.data.load import check_model, load_model, name_model_errors, read_runs
+from rover_hil.gap.data.rover_logs import read_rover_runs
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.linter import LintReport, lint, require_changes
 from rover_hil.gap.machines.model_trial import try_model
@@ -35,6 +38,8 @@ from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from sim_backends.models.interface import Machine, Model, Run
+from sim_backends.plants.wheels.settings import WheelsPlantSettings
+from sim_backends.wheels_model.model import WheelsModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,9 +65,60 @@ class Shortening:
         return runs if self.cut_s is None else cut_runs(model, runs, self.cut_s)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """A model, and where its measured runs come from.
+
+    Attributes:
+        name: How the user names the model.
+        make: Returns the model.
+        read: Returns its measured runs.
+    """
+
+    name: str
+    make: Callable[[], Model]
+    read: Callable[[Model], list[Run]]
+
+
+def named_model(name: str, data: Path) -> Subject:
+    """Return a model by its name.
+
+    Args:
+        name: A shipped model, `file.py:factory`, or the TOML file of a functional mock-up unit.
+        data: File or folder of measured runs.
+
+    Raises:
+        ConfigError: There is no such data.
+    """
+    check_inputs(data)
+    return Subject(name=name, make=partial(load_model, name), read=lambda model: read_runs(model, data))
+
+
+def rover_of(config: str, logs: Sequence[Path]) -> Subject:
+    """Return the rover of a configuration with a list of wheels.
+
+    Args:
+        config: The configuration.
+        logs: Logs, or folders of them.
+
+    Raises:
+        ConfigError: The configuration has no such rover, or there is no such log.
+    """
+    check_inputs(*logs)
+    loaded = load_config(config)
+    plant = None if loaded.simulation is None else loaded.simulation.plant
+    if not isinstance(plant, WheelsPlantSettings):
+        raise ConfigError(
+            f"--config {config}: the model needs [simulation.plant] with type = 'wheels': masses, castors "
+            "and site of the rover; for a Robotino use robotino-drive, for four wheels that do not steer "
+            "four-wheel-drive"
+        )
+    model = WheelsModel(plant)
+    return Subject(name=config, make=lambda: model, read=lambda _: read_rover_runs(model, logs))
+
+
 def find_gap(
-    model_name: str,
-    data: Path,
+    subject: Subject,
     *,
     out: Path,
     extended: Path | None,
@@ -76,8 +132,7 @@ def find_gap(
     """Analyse data against a model and write the results, unless the data is bad; returns the exit code.
 
     Args:
-        model_name: A shipped model, `file.py:factory`, or the TOML file of a functional mock-up unit.
-        data: File or folder of measured runs.
+        subject: The model and its runs.
         out: Folder for the results.
         extended: Model file of an earlier analysis, or None.
         confirm: Expression that selects the runs to lock; empty to draw them.
@@ -92,17 +147,16 @@ def find_gap(
             cannot be written to or holds results.
     """
     refuse_overwrite(*(out / name for name in RESULT_NAMES), force=force)
-    check_inputs(data)
     next_runs = None if allowed is None else read_allowed(allowed)
-    with name_model_errors(_file_of(model_name)), unfinished(out / PLAN_NAME) as plan_path:
+    with name_model_errors(_file_of(subject.name)), unfinished(out / PLAN_NAME) as plan_path:
         analysis = _analyse(
-            model_name, data, extended, seed, confirm, plan_path, shortening or Shortening(), next_runs
+            subject, extended, seed, confirm, plan_path, shortening or Shortening(), next_runs
         )
         is_bad = analysis.verdict.verdict is Answer.BAD_DATA
         if is_bad:
             plan_path.unlink(missing_ok=True)
         else:
-            write_results(out, analysis, model_name, wall_time_text())
+            write_results(out, analysis, subject.name, wall_time_text())
     if as_json:
         Console().out(verdict_text(analysis))
     else:
@@ -189,8 +243,7 @@ def _objection(model: Model, runs: Sequence[Run]) -> str:
 
 
 def _analyse(
-    model_name: str,
-    data: Path,
+    subject: Subject,
     extended: Path | None,
     seed: int,
     confirm: str,
@@ -198,17 +251,17 @@ def _analyse(
     shortening: Shortening,
     allowed: Allowed | None,
 ) -> Analysis:
-    base = load_model(model_name)
+    base = subject.make()
     if allowed is not None:
         if not isinstance(base, Machine):
             raise ConfigError(
-                f"--allowed: {model_name} is no StateModel and no functional mock-up unit; "
+                f"--allowed: {subject.name} is no StateModel and no functional mock-up unit; "
                 "leave out --allowed"
             )
         allowed.require_names(base)
     file = None if extended is None else read_model_file(extended)
     try:
-        runs = read_runs(base, data)
+        runs = subject.read(base)
     except (ConfigError, LogError) as error:
         verdict = verdict_rules.refuse(Answer.BAD_DATA, str(error))
         return Analysis(model=base, verdict=verdict, runs=(), plan=None, findings=None)

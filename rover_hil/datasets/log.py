@@ -74,12 +74,13 @@ class TruePoses:
 class LogRows:
     """Collects the readings of a drive, message by message.
 
-    Names carry the unit; wheels count from 1. Wheels: `enc1_rad`, `speed1_rad_s`, `current1_a`, `voltage1_v`,
-    `set1_rad_s` (delivered set-points only). Body: `gyro_z_rad_s` (and x, y), `pitch_rad` (nose up),
-    `roll_rad` (left side up), `heading_rad` of the first heading device, `heading_rad DEVICE REFERENCE` of
-    each, and on request `trace_rad`, the angles of the rear left wheel's trace that the run itself found, and
-    `steering_rad`, the mean steering angle of the wheels. Truth: `x_m`, `y_m`, `psi_rad`, `true_slip1`,
-    `true_speed1_rad_s`, `true_steering1_rad`, `true_forward_m_s`, `true_left_m_s`.
+    Names carry the unit; wheels count from 1. Wheels: `enc1_rad`, `speed1_rad_s`, `current1_a`,
+    `voltage1_v`, `steer1_rad`, `set1_rad_s` and `set_steer1_rad` (delivered set-points only). Body:
+    `gyro_z_rad_s` (and x, y), `pitch_rad` (nose up), `roll_rad` (left side up), `heading_rad` of the
+    first heading device, `heading_rad DEVICE REFERENCE` of each, and on request `trace_rad`, the angles
+    of the rear left wheel's trace that the run itself found, and `steering_rad`, the mean steering angle
+    of the wheels. Truth: `x_m`, `y_m`, `psi_rad`, `true_slip1`, `true_speed1_rad_s`,
+    `true_steering1_rad`, `true_forward_m_s`, `true_left_m_s`.
 
     Args:
         config: Of the log.
@@ -127,6 +128,7 @@ class LogRows:
                 record = log.parse(message, schema.SET_POINT_SHAPE)
                 if record.get("delivered", True):
                     self._add_wheels("set{}_rad_s", message.t_ns, record["speed_rad_s"])
+                    self._add_wheels("set_steer{}_rad", message.t_ns, record.get("steering_rad") or ())
             case schema.ESTIMATE if self._with_traces:
                 self._take_angles(message.t_ns, log.parse(message, schema.TRACES_SHAPE))
 
@@ -204,6 +206,7 @@ class LogRows:
                 (f"speed{number}_rad_s", wheel.speed_rad_s),
                 (f"current{number}_a", wheel.current_a),
                 (f"voltage{number}_v", wheel.voltage_v),
+                (f"steer{number}_rad", wheel.steering_rad),
             ):
                 if value is not None:
                     self._rows[name].append((wheel.t_ns, value))

@@ -58,6 +58,7 @@ class WindowParameters:
 
     window_s: float = 0.2
     least_duration_s: float = 3.0  # of a drive
+    slowest_pose_s: float = 0.5  # between two poses of a drive; slower ones do not show turns
     most: int = 400  # windows of a drive
     least: int = 30  # windows of a drive
     least_stretch: int = 64  # windows of a stretch

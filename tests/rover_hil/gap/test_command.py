@@ -11,7 +11,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.app.app import main
-from rover_hil.app.gap import find_gap
+from rover_hil.app.gap import find_gap, named_model
 from rover_hil.gap.data.load import check_model, load_model, read_runs
 from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from tests.nature.axis import Drive, measure_axis, some_axis, table
@@ -49,7 +49,9 @@ def run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
         data: Path, out: str = "out", model: str = CART, extended: Path | None = None, confirm: str = ""
     ) -> tuple[int, dict[str, object]]:
         folder = tmp_path / out
-        code = find_gap(model, data, out=folder, extended=extended, confirm=confirm, seed=0, as_json=True)
+        code = find_gap(
+            named_model(model, data), out=folder, extended=extended, confirm=confirm, seed=0, as_json=True
+        )
         printed = json.loads(capsys.readouterr().out)
         if code == 1:
             assert not folder.exists()
@@ -71,7 +73,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Analyse runs in which soil flows, once for all tests that read or change what is written."""
     folder = tmp_path_factory.mktemp("gap")
     data = write_cart(folder / "runs.csv", cart_rows(5, creep=0.35))
-    find_gap(CART, data, out=folder / "out", extended=None, confirm="", seed=0, as_json=True)
+    find_gap(named_model(CART, data), out=folder / "out", extended=None, confirm="", seed=0, as_json=True)
     return folder / "out"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.app.gap import Shortening, check_effects, find_gap
+from rover_hil.app.gap import Shortening, check_effects, find_gap, named_model
 from rover_hil.app.steps import show_steps
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs, table_text
@@ -126,10 +126,17 @@ def test_a_gap_in_an_input_is_bad_data(command: Command, tmp_path: Path) -> None
 def test_one_record_is_cut_into_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data, model = _data(tmp_path, samples=200, count=1), _model(tmp_path, "return MODEL")
     short = Shortening(cut_s=5.0)
-    assert find_gap(model, data, out=tmp_path / "whole", extended=None, confirm="", seed=0, as_json=True) == 1
+    assert (
+        find_gap(
+            named_model(model, data), out=tmp_path / "whole", extended=None, confirm="", seed=0, as_json=True
+        )
+        == 1
+    )
     assert "1 runs are too few" in capsys.readouterr().out
     out = tmp_path / "out"
-    code = find_gap(model, data, out=out, extended=None, confirm="", seed=0, as_json=True, shortening=short)
+    code = find_gap(
+        named_model(model, data), out=out, extended=None, confirm="", seed=0, as_json=True, shortening=short
+    )
     assert code == 0
     plan = json.loads((out / "plan.json").read_text())
     assert any("run0 part" in name for name in plan["confirm"])

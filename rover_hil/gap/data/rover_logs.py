@@ -1,0 +1,100 @@
+"""Logs of a rover on any set of wheels, as runs of its model."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from controllers.motion.rover_geometry import WheelsRoverSettings
+from drivers.errors import ConfigError, LogError
+from rover_hil.datasets.log import RecordedDrive, TruePoses, read_drive
+from rover_hil.gap.data.logs import find_logs
+from rover_hil.gap.data.parameters import DATA
+from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
+from sim_backends.models.interface import Array, Run
+from sim_backends.wheels_model.model import GYRO, HEADING, WheelsModel
+
+
+def read_rover_runs(model: WheelsModel, paths: Sequence[Path]) -> list[Run]:
+    """Return one run per log, or their stretches where there are too few logs to split.
+
+    Args:
+        model: Of the rover.
+        paths: Logs and folders of logs.
+
+    Raises:
+        ConfigError: There is no log, or a log is of another rover, or of too short a drive.
+        LogError: A log cannot be read, or contains neither the true pose nor enough pose fixes.
+    """
+    files = [file for path in paths for file in find_logs(path)]
+    if not files:
+        raise ConfigError(f"{paths[0]} holds no log: give run.mcap files of the rover, or folders of them")
+    folder = Path(os.path.commonpath([file.resolve().parent for file in files]))
+    runs = []
+    for file in dict.fromkeys(files):
+        name = file.resolve().relative_to(folder).with_suffix("").as_posix()
+        runs.append(_run(model, read_drive(file), name))
+    if len(runs) < DATA.runs.least_series:
+        runs = [part for run in runs for part in stretches(run)]
+    return runs
+
+
+def _run(model: WheelsModel, drive: RecordedDrive, name: str) -> Run:
+    rover = drive.config.rover
+    if not isinstance(rover, WheelsRoverSettings) or len(rover.wheels) != model.wheel_count:
+        raise ConfigError(
+            f"log {name} is of a rover with other wheels ({rover.kinematics}) than the {model.wheel_count} "
+            "of --config: give logs of this rover"
+        )
+    poses = drive.true_poses()
+    true_s = drive.seconds(poses.t_ns)
+    width_s = _window_s(poses, true_s, name)
+    wheels = [drive.rows[f"enc{wheel}_rad"] for wheel in range(1, model.wheel_count + 1)]
+    if any(len(one) < DATA.runs.least_rows for one in wheels):
+        raise LogError(f"log {name} holds too few wheel positions: give the log of a drive")
+    times_s = [drive.seconds(one.t_ns) for one in wheels]
+    first_s = max(float(true_s[0]), *(float(t_s[0]) for t_s in times_s))
+    last_s = min(float(true_s[-1]), *(float(t_s[-1]) for t_s in times_s))
+    windows = windows_over(first_s, last_s, f"log {name}")
+    if windows.middle_s[1] - windows.middle_s[0] < width_s:
+        count = max(int((last_s - first_s) / width_s), DATA.windows.least)
+        windows = Windows(np.linspace(first_s, last_s, count + 1))
+    forward, left, turn = body_rates(windows, true_s, poses.x_m, poses.y_m, poses.yaw_rad)
+    inputs = {"t_s": windows.middle_s, HEADING: np.interp(windows.middle_s, true_s, poses.yaw_rad)}
+    for number, (t_s, readings) in enumerate(zip(times_s, wheels, strict=True), start=1):
+        inputs[f"wheel_{number}_rad_s"] = windows.rate(t_s, readings.value)
+        if model.steers:
+            inputs[f"steering_{number}_rad"] = _steering(drive, number, windows)
+    measured = {"forward_m_s": forward, "left_m_s": left, "turn_rad_s": turn}
+    gyro = drive.rows["gyro_z_rad_s"]
+    if len(gyro) >= DATA.runs.least_rows:
+        measured[GYRO] = windows.mean(drive.seconds(gyro.t_ns), gyro.value)
+    speed_m_s = round(float(np.hypot(forward, left).mean()), 2)
+    return Run(name=name, conditions={"speed_m_s": speed_m_s}, inputs=inputs, measured=measured)
+
+
+def _window_s(poses: TruePoses, true_s: Array, name: str) -> float:
+    """Return the least length of windows, in which the poses change by more than their noise.
+
+    Raises:
+        LogError: There are too few poses.
+    """
+    if true_s.size < DATA.windows.least:
+        raise LogError(f"log {name} holds {true_s.size} poses: {DATA.windows.least} or more are needed")
+    interval_s = float(np.median(np.diff(true_s)))
+    if interval_s > DATA.windows.slowest_pose_s:
+        raise LogError(
+            f"log {name} holds a pose every {interval_s:.1f} s: one in {DATA.windows.slowest_pose_s:g} s or "
+            "less is needed, set frame_rate_hz of the overhead camera"
+        )
+    return max(DATA.windows.window_s, 2.0 * interval_s)
+
+
+def _steering(drive: RecordedDrive, number: int, windows: Windows) -> Array:
+    """Return the steering angle of a wheel: measured, else its set-point, else 0."""
+    for name in (f"steer{number}_rad", f"set_steer{number}_rad"):
+        readings = drive.rows[name]
+        if len(readings):
+            return windows.mean(drive.seconds(readings.t_ns), readings.value)
+    return np.zeros(windows.middle_s.size)

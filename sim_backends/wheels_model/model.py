@@ -1,0 +1,170 @@
+"""The drive of a rover on any set of wheels: from the speeds of its wheels to the motion of its body.
+
+Base: the list of wheels with the loads, the castors and the ground of `[simulation.plant]`. In windows of
+0.2 s or more the mean speeds and steering angles of the wheels give the motion of the body at which the
+contacts carry its inertia (`force_balance`), and the gyro measures its yaw rate. Pose and heading are not
+integrated, so that an error affects only its own windows.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.models.delay import earlier
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
+from sim_backends.models.nominal_values import NominalValues
+from sim_backends.plants.robotino.surfaces import Surface
+from sim_backends.plants.wheels.plant import make_rover
+from sim_backends.plants.wheels.settings import WheelsPlantSettings
+from sim_backends.wheels_model.effects import effects_of, of_wheel
+from sim_backends.wheels_model.force_balance import Contact, Wheels, balanced_motion, rolling_motion
+
+GYRO = "gyro_rad_s"
+HEADING = "heading_rad"
+CHANNELS = (
+    Channel(name="forward_m_s", unit="m/s"),
+    Channel(name="left_m_s", unit="m/s"),
+    Channel(name="turn_rad_s", unit="rad/s"),
+    Channel(name=GYRO, unit="rad/s", is_optional=True),
+)
+
+
+class WheelsModel:
+    """A `Model` of the drive of a rover on any set of wheels.
+
+    Condition: mean speed of a drive.
+
+    Args:
+        settings: The rover and its ground; patches of the site are not in the model.
+
+    Raises:
+        ConfigError: The centre of mass is outside the contacts.
+    """
+
+    name = "wheels"
+    channels: tuple[Channel, ...] = CHANNELS
+    condition_units: Mapping[str, str] = {"speed_m_s": "m/s"}
+
+    def __init__(self, settings: WheelsPlantSettings) -> None:
+        self._rover = make_rover(settings)
+        self._surface: Surface = settings.site.surfaces[settings.site.floor]
+        self.wheel_count = len(settings.wheels)
+        self.steers = any(wheel.steering is not None for wheel in settings.wheels)
+        self.parameters: tuple[Parameter, ...] = _parameters(self.wheel_count)
+        self.effects: tuple[EffectCard, ...] = effects_of(self.wheel_count, steers=self.steers)
+        steering = {f"steering_{wheel}_rad": "rad" for wheel in self._numbers} if self.steers else {}
+        self.input_units: Mapping[str, str] = {
+            "t_s": "s",
+            **{f"wheel_{wheel}_rad_s": "rad/s" for wheel in self._numbers},
+            **steering,
+            HEADING: "rad",
+        }
+        self._nominal = NominalValues(self.parameters, self.effects)
+
+    @property
+    def _numbers(self) -> range:
+        return range(1, self.wheel_count + 1)
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict motion and gyro of every run. See `Model.predict`."""
+        base, active = self._nominal.fill(parameters, effects)
+        return [self._table(run, base, active) for run in runs]
+
+    def _table(self, run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:
+        t_s = run.inputs["t_s"]
+        rover, wheels = self._rover, self._wheels(run, base, active)
+        acceleration = np.gradient(rolling_motion(rover, wheels), t_s, axis=0)
+        weight = self._weight(run.inputs[HEADING], active["side_slope"])
+        twist = balanced_motion(
+            rover, wheels, self._contact(base, active), weight - acceleration @ rover.mass.T
+        )
+        age_s = base["pose_age_s"] + active["latency"]["time"]
+        forward, left, turn = (_shifted(t_s, one, age_s) for one in twist.T)
+        rate = _shifted(t_s, twist[:, 2], base["gyro_age_s"])
+        return {
+            "forward_m_s": forward,
+            "left_m_s": left,
+            "turn_rad_s": turn,
+            GYRO: (1.0 + active["gyro_scale"]["error"]) * rate
+            + base["gyro_bias_rad_s"]
+            + active["gyro_bias"]["rate"],
+        }
+
+    def _wheels(self, run: Run, base: Values, active: Mapping[str, Values]) -> Wheels:
+        common = 1.0 + base["radius_error"] + active["wheel_radius"]["error"]
+        rims, along = [], []
+        for index, wheel in enumerate(self._numbers):
+            own = base.get(_own_error(wheel), 0.0) + of_wheel(active["uneven_wheel"], wheel, "error")
+            radius_m = float(self._rover.radius_m[index]) * (common + own)
+            rims.append(radius_m * run.inputs[f"wheel_{wheel}_rad_s"])
+            angle = np.full(rims[-1].shape, float(self._rover.angle[index]))
+            if self.steers:
+                offset_deg = of_wheel(active["steering_offset"], wheel, "angle_deg")
+                angle = angle + run.inputs[f"steering_{wheel}_rad"] + math.radians(offset_deg)
+            along.append(angle)
+        wider = 1.0 + base["base_error"] + active["base_radius"]["error"]
+        place_m = self._rover.place.copy()
+        place_m[: self.wheel_count] *= wider
+        return Wheels(np.stack(rims, axis=1), np.stack(along, axis=1), place_m)
+
+    def _contact(self, base: Values, active: Mapping[str, Values]) -> Contact:
+        surface = self._surface
+        change = base["stiffness_change"] + active["contact_stiffness"]["change"]
+        return Contact(
+            friction=surface.friction,
+            stiffness=surface.stiffness * math.exp(change),
+            drag_along=surface.drag_along + active["rolling_resistance"]["share"],
+            drag_across=surface.drag_across,
+        )
+
+    def _weight(self, heading_rad: Array, slope: Values) -> Array:
+        """Return force and moment of the weight along the slope, in the body frame."""
+        mass_kg = float(self._rover.mass[0, 0])
+        force_n = mass_kg * STANDARD_GRAVITY_M_S2 * math.sin(math.radians(slope["angle_deg"]))
+        downhill = math.radians(slope["downhill_deg"]) - heading_rad
+        x_n, y_n = force_n * np.cos(downhill), force_n * np.sin(downhill)
+        ahead_m, aside_m = self._rover.mass[1, 2] / mass_kg, -self._rover.mass[0, 2] / mass_kg
+        return np.stack((x_n, y_n, ahead_m * y_n - aside_m * x_n), axis=1)
+
+
+def _shifted(t_s: Array, rate: Array, age_s: float) -> Array:
+    """Return the rates that a pose of this age shows; a negative one is ahead of the wheels."""
+    if age_s >= 0.0:
+        return earlier(t_s, rate, age_s)
+    last = float(rate[-1])
+    ahead: Array = last + earlier(t_s, rate[::-1] - last, -age_s)[::-1]
+    return ahead
+
+
+def _own_error(wheel: int) -> str:
+    return f"wheel_{wheel}_error"
+
+
+def _parameters(wheels: int) -> tuple[Parameter, ...]:
+    uneven = (
+        parameter(
+            _own_error(wheel), "1", 0.0, 0.002, -0.3, 0.3, f"radius of wheel {wheel} over the last, less one"
+        )
+        for wheel in range(1, wheels)
+    )
+    return (
+        parameter("radius_error", "1", 0.0, 0.003, -0.5, 0.5, "of the configured radius of all wheels"),
+        *uneven,
+        parameter("base_error", "1", 0.0, 0.005, -0.5, 2.0, "of the configured places of the wheels"),
+        parameter(
+            "stiffness_change",
+            "1",
+            0.0,
+            0.3,
+            -5.0,
+            3.0,
+            "logarithm of true over configured stiffness",
+        ),
+        parameter("pose_age_s", "s", 0.0, 0.02, -1.0, 1.0, "age of the pose beyond that of the wheels"),
+        parameter("gyro_age_s", "s", 0.0, 0.02, -1.0, 1.0, "the same of the gyro's rate"),
+        parameter("gyro_bias_rad_s", "rad/s", 0.0, 0.001, -0.3, 0.3, "what calibration at rest leaves"),
+    )

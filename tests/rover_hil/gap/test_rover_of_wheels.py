@@ -1,0 +1,192 @@
+"""A rover of a list of wheels against its logs: the effect in the truth is named, and no other."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import pytest
+
+from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
+from rover_hil.config import Config, load_config
+from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.schema import TRUTH
+from rover_hil.recording.writer import LogWriter
+from sim_backends.models.interface import Run
+from sim_backends.plants.wheels.plant import WheelsPlant
+from sim_backends.plants.wheels.settings import WheelsPlantSettings
+from sim_backends.wheels_model.model import WheelsModel
+from tests.nature.differential_drive import Recorded, TrueDifferential, record
+from tests.rover_hil.command import Command, assert_one_sentence
+
+ROOT = Path(__file__).parents[3]
+DIFFERENTIAL = "docs/examples/differential.toml"
+CAMERA = {
+    "type": "overhead_camera",
+    "source": "live_folder",
+    "path": "frames",
+    "frame_rate_hz": 20.0,
+    "max_age_s": 1.0,
+    "marker_id": 7,
+    "marker_size_m": 0.12,
+    "marker_height_m": 0.2,
+    "calibration": "simulated",
+}
+START_NS = 1_000_000_000
+LOGS = 6
+Poses = Literal["truth", "fixes", "none"]
+
+
+@pytest.fixture(autouse=True)
+def _in_the_project(monkeypatch: pytest.MonkeyPatch, command: Command) -> None:
+    """Run from where the example finds its files."""
+    monkeypatch.chdir(ROOT)
+
+
+def write_log(path: Path, drive: Recorded, poses: Poses) -> None:
+    """Write a drive as a log of the differential rover; fixes come 20 times in a second."""
+    config = load_config(DIFFERENTIAL)
+    if poses == "fixes":
+        table = config.model_dump(by_alias=True)
+        table["devices"]["overhead"], table["roles"]["fixes"] = CAMERA, ["overhead"]
+        config = Config.model_validate(table)
+    config_json = config.model_dump_json(by_alias=True).encode()
+    path.parent.mkdir(parents=True)
+    with LogWriter(path, START_NS, config_json, collect_data_files(config), "virtual") as log:
+        for index, t_s in enumerate(drive.t_s):
+            t_ns = START_NS + round(t_s * 1e9)
+            samples: list[Sample] = [
+                WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=float(angle))
+                for wheel, angle in enumerate(drive.wheels_rad[index])
+            ]
+            rate = float(drive.gyro_rad_s[index])
+            samples.append(RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=rate))
+            x_m, y_m, yaw_rad = drive.pose[index].tolist()
+            if poses == "truth":
+                log.write_json(TRUTH, t_ns, {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad})
+            elif poses == "fixes" and index % 3 == 0:
+                samples.append(
+                    PoseFixSample(
+                        device="overhead",
+                        t_ns=t_ns,
+                        t_capture_ns=t_ns,
+                        x_m=x_m,
+                        y_m=y_m,
+                        yaw_rad=math.remainder(yaw_rad, math.tau),
+                        position_std_m=0.001,
+                        yaw_std_rad=0.001,
+                    )
+                )
+            log.samples(t_ns, samples)
+
+
+def write_logs(folder: Path, rover: TrueDifferential, poses: Poses = "truth", count: int = LOGS) -> Path:
+    rng = np.random.default_rng(0)
+    for number in range(count):
+        write_log(folder / f"{number}" / "run.mcap", record(rover, rng), poses)
+    return folder
+
+
+Analyse: TypeAlias = Callable[[TrueDifferential, Poses], dict[str, Any]]
+
+
+@pytest.fixture
+def analyse(command: Command, tmp_path: Path, unrendered: None) -> Analyse:
+    """Return a function that writes logs of a rover and returns the verdict on them."""
+
+    def run(rover: TrueDifferential, poses: Poses) -> dict[str, Any]:
+        runs, out = write_logs(tmp_path / "runs", rover, poses), tmp_path / "gap"
+        assert command("gap", "--config", DIFFERENTIAL, str(runs), "--out", str(out)) == 0
+        verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text("utf-8"))
+        return verdict
+
+    return run
+
+
+def test_no_gap_where_there_is_none(analyse: Analyse) -> None:
+    assert analyse(TrueDifferential(), "truth")["verdict"] == "NO_GAP"
+
+
+@pytest.mark.parametrize(
+    ("rover", "poses", "name", "size", "channel"),
+    [
+        (TrueDifferential(left_larger=0.03), "truth", "uneven_wheel", 0.03, "turn_rad_s"),
+        (TrueDifferential(gyro_gain=1.05), "truth", "gyro_scale", 0.05, "gyro_rad_s"),
+        (TrueDifferential(track_m=0.33), "fixes", "base_radius", 0.1, "turn_rad_s"),
+    ],
+)
+def test_the_effect_is_named_with_its_size_and_the_gap_shrinks(
+    analyse: Analyse, rover: TrueDifferential, poses: Poses, name: str, size: float, channel: str
+) -> None:
+    verdict = analyse(rover, poses)
+    assert verdict["verdict"] in ("NAMED", "PARTLY_NAMED")
+    (effect,) = verdict["effects"]
+    assert effect["name"] == name
+    assert next(iter(effect["parameters"].values()))["value"] == pytest.approx(size, rel=0.1)
+    gap = verdict["gap"][channel]
+    assert gap["after"] < 0.3 * gap["before"]
+
+
+def test_logs_without_a_pose_are_refused_in_one_sentence(command: Command, tmp_path: Path) -> None:
+    runs = write_logs(tmp_path / "runs", TrueDifferential(), "none", count=1)
+    assert command("gap", "--config", DIFFERENTIAL, str(runs), "--out", str(tmp_path / "gap")) == 1
+    assert "holds no true pose, neither on /truth nor as pose fixes" in command.out
+    assert not (tmp_path / "gap").exists() or not list((tmp_path / "gap").iterdir())
+
+
+def test_several_logs_may_be_given_one_by_one(command: Command, tmp_path: Path) -> None:
+    runs = write_logs(tmp_path / "runs", TrueDifferential(), count=2)
+    logs = sorted(map(str, runs.rglob("*.mcap")))
+    assert command("gap", "--config", DIFFERENTIAL, *logs, "--out", str(tmp_path / "gap")) == 1
+    assert "2 runs are too few" in command.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--config", "robotino", "runs"), "type = 'wheels'"),
+        (("--config", DIFFERENTIAL, "runs", "--cut", "5"), "leave out --config"),
+        (("side-slope",), "gap needs a model and one file or folder"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    command: Command, tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    (tmp_path / "runs").mkdir()
+    given = [str(tmp_path / "runs") if one == "runs" else one for one in arguments]
+    assert command("gap", *given, "--out", str(tmp_path / "gap")) == 2
+    assert message in command.error
+    assert_one_sentence(command.error)
+
+
+@pytest.mark.parametrize("name", ["differential", "six_wheels", "mecanum"])
+def test_the_balance_of_forces_is_the_steady_state_of_the_simulated_rover(name: str) -> None:
+    settings = load_config(f"docs/examples/{name}.toml").require_simulation().plant
+    assert isinstance(settings, WheelsPlantSettings)
+    site = settings.site.model_copy(update={"floor": "gray", "roughness": 0.0, "patches": ()})
+    settings = settings.model_copy(update={"site": site, "wheel_friction_nm": 0.0})
+    plant, model = WheelsPlant(settings, np.random.default_rng(0), 0), WheelsModel(settings)
+    speeds = [1.5 + 0.4 * (wheel % 2) for wheel in range(model.wheel_count)]
+    plant.set_wheel_speeds(speeds)
+    plant.advance(8_000_000_000)
+    truth = plant.truth()
+    inputs = {
+        f"wheel_{wheel}_rad_s": truth.wheel_speed_rad_s[wheel - 1] for wheel in range(1, len(speeds) + 1)
+    }
+    if model.steers:
+        inputs |= {f"steering_{wheel}_rad": 0.0 for wheel in range(1, len(speeds) + 1)}
+    series = {key: np.full(40, value) for key, value in inputs.items()}
+    turning = truth.yaw_rate_rad_s * truth.velocity_x_m_s
+    run = Run(
+        name="steady",
+        conditions={"speed_m_s": 0.1},
+        inputs={"t_s": np.linspace(0.0, 7.8, 40), "heading_rad": np.zeros(40), **series},
+    )
+    found = {key: float(values[20]) for key, values in model.predict([run], {}, {})[0].items()}
+    # The model leaves the centrifugal force out: a share of the weight, over the stiffness of the contact.
+    sideways = 0.02 + abs(turning) / 9.81
+    assert found["forward_m_s"] == pytest.approx(truth.velocity_x_m_s, abs=0.002)
+    assert found["turn_rad_s"] == pytest.approx(truth.yaw_rate_rad_s, abs=0.01)
+    assert found["left_m_s"] == pytest.approx(truth.velocity_y_m_s, abs=sideways * abs(truth.velocity_x_m_s))
