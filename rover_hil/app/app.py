@@ -743,6 +743,30 @@ def calibrate_wheels(
     )
 
 
+@calibrate_app.command("time")
+def calibrate_time(
+    log: Annotated[Path, typer.Argument(help="A log of turns that begin and end.")],
+    out: Annotated[
+        Path | None,
+        out_option("Also write the offsets to this TOML file, and a page with a picture beside it."),
+    ] = None,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Find offsets between gyro, wheels, compass and overhead camera by the turns that they all feel.
+
+    Exit code 1: no offset is sure.
+
+    Example: `rover-hil calibrate time runs/first/run.mcap`
+
+    Data: `rover-hil run robotino --virtual --out runs/first` writes this log;
+    docs/how-to/calibrate_the_times.md.
+    """
+    from rover_hil.app.calibrate_time import calibrate_time as calibrate
+
+    sys.exit(calibrate(log, out=out, as_json=as_json, force=force))
+
+
 import_app = typer.Typer(cls=Group, help="Turn measured data of others into logs.")
 app.add_typer(import_app, name="import")
 

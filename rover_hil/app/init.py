@@ -144,7 +144,7 @@ def _drive_of(
     shipped = shipped_mapping(found.frames) if dbc is None else ""
     if shipped:
         console.print(f"the messages are those of the shipped mapping '{shipped}'")
-        return bus.model_copy(update={"mapping": shipped, "max_age_s": 0.1})
+        return bus.model_copy(update={"mapping": shipped})
     nodes = vesc_nodes(found.frames)
     if nodes and dbc is None:
         console.print(f"VESC controllers {', '.join(map(str, nodes))}")
@@ -182,7 +182,7 @@ def _drive_of(
     made.append(path)
     write_mapping(path, dbc, guess, found.frames, gear_ratio=gear)
     console.print(f"mapping written: {path}")
-    return bus.model_copy(update={"mapping": str(path), "max_age_s": 0.1})
+    return bus.model_copy(update={"mapping": str(path)})
 
 
 def _rover(wheel_count: int, console: Console) -> tuple[str, dict[str, object]]:

@@ -162,7 +162,7 @@ def probe_camera(path: str, clock: Clock, *, is_folder: bool, step: Callable[[st
 
 def max_age_s(rate_hz: float) -> float:
     """Return the age limit for a device that sends at a rate."""
-    return float(min(10.0, max(0.1, round(AGE_PERIODS / max(rate_hz, 0.26), 2))))
+    return float(min(10.0, max(0.15, round(AGE_PERIODS / max(rate_hz, 0.26), 2))))
 
 
 def _listen_raw(link: Link[bytes], clock: Clock, duration_s: float) -> list[Received[bytes]]:

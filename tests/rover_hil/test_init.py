@@ -213,5 +213,5 @@ def test_every_kind_of_rover_has_names_for_its_wheels() -> None:
         "omni3": 3,
         "skid_steer_4": 4,
     }
-    assert max_age_s(50.0) == 0.1
+    assert max_age_s(50.0) == 0.15
     assert max_age_s(10.0) == 0.25

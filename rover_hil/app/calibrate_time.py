@@ -1,0 +1,111 @@
+"""`rover-hil calibrate time`: offsets between devices, by the turns that they all feel."""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.steps import show_steps
+from rover_hil.datasets.toml_text import toml_text
+from rover_hil.identify.timing.figures import draw_offsets
+from rover_hil.identify.timing.offsets import Offset, YawTrack, find_offsets, read_tracks
+from rover_hil.pages.atomic_write import check_file, write_files
+from rover_hil.pages.picture import Drawing, draw_pictures
+from rover_hil.pages.render import render
+
+
+def calibrate_time(log: Path, *, out: Path | None, as_json: bool, force: bool) -> int:
+    """Print the offsets of all devices of a log; returns the exit code: 1 where none is sure.
+
+    Args:
+        log: A log of turns that begin and end.
+        out: File for the offsets, TOML, with a page beside it; None for neither.
+        as_json: Print JSON instead of text.
+        force: Replace earlier files.
+
+    Raises:
+        ConfigError: A file exists or cannot be written.
+        LogError: The log is damaged, or fewer than two devices show turns.
+    """
+    page = None if out is None else out.with_suffix(".html")
+    for path in (out, page):
+        check_file(path, force=force)
+    with show_steps(f"reading {log}") as step:
+        tracks = read_tracks(log)
+        step("correlating turns")
+        offsets = find_offsets(tracks)
+    known = [each for each in offsets if not each.problem]
+    if out is not None and page is not None:
+        texts = {page.name: _page(tracks[0], offsets)}
+        if known:
+            texts[out.name] = _table(log, tracks[0], known)
+        write_files(out.parent, texts)
+    if as_json:
+        record = {
+            "reference": tracks[0].name,
+            "offsets": {
+                each.track.name: {
+                    "offset_s": each.offset_s if math.isfinite(each.offset_s) else None,
+                    "sd_s": each.sd_s if math.isfinite(each.sd_s) else None,
+                    "problem": each.problem,
+                }
+                for each in offsets
+            },
+        }
+        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
+    else:
+        console = Console(highlight=False, markup=False, soft_wrap=True)
+        for name, value in _facts(tracks[0], offsets):
+            console.print(f"{name}: {value}")
+        if page is not None:
+            console.print(f"picture: {page}")
+            console.print(f"written to {out}" if known else "not written: no offset is sure")
+    return EXIT_OK if known else EXIT_NO
+
+
+def _facts(reference: YawTrack, offsets: Sequence[Offset]) -> tuple[tuple[str, str], ...]:
+    facts = [("reference", reference.name)]
+    for each in offsets:
+        if each.problem:
+            facts.append((each.track.name, f"not sure: {each.problem}"))
+            continue
+        side = "late" if each.offset_s >= 0.0 else "early"
+        value = f"{abs(each.offset_s):.3f} s {side}, +- {each.sd_s:.3f} s (one standard deviation)"
+        if each.track.kind == "heading":
+            value += "; in the configuration: filter.heading_lag_s"
+        facts.append((each.track.name, value))
+    return tuple(facts)
+
+
+def _table(log: Path, reference: YawTrack, known: Sequence[Offset]) -> str:
+    devices = [
+        {
+            "device": each.track.device,
+            "of": each.track.kind,
+            "offset_s": round(each.offset_s, 4),
+            "sd_s": round(each.sd_s, 4),
+        }
+        for each in known
+    ]
+    return toml_text({"source": log.name, "reference": reference.name, "offset": devices})
+
+
+def _page(reference: YawTrack, offsets: Sequence[Offset]) -> str:
+    is_sure = any(not each.problem for each in offsets)
+    drawing = Drawing(
+        "Offsets of the devices",
+        "See whether each line has one clear minimum. A flat line means that the turns show no offset: "
+        "record "
+        "turns that begin and end.",
+        lambda: draw_offsets(offsets),
+    )
+    return render(
+        "identify/timing/report.html",
+        grade="plain" if is_sure else "attention",
+        title="Time: offsets between devices" if is_sure else "Time: no offset is sure",
+        facts=_facts(reference, offsets),
+        pictures=draw_pictures([drawing]),
+    )
