@@ -32,7 +32,7 @@ def yaw_rate_at(t_s: float, rate_rad_s: float) -> float:
 
 
 def write_log(
-    path: Path, *, seed: int, seconds: float = 60.0, steady_rad_s: float = 0.0, sign: float = 1.0
+    path: Path, *, seed: int, seconds: float = 44.0, steady_rad_s: float = 0.0, sign: float = 1.0
 ) -> Path:
     """Write what the devices of a rover sent that turns to and fro, or steadily."""
     config, rng = Config.model_validate(CONFIG), np.random.default_rng(seed)
@@ -41,7 +41,7 @@ def write_log(
     def stamp(t_s: float, late_s: float) -> int:
         return START_NS + round(1e9 * (t_s + late_s))
 
-    for t in np.arange(1.0, seconds, 0.02).tolist():
+    for t in np.arange(1.0, seconds, 0.04).tolist():
         rate = 1.01 * yaw_rate_at(t, steady_rad_s) + 0.003 + rng.normal(0.0, 0.002)
         t_ns = stamp(t, GYRO_S)
         events.append((t_ns, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=sign * rate)))
