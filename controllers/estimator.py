@@ -93,6 +93,7 @@ class Estimator:
         self._wheel_turn_rad = 0.0
         self._wheel_turn = WheelTurn()
         self._has_lost_motion = False
+        self._compensated_m = (0.0, 0.0)
         self._driven_ns: int | None = None
         self._unseen = UnseenMotion(self._effects)
         self.evidence: TurnEvidence | None = None
@@ -157,9 +158,11 @@ class Estimator:
         self._account_for_lost_motion(set_speed_rad_s or (0.0,) * len(self._effects))
         if increment is not None and self._slip is not None:
             gyro_rate_rad_s = self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
+            rolled = increment
             increment = self._slip.compensate(
                 increment, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
             )
+            self._note_compensation(rolled, increment)
         if increment is not None:
             increment = self._compare_wheels(increment)
         is_still = self.is_still = self._is_still(now_ns)
@@ -197,14 +200,29 @@ class Estimator:
             self._effects = wheel_effects(self._kinematics, self._effects_at_rad)
             self._unseen.turn_wheels(self._effects)
 
+    def _note_compensation(self, rolled: BodyIncrement, moved: BodyIncrement) -> None:
+        """Add up what compensation has removed of the way, with a fading memory."""
+        kept = math.exp(-rolled.duration_s / ESTIMATION.pose.doubted_slip_s)
+        x_m, y_m = self._compensated_m
+        self._compensated_m = (
+            kept * x_m + rolled.x_m - moved.x_m,
+            kept * y_m + rolled.y_m - moved.y_m,
+        )
+
     def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float) -> None:
         """Widen the estimate by motion that was measured wrongly.
+
+        A gyro that was wrong has also misled the slip compensation: a gyro without a signal looks like wheels
+        that slip wholly. So with the yaw the way is doubted that compensation has removed.
 
         Args:
             wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
             yaw_rad: Greatest error of the yaw.
         """
         x_m, y_m, by_wheels_rad = greatest_motion(self._effects, wheel_rad or (0.0,) * len(self._effects))
+        if yaw_rad:
+            x_m, y_m = x_m + abs(self._compensated_m[0]), y_m + abs(self._compensated_m[1])
+            self._compensated_m = (0.0, 0.0)  # doubted once
         self._widen((x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0)))
 
     def _is_still(self, now_ns: int) -> bool:
