@@ -58,9 +58,7 @@ def driven(share: float, duration_s: float) -> tuple[Estimator, float]:
         t_ns = nanoseconds(1.0 + 0.02 * cycle)
         for wheel in range(4):
             angle_rad = SPEED_RAD_S * 0.02 * cycle
-            estimator.take(
-                WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=angle_rad), t_ns
-            )
+            estimator.take(WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=angle_rad), t_ns)
         estimator.advance(t_ns, (SPEED_RAD_S,) * 4)
     return estimator, SPEED_RAD_S * SKID.wheel_radius_m * duration_s
 
