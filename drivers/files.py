@@ -39,8 +39,9 @@ ATTACHMENTS_BYTES = 16 * MEGABYTE
 CHUNK_BYTES = 32 * MEGABYTE
 """A compressed part of a log, unpacked."""
 UNPACKED_BYTES = 8 * MEGABYTE
-UNPACKED_PER_BYTE = 30
-"""Compressed parts of a log may together be this large unpacked, and per byte of the file."""
+UNPACKED_PER_BYTE = 100
+"""Compressed parts of a log may together be this large unpacked, and per byte of the file; the log of a rover
+that stands with silent devices repeats itself, and reaches half of it."""
 UNPACKED_PIXELS = 2**26
 UNPACKED_PIXELS_PER_BYTE = 2000
 """Pictures of a log may together have this many pixels, and per byte of the file; black ones pack well."""

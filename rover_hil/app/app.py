@@ -15,10 +15,13 @@ from drivers.errors import ConfigError, RoverHilError
 from rover_hil.app.error_message import check_name_lengths, readable
 from rover_hil.app.exit_codes import EXIT_BAD_INPUT
 from rover_hil.app.options import (
+    LIVE_PORT,
     LONGEST_S,
     ForceOption,
     Group,
     JsonOption,
+    LiveOption,
+    LivePortOption,
     number_option,
     out_option,
 )
@@ -71,6 +74,8 @@ def run(
         bool, typer.Option("--realtime", help="Use the SCHED_FIFO scheduler; needs the right to.")
     ] = False,
     model: PlantModelOption = None,
+    live: LiveOption = False,
+    live_port: LivePortOption = LIVE_PORT,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -92,6 +97,7 @@ def run(
             force=force,
             as_json=json,
             model=model,
+            live_port=live_port if live else None,
         )
     )
 
@@ -125,6 +131,8 @@ def replay(
     out: Annotated[
         Path | None, out_option("Also write summary and report of the recorded run into this folder.")
     ] = None,
+    live: LiveOption = False,
+    live_port: LivePortOption = LIVE_PORT,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -138,7 +146,16 @@ def replay(
     """
     from rover_hil.app.replay import replay_log
 
-    sys.exit(replay_log(log, config_name=config, out=out, force=force, as_json=json))
+    sys.exit(
+        replay_log(
+            log,
+            config_name=config,
+            out=out,
+            force=force,
+            as_json=json,
+            live_port=live_port if live else None,
+        )
+    )
 
 
 @app.command()

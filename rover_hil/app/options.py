@@ -12,6 +12,11 @@ from rover_hil.app.exit_codes import exit_interrupted
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
+LiveOption = Annotated[
+    bool, typer.Option("--live", help="Also stream the records to Foxglove or Lichtblick on this computer.")
+]
+LIVE_PORT = 8765
+"""The port that viewers propose."""
 LONGEST_S = 1e6
 
 
@@ -61,3 +66,6 @@ def _within(
         return value
 
     return check
+
+
+LivePortOption = Annotated[int, number_option("Port of --live on 127.0.0.1.", "", 1, 65535)]

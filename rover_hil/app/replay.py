@@ -1,5 +1,6 @@
 """`rover-hil replay`: run a log again and list the outputs that differ."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from pydantic_core import to_json
@@ -7,9 +8,10 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from drivers.clock import seconds
+from drivers.clock import SystemClock, seconds
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.run import live_mirror
 from rover_hil.config import load_config
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
@@ -22,9 +24,17 @@ TEXT_SHOWN = 40
 
 
 def replay_log(
-    path: Path, *, config_name: str | None, out: Path | None, as_json: bool, force: bool = False
+    path: Path,
+    *,
+    config_name: str | None,
+    out: Path | None,
+    as_json: bool,
+    force: bool = False,
+    live_port: int | None = None,
 ) -> int:
     """Replay the log at `path`, with the controller of another configuration if named; returns the exit code.
+
+    With `live_port` the log is then streamed to viewers on that port, at the speed at which it was recorded.
 
     Raises:
         LogError: The log cannot be read.
@@ -47,11 +57,24 @@ def replay_log(
         Console().out(to_json({**_record(result), "log_is_complete": log.is_complete}).decode())
     else:
         _print_words(result, log)
+    if live_port is not None:
+        _stream(log, live_port)
     if out is not None:
         write_report(path, out)
         if not as_json:
             Console().print(f"report of the recorded run: {out / REPORT_NAME}", soft_wrap=True)
     return EXIT_NO if result.differences else EXIT_OK
+
+
+def _stream(log: LogReader, port: int) -> None:
+    """Stream a log at the speed of its recording, until its end or ctrl-C."""
+    clock = SystemClock()
+    with suppress(KeyboardInterrupt), live_mirror(port, Console(stderr=True)) as publish:
+        start_ns = clock.now_ns()
+        for message in log.stored_messages():
+            clock.sleep_until(start_ns + message.t_ns - log.start_ns)
+            if publish is not None:
+                publish(message.topic, log.wall_offset_ns + message.t_ns, message.data)
 
 
 def _record(result: ReplayResult) -> dict[str, object]:

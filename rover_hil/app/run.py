@@ -3,8 +3,8 @@
 import gc
 import json
 import signal
-from collections.abc import Callable
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -20,10 +20,11 @@ from drivers.errors import ConfigError, NotConnectedError
 from rover_hil.app.end_signals import end_signals
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK
 from rover_hil.config import Config, load_config
+from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.schema import END, end_record
-from rover_hil.recording.writer import LogWriter
+from rover_hil.recording.writer import LogWriter, Mirror
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.composition import build_real_rig, build_virtual_rig
@@ -48,10 +49,12 @@ def run_rover(
     as_json: bool,
     model: Path | None = None,
     force: bool = False,
+    live_port: int | None = None,
 ) -> int:
     """Run a rover and write its results; returns the exit code.
 
-    With `force` the results of an earlier run in the same folder are replaced, once this one begins.
+    With `force` the results of an earlier run in the same folder are replaced, once this one begins. With
+    `live_port` the records are also streamed to viewers on that port.
 
     Raises:
         RoverHilError: Bad configuration, a device that cannot be opened, a folder that cannot be used.
@@ -67,16 +70,19 @@ def run_rover(
     reports = [folder / name for name in (SUMMARY_NAME, REPORT_NAME)]
     refuse_overwrite(log_path, *reports, force=force)
     limit_s = duration_s or config.loop.time_limit_s
-    with Live(console=messages, transient=True, auto_refresh=False) as live:
+    with (
+        live_mirror(live_port, messages) as mirror,
+        Live(console=messages, transient=True, auto_refresh=False) as live,
+    ):
 
         def show(output: StepOutput) -> None:
             live.update(_status_line(output), refresh=True)
 
         try:
             if virtual:
-                result = run_virtual(config, log_path, limit_s, show)
+                result = run_virtual(config, log_path, limit_s, show, mirror)
             else:
-                result = run_real(config, log_path, limit_s, show, realtime=realtime)
+                result = run_real(config, log_path, limit_s, show, realtime=realtime, mirror=mirror)
         except KeyboardInterrupt:
             if not log_path.exists():
                 raise
@@ -114,7 +120,24 @@ def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) 
     return config.model_copy(update={"simulation": simulation})
 
 
-def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisplay | None) -> RunResult:
+@contextmanager
+def live_mirror(port: int | None, messages: Console) -> Iterator[Mirror | None]:
+    """Give what streams records to viewers on a port, and say where it is; None without a port.
+
+    Raises:
+        ConfigError: The library is missing, or the port cannot be used.
+    """
+    if port is None:
+        yield None
+        return
+    with LiveServer(port) as server:
+        messages.print(f"live: open ws://{HOST}:{server.port} in Foxglove or Lichtblick", highlight=False)
+        yield server.publish
+
+
+def run_virtual(
+    config: Config, log_path: Path, limit_s: float, show: StatusDisplay | None, mirror: Mirror | None = None
+) -> RunResult:
     """Run the simulated rover of `config` on simulated time, into the log `log_path`.
 
     Args:
@@ -122,6 +145,7 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
         log_path: Replaced where it exists, once the run begins.
         limit_s: End after this much simulated time.
         show: Called about ten times per second of real time, or None.
+        mirror: Gets each record of the log too, or None.
 
     Raises:
         ConfigError: The simulation is missing or does not fit the devices.
@@ -129,7 +153,9 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
     clock = VirtualClock()
     with ExitStack() as resources:
         with unfinished(log_path) as part:
-            log = resources.enter_context(_open_log(part, log_path, config, clock.now_ns(), "virtual"))
+            log = resources.enter_context(
+                _open_log(part, log_path, config, clock.now_ns(), "virtual", mirror)
+            )
             rig, world = build_virtual_rig(config, clock, log)
 
             def record_truth(now_ns: int) -> None:
@@ -143,7 +169,13 @@ def run_virtual(config: Config, log_path: Path, limit_s: float, show: StatusDisp
 
 
 def run_real(
-    config: Config, log_path: Path, limit_s: float, show: StatusDisplay, *, realtime: bool
+    config: Config,
+    log_path: Path,
+    limit_s: float,
+    show: StatusDisplay,
+    *,
+    realtime: bool,
+    mirror: Mirror | None = None,
 ) -> RunResult:
     """Run the rover of `config` on its real ports, into the log `log_path`; arguments as for `run_virtual`.
 
@@ -155,7 +187,7 @@ def run_real(
         enter_realtime()
     with ExitStack() as resources:
         with unfinished(log_path) as part:
-            log = resources.enter_context(_open_log(part, log_path, config, clock.now_ns(), "real"))
+            log = resources.enter_context(_open_log(part, log_path, config, clock.now_ns(), "real", mirror))
             rig = build_real_rig(config, clock, log)
             try:
                 rig.connect(CONNECT_TIMEOUT_S)
@@ -181,12 +213,14 @@ def run_real(
             watchdog.end()
 
 
-def _open_log(part: Path, path: Path, config: Config, start_ns: int, origin: str) -> LogWriter:
+def _open_log(
+    part: Path, path: Path, config: Config, start_ns: int, origin: str, mirror: Mirror | None
+) -> LogWriter:
     """Return a log that is written to `part`, which becomes `path` when the run begins."""
     config_json = config.model_dump_json(by_alias=True).encode()
     data_files = collect_data_files(config)
     try:
-        return LogWriter(part, start_ns, config_json, data_files, origin, final_path=path)
+        return LogWriter(part, start_ns, config_json, data_files, origin, final_path=path, mirror=mirror)
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}; choose another --out") from error
 

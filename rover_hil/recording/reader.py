@@ -147,10 +147,10 @@ class LogReader:
             LogError: The file is damaged; messages before the damage have been yielded.
         """
         if self._is_first_version:
-            yield from self._stored_messages()
+            yield from self.stored_messages()
             return
         unpacked_pixels = 0
-        for message in self._stored_messages():
+        for message in self.stored_messages():
             if message.topic == BYTES:
                 yield from self._payloads(message)
             elif message.topic.startswith(CAMERA):
@@ -188,7 +188,12 @@ class LogReader:
                 "for each byte of the file"
             )
 
-    def _stored_messages(self) -> Iterator[LogMessage]:
+    def stored_messages(self) -> Iterator[LogMessage]:
+        """Yield every message as it is in the file, also those for viewers.
+
+        Raises:
+            LogError: As for `messages`.
+        """
         topics: dict[int, str] = {}
         for record in self._records():
             if isinstance(record, Channel):

@@ -46,6 +46,8 @@ from rover_hil.recording.schema import (
 from rover_hil.recording.text import estimate_text, quoted, samples_text, truth_text
 
 VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 5
+Mirror: TypeAlias = Callable[[str, int, bytes], None]
+
 WAKE_S = 0.02
 """The log's thread wakes this often; work in small portions never keeps the loop waiting."""
 MOST_ITEMS = 20_000
@@ -87,6 +89,8 @@ class LogWriter:
         attachments: Data files that the configuration names, by the name they get in the log.
         origin: What made this log: "virtual", "real", or what was imported.
         final_path: Where the file is moved to while it is written, for messages.
+        mirror: Gets each record too, in the log's thread: topic, time in ns since 1970, JSON. It must return
+            at once.
 
     Raises:
         FileExistsError: `path` exists; a log is never overwritten.
@@ -102,10 +106,12 @@ class LogWriter:
         origin: str,
         *,
         final_path: Path | None = None,
+        mirror: Mirror | None = None,
     ) -> None:
         self._path = final_path or path
         self._stream = path.open("xb")
         self._failure = ""
+        self._mirror = mirror
         self._wall_offset_ns = wall_time_ns() - start_ns
         self._channels: dict[str, int] = {}
         self._payloads: list[str] = []
@@ -341,7 +347,10 @@ class LogWriter:
         if channel is None:
             schema = topic_schema(topic)
             channel = self._channels[topic] = self._file.add_channel(topic, schema.name, schema.text)
-        self._file.add_message(channel, self._wall_offset_ns + t_ns, data)
+        time_ns = self._wall_offset_ns + t_ns
+        self._file.add_message(channel, time_ns, data)
+        if self._mirror is not None:
+            self._mirror(topic, time_ns, data)
 
     def _note_failure(self, error: OSError) -> None:
         if not self._failure:
