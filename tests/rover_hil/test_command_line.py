@@ -102,7 +102,7 @@ def test_a_missing_data_file_leaves_nothing(command: Command, tmp_path: Path) ->
 def test_a_log_that_cannot_be_written_is_one_sentence(command: Command) -> None:
     """A limit on the size of files stands for a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, hard))
     try:
         code = command("run", "robotino", "--virtual", "--duration", "5", "--out", "a")
     finally:
