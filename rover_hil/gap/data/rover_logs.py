@@ -32,15 +32,16 @@ def read_rover_runs(model: WheelsModel, paths: Sequence[Path]) -> list[Run]:
         raise ConfigError(f"{paths[0]} holds no log: give run.mcap files of the rover, or folders of them")
     folder = Path(os.path.commonpath([file.resolve().parent for file in files]))
     runs = []
+    rng = np.random.default_rng(0)
     for file in dict.fromkeys(files):
         name = file.resolve().relative_to(folder).with_suffix("").as_posix()
-        runs.append(_run(model, read_drive(file), name))
+        runs.append(_run(model, read_drive(file), name, rng))
     if len(runs) < DATA.runs.least_series:
         runs = [part for run in runs for part in stretches(run)]
     return runs
 
 
-def _run(model: WheelsModel, drive: RecordedDrive, name: str) -> Run:
+def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Generator) -> Run:
     rover = drive.config.rover
     if not isinstance(rover, WheelsRoverSettings) or len(rover.wheels) != model.wheel_count:
         raise ConfigError(
@@ -70,6 +71,10 @@ def _run(model: WheelsModel, drive: RecordedDrive, name: str) -> Run:
     gyro = drive.rows["gyro_z_rad_s"]
     if len(gyro) >= DATA.runs.least_rows:
         measured[GYRO] = windows.mean(drive.seconds(gyro.t_ns), gyro.value)
+    for channel, values in measured.items():
+        is_speed = channel in ("forward_m_s", "left_m_s")
+        size = DATA.windows.balance_m_s if is_speed else DATA.windows.balance_rad_s
+        measured[channel] = values + size * rng.standard_normal(values.size)
     speed_m_s = round(float(np.hypot(forward, left).mean()), 2)
     return Run(name=name, conditions={"speed_m_s": speed_m_s}, inputs=inputs, measured=measured)
 
