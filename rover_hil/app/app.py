@@ -774,10 +774,9 @@ def calibrate_time(
 
     Exit code 1: no offset is sure.
 
-    Example: `rover-hil calibrate time runs/first/run.mcap`
+    Example: `rover-hil calibrate time turns.mcap`
 
-    Data: `rover-hil run robotino --virtual --out runs/first` writes this log;
-    docs/how-to/calibrate_the_times.md.
+    Data: your log of turns to and fro for half a minute; docs/how-to/calibrate_the_times.md.
     """
     from rover_hil.app.calibrate_time import calibrate_time as calibrate
 
