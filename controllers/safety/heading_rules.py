@@ -85,7 +85,6 @@ class HeadingTurnRule(StopRule):
         self._rate: tuple[int, float] | None = None
         self._gyro_rad = 0.0
         self._late_rad = 0.0
-        self._bias_rad_s = 0.0
         self._headings: dict[str, deque[_Heading]] = {}
         self._noise_rad2: dict[str, float] = {}
         self._rejections = Counter[str]()
@@ -103,7 +102,6 @@ class HeadingTurnRule(StopRule):
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Compare the turns; return a reason for every heading device that contradicts the gyro."""
         self._take_arrived(cycle)
-        self._bias_rad_s = cycle.gyro_bias_rad_s
         greatest_age_ns = nanoseconds(self._roles.max_age_s(self._roles.gyro))
         if self._rate is None or cycle.now_ns - self._rate[0] > greatest_age_ns:
             self._headings.clear()
@@ -127,7 +125,7 @@ class HeadingTurnRule(StopRule):
             if isinstance(sample, RateSample):
                 self._turn(t_ns, sample.rate_z_rad_s)
             elif (name := f"{sample.device} {sample.reference}") not in rejected:
-                self._take(name, t_ns, sample.heading_rad)
+                self._take(name, _Heading(t_ns, sample.heading_rad, self._late_rad, cycle.gyro_bias_rad_s))
         self._arrived.clear()
         for innovation in cycle.innovations:
             self._judge(innovation)
@@ -158,13 +156,13 @@ class HeadingTurnRule(StopRule):
             share = -math.expm1(-elapsed_s / self._lag_s) if self._lag_s else 1.0
             self._late_rad += share * (self._gyro_rad - self._late_rad)
 
-    def _take(self, name: str, t_ns: int, heading_rad: float) -> None:
+    def _take(self, name: str, heading: _Heading) -> None:
         headings = self._headings.setdefault(name, deque())
-        if headings and t_ns < headings[-1].t_ns + nanoseconds(LEAST_STEP_S):
+        before = headings[-1] if headings else heading
+        if headings and heading.t_ns < before.t_ns + nanoseconds(LEAST_STEP_S):
             return
-        before_rad = headings[-1].heading_rad if headings else heading_rad
-        heading_rad = before_rad + math.remainder(heading_rad - before_rad, math.tau)
-        headings.append(_Heading(t_ns, heading_rad, self._late_rad, self._bias_rad_s))
+        step_rad = math.remainder(heading.heading_rad - before.heading_rad, math.tau)
+        headings.append(heading._replace(heading_rad=before.heading_rad + step_rad))
         _keep(headings, self._settings.heading_turn_s + AVERAGE_S)
 
     def _compare(self, name: str, headings: deque[_Heading]) -> StopReason | None:
@@ -178,7 +176,7 @@ class HeadingTurnRule(StopRule):
         bias_rad_s = first[-1].bias_rad_s
 
         def gyro_rad(heading: _Heading) -> float:
-            return heading.gyro_rad - bias_rad_s * seconds(heading.t_ns - first_ns)
+            return heading.gyro_rad - bias_rad_s * seconds(heading.t_ns - first_ns)  # pragma: no mutate
 
         turned_rad = fmean(heading.heading_rad for heading in last)
         turned_rad -= fmean(heading.heading_rad for heading in first)

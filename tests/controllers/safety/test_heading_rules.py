@@ -436,7 +436,7 @@ QUARTERS_S = [3.0 + 0.25 * index for index in range(9)]
 
 
 def test_the_first_and_the_last_second_are_averaged_with_the_bias_at_the_end_of_the_first() -> None:
-    """Headings at 0, 0.25, ..., 1 s and above 1 to 2 s; the bias of a heading is that of the cycle before."""
+    """Headings at 0, 0.25, ..., 1 s and above 1 to 2 s; the bias is that at 1 s."""
     angles = [0.01, 0.02, 0.04, 0.08, 0.16, 3.0, 2.0, 2.5, 3.1]
     text = compared(
         [(0.0, 0.0), *zip(QUARTERS_S, angles, strict=True)][1:],
@@ -444,8 +444,14 @@ def test_the_first_and_the_last_second_are_averaged_with_the_bias_at_the_end_of_
         gyro_step_s=0.05,
     )
     turned_rad = sum(angles[5:]) / 4.0 - sum(angles[:5]) / 5.0
-    by_bias_rad = -0.1 * 3.95 * (1.625 - 0.5)
+    by_bias_rad = -0.1 * 4.0 * (1.625 - 0.5)
     assert text.startswith(f"imu: turn of {by_bias_rad:.3f} rad in 2.0 s, by {NAME} {turned_rad:.3f} rad: ")
+
+
+def test_the_turn_of_the_gyro_is_its_integral() -> None:
+    steps = [(t_s, 0.0) for t_s in QUARTERS_S]
+    text = compared(steps, gyro=lambda _: (0.4,))
+    assert text.startswith(f"imu: turn of {0.4 * (1.625 - 0.5):.3f} rad in 2.0 s")
 
 
 def test_three_headings_in_each_average_suffice() -> None:
