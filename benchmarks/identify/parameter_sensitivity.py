@@ -36,7 +36,7 @@ from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import LogError, ModelError
-from rover_hil.app.calibrate_imu import calibrate_imu
+from rover_hil.app.calibrate.imu import calibrate_imu
 from rover_hil.datasets.robotino_csv import ROBOTINO
 from rover_hil.identify.gyro.parameters import GYRO_FIT
 from rover_hil.identify.gyro.response_fit import fit_response

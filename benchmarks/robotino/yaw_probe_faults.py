@@ -30,7 +30,7 @@ from controllers.safety import Mode
 from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
-from rover_hil.app.calibrate_imu import on_firm_floor, turning_config
+from rover_hil.app.calibrate.imu import on_firm_floor, turning_config
 from rover_hil.config import Config, load_config, load_slip_map
 from rover_hil.identify.gyro.response_fit import fit_response
 from rover_hil.identify.gyro.turns import read_turns

@@ -11,6 +11,9 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import exit_interrupted
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+ConfigArgument = Annotated[
+    str, typer.Argument(help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`.")
+]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
 LiveOption = Annotated[
     bool, typer.Option("--live", help="Also stream the records to Foxglove or Lichtblick on this computer.")

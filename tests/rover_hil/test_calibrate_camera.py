@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from rover_hil.app.app import app
-from rover_hil.app.calibrate import calibrate_camera
+from rover_hil.app.calibrate.camera import calibrate_camera
 from rover_hil.config import read_rig
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, find_corners, rig_text
 from tests.rear_scene.rig_file import CalibratedRig

@@ -10,7 +10,7 @@ from controllers.motion.mission import corner_points
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from drivers.errors import ConfigError
-from rover_hil.app.calibrate_imu import calibrate_imu
+from rover_hil.app.calibrate.imu import calibrate_imu
 from rover_hil.config import load_config
 from rover_hil.run.checks import VIRTUAL_RUN_CHECKS
 from rover_hil.tune.simulated_mission import drive

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigError, LogError
 from drivers.heading_calibration import DeviationTable, MagnetometerCalibration
-from rover_hil.app.calibrate_compass import turning_config
+from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.config import load_config, read_config_text
 from rover_hil.config.entry import with_entry
 from rover_hil.identify.compass.coverage import Coverage

@@ -11,7 +11,7 @@ from controllers.motion.kinematics import OmniKinematics
 from drivers.errors import ConfigError, LogError
 from drivers.samples import RateSample, Sample, WheelSample
 from rover_hil.app.app import app
-from rover_hil.app.calibrate_imu import calibrate_imu, turning_config
+from rover_hil.app.calibrate.imu import calibrate_imu, turning_config
 from rover_hil.config import load_config
 from rover_hil.config.loader import read_config_text
 from rover_hil.datasets.robotino_csv import ROBOTINO

@@ -13,8 +13,8 @@ from controllers.motion.rover_geometry import WheelsRoverSettings
 from controllers.motion.settings import LineMission, MissionSettings, WholeTurnsMission
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.ask import ask_number
-from rover_hil.app.calibrate_compass import turning_config
-from rover_hil.app.calibrate_imu import on_firm_floor
+from rover_hil.app.calibrate.compass import turning_config
+from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.run import run_real, run_virtual
 from rover_hil.app.steps import show_steps

@@ -17,7 +17,7 @@ from drivers.driver import AnyDriver
 from drivers.errors import ConfigError
 from drivers.samples import RateSample, Sample
 from drivers.witmotion.settings import WitMotionSettings
-from rover_hil.app.calibrate_imu import on_firm_floor
+from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.run import run_real, run_virtual
 from rover_hil.app.steps import show_steps

@@ -1,0 +1,1 @@
+"""`rover-hil calibrate`: one module for each command."""

@@ -1,0 +1,227 @@
+"""`rover-hil calibrate`: arguments, help and exit codes; heavy modules are imported inside the commands."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from rover_hil.app.options import (
+    ConfigArgument,
+    ForceOption,
+    Group,
+    JsonOption,
+    number_option,
+    out_option,
+)
+
+calibrate_app = typer.Typer(cls=Group, help="Calibrate sensors.")
+
+
+@calibrate_app.command("camera")
+def calibrate_camera(
+    pictures: Annotated[Path, typer.Argument(help="Folder or video of the board in many poses.")],
+    ground: Annotated[Path, typer.Option(help="Picture of the board lying on the ground behind the wheel.")],
+    rover: Annotated[Path, typer.Option(help="JSON with the rig's keys that are not the camera's.")],
+    out: Annotated[Path, out_option("Rig file to write.")],
+    columns: Annotated[int, number_option("Squares along the board's x axis.", "squares", 3, 100)],
+    rows: Annotated[int, number_option("Squares along its y axis.", "squares", 3, 100)],
+    square: Annotated[float, number_option("Side of a square, m.", "m", 0.001, 1.0)],
+    ground_x: Annotated[
+        float, number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0)
+    ],
+    ground_y: Annotated[
+        float, number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0)
+    ],
+    ground_yaw: Annotated[
+        float, number_option("Direction of the board's columns from x, deg.", "deg", -360.0, 360.0)
+    ] = 0.0,
+    board: Annotated[Literal["chessboard", "charuco"], typer.Option(help="The printed board.")] = "charuco",
+    fps: Annotated[float, number_option("Frames per second.", "Hz", 0.01, 1000.0)] = 5.0,
+    force: ForceOption = False,
+) -> None:
+    """Make the rig file of a rearward camera: lens, and pose above the ground.
+
+    Exit code 1: the board fits worse than 1 pixel; nothing is written.
+
+    Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
+    --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
+
+    Data: pictures by your camera; docs/how-to/measure_a_wheel_trace.md describes them and
+    rover.json.
+    """
+    from math import radians
+
+    from rover_hil.app.calibrate.camera import calibrate_camera as calibrate
+    from rover_hil.ftrace.calibration import Board, GroundTarget
+
+    sys.exit(
+        calibrate(
+            pictures,
+            ground=ground,
+            board=Board(kind=board, columns=columns, rows=rows, square_m=square),
+            target=GroundTarget(x_m=ground_x, y_m=ground_y, yaw_rad=radians(ground_yaw)),
+            rover=rover,
+            fps=fps,
+            out=out,
+            force=force,
+        )
+    )
+
+
+@calibrate_app.command("imu")
+def calibrate_imu(
+    source: Annotated[str, typer.Argument(help="Configuration whose rover is to turn, or a log (.mcap).")],
+    out: Annotated[Path, out_option("File to write, TOML; page and log beside it have its name.")],
+    virtual: Annotated[bool, typer.Option(help="Turn the simulated rover.")] = False,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Identify gain, delay and bandwidth of the gyro, by a minute of small turns in place.
+
+    The rover needs firm ground and half a metre of free space. The page with the picture is written before
+    the file. Exit code 1: the constants are not sure; the file is not written.
+
+    Example: `rover-hil calibrate imu robotino --virtual --out gyro.toml`
+
+    Data: a drive of your rover on firm ground, or a log of one; docs/how-to/calibrate_the_gyro.md.
+    """
+    from rover_hil.app.calibrate.imu import calibrate_imu as calibrate
+
+    sys.exit(calibrate(source, virtual=virtual, out=out, as_json=as_json, force=force))
+
+
+@calibrate_app.command("compass")
+def calibrate_compass(
+    source: Annotated[str, typer.Argument(help="Configuration whose rover is to turn, or a log (.mcap).")],
+    log: Annotated[Path | None, typer.Option(help="Use this log of turns instead of driving.")] = None,
+    device: Annotated[str | None, typer.Option(help="The compass, where there are several.")] = None,
+    virtual: Annotated[bool, typer.Option("--virtual", help="Turn the simulated rover.")] = False,
+    by_hand: Annotated[
+        bool, typer.Option("--by-hand", help="Drive nothing; you turn the rover, or carry the sensor around.")
+    ] = False,
+    turns: Annotated[int, number_option("Whole turns in each sense.", "turns", 2, 50)] = 3,
+    dip: Annotated[
+        float | None,
+        number_option("Dip of the earth's field at this place, for tilt compensation, deg.", "deg", -85, 85),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        out_option(
+            "File to write, TOML; page and log beside it have its name [default: CONFIG-DEVICE.toml]."
+        ),
+    ] = None,
+    enter: Annotated[
+        bool, typer.Option("--enter", help="Enter the file into the configuration; comments stay.")
+    ] = False,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Calibrate a compass by whole turns: hard and soft iron, or a deviation table.
+
+    The rover turns on the spot, with all that belongs on it and its motors on. Each turn is judged with a
+    calibration that did not see it. The page with the picture is written before the file. Exit code 1: the
+    error on held-out turns is above 3 deg, or directions are missing; the file is not written.
+
+    Example: `rover-hil calibrate compass el-dorado --virtual --out compass.toml`
+
+    Data: turns of your rover, driven or by hand, or a log of them; docs/how-to/calibrate_the_compass.md.
+    """
+    from rover_hil.app.calibrate.compass import calibrate_compass as calibrate
+
+    sys.exit(
+        calibrate(
+            source,
+            log=log,
+            device=device,
+            virtual=virtual,
+            by_hand=by_hand,
+            turns=turns,
+            dip_deg=dip,
+            out=out,
+            enter=enter,
+            as_json=as_json,
+            force=force,
+        )
+    )
+
+
+@calibrate_app.command("wheels")
+def calibrate_wheels(
+    config: ConfigArgument,
+    out: Annotated[Path, out_option("File to write, TOML; page and logs beside it have its name.")],
+    line: Annotated[
+        list[str] | None,
+        typer.Option(help="A straight drive of known distance from start to end, LOG=METRES; repeat it."),
+    ] = None,
+    spin: Annotated[
+        list[str] | None,
+        typer.Option(help="Turns on the spot, LOG=TURNS, counter-clockwise positive; repeat it."),
+    ] = None,
+    virtual: Annotated[bool, typer.Option("--virtual", help="Drive the simulated rover.")] = False,
+    length: Annotated[float, number_option("Length of a straight drive, m.", "m", 0.5, 50.0)] = 2.0,
+    turns: Annotated[int, number_option("Turns of a drive on the spot.", "turns", 1, 50)] = 3,
+    tape_sd: Annotated[
+        float, number_option("Accuracy of a known distance, standard deviation, m.", "m", 0.0001, 1.0)
+    ] = 0.005,
+    turn_sd: Annotated[
+        float, number_option("Accuracy of a known turn, standard deviation, deg.", "deg", 0.01, 45.0)
+    ] = 2.0,
+    enter: Annotated[
+        bool, typer.Option("--enter", help="Enter the values into the configuration; comments stay.")
+    ] = False,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Fit radius and base of the wheels to known distances and known turns, with intervals.
+
+    Without --line and --spin the rover drives two lines and turns on the spot in both senses; after each
+    drive the command asks for the measured distance, or the turns. The page with the picture is written
+    before the file. Exit code 1: a factor is not sure, or implausible; the file is not written.
+
+    Example: `rover-hil calibrate wheels robotino --virtual --out wheels.toml`
+
+    Data: drives of your rover and a tape measure, or logs of such drives;
+    docs/how-to/calibrate_the_wheels.md.
+    """
+    from rover_hil.app.calibrate.wheels import calibrate_wheels as calibrate
+
+    sys.exit(
+        calibrate(
+            config,
+            lines=line or [],
+            spins=spin or [],
+            virtual=virtual,
+            length_m=length,
+            turns=turns,
+            tape_sd_m=tape_sd,
+            turn_sd_deg=turn_sd,
+            out=out,
+            enter=enter,
+            as_json=as_json,
+            force=force,
+        )
+    )
+
+
+@calibrate_app.command("time")
+def calibrate_time(
+    log: Annotated[Path, typer.Argument(help="A log of turns that begin and end.")],
+    out: Annotated[
+        Path | None,
+        out_option("Also write the offsets to this TOML file, and a page with a picture beside it."),
+    ] = None,
+    as_json: JsonOption = False,
+    force: ForceOption = False,
+) -> None:
+    """Find offsets between gyro, wheels, compass and overhead camera by the turns that they all feel.
+
+    Exit code 1: no offset is sure.
+
+    Example: `rover-hil calibrate time turns.mcap`
+
+    Data: your log of turns to and fro for half a minute; docs/how-to/calibrate_the_times.md.
+    """
+    from rover_hil.app.calibrate.time import calibrate_time as calibrate
+
+    sys.exit(calibrate(log, out=out, as_json=as_json, force=force))

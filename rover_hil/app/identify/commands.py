@@ -1,0 +1,116 @@
+"""`rover-hil identify`: arguments, help and exit codes; heavy modules are imported inside the commands."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rover_hil.app.options import (
+    ForceOption,
+    Group,
+    JsonOption,
+    out_option,
+)
+
+identify_app = typer.Typer(cls=Group, help="Fit models from logs or measured data.")
+
+
+@identify_app.command("slip")
+def identify_slip(
+    train: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders to learn from.")],
+    test: Annotated[list[Path] | None, typer.Option(help="Logs, files or folders to test on.")] = None,
+    out: Annotated[Path | None, out_option("Write the best map to this TOML file.")] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Fit slip maps, how much each wheel slips for the effort it takes, and compare them.
+
+    Example: `rover-hil identify slip one_surface_type --test two_surface_types --out textiles.toml`
+
+    Data: the folders in `datasets` of github.com/BrOleg5/research-wheel-slippage.
+    """
+    from rover_hil.app.identify.slip import identify_slip as identify
+
+    sys.exit(identify(train, test=test or [], force=force, as_json=json, out=out))
+
+
+@identify_app.command("probe")
+def identify_probe(
+    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a yaw excitation and a true pose.")],
+    out: Annotated[Path, out_option("Write the maps with the fitted probe to this TOML file.")],
+    maps: Annotated[
+        str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
+    ] = "robotino",
+    amplitude: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, rad/s.")] = 0.35,
+    frequency: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, Hz.")] = 5.0,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Fit slip over the transmission loss of a small yaw excitation.
+
+    Example: `rover-hil identify probe runs/ --out my_ground.toml`
+
+    Data: your logs with a yaw excitation and an overhead camera; docs/how-to/fit_slip_maps.md gives the
+    settings.
+    """
+    from rover_hil.app.identify.probe import identify_probe as identify
+
+    sys.exit(
+        identify(
+            logs,
+            maps=maps,
+            amplitude_rad_s=amplitude,
+            frequency_hz=frequency,
+            out=out,
+            force=force,
+            as_json=json,
+        )
+    )
+
+
+@identify_app.command("motor")
+def identify_motor(
+    logs: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders.")],
+    out: Annotated[Path | None, out_option("Write the parameters to this TOML file.")] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Fit motor, friction and speed loop, with intervals, and list what the data cannot determine.
+
+    Exit code 1: nothing was determined.
+
+    Example: `rover-hil identify motor runs/first/run.mcap`
+
+    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
+    """
+    from rover_hil.app.identify.motor import identify_motor as identify
+
+    sys.exit(identify(logs, out=out, force=force, as_json=json))
+
+
+@identify_app.command("scomp")
+def identify_scomp(
+    log: Annotated[
+        Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/reference/scomp_files.md.")
+    ],
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad. Default: that in the log."),
+    ] = None,
+    out: Annotated[
+        Path | None, out_option("Write the parameters to this TOML file, not to standard output.")
+    ] = None,
+    pictures: Annotated[Path | None, typer.Option(help="Folder for pictures of the fit.")] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Fit the slip-compensated odometry to a drive whose true path is known.
+
+    Example: `rover-hil identify scomp drive.csv --truth tracker.csv --out sand.toml`
+
+    Data: your recorded drive and its tracked path; docs/reference/scomp_files.md names the columns.
+    """
+    from rover_hil.app.identify.scomp import identify_scomp as identify
+
+    sys.exit(identify(log, truth=truth, out=out, pictures=pictures, force=force, as_json=json))
