@@ -71,11 +71,13 @@ class Subject:
 
     Attributes:
         name: How the user names the model.
+        data: Files and folders of measured runs.
         make: Returns the model.
         read: Returns its measured runs.
     """
 
     name: str
+    data: Sequence[Path]
     make: Callable[[], Model]
     read: Callable[[Model], list[Run]]
 
@@ -86,12 +88,10 @@ def named_model(name: str, data: Path) -> Subject:
     Args:
         name: A shipped model, `file.py:factory`, or the TOML file of a functional mock-up unit.
         data: File or folder of measured runs.
-
-    Raises:
-        ConfigError: There is no such data.
     """
-    check_inputs(data)
-    return Subject(name=name, make=partial(load_model, name), read=lambda model: read_runs(model, data))
+    return Subject(
+        name=name, data=[data], make=partial(load_model, name), read=lambda model: read_runs(model, data)
+    )
 
 
 def rover_of(config: str, logs: Sequence[Path]) -> Subject:
@@ -102,9 +102,8 @@ def rover_of(config: str, logs: Sequence[Path]) -> Subject:
         logs: Logs, or folders of them.
 
     Raises:
-        ConfigError: The configuration has no such rover, or there is no such log.
+        ConfigError: The configuration has no such rover.
     """
-    check_inputs(*logs)
     loaded = load_config(config)
     plant = None if loaded.simulation is None else loaded.simulation.plant
     if not isinstance(plant, WheelsPlantSettings):
@@ -114,7 +113,7 @@ def rover_of(config: str, logs: Sequence[Path]) -> Subject:
             "four-wheel-drive"
         )
     model = WheelsModel(plant)
-    return Subject(name=config, make=lambda: model, read=lambda _: read_rover_runs(model, logs))
+    return Subject(name=config, data=logs, make=lambda: model, read=lambda _: read_rover_runs(model, logs))
 
 
 def find_gap(
@@ -147,6 +146,7 @@ def find_gap(
             cannot be written to or holds results.
     """
     refuse_overwrite(*(out / name for name in RESULT_NAMES), force=force)
+    check_inputs(*subject.data)
     next_runs = None if allowed is None else read_allowed(allowed)
     with name_model_errors(_file_of(subject.name)), unfinished(out / PLAN_NAME) as plan_path:
         analysis = _analyse(

@@ -92,6 +92,7 @@ class Motion:
             velocity_m_s=(float(self.velocity_m_s[step, 0]), float(self.velocity_m_s[step, 1])),
             yaw_rate_rad_s=float(self.yaw_rate_rad_s[step]),
             softness=tuple(self.softness[step].tolist()),
+            steering_rad=(0.0,) * self.softness.shape[1],
         )
 
 
