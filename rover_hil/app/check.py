@@ -75,9 +75,7 @@ def examine_config(name: str) -> tuple[list[str], list[Finding], dict[str, str]]
     A command that needs a section which the configuration does not have lacks it; that is not a mistake.
     """
     try:
-        config = load_config(
-            name, (*RUN_CHECKS, Rule(("tune", "mission", "simulation"), _find_tune_mistakes))
-        )
+        config = load_config(name, (*RUN_CHECKS, TUNE_RULE))
     except ConfigError as error:
         return list(dict.fromkeys(str(error).splitlines())), [], {}
     mistakes = [f"{name}: {mistake}" for mistake in _find_build_mistakes(config)]
@@ -97,12 +95,13 @@ def _find_tune_mistakes(draft: Draft) -> Iterator[str]:
     config = draft.config
     if config.tune is None or config.mission is None or config.simulation is None:
         return
-    if not draft.sections.issuperset(Config.model_fields) or draft.broken_devices:
-        return  # the loop cannot be built
     try:
         check_parameters(config)
     except ConfigError as error:
         yield from str(error).splitlines()
+
+
+TUNE_RULE = Rule(tuple(Config.model_fields), _find_tune_mistakes, is_last=True)
 
 
 def _find_build_mistakes(config: Config) -> Iterator[str]:

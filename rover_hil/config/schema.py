@@ -174,20 +174,23 @@ class Rule(NamedTuple):
     Attributes:
         sections: What the rule needs; it is not applied when one of them is not valid.
         find: Yields each conflict as key, what is wrong and how to fix it.
+        is_last: It is applied only where no device has mistakes and no other rule found a conflict.
     """
 
     sections: tuple[str, ...]
     find: Callable[[Draft], Iterator[str]]
+    is_last: bool = False
 
 
 def find_conflicts(draft: Draft, rules: tuple[Rule, ...]) -> list[str]:
     """Return every conflict in the valid sections of a draft."""
-    return [
-        conflict
-        for rule in rules
-        if draft.sections.issuperset(rule.sections)
-        for conflict in rule.find(draft)
-    ]
+    conflicts: list[str] = []
+    for rule in sorted(rules, key=lambda each: each.is_last):
+        if not draft.sections.issuperset(rule.sections):
+            continue
+        if not rule.is_last or not (conflicts or draft.broken_devices):
+            conflicts.extend(rule.find(draft))
+    return conflicts
 
 
 def _find_unfit_devices(draft: Draft) -> Iterator[str]:

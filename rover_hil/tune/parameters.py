@@ -47,7 +47,7 @@ def _find_mistakes(draft: Draft) -> Iterator[str]:
         yield from str(error).splitlines()
 
 
-TUNE_CHECKS = (*ROVER_CHECKS, Rule(tuple(Config.model_fields), _find_mistakes))
+TUNE_CHECKS = (*ROVER_CHECKS, Rule(tuple(Config.model_fields), _find_mistakes, is_last=True))
 """What `tune` checks."""
 
 

@@ -5,7 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.config import load_config, read_config_text, schema_text, shipped_configs
+from drivers.errors import ConfigError
+from rover_hil.app.check import TUNE_RULE
+from rover_hil.config import Rule, load_config, read_config_text, schema_text, shipped_configs
+from rover_hil.run.checks import RUN_CHECKS
 from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters
 from tests.rover_hil.command import Command, assert_one_sentence
 
@@ -58,6 +61,20 @@ def test_every_mistake_is_printed_at_once(command: Command, tmp_path: Path) -> N
     ):
         assert words in command.out
     assert command.error == ""
+
+
+@pytest.mark.parametrize("rules", [(*RUN_CHECKS, TUNE_RULE), TUNE_CHECKS])
+@pytest.mark.parametrize(
+    "edit", [('gyro = "imu"', 'gyro = "nosuch"'), ('port = "ports/imu"', 'port = "ports/board"')]
+)
+def test_ranges_to_tune_are_judged_only_where_all_else_is_right(
+    tmp_path: Path, rules: tuple[Rule, ...], edit: tuple[str, str]
+) -> None:
+    path = write(tmp_path, "robotino", edit)
+    with pytest.raises(ConfigError) as caught:
+        load_config(str(tmp_path / path), rules)
+    assert len(str(caught.value).splitlines()) == 1
+    assert edit[1].split('"')[1] in str(caught.value)
 
 
 def test_more_mistakes_than_an_error_has_lines(command: Command, tmp_path: Path) -> None:
