@@ -18,7 +18,7 @@ from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
 from rover_hil.app.end_signals import end_signals
-from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK
+from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_terminated
 from rover_hil.config import Config, load_config
 from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
@@ -211,6 +211,19 @@ def run_real(
             return _execute(executive, log, limit_s)
         finally:
             watchdog.end()
+
+
+def require_uninterrupted(result: RunResult) -> None:
+    """Go on only where nobody ended a drive: what follows must not move the rover again.
+
+    Raises:
+        KeyboardInterrupt: The drive ended by ctrl-C.
+        SystemExit: The program was to end, or the terminal was lost.
+    """
+    if result.end is End.STOPPED_BY_USER:
+        raise KeyboardInterrupt
+    if result.end is End.TERMINATED:
+        exit_terminated()
 
 
 def _open_log(

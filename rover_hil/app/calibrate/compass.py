@@ -18,8 +18,9 @@ from drivers.errors import ConfigError
 from drivers.samples import RateSample, Sample
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.app.calibrate.imu import on_firm_floor
+from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.run import run_real, run_virtual
+from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
@@ -30,7 +31,7 @@ from rover_hil.identify.compass.figures import draw_deviation, draw_errors, draw
 from rover_hil.identify.compass.fit import CompassFit, fit_compass
 from rover_hil.identify.compass.parameters import COMPASS_FIT
 from rover_hil.identify.compass.record import CompassRecord, CompassSettings, compass_of, read_record
-from rover_hil.pages.atomic_write import check_file, unfinished, write_file
+from rover_hil.pages.atomic_write import unfinished, write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.recording.data_files import collect_data_files
@@ -100,11 +101,8 @@ def calibrate_compass(
         out = out or Path(present or f"{Path(source).stem}-{device}.toml")
     if out is None:
         raise ConfigError("--out is missing: name the file to write")
-    page, log_path = out.with_suffix(".html"), out.with_suffix(LOG_SUFFIX)
-    if out in (page, log_path):
-        raise ConfigError(f"--out {out}: name a file that ends with .toml")
-    for path in (out, page) if log is not None else (out, page, log_path):
-        check_file(path, force=force)
+    log_path = out.with_suffix(LOG_SUFFIX)
+    page = check_results(out, () if log is not None else (log_path,), force=force)
     if log is None and config is not None and device is not None:
         _record(config, device, log_path, virtual=virtual, by_hand=by_hand, turns=turns)
     log = log or log_path
@@ -187,6 +185,7 @@ def _record(config: Config, device: str, log_path: Path, *, virtual: bool, by_ha
             result = run_virtual(driven, log_path, limit_s, show)
         else:
             result = run_real(driven, log_path, limit_s, show, realtime=False)
+    require_uninterrupted(result)
     if result.end is None or result.end.name != "FINISHED":
         Console(stderr=True).print(f"the turns ended early: {result.reason}", soft_wrap=True)
 

@@ -10,14 +10,15 @@ from controllers.motion.settings import SmallTurnsMission
 from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
+from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.run import run_real, run_virtual
+from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.gyro.figures import draw_response
 from rover_hil.identify.gyro.response_fit import ResponseFit, fit_response
 from rover_hil.identify.gyro.turns import Turns, read_turns
-from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
@@ -49,12 +50,9 @@ def calibrate_imu(source: str, *, virtual: bool, out: Path, as_json: bool, force
         ConfigError: The configuration or the log cannot be used, or a file exists.
         LogError: The log is damaged or holds no turns.
     """
-    page, log_path = out.with_suffix(".html"), out.with_suffix(LOG_SUFFIX)
-    if out in (page, log_path):
-        raise ConfigError(f"--out {out}: name a file that ends with .toml")
+    log_path = out.with_suffix(LOG_SUFFIX)
     is_log = source.endswith(LOG_SUFFIX)
-    for path in (out, page) if is_log else (out, page, log_path):
-        check_file(path, force=force)
+    page = check_results(out, () if is_log else (log_path,), force=force)
     if is_log and virtual:
         raise ConfigError(f"{source} is a log: leave --virtual out, or name a configuration")
     if is_log:
@@ -89,9 +87,10 @@ def _drive(name: str, log_path: Path, *, virtual: bool) -> None:
     limit_s = config.loop.time_limit_s
     if virtual:
         config = config.model_copy(update={"simulation": on_firm_floor(config.require_simulation())})
-        run_virtual(config, log_path, limit_s, None)
+        result = run_virtual(config, log_path, limit_s, None)
     else:
-        run_real(config, log_path, limit_s, lambda output: None, realtime=False)
+        result = run_real(config, log_path, limit_s, lambda output: None, realtime=False)
+    require_uninterrupted(result)
 
 
 def turning_config(config: Config) -> Config:

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from rich.console import Console
 
+from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.steps import show_steps
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.timing.figures import draw_offsets
 from rover_hil.identify.timing.offsets import Offset, YawTrack, find_offsets, read_tracks
-from rover_hil.pages.atomic_write import check_file, write_files
+from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 
@@ -30,9 +31,7 @@ def calibrate_time(log: Path, *, out: Path | None, as_json: bool, force: bool) -
         ConfigError: A file exists or cannot be written.
         LogError: The log is damaged, or fewer than two devices show turns.
     """
-    page = None if out is None else out.with_suffix(".html")
-    for path in (out, page):
-        check_file(path, force=force)
+    page = None if out is None else check_results(out, force=force)
     with show_steps(f"reading {log}") as step:
         tracks = read_tracks(log)
         step("correlating turns")

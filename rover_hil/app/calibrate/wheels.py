@@ -15,8 +15,9 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.app.ask import ask_number
 from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import on_firm_floor
+from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.run import run_real, run_virtual
+from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
@@ -32,7 +33,7 @@ from rover_hil.identify.wheels.fit import (
     proposal,
     read_odometry,
 )
-from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
@@ -83,11 +84,7 @@ def calibrate_wheels(
         raise ConfigError(
             f"--enter: {source} cannot be edited: name a TOML file of yours, without [[rover.wheels]]"
         )
-    page = out.with_suffix(".html")
-    if out == page:
-        raise ConfigError(f"--out {out}: name a file that ends with .toml")
-    for path in (out, page):
-        check_file(path, force=force)
+    page = check_results(out, force=force)
     known_lines, known_spins = (
         [_known(each, "--line") for each in lines],
         [_known(each, "--spin") for each in spins],
@@ -178,8 +175,7 @@ def _drive(
         spin = WholeTurnsMission(type="whole_turns", turns=turns, heading="along_path", senses="left")
         plan += [("spin1", spin), ("spin2", spin.model_copy(update={"senses": "right"}))]
     paths = [out.with_name(f"{out.stem}-{name}.mcap") for name, _ in plan]
-    for path in paths:
-        check_file(path, force=force)
+    check_results(out, paths, force=force)
     lines: list[Known] = []
     spins: list[Known] = []
     base = turning_config(config, config.roles.wheels, turns)
@@ -196,9 +192,12 @@ def _drive(
 
             if virtual:
                 simulation = on_firm_floor(driven.require_simulation())
-                run_virtual(driven.model_copy(update={"simulation": simulation}), path, limit_s, show)
+                result = run_virtual(
+                    driven.model_copy(update={"simulation": simulation}), path, limit_s, show
+                )
             else:
-                run_real(driven, path, limit_s, show, realtime=False)
+                result = run_real(driven, path, limit_s, show, realtime=False)
+        require_uninterrupted(result)
         distance_m, turned = _true_motion(path) if virtual else (math.nan, math.nan)
         if name.startswith("line"):
             asked = (

@@ -10,12 +10,15 @@ import pytest
 
 from controllers.motion.rover_geometry import SkidSteerRoverSettings, WheelsRoverSettings
 from controllers.motion.settings import LineMission, WholeTurnsMission
-from rover_hil.app import calibrate_wheels
 from rover_hil.app.ask import ask_number, ask_yes
+from rover_hil.app.calibrate import compass as calibrate_compass
+from rover_hil.app.calibrate import imu as calibrate_imu
+from rover_hil.app.calibrate import wheels as calibrate_wheels
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.identify.wheels.fit import fit_factor, proposal
 from rover_hil.recording.schema import ESTIMATE, TRUTH
 from rover_hil.recording.writer import LogWriter
+from rover_hil.run.executive import End, RunResult
 from tests.rover_hil.command import Command, assert_one_sentence
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -60,7 +63,7 @@ def write_config(folder: Path) -> str:
 def test_wrong_geometry_is_found_where_the_command_drives(
     command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def drive(config: Config, path: Path, limit_s: float, show: object) -> None:
+    def drive(config: Config, path: Path, limit_s: float, show: object) -> RunResult:
         mission = config.mission
         assert limit_s > 20.0
         if isinstance(mission, LineMission):
@@ -68,6 +71,7 @@ def test_wrong_geometry_is_found_where_the_command_drives(
         else:
             assert isinstance(mission, WholeTurnsMission)
             write_drive(path, config, 0.0, mission.turns if mission.senses == "left" else -mission.turns)
+        return RunResult(End.FINISHED)
 
     monkeypatch.setattr(calibrate_wheels, "run_virtual", drive)
     path = write_config(tmp_path)
@@ -77,6 +81,49 @@ def test_wrong_geometry_is_found_where_the_command_drives(
     assert load_config(path).rover.model_dump(include=set(found)) == found
     assert "# What `rover-hil tune` may change" in (tmp_path / path).read_text("utf-8")
     assert (tmp_path / "wheels.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("end", "code", "words"),
+    [(End.STOPPED_BY_USER, 130, "interrupted by ctrl-C"), (End.TERMINATED, 143, "ended by SIGTERM")],
+)
+@pytest.mark.parametrize("what", ["wheels robotino", "imu robotino", "compass el-dorado"])
+def test_a_rover_whose_drive_was_ended_by_the_user_does_not_drive_on(
+    command: Command, monkeypatch: pytest.MonkeyPatch, what: str, end: End, code: int, words: str
+) -> None:
+    drives = []
+
+    def drive(config: Config, path: Path, *arguments: object) -> RunResult:
+        drives.append(path)
+        return RunResult(end, "stopped by the user")
+
+    for module in (calibrate_wheels, calibrate_imu, calibrate_compass):
+        monkeypatch.setattr(module, "run_virtual", drive)
+    assert command("calibrate", *what.split(), "--virtual", "--out", "out.toml") == code
+    assert_one_sentence(command.error, words)
+    assert len(drives) == 1
+    assert not Path("out.html").exists()
+
+
+@pytest.mark.parametrize("what", ["wheels robotino", "imu robotino", "compass el-dorado"])
+def test_a_calibration_that_was_not_sure_can_be_repeated(
+    command: Command, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    def drive(config: Config, path: Path, *arguments: object) -> RunResult:
+        return RunResult(End.STOPPED_BY_USER)
+
+    for module in (calibrate_wheels, calibrate_imu, calibrate_compass):
+        monkeypatch.setattr(module, "run_virtual", drive)
+    for name in ("out.mcap", "out-line1.mcap"):
+        Path(name).write_text("earlier")
+    arguments = ("calibrate", *what.split(), "--virtual", "--out", "out.toml")
+    assert command(*arguments) == 2  # a log of something else is never replaced
+    assert_one_sentence(command.error, ".mcap exists", "--force")
+    Path("out.html").write_text("earlier")
+    assert command(*arguments) == 130
+    Path("out.toml").write_text("earlier")
+    assert command(*arguments) == 2
+    assert_one_sentence(command.error, "out.toml exists", "--force")
 
 
 def test_known_distances_and_turns_of_logs(command: Command, tmp_path: Path) -> None:
