@@ -43,7 +43,8 @@ class SlipByFixes:
     def __init__(self) -> None:
         self._past: deque[_Moved] = deque([_Moved(0, 0j, 0.0, 0.0, 0)], maxlen=EFFORT.fixes.most_cycles)
         self._yaw_rad = 0.0
-        self._last: tuple[_Moved, complex] | None = None
+        # By device: each has a floor frame of its own.
+        self._last: dict[str, tuple[_Moved, complex]] = {}
 
     def move(self, t_ns: int, moved_m: complex, turn_rad: float, work_j: float | None) -> None:
         """Take the motion and the work of the wheels in one cycle.
@@ -70,20 +71,17 @@ class SlipByFixes:
         )
 
     def take(self, fix: PoseFixSample) -> SlipAtForce | None:
-        """Take a fix; return the slip since an earlier one, None where it does not determine it."""
+        """Take a fix; return the slip since an earlier one of its device, None where undetermined."""
         moved = self._at(min(fix.t_capture_ns, fix.t_ns))
         if moved is None:
             return None
         place_m = complex(fix.x_m, fix.y_m)
-        if self._last is None:
-            self._last = (moved, place_m)
-            return None
-        before, fixed_m = self._last
+        before, fixed_m = self._last.setdefault(fix.device, (moved, place_m))
         distance_m = moved.distance_m - before.distance_m
         noise = math.sqrt(2.0) * fix.position_std_m
         if distance_m < noise / EFFORT.fixes.greatest_sd:
             return None
-        self._last = (moved, place_m)
+        self._last[fix.device] = (moved, place_m)
         straight_m = abs(moved.place_m - before.place_m)
         if straight_m < EFFORT.fixes.straightness * distance_m or moved.unknown > before.unknown:
             return None
