@@ -86,6 +86,7 @@ class FixParameters:
     """Slip between two pose fixes."""
 
     greatest_sd: float = 0.04  # of the slip, by the noise of the fixes
+    deviations: float = 3.0  # so many of the greatest beyond 0 to 1, one of the two fixes is an outlier
     straightness: float = 0.97  # distance between the ends over distance travelled
     most_cycles: int = 1000  # that are remembered; a fix may be as old as this
 

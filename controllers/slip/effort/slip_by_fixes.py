@@ -72,6 +72,10 @@ class SlipByFixes:
 
     def take(self, fix: PoseFixSample) -> SlipAtForce | None:
         """Take a fix; return the slip since an earlier one of its device, None where undetermined."""
+        numbers = EFFORT.fixes
+        # A fix that the pose filter would not take must not teach, either.
+        if not math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad) or not 0.0 < fix.position_std_m < math.inf:
+            return None
         moved = self._at(min(fix.t_capture_ns, fix.t_ns))
         if moved is None:
             return None
@@ -79,13 +83,16 @@ class SlipByFixes:
         before, fixed_m = self._last.setdefault(fix.device, (moved, place_m))
         distance_m = moved.distance_m - before.distance_m
         noise = math.sqrt(2.0) * fix.position_std_m
-        if distance_m < noise / EFFORT.fixes.greatest_sd:
+        if distance_m < noise / numbers.greatest_sd:
             return None
         self._last[fix.device] = (moved, place_m)
         straight_m = abs(moved.place_m - before.place_m)
-        if straight_m < EFFORT.fixes.straightness * distance_m or moved.unknown > before.unknown:
+        if straight_m < numbers.straightness * distance_m or moved.unknown > before.unknown:
             return None
-        slip = 1.0 - abs(place_m - fixed_m) / straight_m
+        slip = 1.0 - math.hypot(place_m.real - fixed_m.real, place_m.imag - fixed_m.imag) / straight_m
+        beyond = numbers.deviations * numbers.greatest_sd
+        if not -beyond <= slip <= 1.0 + beyond:
+            return None
         return SlipAtForce((moved.work_j - before.work_j) / distance_m, min(max(slip, 0.0), 1.0))
 
     def _at(self, t_ns: int) -> _Moved | None:
