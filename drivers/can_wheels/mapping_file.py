@@ -126,7 +126,7 @@ def _mapping_path(name_or_path: str) -> Path:
     if not is_file(path):
         raise ConfigError(
             f"no mapping '{name_or_path}': give the path of a TOML file, relative to the current directory, "
-            f"or one of {', '.join(shipped)}{_did_you_mean(name_or_path, shipped)}"
+            f"or one of {', '.join(shipped)}{_close(name_or_path, shipped)}"
         )
     return path
 
@@ -270,5 +270,9 @@ def _find_signal(where: str, message: Message, name: str) -> Signal:
 
 
 def _did_you_mean(name: str, known: Iterable[str]) -> str:
+    return _close(name, known) or f"; it has {', '.join(list(known)[:8])}"
+
+
+def _close(name: str, known: Iterable[str]) -> str:
     close = get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"; did you mean '{close[0]}'?" if close else f"; it has {', '.join(list(known)[:8])}"
+    return f"; did you mean '{close[0]}'?" if close else ""

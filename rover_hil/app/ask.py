@@ -46,11 +46,12 @@ def ask_number(question: str, lower: float, upper: float, default: float | None 
 
 
 def ask_choice(question: str, choices: tuple[str, ...], default: str) -> str:
-    """Return one of the choices; asks again until it is one."""
+    """Return one of the choices, also named by its number alone; asks again until it is one."""
     while True:
-        answer = ask(f"{question} ({', '.join(choices)})", default)
-        if answer in choices:
-            return answer
+        answer = ask(f"{question}: {', '.join(choices)}?", default)
+        for choice in choices:
+            if answer == choice or (answer.isdigit() and answer in choice.split()):
+                return choice
         _again(f"'{answer}' is none of them")
 
 

@@ -12,7 +12,7 @@ from drivers.errors import ConfigError
 from rover_hil.app.error_message import readable_line
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.steps import show_steps
-from rover_hil.config import Config, Draft, Rule, load_config, read_config_text, schema_text
+from rover_hil.config import Config, Draft, Rule, load_config, read_config_table, schema_text
 from rover_hil.config.schema import find_conflicts
 from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.clocks import today
@@ -39,11 +39,11 @@ def check_config(name: str, *, schema: Path | None, force: bool, as_json: bool) 
         ConfigError: The configuration cannot be read, or the schema cannot be written.
     """
     check_file(schema, force=force, option="--schema")
-    read_config_text(name)  # without a file there is nothing to check
+    read_config_table(name)  # without a table there is nothing to check
     with show_steps(f"checking {name}"):
         mistakes, findings, commands = examine_config(name)
     if schema is not None:
-        write_file(schema, schema_text())
+        write_file(schema, schema_text(), option="--schema")
     warnings = [finding for finding in findings if finding.level is Level.WARNING]
     if as_json:
         record = {

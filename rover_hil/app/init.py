@@ -20,10 +20,11 @@ from rover_hil.app.steps import show_steps
 from rover_hil.config import schema_text
 from rover_hil.config.loader import SCHEMA_NAME
 from rover_hil.doctor.finding import SystemPaths
-from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.pages.atomic_write import check_file, unfinished, write_file
 from rover_hil.setting_up.config_text import Answers, config_text
 from rover_hil.setting_up.drives import (
     guess_mapping,
+    read_messages,
     reordered_text,
     shipped_mapping,
     vesc_nodes,
@@ -35,6 +36,8 @@ from rover_hil.setting_up.turning import Turner
 
 TURN_SPEED_RAD_S = 1.0
 LEAST_TURN_RAD = 0.1
+OUT = "OUT"
+"""The argument that names the configuration, for messages."""
 POSITIONS = {
     "omni3": ("at 60 deg", "at 180 deg", "at 300 deg"),
     "differential": ("left", "right"),
@@ -56,9 +59,13 @@ def init(out: Path, *, ports: Path | None, dbc: Path | None, force: bool) -> int
     Raises:
         ConfigError: A file exists or cannot be read, or a question got no answer.
     """
-    check_file(out, force=force)
-    if dbc is not None and not dbc.is_file():
-        raise ConfigError(f"no DBC file {dbc}: correct --dbc")
+    check_file(out, force=force, option=OUT)
+    with unfinished(out, option=OUT):
+        pass  # a folder that cannot be written to is better known before the questions
+    if dbc is not None:
+        if not dbc.is_file():
+            raise ConfigError(f"no DBC file {dbc}: correct --dbc")
+        read_messages(dbc)
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     made: list[Path] = []
     try:
@@ -73,6 +80,8 @@ def _set_up(
     out: Path, ports: Path | None, dbc: Path | None, made: list[Path], console: Console, *, force: bool
 ) -> int:
     found = _look(ports, console)
+    if dbc is not None and not any("can" in each.kinds for each in found):
+        console.print(f"{dbc} is not used: no CAN bus was found")
     devices: dict[str, tuple[AnyDeviceSettings, str]] = {}
     drive: tuple[AnyDeviceSettings, str] | None = None
     for each in found:
@@ -107,10 +116,10 @@ def _set_up(
         moves_sideways=kinematics == "omni3",
         speed_m_s=float(f"{max(0.01, min(0.1, 0.4 * speed * radius_m)):.2g}"),
     )
-    write_file(out, config_text(answers))
+    write_file(out, config_text(answers), option=OUT)
     schema = out.with_name(SCHEMA_NAME)
     if not schema.exists():
-        write_file(schema, schema_text())
+        write_file(schema, schema_text(), option=OUT)
     return _report(out, console)
 
 
@@ -178,7 +187,7 @@ def _drive_of(
         guess.every_wheel["position"]["ticks_per_revolution"] = ticks
     gear = ask_number("Turns of the encoder per turn of the wheel (gear ratio)", 0.001, 1000, 1.0)
     path = dbc.with_name(f"{out.stem}_can.toml")
-    check_file(path, force=force)
+    check_file(path, force=force, option=OUT)
     made.append(path)
     write_mapping(path, dbc, guess, found.frames, gear_ratio=gear)
     console.print(f"mapping written: {path}")
@@ -232,7 +241,7 @@ def _turn_wheels(
                     turned = turner.turn(wheel, step)
                 _check_encoders(wheel, turned, console)
                 left = tuple(place for place in places if place not in order)
-                place = ask_choice(f"Which wheel turned just now, number {wheel}", (*left, "none"), left[0])
+                place = ask_choice(f"Drive {wheel} was turned. Which wheel moved", (*left, "none"), left[0])
                 if place == "none":
                     raise ConfigError(f"wheel {wheel} did not turn: switch its drive on, and run init again")
                 forwards = ask_yes(

@@ -4,6 +4,7 @@ from rover_hil.config.error_text import describe_validation_error, validated
 from rover_hil.config.loader import (
     load_config,
     load_slip_map,
+    read_config_table,
     read_config_text,
     read_rig,
     schema_text,
@@ -20,6 +21,7 @@ __all__ = [
     "describe_validation_error",
     "load_config",
     "load_slip_map",
+    "read_config_table",
     "read_config_text",
     "read_rig",
     "schema_text",

@@ -44,11 +44,7 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
         ConfigError: The file cannot be read, is not TOML, or holds mistakes; one line per mistake with file,
             key and fix.
     """
-    text = read_config_text(name_or_path)
-    try:
-        table = parse_toml(text)
-    except ValueError as error:
-        raise ConfigError(f"{name_or_path} is not valid TOML: {error}") from error
+    table = read_config_table(name_or_path)
     _rename_old_sections(table)
     _simulate_the_same_wheels(table)
     unreadable = _inline_files(table)
@@ -115,6 +111,19 @@ def read_config_text(name_or_path: str) -> str:
         raise ConfigError(f"cannot read configuration {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"cannot read configuration {path}: {error}") from error
+
+
+def read_config_table(name_or_path: str) -> Table:
+    """Return the table of a configuration, given as for `load_config`, not yet checked.
+
+    Raises:
+        ConfigError: The file cannot be read, or is not TOML.
+    """
+    text = read_config_text(name_or_path)
+    try:
+        return parse_toml(text)
+    except ValueError as error:
+        raise ConfigError(f"{name_or_path} is not valid TOML: {error}") from error
 
 
 def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:

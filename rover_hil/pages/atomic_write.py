@@ -56,14 +56,19 @@ def write_files(folder: Path, texts: Mapping[str, str]) -> None:
                 part.write_text(texts[name], "utf-8")
 
 
-def write_file(path: Path, text: str) -> None:
+def write_file(path: Path, text: str, *, option: str = "--out") -> None:
     """Write one text file, whole or not at all.
+
+    Args:
+        path: The file.
+        text: Its content.
+        option: Where the user named it, for messages.
 
     Raises:
         ConfigError: It cannot be written.
     """
-    check_file(path, force=True)
-    with _failure_names(path), unfinished(path) as part:
+    check_file(path, force=True, option=option)
+    with _failure_names(path, option), unfinished(path, option=option) as part:
         part.write_text(text, "utf-8")
 
 

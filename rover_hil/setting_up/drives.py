@@ -97,7 +97,7 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
         ConfigError: The file cannot be read, or has no numbered messages with a position or speed and a
         set-point.
     """
-    messages = _messages(dbc)
+    messages = read_messages(dbc)
     heard = {_number(frame) for frame in frames}
     sent = _templates(message for message in messages if bus_id(message) in heard)
     taken = _templates(message for message in messages if bus_id(message) not in heard)
@@ -199,12 +199,21 @@ def reordered_text(text: str, order: Sequence[int], signs: Sequence[int]) -> str
     return head + "\n".join(wheels) + (f"\n{tail}" if tail else "")
 
 
-def _messages(dbc: Path) -> list[Message]:
+def read_messages(dbc: Path) -> list[Message]:
+    """Return the messages of a DBC file.
+
+    Raises:
+        ConfigError: The file cannot be read, or holds no messages.
+    """
     try:
         database = cantools.database.load_file(dbc)
     except (OSError, UnicodeDecodeError, cantools.Error, ValueError) as error:
-        raise ConfigError(f"cannot read DBC file {dbc}: {error}") from error
-    return list(getattr(database, "messages", ()))
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"cannot read DBC file {dbc}: {reason}; give another DBC file") from error
+    messages = list(getattr(database, "messages", ()))
+    if not messages:
+        raise ConfigError(f"cannot read DBC file {dbc}: it holds no CAN messages; give another DBC file")
+    return messages
 
 
 def _number(frame: CanFrame) -> int:

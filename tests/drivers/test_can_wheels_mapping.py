@@ -198,6 +198,12 @@ def test_unknown_name_suggests_the_shipped_ones() -> None:
         load_mapping("odrive_06")
 
 
+def test_the_shipped_mappings_are_listed_once() -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_mapping("nowhere.toml")
+    assert str(caught.value).count("generic_wheel") == 1
+
+
 def test_data_files_are_mapping_and_dbc_in_one_folder(tmp_path: Path) -> None:
     path = write_mapping(tmp_path, MINIMAL)
     mapping, dbc = settings(path).data_files()["mapping"]

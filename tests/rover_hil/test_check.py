@@ -115,15 +115,17 @@ def test_no_file_is_bad_input(command: Command) -> None:
     assert_one_sentence(command.error, "no configuration nowhere.toml")
 
 
-def test_a_file_that_is_not_toml_is_a_mistake(command: Command, tmp_path: Path) -> None:
+def test_a_file_that_is_not_toml_is_bad_input(command: Command, tmp_path: Path) -> None:
     (tmp_path / "rover.toml").write_text("[rover\n", "utf-8")
-    assert command("check", "rover.toml") == 1
-    assert "rover.toml is not valid TOML" in command.out
+    assert command("check", "rover.toml") == 2
+    assert_one_sentence(command.error, "rover.toml is not valid TOML")
 
 
 def test_the_schema_is_written_for_an_editor_and_never_over_a_file(command: Command, tmp_path: Path) -> None:
     (tmp_path / "taken.json").write_text("mine")
     assert command("check", "robotino", "--schema", "taken.json") == 2
     assert_one_sentence(command.error, "--force", "--schema")
+    assert command("check", "robotino", "--schema", "/proc/schema.json") == 2
+    assert_one_sentence(command.error, "choose another --schema")
     assert command("check", "robotino", "--schema", "rover.schema.json") == 0
     assert (tmp_path / "rover.schema.json").read_text("utf-8") == schema_text()

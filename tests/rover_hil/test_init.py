@@ -16,6 +16,7 @@ from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.nmea_compass.codec import encode_sentence
 from drivers.serial_link import SerialLink
+from rover_hil.app.ask import ask_choice
 from rover_hil.app.init import POSITIONS
 from rover_hil.config import load_config
 from rover_hil.doctor.finding import SystemPaths
@@ -121,6 +122,45 @@ def test_without_a_drive_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
     assert command("init", "rover.toml", "--dbc", "none.dbc") == 2
     assert_one_sentence(command.error, "no DBC file none.dbc")
+
+
+def test_a_file_that_is_no_dbc_file_is_refused_and_one_without_a_bus_is_not_used(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("rover_hil.app.init.SystemPaths", lambda: SystemPaths(tmp_path, tmp_path, tmp_path))
+    for text in ("hello\n", ""):
+        (tmp_path / "mine.dbc").write_text(text)
+        assert command("init", "rover.toml", "--dbc", "mine.dbc") == 2
+        assert_one_sentence(command.error, "cannot read DBC file mine.dbc", "give another")
+    shutil.copy(EXAMPLES / "can" / "differential.dbc", tmp_path / "mine.dbc")
+    assert command("init", "rover.toml", "--dbc", "mine.dbc") == 1
+    assert "mine.dbc is not used: no CAN bus was found" in command.error
+
+
+def test_where_the_configuration_cannot_be_written_nothing_is_asked(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("rover_hil.app.init._look", None)
+    (tmp_path / "taken.toml").write_text("mine")
+    for out, words in (
+        ("taken.toml", "choose another OUT"),
+        ("none/rover.toml", "choose another OUT"),
+        (".", "name a file with OUT"),
+        ("/proc/rover.toml", "cannot write /proc/rover.toml"),
+    ):
+        assert command("init", out) == 2
+        assert_one_sentence(command.error, words)
+        assert "--out" not in command.error
+
+
+def test_a_wheel_may_be_named_by_its_number(answers: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    answers += ["6", "60", "none"]
+    choices = (*POSITIONS["omni3"], "none")
+    assert ask_choice("Which wheel moved", choices, choices[1]) == "at 60 deg"
+    assert ask_choice("Which wheel moved", choices, choices[1]) == "none"
+    asked = capsys.readouterr().err
+    assert asked.startswith("Which wheel moved: at 60 deg, at 180 deg, at 300 deg, none? [at 180 deg]: 6\n")
+    assert "'6' is none of them" in asked
 
 
 def wheel_frames(name: str) -> list[CanFrame]:
