@@ -11,15 +11,17 @@ from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.estimator import Estimator
+from controllers.motion.by_hand import ByHand
 from controllers.motion.crab import CrabDrift, CrabReport
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.path_following import Guidance, PathFollower
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import OmniRoverSettings
-from controllers.motion.settings import SmallTurnsMission, WholeTurnsMission
+from controllers.motion.settings import ByHandMission, SmallTurnsMission, WholeTurnsMission
 from controllers.motion.small_turns import SmallTurns
 from controllers.motion.whole_turns import WholeTurns
+from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
@@ -120,11 +122,20 @@ class ControlLoop:
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._steering_rad: tuple[float, ...] = ()
-        self._follower: PathFollower | SmallTurns | WholeTurns | None = None
+        self._is_paused = False
+        self._gain_ranges = gain_ranges(settings)
+        self._follower: PathFollower | SmallTurns | WholeTurns | ByHand | None = None
         if isinstance(mission, SmallTurnsMission):
             self._follower = SmallTurns(mission, turns_on_spot=kinematics.turns_on_spot)
         elif isinstance(mission, WholeTurnsMission):
             self._follower = WholeTurns(mission, turns_on_spot=kinematics.turns_on_spot)
+        elif isinstance(mission, ByHandMission):
+            self._follower = ByHand(
+                mission,
+                kinematics.moves_sideways,
+                turns_on_spot=kinematics.turns_on_spot,
+                turn_radius_m=kinematics.turn_radius_m,
+            )
         elif mission is not None:
             self._follower = PathFollower(
                 mission,
@@ -133,6 +144,20 @@ class ControlLoop:
                 turn_radius_m=kinematics.turn_radius_m,
                 crab_limit_rad=kinematics.crab_limit_rad,
             )
+
+    def operate(self, now_ns: int, wanted: OperatorInput) -> None:
+        """Take what an operator wants, before the `step` at the same time.
+
+        Raises:
+            ConfigError: A gain is unknown or outside its range; nothing is changed.
+        """
+        check_gains(self._gain_ranges, wanted.gains)
+        if wanted.is_paused is not None:
+            self._is_paused = wanted.is_paused
+        if wanted.motion is not None and isinstance(self._follower, ByHand):
+            self._follower.command(now_ns, wanted.motion)
+        if wanted.gains and isinstance(self._follower, PathFollower | ByHand):
+            self._follower.mission = self._follower.mission.model_copy(update=dict(wanted.gains))
 
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
         """Run one cycle at `now_ns` with the samples that arrived since the last one, in order of arrival."""
@@ -152,7 +177,7 @@ class ControlLoop:
         is_fresh = self._is_motion_fresh(now_ns)
         return StepOutput(
             t_ns=now_ns,
-            mode=Mode.OBSERVING if self._follower is None else self._supervisor.mode,
+            mode=self._mode(),
             reason="" if self._follower is None else self._supervisor.reason,
             estimate=estimate,
             odometry=odometry.pose,
@@ -172,6 +197,12 @@ class ControlLoop:
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
         )
+
+    def _mode(self) -> Mode:
+        if self._follower is None:
+            return Mode.OBSERVING
+        mode = self._supervisor.mode
+        return Mode.PAUSED if self._is_paused and mode is Mode.RUNNING else mode
 
     def _is_motion_fresh(self, now_ns: int) -> bool:
         motion_ns = self._estimator.motion_ns
@@ -212,7 +243,7 @@ class ControlLoop:
         )
         for wheel_rad, yaw_rad in supervisor.doubts:
             self._estimator.doubt(wheel_rad, yaw_rad)
-        if supervisor.mode is not Mode.RUNNING:
+        if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
         drift_rad = 0.0
         if self._scomp is not None and self._steers_against_drift:
@@ -222,6 +253,8 @@ class ControlLoop:
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
         if isinstance(self._follower, SmallTurns | WholeTurns):
             guidance = self._follower.guide(pose, seconds(now_ns))
+        elif isinstance(self._follower, ByHand):
+            return self._follower.guide(now_ns)
         else:
             guidance = self._follower.guide(pose, drift_rad)
         if guidance.finished:

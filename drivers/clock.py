@@ -4,6 +4,8 @@ import time
 from typing import Protocol
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
+MOST_BEHIND_NS = 50_000_000
+"""Simulated time that is further behind real time does not catch up."""
 
 
 class Clock(Protocol):
@@ -60,6 +62,36 @@ class VirtualClock:
     def sleep_until(self, deadline_ns: int) -> None:
         """Move simulated time forward to `deadline_ns`; never backwards."""
         self._now_ns = max(self._now_ns, deadline_ns)
+
+
+class PacedClock(VirtualClock):
+    """Simulated time that passes like real time, for someone who watches.
+
+    A computer that is too slow for a while does not hurry afterwards: the time is lost.
+
+    Args:
+        start_ns: First reading.
+
+    Attributes:
+        lost_ns: Real time by which simulated time has fallen behind for good.
+    """
+
+    def __init__(self, start_ns: int = NANOSECONDS_PER_SECOND) -> None:
+        super().__init__(start_ns)
+        self._offset_ns: int | None = None
+        self.lost_ns = 0
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Sleep until real time has come as far, and move simulated time forward to `deadline_ns`."""
+        if self._offset_ns is None:
+            self._offset_ns = time.monotonic_ns() - self.now_ns()
+        remaining_ns = deadline_ns + self._offset_ns - time.monotonic_ns()
+        if remaining_ns > 0:
+            time.sleep(remaining_ns / NANOSECONDS_PER_SECOND)
+        elif remaining_ns < -MOST_BEHIND_NS:
+            self._offset_ns -= remaining_ns
+            self.lost_ns -= remaining_ns
+        super().sleep_until(deadline_ns)
 
 
 def wall_time_ns() -> int:

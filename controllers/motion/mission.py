@@ -1,6 +1,7 @@
 """Missions as corner points in the local frame."""
 
 from controllers.motion.settings import (
+    ByHandMission,
     LineMission,
     MissionSettings,
     RectangleMission,
@@ -19,6 +20,6 @@ def corner_points(mission: MissionSettings) -> tuple[Point, ...]:
     if isinstance(mission, RectangleMission):
         length_m, width_m = mission.length_m, mission.width_m
         return (start, (length_m, 0.0), (length_m, width_m), (0.0, width_m), start)
-    if isinstance(mission, SmallTurnsMission | WholeTurnsMission):
+    if isinstance(mission, SmallTurnsMission | WholeTurnsMission | ByHandMission):
         return (start, start)
     return (start, *mission.points)

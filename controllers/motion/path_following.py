@@ -7,7 +7,12 @@ from itertools import pairwise
 
 from controllers.motion.mission import Point, corner_points
 from controllers.motion.planar import Pose, wrap_angle
-from controllers.motion.settings import MissionSettings, SmallTurnsMission, WholeTurnsMission
+from controllers.motion.settings import (
+    ByHandMission,
+    MissionSettings,
+    SmallTurnsMission,
+    WholeTurnsMission,
+)
 from drivers.errors import ConfigError
 
 NO_TURN_ON_SPOT = (
@@ -54,6 +59,9 @@ class PathFollower:
     Raises:
         ConfigError: The rover cannot move sideways but the mission holds its heading, it cannot crab but the
             mission crabs, or two corners are within the position tolerance of each other.
+
+    Attributes:
+        mission: As given; speed and gains may be changed on the way, the path may not.
     """
 
     def __init__(
@@ -69,7 +77,7 @@ class PathFollower:
             mission, moves_sideways, turns_on_spot=turns_on_spot, crab_limit_rad=crab_limit_rad
         ):
             raise ConfigError(conflict)
-        self._mission = mission
+        self.mission = mission
         self._moves_sideways = moves_sideways
         self._turns_on_spot = turns_on_spot
         self._turn_radius_m = turn_radius_m
@@ -86,7 +94,7 @@ class PathFollower:
                 that cannot move sideways is turned against it, one that crabs turns its wheels against it.
         """
         cross_m, remaining_m = _locate(pose, self._lines[self._index])
-        while remaining_m <= self._mission.position_tolerance_m:
+        while remaining_m <= self.mission.position_tolerance_m:
             if self._index == len(self._lines) - 1:
                 return Guidance(
                     velocity_x_m_s=0.0,
@@ -100,7 +108,7 @@ class PathFollower:
         return self._steer(pose, drift_rad, cross_m, remaining_m)
 
     def _steer(self, pose: Pose, drift_rad: float, cross_m: float, remaining_m: float) -> Guidance:
-        mission = self._mission
+        mission = self.mission
         line_rad = _direction(self._lines[self._index])
         course_rad = line_rad - math.atan2(cross_m, mission.lookahead_m)
         speed_m_s = min(
@@ -138,7 +146,7 @@ class PathFollower:
         )
 
     def _turn_limit_rad_s(self, forward_m_s: float) -> float:
-        limit_rad_s = self._mission.yaw_rate_limit_rad_s
+        limit_rad_s = self.mission.yaw_rate_limit_rad_s
         if forward_m_s != 0.0 and self._turn_radius_m > 0.0:
             return min(limit_rad_s, forward_m_s / self._turn_radius_m)
         return limit_rad_s
@@ -155,6 +163,8 @@ def find_mission_conflicts(
         turns_on_spot: Whether it can turn without moving forwards.
         crab_limit_rad: Greatest angle by which all wheels can be turned together, 0 where they cannot.
     """
+    if isinstance(mission, ByHandMission):
+        return
     if mission.heading == "crab" and crab_limit_rad == 0.0:
         yield (
             "mission.heading: this rover cannot crab, because not all of its wheels steer to both sides: "

@@ -9,7 +9,8 @@ from drivers.settings import Settings
 PathLength = Annotated[float, Field(ge=0.05, le=100.0)]
 
 
-Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
+LARGEST_COORDINATE_M = 500.0
+Coordinate = Annotated[float, Field(ge=-LARGEST_COORDINATE_M, le=LARGEST_COORDINATE_M)]
 
 
 class PathSettings(Settings):
@@ -107,8 +108,14 @@ class WholeTurnsMission(PathSettings):
     senses: Literal["both", "left", "right"] = "both"
 
 
+class ByHandMission(PathSettings):
+    """No path: someone drives by hand on the page of `bench`, within the speed and yaw rate given here."""
+
+    type: Literal["by_hand"]
+
+
 MissionSettings: TypeAlias = Annotated[
-    RectangleMission | LineMission | WaypointsMission | SmallTurnsMission | WholeTurnsMission,
+    RectangleMission | LineMission | WaypointsMission | SmallTurnsMission | WholeTurnsMission | ByHandMission,
     Field(discriminator="type"),
 ]
 

@@ -18,6 +18,7 @@ class Mode(StrEnum):
     OBSERVING: no mission; estimates only.
     SETTLING: waiting until every required device has been fresh for a while.
     RUNNING: driving the mission.
+    PAUSED: would be RUNNING, but the operator has paused the mission; never the mode of the supervisor.
     FINISHED: mission done.
     SAFE_STOP: there is a reason to stop; resumes by itself when it is gone.
     EMERGENCY_STOP: a bumper was pressed, or the same stop happened too often; stays until restart.
@@ -26,6 +27,7 @@ class Mode(StrEnum):
     OBSERVING = "observing"
     SETTLING = "settling"
     RUNNING = "running"
+    PAUSED = "paused"
     FINISHED = "finished"
     SAFE_STOP = "safe_stop"
     EMERGENCY_STOP = "emergency_stop"

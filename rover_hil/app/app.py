@@ -247,6 +247,23 @@ def check(
 
 
 @app.command()
+def bench(
+    config: ConfigArgument,
+    port: Annotated[int, number_option("Port of the page; 0 for any free one.", "", 0, 65535)] = 8484,
+    out: Annotated[Path, out_option("Folder of the runs.")] = Path("runs"),
+) -> None:
+    """Serve a page to start and stop runs, look at them, drive by hand and move gains, until ctrl-C.
+
+    Only browsers on this computer reach it; docs/how-to/use_the_bench.md shows how over ssh.
+
+    Example: `rover-hil bench robotino`, then open `http://localhost:8484` in a browser
+    """
+    from rover_hil.app.bench import serve_bench
+
+    sys.exit(serve_bench(config, port, out))
+
+
+@app.command()
 def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
     """Check devices, permissions, rates, clocks and calibration; print cause and fix.
 

@@ -28,7 +28,7 @@ from rover_hil.recording.writer import LogWriter, Mirror
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.composition import build_real_rig, build_virtual_rig
-from rover_hil.run.executive import End, Executive, RunResult
+from rover_hil.run.executive import End, Executive, Operator, RunResult
 from rover_hil.run.real_time import enter_realtime
 from rover_hil.run.watchdog import Watchdog
 
@@ -136,7 +136,14 @@ def live_mirror(port: int | None, messages: Console) -> Iterator[Mirror | None]:
 
 
 def run_virtual(
-    config: Config, log_path: Path, limit_s: float, show: StatusDisplay | None, mirror: Mirror | None = None
+    config: Config,
+    log_path: Path,
+    limit_s: float,
+    show: StatusDisplay | None,
+    mirror: Mirror | None = None,
+    *,
+    clock: VirtualClock | None = None,
+    operator: Operator | None = None,
 ) -> RunResult:
     """Run the simulated rover of `config` on simulated time, into the log `log_path`.
 
@@ -146,11 +153,13 @@ def run_virtual(
         limit_s: End after this much simulated time.
         show: Called about ten times per second of real time, or None.
         mirror: Gets each record of the log too, or None.
+        clock: None for simulated time that runs as fast as it can.
+        operator: Operates the run, or None.
 
     Raises:
         ConfigError: The simulation is missing or does not fit the devices.
     """
-    clock = VirtualClock()
+    clock = clock or VirtualClock()
     with ExitStack() as resources:
         with unfinished(log_path) as part:
             log = resources.enter_context(
@@ -163,7 +172,9 @@ def run_virtual(
 
             rig.connect(CONNECT_TIMEOUT_S)
             resources.enter_context(closing(rig))
-            executive = Executive(rig, log, config.loop.rate_hz, on_cycle=record_truth, on_status=show)
+            executive = Executive(
+                rig, log, config.loop.rate_hz, on_cycle=record_truth, on_status=show, operator=operator
+            )
         _note_path(log, config, clock.now_ns())
         return _execute(executive, log, limit_s)
 
@@ -172,10 +183,11 @@ def run_real(
     config: Config,
     log_path: Path,
     limit_s: float,
-    show: StatusDisplay,
+    show: StatusDisplay | None,
     *,
     realtime: bool,
     mirror: Mirror | None = None,
+    operator: Operator | None = None,
 ) -> RunResult:
     """Run the rover of `config` on its real ports, into the log `log_path`; arguments as for `run_virtual`.
 
@@ -202,7 +214,9 @@ def run_real(
                 nanoseconds(config.safety.expiry_s),
                 log.watchdog,
             )
-            executive = Executive(rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog)
+            executive = Executive(
+                rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog, operator=operator
+            )
         _note_path(log, config, clock.now_ns())
         gc.collect()
         gc.freeze()  # what start-up made need not be looked at again in every collection

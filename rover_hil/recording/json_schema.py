@@ -136,6 +136,7 @@ _TOPICS: dict[str, object] = {
     schema.TRUTH: schema.TruthRecord,
     schema.CYCLE: schema.CycleRecord,
     schema.END: schema.EndRecord,
+    schema.OPERATOR: schema.OperatorRecord,
     schema.HEALTH: schema.HealthRecord,
     schema.BYTES: schema.BytesRecord,
     schema.WATCHDOG: schema.WatchdogRecord,

@@ -44,6 +44,7 @@ VIEW = "/view/"
 """Repetitions of other records for viewers; no reader uses them."""
 VIEW_POSE, VIEW_TRUE_POSE, VIEW_PATH, VIEW_LOG = "/view/pose", "/view/true_pose", "/view/path", "/view/log"
 SAMPLES = "/samples"
+OPERATOR = "/operator"
 ESTIMATE = "/estimate"
 COMMAND = "/command"
 SET_POINT = "/set_point"
@@ -234,6 +235,18 @@ class CycleRecord(TypedDict):
     work_ns: int
 
 
+class OperatorRecord(TypedDict):
+    """What an operator wants from a cycle on, on `OPERATOR`; only in such cycles.
+
+    `motion` is the body velocity by hand: forward and to the left in m/s, counter-clockwise in rad/s. `gains`
+    has new values of keys of [mission].
+    """
+
+    is_paused: bool | None
+    motion: MaybeNumbers
+    gains: dict[str, float]
+
+
 class EndRecord(TypedDict):
     """How a run ended, on `END`."""
 
@@ -314,6 +327,7 @@ LINK_SHAPE = TypeAdapter(LinkChange)
 END_SHAPE = TypeAdapter(EndRecord)
 BYTES_SHAPE = TypeAdapter(BytesRecord)
 PICTURE_SHAPE = TypeAdapter(PictureRecord)
+OPERATOR_SHAPE = TypeAdapter(OperatorRecord)
 
 
 RecordT = TypeVar("RecordT")
@@ -341,6 +355,8 @@ truth_record = _copy(TruthRecord, without="is_new")
 """From the `Truth` of a simulated rover."""
 end_record = _copy(EndRecord)
 """From a `RunResult`."""
+operator_record = _copy(OperatorRecord)
+"""From an `OperatorInput`."""
 
 
 def estimate_record(output: StepOutput) -> EstimateRecord:

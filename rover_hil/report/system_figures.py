@@ -18,6 +18,7 @@ MODE_COLOURS = {
     Mode.OBSERVING: "#c7d2e0",
     Mode.SETTLING: "#e5e7eb",
     Mode.RUNNING: "#9fd8b4",
+    Mode.PAUSED: "#fbe8c8",
     Mode.FINISHED: "#a9c9f5",
     Mode.SAFE_STOP: "#ef8a8a",
     Mode.EMERGENCY_STOP: "#c81e1e",

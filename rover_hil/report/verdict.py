@@ -5,7 +5,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from statistics import fmean
 
-from controllers.motion.settings import LineMission, RectangleMission, SmallTurnsMission, WholeTurnsMission
+from controllers.motion.settings import (
+    ByHandMission,
+    LineMission,
+    RectangleMission,
+    SmallTurnsMission,
+    WholeTurnsMission,
+)
 from controllers.safety import Mode
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary
 from rover_hil.report.run_data import RunData
@@ -154,6 +160,8 @@ def _what(run: RunData) -> str:
         driven = "Small turns in place"
     elif isinstance(mission, WholeTurnsMission):
         driven = f"{mission.turns} turns in place in each sense"
+    elif isinstance(mission, ByHandMission):
+        driven = "Drive by hand"
     else:
         driven = f"Path through {len(mission.points)} points"
     rovers = {"virtual": " on the simulated rover", "real": " on the rover"}

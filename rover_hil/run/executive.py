@@ -1,15 +1,18 @@
 """The cyclic executive: poll, step, command, record, at absolute deadlines."""
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple, Protocol
 
 from controllers.control_loop import StepOutput
+from controllers.operator import OperatorInput
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
-from drivers.driver import DeviceState
-from rover_hil.recording.schema import COMMAND, CYCLE, set_point_record
+from drivers.driver import DeviceState, Health
+from drivers.samples import Sample, SentCommand
+from rover_hil.recording.schema import COMMAND, CYCLE, OPERATOR, operator_record, set_point_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
 from rover_hil.run.watchdog import Watchdog
@@ -49,6 +52,39 @@ class RunResult:
     watchdog_interventions: int = 0
 
 
+class CycleView(NamedTuple):
+    """What an operator sees of a cycle.
+
+    Attributes:
+        healths: Facts of all devices, renewed once per second.
+        late_ns: How late the cycle began.
+        work_ns: Real time that it took until then.
+    """
+
+    samples: Sequence[Sample]
+    output: StepOutput
+    sent: SentCommand
+    healths: Sequence[Health]
+    late_ns: int
+    work_ns: int
+
+
+class Operator(Protocol):
+    """Someone who watches and operates a run; neither method waits for anything."""
+
+    def wanted(self) -> OperatorInput | None:
+        """Return what is wanted from this cycle on; None for no change."""
+        ...
+
+    def end(self) -> tuple[End, str] | None:
+        """Return how and why the run is to end; None to go on."""
+        ...
+
+    def show(self, view: CycleView) -> None:
+        """Show a cycle that has just been run."""
+        ...
+
+
 class Executive:
     """Runs the loop on any clock and any devices.
 
@@ -59,6 +95,7 @@ class Executive:
         on_cycle: Called at the end of each cycle, e.g. to record a simulated rover's truth.
         on_status: Called about ten times per second of real time, for a live display.
         watchdog: Fed every cycle; None in simulated time, where the loop cannot hang unseen.
+        operator: Operates the run; None where nobody does.
     """
 
     def __init__(
@@ -70,6 +107,7 @@ class Executive:
         on_cycle: Callable[[int], None] | None = None,
         on_status: Callable[[StepOutput], None] | None = None,
         watchdog: Watchdog | None = None,
+        operator: Operator | None = None,
     ) -> None:
         self._rig = rig
         self._clock = rig.clock
@@ -78,6 +116,8 @@ class Executive:
         self._on_cycle = on_cycle
         self._on_status = on_status
         self._watchdog = watchdog
+        self._operator = operator
+        self._healths: Sequence[Health] = ()
         self._stop_request: tuple[End, str] | None = None
         self._is_stopping = False
 
@@ -125,13 +165,16 @@ class Executive:
                     missed = late_ns // self._period_ns
                     result.skipped += missed
                     deadline_ns += missed * self._period_ns
-                output = self._cycle(now_ns)
+                samples, output, sent = self._cycle(now_ns)
                 if now_ns >= next_health_ns:
                     next_health_ns = now_ns + HEALTH_PERIOD_NS
                     self._check_health(now_ns)
                 work_ns = stopwatch_ns() - woke_ns
                 self._log.write_json(CYCLE, now_ns, {"late_ns": late_ns, "work_ns": work_ns})
                 result.cycles += 1
+                if self._operator is not None:
+                    self._operator.show(CycleView(samples, output, sent, self._healths, late_ns, work_ns))
+                    self._stop_request = self._operator.end() or self._stop_request
                 if self._on_status is not None and woke_ns >= next_status_ns:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
                     self._on_status(output)
@@ -146,7 +189,11 @@ class Executive:
             result.watchdog_interventions = self._watchdog.interventions
         return result
 
-    def _cycle(self, now_ns: int) -> StepOutput:
+    def _cycle(self, now_ns: int) -> tuple[Sequence[Sample], StepOutput, SentCommand]:
+        wanted = None if self._operator is None else self._operator.wanted()
+        if wanted is not None:
+            self._rig.loop.operate(now_ns, wanted)
+            self._log.write_json(OPERATOR, now_ns, operator_record(wanted))
         samples, output, sent = self._rig.cycle(now_ns)
         if self._watchdog is not None:
             self._watchdog.feed()
@@ -155,11 +202,11 @@ class Executive:
         self._log.write_json(COMMAND, sent.t_ns, set_point_record(sent))
         if self._on_cycle is not None:
             self._on_cycle(now_ns)
-        return output
+        return samples, output, sent
 
     def _check_health(self, now_ns: int) -> None:
         self._log.require_file()
-        healths = self._rig.healths()
+        healths = self._healths = self._rig.healths()
         self._log.health(now_ns, healths)
         for health in healths:
             if health.state is DeviceState.FAILED and health.device in self._rig.required:

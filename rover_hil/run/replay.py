@@ -5,13 +5,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from controllers.operator import OperatorInput
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, NoTap, Received
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.schema import COMMAND, LINK_SHAPE, SENT
+from rover_hil.recording.schema import COMMAND, LINK_SHAPE, OPERATOR_SHAPE, SENT
 from rover_hil.recording.text import Texts
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
@@ -103,6 +104,7 @@ class _Replayer:
         if device:
             self._feed(kind, device, message, log)
         elif kind == "cycle":
+            self._operate(message.t_ns, log)
             self._run_cycle(message.t_ns)
             return True
         elif kind == "watchdog":
@@ -136,6 +138,23 @@ class _Replayer:
             _feed_link(self._links.bytes_links[device], message.t_ns, payload)
         else:
             raise LogError(f"the log holds data of a device '{device}' that its configuration does not have")
+
+    def _operate(self, t_ns: int, log: LogReader) -> None:
+        message = self._expected.pop("operator", None)
+        if message is None:
+            return
+        record = log.parse(message, OPERATOR_SHAPE)
+        motion = record["motion"]
+        if motion is not None and len(motion) != 3:
+            raise LogError(f"{log.path} is damaged: {message.topic} at {t_ns} ns: a motion has three numbers")
+        self._rig.loop.operate(
+            t_ns,
+            OperatorInput(
+                is_paused=record["is_paused"],
+                motion=None if motion is None else (motion[0], motion[1], motion[2]),
+                gains=record["gains"],
+            ),
+        )
 
     def _run_cycle(self, t_ns: int) -> None:
         rig = self._rig

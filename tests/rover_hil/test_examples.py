@@ -18,6 +18,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NEEDS_NOTHING = {
     *(
         "run",
+        "bench",
         "simulate",
         "check",
         "doctor",

@@ -1,0 +1,73 @@
+"""What an operator may change while the rover runs: pause, motion by hand, gains of the mission."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from annotated_types import Ge, Le
+
+from controllers.motion.body_motion import BodyMotion
+from controllers.motion.settings import PathSettings, SmallTurnsMission, WholeTurnsMission
+from controllers.settings import ControlSettings
+from drivers.errors import ConfigError
+
+GAIN_UNITS = {
+    "speed_m_s": "m/s",
+    "lookahead_m": "m",
+    "approach_gain_per_s": "1/s",
+    "heading_gain_per_s": "1/s",
+    "yaw_rate_limit_rad_s": "rad/s",
+}
+"""The keys of [mission] that may be changed while it is driven, with their units."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorInput:
+    """What an operator wants from this cycle on.
+
+    Attributes:
+        is_paused: Whether the rover is to rest; None for no change.
+        motion: Body velocity by hand: forward and to the left in m/s, counter-clockwise in rad/s; None for no
+            new command.
+        gains: New values of keys of [mission], by key.
+    """
+
+    is_paused: bool | None = None
+    motion: BodyMotion | None = None
+    gains: Mapping[str, float] = field(default_factory=dict)
+
+
+def gain_ranges(settings: ControlSettings) -> dict[str, tuple[float, float]]:
+    """Return the least and greatest allowed value of each gain; empty for a mission that has none."""
+    mission = settings.mission
+    if mission is None or isinstance(mission, SmallTurnsMission | WholeTurnsMission):
+        return {}
+    ranges = {name: _field_range(name) for name in GAIN_UNITS}
+    low_m_s, high_m_s = ranges["speed_m_s"]
+    stall_m_s = settings.safety.stall_set_point_rad_s * settings.rover.wheel_radius_m
+    ranges["speed_m_s"] = (max(low_m_s, stall_m_s), high_m_s)
+    return ranges
+
+
+def check_gains(ranges: Mapping[str, tuple[float, float]], gains: Mapping[str, float]) -> None:
+    """Check new gains.
+
+    Raises:
+        ConfigError: One is unknown, or outside its range.
+    """
+    for name, value in gains.items():
+        if name not in ranges:
+            known = ", ".join(ranges) or "none for this mission"
+            raise ConfigError(f"mission.{name} cannot be changed while the rover runs, only: {known}")
+        low, high = ranges[name]
+        if not low <= value <= high:
+            raise ConfigError(
+                f"mission.{name} is {value:g}, outside {low:g} .. {high:g} {GAIN_UNITS[name]}: the gain was "
+                "not changed"
+            )
+
+
+def _field_range(name: str) -> tuple[float, float]:
+    metadata = PathSettings.model_fields[name].metadata
+    (low,) = (float(str(item.ge)) for item in metadata if isinstance(item, Ge))
+    (high,) = (float(str(item.le)) for item in metadata if isinstance(item, Le))
+    return low, high

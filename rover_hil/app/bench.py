@@ -1,0 +1,63 @@
+"""`rover-hil bench`: a page to look at a rover and operate it."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from drivers.clock import PacedClock
+from drivers.errors import ConfigError
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.run import run_real, run_virtual
+from rover_hil.bench.views import RunOrder
+from rover_hil.config import load_config
+from rover_hil.report.write import write_report
+from rover_hil.run.checks import ROVER_CHECKS
+from rover_hil.run.executive import Operator, RunResult
+
+NO_NICEGUI = "the page needs NiceGUI: install it with `pip install rover-hil[bench]`"
+
+
+def serve_bench(config_name: str, port: int, out: Path) -> int:
+    """Serve the page of a rover until ctrl-C; returns the exit code.
+
+    Raises:
+        ConfigError: Bad configuration, a port that cannot be used, or NiceGUI is missing.
+    """
+    config = load_config(config_name, ROVER_CHECKS)
+    try:
+        from rover_hil.bench.server import bind, serve
+    except ModuleNotFoundError as error:
+        if error.name is None or not error.name.startswith(("nicegui", "fastapi", "uvicorn", "starlette")):
+            raise
+        raise ConfigError(NO_NICEGUI) from error
+    from rover_hil.bench.session import Session
+
+    listener = bind(port)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"cannot make {out}: {error.strerror}; choose another --out") from error
+    stem = Path(config_name).stem
+    session = Session(config, out, stem, run_order, report_order)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(f"page: http://localhost:{listener.getsockname()[1]}")
+    console.print("End with ctrl-C; a run that goes on then is ended too.")
+    try:
+        serve(session, stem, listener)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        session.close()
+    return EXIT_OK
+
+
+def run_order(order: RunOrder, operator: Operator, clock: PacedClock | None) -> RunResult:
+    """Run what the page ordered, as `run` does; raises RoverHilError as `run_virtual` and `run_real`."""
+    if clock is not None:
+        return run_virtual(order.config, order.log_path, order.limit_s, None, clock=clock, operator=operator)
+    return run_real(order.config, order.log_path, order.limit_s, None, realtime=False, operator=operator)
+
+
+def report_order(order: RunOrder) -> None:
+    """Write the report of a run beside its log; raises RoverHilError as `write_report`."""
+    write_report(order.log_path, order.log_path.parent)

@@ -1,0 +1,1 @@
+"""The page of `rover-hil bench`: look at a rover while it runs, and operate it."""

@@ -1,0 +1,142 @@
+"""The process of the loop: started before it is needed, so that a run begins at once."""
+
+import multiprocessing
+import queue
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import TypeAlias
+
+from controllers.motion.kinematics import make_kinematics
+from drivers.clock import PacedClock
+from drivers.errors import RoverHilError
+from rover_hil.bench.page_operator import PageOperator
+from rover_hil.bench.views import Notice, Order, RunOrder
+from rover_hil.run.executive import Operator, RunResult
+
+MOST_NOTICES = 64
+END_S = 5.0
+"""Time that a run has to stop the drive and close its log when the program ends."""
+DIED = "the process of the run has ended without a word: `rover-hil replay` reads its log up to there"
+
+RunFunction: TypeAlias = Callable[[RunOrder, Operator, PacedClock | None], RunResult]
+ReportFunction: TypeAlias = Callable[[RunOrder], None]
+PipeEnd: TypeAlias = "Connection[object, object]"
+
+
+class LoopProcess:
+    """A process that waits for one order to run, runs it, and writes its report.
+
+    Args:
+        run: Runs the order; a function of a module, so that the other process can import it.
+        report: Writes the report of the order.
+        on_notice: Called with every notice of the run, from a thread.
+    """
+
+    def __init__(self, run: RunFunction, report: ReportFunction, on_notice: Callable[[Notice], None]) -> None:
+        context = multiprocessing.get_context("spawn")
+        their_orders, self._orders = context.Pipe(duplex=False)
+        self._notices, their_notices = context.Pipe(duplex=False)
+        self._on_notice = on_notice
+        self._process = context.Process(
+            target=_serve, args=(run, report, their_orders, their_notices), name="loop"
+        )
+        self._process.start()
+        # Else neither side would notice that the other is gone.
+        their_orders.close()
+        their_notices.close()
+        self._lock = threading.Lock()
+        self._is_closing = False
+        threading.Thread(target=self._drain, name="notices", daemon=True).start()
+
+    def send(self, order: RunOrder | Order) -> None:
+        """Send an order; it has no effect when the process has ended."""
+        with self._lock, suppress(OSError):
+            self._orders.send(order)
+
+    def close(self) -> None:
+        """End the run, if there is one, and the process."""
+        self._is_closing = True
+        with self._lock:
+            self._orders.close()
+        self._process.join(END_S)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join()
+
+    def _drain(self) -> None:
+        kind = "view"
+        while kind not in ("reported", "failed"):
+            try:
+                notice: Notice = self._notices.recv()
+            except (EOFError, OSError):
+                if self._is_closing:
+                    return
+                notice = {"kind": "failed", "error": DIED}
+            kind = notice["kind"]
+            self._on_notice(notice)
+        self._notices.close()
+        self._process.join()
+
+
+class NoticeSender:
+    """Sends notices from a thread of its own; there is room for a bounded number.
+
+    Args:
+        pipe: Where they go.
+    """
+
+    def __init__(self, pipe: PipeEnd) -> None:
+        self._pipe = pipe
+        self._waiting: queue.Queue[Notice | None] = queue.Queue(MOST_NOTICES)
+        self._thread = threading.Thread(target=self._send, name="views", daemon=True)
+        self._thread.start()
+
+    def put_nowait(self, item: Notice, /) -> None:
+        """Hand a notice over.
+
+        Raises:
+            queue.Full: There is no room.
+        """
+        self._waiting.put_nowait(item)
+
+    def put(self, item: Notice) -> None:
+        """Hand a notice over that must arrive; it is given up when nobody reads for seconds."""
+        with suppress(queue.Full):
+            self._waiting.put(item, timeout=END_S)
+
+    def close(self) -> None:
+        """Wait until everything is sent, or nobody reads for seconds."""
+        with suppress(queue.Full):
+            self._waiting.put(None, timeout=END_S)
+        self._thread.join(END_S)
+
+    def _send(self) -> None:
+        with suppress(OSError):
+            while (notice := self._waiting.get()) is not None:
+                self._pipe.send(notice)
+
+
+def _serve(run: RunFunction, report: ReportFunction, orders: PipeEnd, notices: PipeEnd) -> None:
+    """Wait for an order, run it, write its report."""
+    with suppress(KeyboardInterrupt, EOFError):
+        order = orders.recv()
+        if isinstance(order, RunOrder):
+            sender = NoticeSender(notices)
+            _run(run, report, order, orders, sender)
+            sender.close()
+
+
+def _run(
+    run: RunFunction, report: ReportFunction, order: RunOrder, orders: PipeEnd, sender: NoticeSender
+) -> None:
+    clock = PacedClock() if order.is_virtual else None
+    operator = PageOperator(orders, sender, make_kinematics(order.config.rover).wheel_count, clock)
+    try:
+        result = run(order, operator, clock)
+        sender.put({"kind": "ended", "reason": result.reason})
+        report(order)
+        sender.put({"kind": "reported"})
+    except RoverHilError as error:
+        sender.put({"kind": "failed", "error": str(error)})

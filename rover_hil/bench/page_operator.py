@@ -1,0 +1,169 @@
+"""The operator of a run whose page is in another process: takes orders, hands out views, never waits."""
+
+import queue
+from collections.abc import Iterator
+from multiprocessing.connection import Connection
+from typing import Protocol
+
+from controllers.control_loop import StepOutput
+from controllers.operator import OperatorInput
+from drivers.clock import NANOSECONDS_PER_SECOND, PacedClock, seconds
+from drivers.driver import Health
+from drivers.samples import HeadingSample, WheelSample
+from rover_hil.bench.views import DeviceView, EndOrder, Notice, Order, View
+from rover_hil.run.executive import CycleView, End
+
+VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 20
+
+
+class NoticeQueue(Protocol):
+    """The bounded queue to the page."""
+
+    def put_nowait(self, item: Notice, /) -> None:
+        """Put an item in; raises `queue.Full` where there is no room."""
+        ...
+
+
+class PageOperator:
+    """Operates a run for a page.
+
+    A view is dropped where the queue is full: a page that is slow or hangs never delays the loop.
+
+    Args:
+        orders: Where the page's orders arrive. When it is closed the page is gone, and the run ends.
+        notices: Where views go.
+        wheel_count: Number of wheels.
+        clock: The clock of a simulated run, or None.
+    """
+
+    def __init__(
+        self,
+        orders: "Connection[object, object]",
+        notices: NoticeQueue,
+        wheel_count: int,
+        clock: PacedClock | None,
+    ) -> None:
+        self._orders = orders
+        self._notices = notices
+        self._clock = clock
+        self._end: tuple[End, str] | None = None
+        self._is_connected = True
+        self._start_ns: int | None = None
+        self._next_ns = 0
+        self._cycles = 0
+        self._dropped = 0
+        self._work_ns = 0
+        self._late_ns = 0
+        self._current_a: list[float | None] = [None] * wheel_count
+        self._headings: dict[str, float] = {}
+        self._gains: dict[str, float] = {}
+
+    def wanted(self) -> OperatorInput | None:
+        """Return what the page has ordered since the last call, as one input; None for nothing."""
+        merged: OperatorInput | None = None
+        for order in self._arrived():
+            if isinstance(order, EndOrder):
+                self._end = self._end or (order.end, order.reason)
+            else:
+                merged = order if merged is None else _merge(merged, order)
+        if merged is not None:
+            self._gains.update(merged.gains)
+        return merged
+
+    def end(self) -> tuple[End, str] | None:
+        """Return how and why the page ends the run; None to go on."""
+        return self._end
+
+    def show(self, view: CycleView) -> None:
+        """Take a cycle; every 50 ms one goes to the page."""
+        self._cycles += 1
+        self._work_ns = max(self._work_ns, view.work_ns)
+        self._late_ns = max(self._late_ns, view.late_ns)
+        for sample in view.samples:
+            if isinstance(sample, WheelSample):
+                if sample.current_a is not None:
+                    self._current_a[sample.wheel] = sample.current_a
+            elif isinstance(sample, HeadingSample):
+                self._headings[sample.device] = sample.heading_rad
+        now_ns = view.output.t_ns
+        if self._start_ns is None:
+            self._start_ns = now_ns
+        if now_ns < self._next_ns:
+            return
+        self._next_ns = now_ns + VIEW_PERIOD_NS
+        try:
+            self._notices.put_nowait(self._view(view, seconds(now_ns - self._start_ns)))
+        except queue.Full:
+            self._dropped += 1
+        self._work_ns = self._late_ns = 0
+
+    def _arrived(self) -> Iterator[Order]:
+        try:
+            while self._is_connected and self._orders.poll():
+                order = self._orders.recv()
+                if isinstance(order, EndOrder | OperatorInput):
+                    yield order
+        except (EOFError, OSError):
+            self._is_connected = False
+            self._end = self._end or (End.TERMINATED, "the program of the page has ended")
+
+    def _view(self, view: CycleView, t_s: float) -> View:
+        output = view.output
+        pose, odometry = output.estimate, output.odometry
+        xx, xy, _, yy, _, yaw_yaw = pose.covariance
+        slip, slip_names, slip_reason = _slip(output)
+        return {
+            "kind": "view",
+            "t_s": t_s,
+            "mode": output.mode.value,
+            "reason": output.reason,
+            "pose": (pose.x_m, pose.y_m, pose.yaw_rad),
+            "odometry": (odometry.x_m, odometry.y_m, odometry.yaw_rad),
+            "covariance": (xx, xy, yy, yaw_yaw),
+            "headings": dict(self._headings),
+            "slip": slip,
+            "slip_names": slip_names,
+            "slip_reason": slip_reason,
+            "current_a": list(self._current_a),
+            "set_rad_s": view.sent.speed_rad_s,
+            "limit": output.limit.value,
+            "cross_track_m": output.cross_track_m,
+            "devices": [_device(health) for health in view.healths],
+            "work_us": self._work_ns / 1e3,
+            "late_us": self._late_ns / 1e3,
+            "cycles": self._cycles,
+            "gains": dict(self._gains),
+            "lost_s": 0.0 if self._clock is None else seconds(self._clock.lost_ns),
+            "dropped": self._dropped,
+        }
+
+
+def _merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
+    return OperatorInput(
+        is_paused=first.is_paused if then.is_paused is None else then.is_paused,
+        motion=then.motion or first.motion,
+        gains={**first.gains, **then.gains},
+    )
+
+
+def _slip(output: StepOutput) -> tuple[list[float | None], list[str], str]:
+    """Return the slip that is estimated, what each number is, and why one is not valid."""
+    if output.scomp is not None:
+        reason = output.scomp.reason
+        return [None if reason else output.scomp.slip], ["rover"], reason
+    if output.slip is None:
+        return [], [], ""
+    wheels = output.slip.wheels
+    reasons = [wheel.reason for wheel in wheels if not wheel.valid]
+    values = [wheel.slip if wheel.valid else None for wheel in wheels]
+    return values, [f"wheel {number}" for number in range(len(wheels))], next(iter(reasons), "")
+
+
+def _device(health: Health) -> DeviceView:
+    return {
+        "name": health.device,
+        "state": health.state.value,
+        "rate_hz": health.rate_hz,
+        "age_s": health.age_s,
+        "reason": health.last_link_reason,
+    }

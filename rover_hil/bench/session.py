@@ -1,0 +1,358 @@
+"""The state behind the page: who is in control, what runs, what was seen of it."""
+
+import math
+import threading
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from controllers.motion.body_motion import BodyMotion
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.mission import corner_points
+from controllers.motion.path_following import find_mission_conflicts
+from controllers.motion.settings import (
+    LARGEST_COORDINATE_M,
+    ByHandMission,
+    MissionSettings,
+    PathSettings,
+    WaypointsMission,
+)
+from controllers.operator import GAIN_UNITS, OperatorInput, check_gains, gain_ranges
+from controllers.slip.effort.settings import SURFACES, YAW_PROBE
+from drivers.clock import SystemClock, nanoseconds, wall_time_text
+from drivers.errors import ConfigError
+from rover_hil.bench.loop_process import LoopProcess, ReportFunction, RunFunction
+from rover_hil.bench.views import EndOrder, Notice, Order, RunOrder, View
+from rover_hil.config import Config
+from rover_hil.run.executive import End
+
+LOG_NAME = "run.mcap"
+ARMED_S = 30.0
+"""A real run must begin within this time after arming."""
+BY_HAND_LIMIT_S = 3600.0
+VIEWS_KEPT = 2400
+"""Two minutes."""
+NOT_IN_CONTROL = (
+    "another browser is in control: close its page to take over; you can watch and press the emergency stop"
+)
+
+
+class State(StrEnum):
+    """What the page is doing."""
+
+    IDLE = "idle"
+    STARTING = "starting"
+    RUNNING = "running"
+    REPORTING = "writing report"
+
+
+class Kind(StrEnum):
+    """What a run does: drive the mission, driven by hand, or drive through clicked way-points."""
+
+    MISSION = "mission"
+    BY_HAND = "by hand"
+    WAYPOINTS = "way-points"
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What a page needs to draw itself.
+
+    Attributes:
+        number: Of the last view; to be given with the next question.
+        views: Those after the number that was given.
+        run: Counts the runs; a page begins anew with each.
+        mission: Corners of the path in m; empty by hand.
+        log_bytes: Size of the log.
+    """
+
+    number: int
+    views: list[View]
+    state: State
+    run: int
+    is_real: bool
+    kind: Kind | None
+    is_paused: bool
+    is_armed: bool
+    message: str
+    run_name: str
+    report_name: str
+    mission: list[tuple[float, float]]
+    log_bytes: int
+    controller: str | None
+    gains: Mapping[str, float]
+
+
+class Session:
+    """One rover, at most one run at a time, at most one browser in control.
+
+    Every method may be called from any thread. Orders come with the name of the browser; those of a browser
+    that is not in control are refused, but for the emergency stop.
+
+    Args:
+        config: The rover.
+        folder: Folder of all runs.
+        stem: Beginning of the names of new runs.
+        run: Runs an order, in another process.
+        report: Writes its report there.
+    """
+
+    def __init__(
+        self, config: Config, folder: Path, stem: str, run: RunFunction, report: ReportFunction
+    ) -> None:
+        self.config = config
+        self.folder = folder
+        self._stem = stem
+        self._functions = run, report
+        self._clock = SystemClock()
+        self._lock = threading.RLock()
+        self._state = State.IDLE
+        self._is_closing = False
+        self._process = self._make_process()
+        self._controller: str | None = None
+        self._armed_until_ns = 0
+        self._views: deque[View] = deque(maxlen=VIEWS_KEPT)
+        self._number = 0
+        self._run = 0
+        self._order: RunOrder | None = None
+        self._kind: Kind | None = None
+        self._is_paused = False
+        self._message = "" if config.mission is not None else "the configuration has no mission"
+        self._report_name = ""
+        self._gains = _gains_of(config.mission)
+
+    def join(self, browser: str) -> bool:
+        """Give control to a browser if none has it; return whether it has it now."""
+        with self._lock:
+            self._controller = self._controller or browser
+            return self._controller == browser
+
+    def leave(self, browser: str) -> None:
+        """Note that a browser is gone; commands by hand expire on their own."""
+        with self._lock:
+            if self._controller == browser:
+                self._controller = None
+                self._armed_until_ns = 0
+
+    def arm(self, browser: str) -> None:
+        """Allow one start of the real rover within 30 s.
+
+        Raises:
+            ConfigError: The browser is not in control.
+        """
+        with self._lock:
+            self._require_control(browser)
+            self._armed_until_ns = self._clock.now_ns() + nanoseconds(ARMED_S)
+
+    def start(
+        self,
+        browser: str,
+        kind: Kind,
+        *,
+        is_real: bool,
+        points: tuple[tuple[float, float], ...] = (),
+    ) -> None:
+        """Start a run; with the present gains.
+
+        Raises:
+            ConfigError: The browser is not in control, something runs, the rover is not armed, or it cannot
+                drive this.
+        """
+        with self._lock:
+            self._require_control(browser)
+            if self._state is not State.IDLE:
+                raise ConfigError(f"a run is {self._state.value}: wait for its end, or stop it")
+            if is_real and self._clock.now_ns() >= self._armed_until_ns:
+                raise ConfigError(
+                    "the real rover is not armed: check its surroundings, then arm it and start"
+                )
+            if not is_real:
+                self.config.require_simulation()
+            config = self._config_for(kind, points)
+            name = self._free_name()
+            self._armed_until_ns = 0
+            self._order = RunOrder(
+                config=config,
+                log_path=self.folder / name / LOG_NAME,
+                limit_s=BY_HAND_LIMIT_S if kind is Kind.BY_HAND else config.loop.time_limit_s,
+                is_virtual=not is_real,
+            )
+            self._kind = kind
+            self._is_paused = False
+            self._message = ""
+            self._report_name = ""
+            self._run += 1
+            self._views.clear()
+            self._state = State.STARTING
+            self._process.send(self._order)
+
+    def pause(self, browser: str, *, is_paused: bool) -> None:
+        """Pause or resume the run; raises ConfigError as `arm`."""
+        with self._lock:
+            self._operate(browser, OperatorInput(is_paused=is_paused))
+            self._is_paused = is_paused
+
+    def stop(self, browser: str) -> None:
+        """End the run; raises ConfigError as `arm`."""
+        with self._lock:
+            self._operate(browser, EndOrder(end=End.STOPPED_BY_USER, reason="stopped by the user"))
+
+    def emergency_stop(self) -> None:
+        """End the run, whoever asks; nothing happens where nothing runs."""
+        with self._lock:
+            self._armed_until_ns = 0
+            if self._order is not None:
+                reason = "emergency stop pressed on the page"
+                self._process.send(EndOrder(end=End.EMERGENCY_STOP, reason=reason))
+
+    def drive(self, browser: str, motion: BodyMotion) -> None:
+        """Drive by hand; raises ConfigError as `arm`."""
+        with self._lock:
+            if self._kind is Kind.BY_HAND and all(map(math.isfinite, motion)):
+                self._operate(browser, OperatorInput(motion=motion))
+
+    def gain_ranges(self) -> dict[str, tuple[float, float]]:
+        """Return the allowed range of each gain: that of [tune], else that of the key itself."""
+        mission = self.config.mission or ByHandMission(type="by_hand")
+        ranges = gain_ranges(self.config.model_copy(update={"mission": mission}))
+        tunable = {} if self.config.tune is None else self.config.tune.parameters
+        for name, (low, high) in ranges.items():
+            parameter = tunable.get(f"mission.{name}")
+            if parameter is not None:
+                ranges[name] = max(low, parameter.low), min(high, parameter.high)
+        return ranges
+
+    def set_gain(self, browser: str, name: str, value: float) -> None:
+        """Change a gain of the run, or of the next one.
+
+        Raises:
+            ConfigError: The value is outside its range, or the browser is not in control.
+        """
+        with self._lock:
+            self._require_control(browser)
+            check_gains(self.gain_ranges(), {name: value})
+            self._gains[name] = value
+            if self._order is not None:
+                self._process.send(OperatorInput(gains={name: value}))
+
+    def snapshot(self, number: int, most: int) -> Snapshot:
+        """Return the present state and at most so many views after a number, the newest ones."""
+        with self._lock:
+            count = min(self._number - number, most, len(self._views))
+            order = self._order
+            mission = None if order is None else order.config.mission
+            return Snapshot(
+                number=self._number,
+                views=list(self._views)[-count:] if count > 0 else [],
+                state=self._state,
+                run=self._run,
+                is_real=order is not None and not order.is_virtual,
+                kind=self._kind,
+                is_paused=self._is_paused,
+                is_armed=self._clock.now_ns() < self._armed_until_ns,
+                message=self._message,
+                run_name="" if order is None else order.log_path.parent.name,
+                report_name=self._report_name,
+                mission=_corners(self.config.mission if mission is None else mission),
+                log_bytes=_size(order),
+                controller=self._controller,
+                gains=dict(self._gains),
+            )
+
+    def close(self) -> None:
+        """End the run and its process."""
+        with self._lock:
+            self._is_closing = True
+        self._process.close()
+
+    def _require_control(self, browser: str) -> None:
+        if browser != self._controller:
+            raise ConfigError(NOT_IN_CONTROL)
+
+    def _operate(self, browser: str, order: Order) -> None:
+        self._require_control(browser)
+        if self._order is not None:
+            self._process.send(order)
+
+    def _config_for(self, kind: Kind, points: tuple[tuple[float, float], ...]) -> Config:
+        config, update = self.config, dict[str, object]()
+        mission = config.mission
+        path = {} if mission is None else mission.model_dump(include=set(PathSettings.model_fields))
+        if kind is Kind.BY_HAND:
+            mission = ByHandMission.model_validate({**path, "type": "by_hand", "heading": "along_path"})
+            if config.slip is not None and config.slip.use == YAW_PROBE:
+                # The excitation would turn a rover that someone drives.
+                update["slip"] = config.slip.model_copy(update={"use": SURFACES})
+        elif kind is Kind.WAYPOINTS:
+            _check_points(points)
+            mission = WaypointsMission.model_validate({**path, "type": "waypoints", "points": points})
+        if mission is None:
+            raise ConfigError("the configuration has no mission: add [mission], or drive by hand")
+        mission = mission.model_copy(update=self._gains)
+        kinematics = make_kinematics(config.rover)
+        for conflict in find_mission_conflicts(
+            mission,
+            kinematics.moves_sideways,
+            turns_on_spot=kinematics.turns_on_spot,
+            crab_limit_rad=kinematics.crab_limit_rad,
+        ):
+            raise ConfigError(conflict)
+        return config.model_copy(update={**update, "mission": mission})
+
+    def _free_name(self) -> str:
+        name = f"{self._stem}-{wall_time_text()}"
+        while (self.folder / name).exists():
+            name += "-2"
+        return name
+
+    def _make_process(self) -> LoopProcess:
+        return LoopProcess(*self._functions, self._take)
+
+    def _take(self, notice: Notice) -> None:
+        with self._lock:
+            if notice["kind"] == "view":
+                self._state = State.RUNNING
+                self._views.append(notice)
+                self._number += 1
+            elif notice["kind"] == "ended":
+                self._state = State.REPORTING
+                self._message = notice["reason"]
+            else:
+                if notice["kind"] == "failed":
+                    self._message = notice["error"]
+                elif self._order is not None:
+                    self._report_name = self._order.log_path.parent.name
+                self._order = None
+                self._state = State.IDLE
+                if not self._is_closing:
+                    self._process = self._make_process()
+
+
+def _gains_of(mission: MissionSettings | None) -> dict[str, float]:
+    settings = mission or ByHandMission(type="by_hand")
+    return {name: float(getattr(settings, name)) for name in GAIN_UNITS}
+
+
+def _check_points(points: tuple[tuple[float, float], ...]) -> None:
+    if not points:
+        raise ConfigError("there are no way-points: click into the picture of the path first")
+    for number, point in enumerate(points, start=1):
+        if not all(abs(value) <= LARGEST_COORDINATE_M for value in point):
+            x_m, y_m = point
+            raise ConfigError(
+                f"way-point {number} at {x_m:g}, {y_m:g} m is outside -{LARGEST_COORDINATE_M:g} .. "
+                f"{LARGEST_COORDINATE_M:g} m: clear the way-points and set them again"
+            )
+
+
+def _corners(mission: MissionSettings | None) -> list[tuple[float, float]]:
+    return [] if mission is None or isinstance(mission, ByHandMission) else list(corner_points(mission))
+
+
+def _size(order: RunOrder | None) -> int:
+    try:
+        return 0 if order is None else order.log_path.stat().st_size
+    except OSError:
+        return 0

@@ -1,0 +1,383 @@
+"use strict";
+// Draws what the server streams, and sends the emergency stop and driving by hand. Everything else is NiceGUI's.
+
+const MOST_POINTS = 6000, SHOWN_S = 60, DRIVE_MS = 50, SILENT_MS = 1500;
+const RUN_COLOURS = ["#9b4dca", "#0f8a5f"];
+const WHEEL_COLOURS = ["#0b63ce", "#e07a00", "#0f8a5f", "#9b4dca", "#c0398a", "#7a8b00", "#0f7f9c", "#8a5a2b"];
+const live = { run: -1, state: {}, last: null, x: [], y: [], ox: [], oy: [], t: [], series: {} };
+let opened = [], points = [], heardMs = performance.now(), view = null;
+const byId = (id) => document.getElementById(id);
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+// ---- stream ----
+
+function begin(run) {
+  Object.assign(live, { run, last: null, x: [], y: [], ox: [], oy: [], t: [], series: {} });
+}
+
+function put(chart, name, t, value) {
+  const curves = (live.series[chart] ??= {});
+  const curve = (curves[name] ??= { x: [], y: [] });
+  curve.x.push(t);
+  curve.y.push(value);
+  while (curve.x.length && curve.x[0] < t - SHOWN_S) { curve.x.shift(); curve.y.shift(); }
+}
+
+function unwrapped(chart, name, degrees) {
+  const curve = live.series[chart]?.[name];
+  const before = curve?.y.length ? curve.y[curve.y.length - 1] : null;
+  return before === null ? degrees : degrees + 360 * Math.round((before - degrees) / 360);
+}
+
+const toDegrees = 180 / Math.PI;
+const zero = {};
+
+function take(v) {
+  live.last = v;
+  for (const [list, value] of [[live.x, v.pose[0]], [live.y, v.pose[1]], [live.ox, v.odometry[0]], [live.oy, v.odometry[1]]]) {
+    list.push(value);
+    if (list.length > MOST_POINTS) list.splice(0, list.length, ...list.filter((_, index) => index % 2));
+  }
+  v.slip.forEach((value, index) => put("slip", v.slip_names[index], v.t_s, value === null ? NaN : 100 * value));
+  v.current_a.forEach((value, index) => { if (value !== null) put("currents", "wheel " + index, v.t_s, value); });
+  put("headings", "estimate", v.t_s, unwrapped("headings", "estimate", v.pose[2] * toDegrees));
+  put("headings", "encoders", v.t_s, unwrapped("headings", "encoders", v.odometry[2] * toDegrees));
+  for (const [name, value] of Object.entries(v.headings)) {
+    if (!live.series.headings[name]) zero[name] = value - v.pose[2];
+    put("headings", name, v.t_s, unwrapped("headings", name, (value - zero[name]) * toDegrees));
+  }
+  put("cycles", "work", v.t_s, v.work_us / 1000);
+  put("cycles", "late", v.t_s, v.late_us / 1000);
+}
+
+function receive(event) {
+  heardMs = performance.now();
+  const data = JSON.parse(event.data);
+  if (data.run !== live.run) begin(data.run);
+  live.state = data;
+  data.views.forEach(take);
+  showWords();
+}
+
+function showWords() {
+  const data = live.state, v = live.last;
+  const silent = performance.now() - heardMs > SILENT_MS;
+  let mode = data.state === "running" && v ? v.mode.replace("_", " ") : data.state || "connecting";
+  if (silent) mode = "not connected";
+  const badge = byId("bench-mode");
+  badge.textContent = mode;
+  badge.dataset.mode = mode;
+  const words = [];
+  if (data.is_real) words.push("REAL ROVER");
+  if (v && data.state === "running") words.push(v.t_s.toFixed(1) + " s", v.reason);
+  words.push(data.message);
+  byId("bench-words").textContent = words.filter(Boolean).join(" · ");
+  byId("bench-words").title = byId("bench-words").textContent;
+  showTables(v, data);
+}
+
+function cell(text, kind) {
+  const element = document.createElement("td");
+  element.textContent = text;
+  if (kind) element.className = kind;
+  return element;
+}
+
+function fill(id, rows) {
+  const body = byId(id);
+  if (!body) return;
+  body.replaceChildren(...rows.map((cells) => {
+    const row = document.createElement("tr");
+    row.replaceChildren(...cells);
+    return row;
+  }));
+}
+
+function showTables(v, data) {
+  if (!v) return;
+  fill("bench-devices", v.devices.map((device) => [
+    cell(device.name),
+    cell(device.state, device.state === "streaming" ? "good" : "bad"),
+    cell(device.rate_hz.toFixed(0) + " Hz"),
+    cell(device.age_s === null ? "–" : (1000 * device.age_s).toFixed(0) + " ms"),
+    cell(device.reason, "bad"),
+  ]));
+  const sigma = Math.sqrt(Math.max(v.covariance[0] + v.covariance[2], 0));
+  fill("bench-facts", [
+    ["position", `${v.pose[0].toFixed(3)}, ${v.pose[1].toFixed(3)} m ± ${(100 * sigma).toFixed(1)} cm`],
+    ["yaw", `${(v.pose[2] * toDegrees).toFixed(1)}° ± ${(Math.sqrt(Math.max(v.covariance[3], 0)) * toDegrees).toFixed(1)}°`],
+    ["beside the path", v.cross_track_m === null ? "–" : (100 * v.cross_track_m).toFixed(1) + " cm"],
+    ["set-points", v.set_rad_s.map((speed) => speed.toFixed(2)).join(" / ") + " rad/s" + (v.limit === "none" ? "" : ", limit: " + v.limit)],
+    ["log", data.run_name ? `${data.run_name}, ${(data.log_bytes / 1e6).toFixed(2)} MB, ${v.cycles} cycles` : "closed"],
+    ["slip not valid", v.slip_reason || "–"],
+    ["behind real time", v.lost_s > 0.05 ? v.lost_s.toFixed(1) + " s: this computer is too slow" : "no"],
+  ].map(([name, value]) => [cell(name), cell(value)]));
+}
+
+// ---- drawing ----
+
+function prepared(canvas) {
+  const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  context.font = "11px system-ui, 'DejaVu Sans', sans-serif";
+  return [context, width, height];
+}
+
+function niceStep(span, count) {
+  const raw = span / Math.max(count, 1), power = 10 ** Math.floor(Math.log10(raw));
+  return power * [1, 2, 5, 10].find((factor) => factor * power >= raw);
+}
+
+function label(value, step) {
+  return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+}
+
+function line(context, xs, ys, toX, toY, style, width = 1.8, dash = []) {
+  context.strokeStyle = style;
+  context.lineWidth = width;
+  context.setLineDash(dash);
+  context.beginPath();
+  let isDown = false;
+  for (let index = 0; index < xs.length; index++) {
+    if (!Number.isFinite(ys[index])) { isDown = false; continue; }
+    const x = toX(xs[index]), y = toY(ys[index]);
+    if (isDown) context.lineTo(x, y); else context.moveTo(x, y);
+    isDown = true;
+  }
+  context.stroke();
+  context.setLineDash([]);
+}
+
+function legend(context, entries, x, y) {
+  for (const [name, style] of entries) {
+    context.fillStyle = style;
+    context.fillRect(x, y - 4, 12, 3);
+    context.fillStyle = colour("--ink");
+    context.fillText(name, x + 16, y);
+    x += 28 + context.measureText(name).width;
+  }
+}
+
+function drawPath(canvas) {
+  const [context, width, height] = prepared(canvas);
+  const mission = live.state.mission || [];
+  const xs = [0, ...mission.map((p) => p[0]), ...points.map((p) => p[0])];
+  const ys = [0, ...mission.map((p) => p[1]), ...points.map((p) => p[1])];
+  const extend = (list, values) => { for (const value of values) list.push(value); };
+  extend(xs, live.x); extend(xs, live.ox); extend(ys, live.y); extend(ys, live.oy);
+  for (const run of opened) for (const curve of run.paths) { extend(xs, curve.x); extend(ys, curve.y); }
+  const bound = (list, pick) => list.reduce((a, b) => pick(a, b));
+  const [x0, x1, y0, y1] = [bound(xs, Math.min), bound(xs, Math.max), bound(ys, Math.min), bound(ys, Math.max)];
+  const margin = 44, span = Math.max(x1 - x0, 0.4), rise = Math.max(y1 - y0, 0.4);
+  const scale = Math.min((width - 2 * margin) / span, (height - 2 * margin) / rise);
+  const toX = (x) => width / 2 + scale * (x - (x0 + x1) / 2), toY = (y) => height / 2 - scale * (y - (y0 + y1) / 2);
+  view = { toWorld: (px, py) => [(px - width / 2) / scale + (x0 + x1) / 2, (height / 2 - py) / scale + (y0 + y1) / 2] };
+  const step = niceStep(width / scale, 8);
+  context.strokeStyle = colour("--line");
+  context.fillStyle = colour("--faint");
+  context.lineWidth = 1;
+  const [left, top] = view.toWorld(0, 0), [right, bottom] = view.toWorld(width, height);
+  for (let x = Math.ceil(left / step) * step; x <= right; x += step) {
+    context.beginPath(); context.moveTo(toX(x), 0); context.lineTo(toX(x), height - 16); context.stroke();
+    context.fillText(label(x, step) + " m", toX(x) - 10, height - 4);
+  }
+  for (let y = Math.ceil(bottom / step) * step; y <= top; y += step) {
+    context.beginPath(); context.moveTo(0, toY(y)); context.lineTo(width, toY(y)); context.stroke();
+    context.fillText(label(y, step), 2, toY(y) - 3);
+  }
+  line(context, mission.map((p) => p[0]), mission.map((p) => p[1]), toX, toY, colour("--mission"), 1.5, [6, 5]);
+  const entries = [["mission", colour("--mission")], ["encoders", colour("--encoders")], ["estimate", colour("--estimate")]];
+  opened.forEach((run, index) => {
+    for (const curve of run.paths) {
+      const dash = curve.name === "encoders" ? [2, 4] : curve.name === "truth" ? [9, 4] : [];
+      line(context, curve.x, curve.y, toX, toY, RUN_COLOURS[index % 2], 1.6, dash);
+    }
+    entries.push([run.name, RUN_COLOURS[index % 2]]);
+  });
+  line(context, live.ox, live.oy, toX, toY, colour("--encoders"), 1.4);
+  line(context, live.x, live.y, toX, toY, colour("--estimate"), 2.2);
+  if (points.length) {
+    const all = [[0, 0], ...points];
+    line(context, all.map((p) => p[0]), all.map((p) => p[1]), toX, toY, colour("--good"), 1.6, [3, 3]);
+    context.fillStyle = colour("--good");
+    points.forEach((p, index) => {
+      context.beginPath(); context.arc(toX(p[0]), toY(p[1]), 4, 0, 7); context.fill();
+      context.fillText(String(index + 1), toX(p[0]) + 6, toY(p[1]) - 6);
+    });
+  }
+  if (live.last) drawRover(context, live.last, toX, toY, scale);
+  if (width > 420 || entries.length < 4) legend(context, entries, 40, 14);
+  else { legend(context, entries.slice(0, 3), 40, 14); legend(context, entries.slice(3), 40, 28); }
+}
+
+function drawRover(context, v, toX, toY, scale) {
+  const [xx, xy, yy] = v.covariance, [x, y, yaw] = v.pose;
+  const mean = (xx + yy) / 2, half = Math.hypot((xx - yy) / 2, xy);
+  const long = 2 * Math.sqrt(Math.max(mean + half, 0)), short = 2 * Math.sqrt(Math.max(mean - half, 0));
+  const turn = 0.5 * Math.atan2(2 * xy, xx - yy);
+  context.save();
+  context.translate(toX(x), toY(y));
+  context.rotate(-turn);
+  context.beginPath();
+  context.ellipse(0, 0, Math.max(long * scale, 1), Math.max(short * scale, 1), 0, 0, 7);
+  context.fillStyle = colour("--estimate") + "33";
+  context.strokeStyle = colour("--estimate");
+  context.lineWidth = 1;
+  context.fill();
+  context.stroke();
+  context.rotate(turn - yaw);
+  context.beginPath();
+  context.moveTo(14, 0); context.lineTo(-9, 8); context.lineTo(-5, 0); context.lineTo(-9, -8); context.closePath();
+  context.fillStyle = colour("--estimate");
+  context.fill();
+  context.restore();
+}
+
+function drawSeries(canvas, chart) {
+  const [context, width, height] = prepared(canvas);
+  const isLive = Object.keys(live.series[chart] || {}).length > 0;
+  const curves = [];
+  Object.entries(live.series[chart] || {}).forEach(([name, curve], index) => {
+    const named = { estimate: colour("--estimate"), encoders: colour("--encoders"), work: colour("--estimate"), late: colour("--encoders") };
+    curves.push({ name, x: curve.x, y: curve.y, style: named[name] || WHEEL_COLOURS[index % WHEEL_COLOURS.length] });
+  });
+  if (!isLive) opened.forEach((run, run_index) => run[chart].forEach((curve, index) => {
+    const style = opened.length > 1 ? RUN_COLOURS[run_index] : WHEEL_COLOURS[index % WHEEL_COLOURS.length];
+    curves.push({ ...curve, style, dash: opened.length > 1 && index ? [2 + index, 3] : [] });
+  }));
+  const values = curves.flatMap((curve) => curve.y.filter(Number.isFinite));
+  context.fillStyle = colour("--faint");
+  if (!values.length) {
+    context.fillText(chart === "slip" ? "no valid slip yet, or no slip estimation configured" : "no data yet", 46, height / 2);
+    return;
+  }
+  const extreme = (list, pick) => list.reduce((a, b) => pick(a, b));
+  let low = Math.min(0, extreme(values, Math.min)), high = Math.max(0, extreme(values, Math.max));
+  if (high - low < 1e-9) high = low + 1;
+  const times = curves.flatMap((curve) => [curve.x[0], curve.x[curve.x.length - 1]]).filter(Number.isFinite);
+  const end = Math.max(...times), begin = isLive ? Math.max(0, end - SHOWN_S) : Math.min(...times);
+  const left = 44, top = 20, bottom = height - 16;
+  const toX = (t) => left + (width - left - 6) * (t - begin) / Math.max(end - begin, 1e-3);
+  const toY = (value) => bottom - (bottom - top) * (value - low) / (high - low);
+  const step = niceStep(high - low, 4);
+  context.lineWidth = 1;
+  context.strokeStyle = colour("--line");
+  for (let value = Math.ceil(low / step) * step; value <= high + 1e-9; value += step) {
+    context.beginPath(); context.moveTo(left, toY(value)); context.lineTo(width, toY(value)); context.stroke();
+    context.textAlign = "right";
+    context.fillText(label(value, step), left - 5, toY(value) + 4);
+  }
+  context.textAlign = "left";
+  const timeStep = niceStep(Math.max(end - begin, 1e-3), 5);
+  for (let t = Math.ceil(begin / timeStep) * timeStep; t <= end; t += timeStep) context.fillText(label(t, timeStep) + " s", toX(t) - 8, height - 3);
+  for (const curve of curves) line(context, curve.x, curve.y, toX, toY, curve.style, 1.5, curve.dash);
+  const shown = opened.length > 1 && !isLive ? opened.map((run, index) => [run.name, RUN_COLOURS[index]]) : curves.map((curve) => [curve.name, curve.style]);
+  legend(context, shown, left, 11);
+}
+
+function draw() {
+  for (const canvas of document.querySelectorAll("canvas[data-chart]")) {
+    if (!canvas.clientWidth) continue;
+    if (canvas.dataset.chart === "path") drawPath(canvas);
+    else drawSeries(canvas, canvas.dataset.chart);
+  }
+}
+
+// ---- orders ----
+
+function emergencyStop() {
+  fetch("/stop", { method: "POST", keepalive: true }).then((answer) => {
+    if (!answer.ok) alert("The emergency stop was refused: stop the rover by hand.");
+  }).catch(() => alert("The emergency stop did not arrive: stop the rover by hand."));
+}
+
+const KEYS = { ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0], ArrowLeft: [0, 1], KeyA: [0, 1], ArrowRight: [0, -1], KeyD: [0, -1] };
+const SIDES = { KeyQ: 1, KeyE: -1 };
+const held = new Set();
+let stick = null, wasDriving = false;
+
+function driving() {
+  let forward = 0, turn = 0, left = 0;
+  for (const code of held) {
+    if (KEYS[code]) { forward += KEYS[code][0]; turn += KEYS[code][1]; }
+    left += SIDES[code] || 0;
+  }
+  if (stick) { forward += stick[1]; turn -= stick[0]; }
+  return [forward, left, turn].map((share) => Math.max(-1, Math.min(1, share)));
+}
+
+function repeatDriving() {
+  const wanted = driving(), isDriving = wanted.some((share) => share !== 0);
+  if ((isDriving || wasDriving) && live.state.kind === "by hand" && live.state.state === "running") emitEvent("drive", wanted);
+  wasDriving = isDriving;
+}
+
+function isTyping(event) {
+  return ["INPUT", "TEXTAREA"].includes(event.target.tagName);
+}
+
+function onKey(event) {
+  if (event.type === "keydown" && event.code === "Escape") { emergencyStop(); return; }
+  if (isTyping(event) || !(KEYS[event.code] || SIDES[event.code]) || live.state.kind !== "by hand") return;
+  event.preventDefault();
+  const before = held.size;
+  if (event.type === "keydown") held.add(event.code); else held.delete(event.code);
+  if (held.size !== before) repeatDriving();
+}
+
+function letGo() { held.clear(); moveStick(null); repeatDriving(); }
+
+function moveStick(share) {
+  stick = share;
+  const knob = byId("bench-knob");
+  if (knob) knob.style.transform = share ? `translate(${49 * share[0]}px, ${-49 * share[1]}px)` : "";
+}
+
+function onStick(event) {
+  const base = byId("bench-stick");
+  if (!base) return;
+  if (event.type === "pointerdown" && base.contains(event.target)) { base.setPointerCapture(event.pointerId); base.dataset.held = "1"; }
+  if (!base.dataset.held) return;
+  if (event.type === "pointerup" || event.type === "pointercancel") { delete base.dataset.held; moveStick(null); repeatDriving(); return; }
+  const box = base.getBoundingClientRect();
+  const x = (event.clientX - box.left - box.width / 2) / (box.width / 2), y = (box.top + box.height / 2 - event.clientY) / (box.height / 2);
+  const length = Math.max(1, Math.hypot(x, y));
+  moveStick([x / length, y / length]);
+}
+
+function onClick(event) {
+  if (event.target.dataset?.chart !== "path" || !view) return;
+  const box = event.target.getBoundingClientRect();
+  points.push(view.toWorld(event.clientX - box.left, event.clientY - box.top).map((value) => Math.round(1000 * value) / 1000));
+  emitEvent("points", points);
+}
+
+// ---- what the server calls ----
+
+window.bench = {
+  open: (runs) => { opened = runs; },
+  clearPoints: () => { points = []; emitEvent("points", points); },
+};
+
+byId("bench-stop").addEventListener("click", emergencyStop);
+for (const name of ["keydown", "keyup"]) addEventListener(name, onKey);
+for (const name of ["pointerdown", "pointermove", "pointerup", "pointercancel"]) addEventListener(name, onStick);
+addEventListener("click", onClick);
+addEventListener("blur", letGo);
+document.addEventListener("visibilitychange", () => { if (document.hidden) letGo(); });
+setInterval(repeatDriving, DRIVE_MS);
+setInterval(showWords, 500);
+const source = new EventSource("/stream");
+source.onmessage = receive;
+let drawnMs = 0;
+function frame(now) {
+  if (now - drawnMs > 60) { drawnMs = now; draw(); }
+  requestAnimationFrame(frame);
+}
+requestAnimationFrame(frame);

@@ -1,0 +1,116 @@
+"""What a page shows of a running loop, and what a page orders: plain data between two processes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from typing_extensions import TypedDict
+
+from controllers.operator import OperatorInput
+from rover_hil.config import Config
+from rover_hil.run.executive import End
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOrder:
+    """Run a rover.
+
+    Attributes:
+        config: As to be run, its mission included.
+        log_path: Log to write; the report goes beside it.
+        limit_s: End after this time.
+        is_virtual: Run the simulated rover.
+    """
+
+    config: Config
+    log_path: Path
+    limit_s: float
+    is_virtual: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndOrder:
+    """End the run."""
+
+    end: End
+    reason: str
+
+
+Order: TypeAlias = OperatorInput | EndOrder
+
+
+class DeviceView(TypedDict):
+    """Health of one device; `age_s` is None before its first sample."""
+
+    name: str
+    state: str
+    rate_hz: float
+    age_s: float | None
+    reason: str
+
+
+class View(TypedDict):
+    """What a page shows of a cycle.
+
+    Attributes:
+        t_s: Time since the first cycle.
+        pose: x and y in m, yaw in rad, by the filter; `odometry` by the wheels alone.
+        covariance: xx, xy, yy in m2 and yaw in rad2.
+        headings: Yaw of each heading device in rad, from an arbitrary zero.
+        slip: Slip ratio of each wheel, or of the rover where only that is estimated; None where not valid.
+        slip_names: What each entry of `slip` is.
+        slip_reason: Why the first entry that is not valid is not.
+        current_a: Newest current of each wheel; None before the first.
+        set_rad_s: Set-points as sent.
+        work_us: Longest time of a cycle since the view before; `late_us` likewise.
+        gains: Gains that the operator has changed.
+        lost_s: Real time by which a simulated run has fallen behind.
+        dropped: Views that the page was too slow to take.
+    """
+
+    kind: Literal["view"]
+    t_s: float
+    mode: str
+    reason: str
+    pose: tuple[float, float, float]
+    odometry: tuple[float, float, float]
+    covariance: tuple[float, float, float, float]
+    headings: dict[str, float]
+    slip: list[float | None]
+    slip_names: list[str]
+    slip_reason: str
+    current_a: list[float | None]
+    set_rad_s: Sequence[float]
+    limit: str
+    cross_track_m: float | None
+    devices: list[DeviceView]
+    work_us: float
+    late_us: float
+    cycles: int
+    gains: Mapping[str, float]
+    lost_s: float
+    dropped: int
+
+
+class Ended(TypedDict):
+    """The run has ended; the report is being written."""
+
+    kind: Literal["ended"]
+    reason: str
+
+
+class Reported(TypedDict):
+    """The report has been written."""
+
+    kind: Literal["reported"]
+
+
+class Failed(TypedDict):
+    """The run could not begin or go on, or its report could not be written."""
+
+    kind: Literal["failed"]
+    error: str
+
+
+Notice: TypeAlias = View | Ended | Reported | Failed

@@ -1,0 +1,116 @@
+"""A served page and a headless browser on it."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from drivers.clock import SystemClock, nanoseconds
+from rover_hil.config import read_config_text
+
+if TYPE_CHECKING:
+    from selenium.webdriver.remote.webelement import WebElement
+
+ROOT = Path(__file__).parents[3]
+WAIT_S = 40.0
+CONFIG = "rover.toml"
+
+
+def missing() -> str:
+    """Return what a test in a browser lacks here; "" for nothing."""
+    lacking = [name for name in ("nicegui", "selenium") if find_spec(name) is None]
+    lacking += [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
+    return f"not installed: {', '.join(lacking)}" if lacking else ""
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[str]:
+    """Serve the page of a Robotino whose runs begin soon; give its address."""
+    text = read_config_text("robotino").replace("settle_s = 3.0", "settle_s = 0.2")
+    (folder / CONFIG).write_text(text.replace('use = "yaw_probe"', 'use = "surfaces"'))
+    command = [sys.executable, "-c", "from rover_hil.app.program import main; main()"]
+    with subprocess.Popen(
+        [*command, "bench", CONFIG, "--port", "0", "--out", "runs"],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line.startswith("page: ")
+        yield line.removeprefix("page: ").strip()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=WAIT_S)
+    assert process.returncode == 0
+
+
+class Page:
+    """The page in a browser of its own."""
+
+    def __init__(self, url: str) -> None:
+        from selenium import webdriver
+
+        options = webdriver.ChromeOptions()
+        options.binary_location = shutil.which("chromium") or ""
+        for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu"):
+            options.add_argument(argument)
+        options.add_argument("--window-size=1400,1400")
+        service = webdriver.ChromeService(
+            shutil.which("chromedriver") or "", popen_kw={"start_new_session": True}
+        )
+        self.driver = webdriver.Chrome(options=options, service=service)
+        self._group = service.process.pid
+        self._clock = SystemClock()
+        self.driver.get(url)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        with suppress(Exception):
+            self.driver.quit()
+        self.kill()
+
+    def kill(self) -> None:
+        """Let the browser disappear without a word."""
+        with suppress(ProcessLookupError):
+            os.killpg(self._group, signal.SIGKILL)
+
+    def wait(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait for a condition."""
+        deadline_ns = self._clock.now_ns() + nanoseconds(WAIT_S)
+        while not condition():
+            assert self._clock.now_ns() < deadline_ns, f"{what}: {self.mode!r}, {self.text('bench-words')!r}"
+            self._clock.sleep_until(self._clock.now_ns() + 50_000_000)
+
+    def text(self, name: str) -> str:
+        """Return the text of the element with an id."""
+        return str(
+            self.driver.execute_script("return document.getElementById(arguments[0]).textContent", name)
+        )
+
+    @property
+    def mode(self) -> str:
+        """What the page shows as the mode."""
+        return self.text("bench-mode")
+
+    def button(self, text: str) -> "WebElement":
+        """Return a button."""
+        self.wait(lambda: any(item.text.strip() == text for item in self._buttons()), f"no button {text!r}")
+        return next(item for item in self._buttons() if item.text.strip() == text)
+
+    def click(self, text: str) -> None:
+        """Click a button as soon as it is enabled."""
+        button = self.button(text)
+        self.wait(button.is_enabled, f"button {text!r} is not enabled")
+        button.click()
+
+    def _buttons(self) -> "list[WebElement]":
+        return self.driver.find_elements("tag name", "button")

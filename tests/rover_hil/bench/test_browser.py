@@ -1,0 +1,96 @@
+"""The page in a real browser: start, slider, pause, stop, two browsers, a lost browser."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import seconds
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.reader import LogReader
+from rover_hil.run.replay import replay
+from tests.rover_hil.bench.browser import Page, missing, serving
+
+pytestmark = [pytest.mark.skipif(bool(missing()), reason=missing() or "-"), pytest.mark.timeout(300)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bench")
+
+
+@pytest.fixture(scope="module")
+def url(folder: Path) -> Iterator[str]:
+    with serving(folder) as address:
+        yield address
+
+
+def newest_log(folder: Path) -> LogReader:
+    return LogReader(max(folder.glob("runs/*/run.mcap"), key=lambda path: path.stat().st_mtime))
+
+
+def messages(log: LogReader, topic: str) -> list[tuple[int, dict[str, object]]]:
+    return [(m.t_ns, json.loads(m.data)) for m in log.messages() if m.topic == topic]
+
+
+def test_a_run_is_started_watched_changed_paused_and_stopped_and_replays(url: str, folder: Path) -> None:
+    from selenium.webdriver import ActionChains, Keys
+
+    with Page(url) as page:
+        elsewhere = "return performance.getEntriesByType('resource').map(e => e.name)"
+        page.click("Start mission")
+        page.wait(lambda: page.mode == "running", "the run does not begin")
+        slider = page.driver.find_element("css selector", '[data-gain="lookahead_m"]')
+        ActionChains(page.driver).move_to_element(slider).click().perform()
+        number = page.driver.find_elements("css selector", ".bench-gain input")[0]
+        number.send_keys(Keys.CONTROL + "a")
+        number.send_keys("99", Keys.ENTER)
+        page.wait(lambda: "mission.speed_m_s is 99, outside" in page.driver.page_source, "no sentence")
+        page.click("Pause")
+        page.wait(lambda: page.mode == "paused", "no pause")
+        page.click("Resume")
+        page.wait(lambda: page.mode == "running", "no end of the pause")
+        with Page(url) as second:
+            second.wait(lambda: "Another browser is in control" in second.driver.page_source, "no sentence")
+            assert not second.button("Stop").is_enabled()
+            second.click("EMERGENCY STOP")
+        page.wait(lambda: page.mode == "idle", "no stop")
+        assert "emergency stop pressed on the page" in page.text("bench-words")
+        assert all(name.startswith(url) for name in page.driver.execute_script(elsewhere))
+        links = page.driver.find_elements("css selector", 'a[href^="/report/"]')
+        page.driver.get(links[0].get_attribute("href") or "")
+        assert "emergency stop" in page.driver.page_source
+    log = newest_log(folder)
+    inputs = [record for _, record in messages(log, "/operator")]
+    assert [record["is_paused"] for record in inputs if not record["gains"]] == [True, False]
+    (gains,) = {json.dumps(record["gains"]) for record in inputs if record["gains"]}
+    assert json.loads(gains) == {"lookahead_m": pytest.approx(0.765, abs=0.02)}  # the middle of 0.03 .. 1.5
+    with restore_config(log) as config:
+        assert replay(log, config, lambda: None).differences == []
+
+
+def test_a_browser_that_disappears_while_driving_by_hand_stops_the_rover(url: str, folder: Path) -> None:
+    from selenium.webdriver import ActionChains
+
+    with Page(url) as page:
+        page.click("Drive by hand")
+        page.wait(lambda: page.mode == "running", "the run does not begin")
+        ActionChains(page.driver).key_down("w").perform()
+        page.wait(lambda: not page.driver.execute_script(AT_REST), "the rover does not move")
+        page.kill()
+    with Page(url) as page:
+        page.wait(lambda: bool(page.driver.execute_script(AT_REST)), "the rover does not stop")
+        page.click("Stop")
+        page.wait(lambda: page.mode == "idle", "no end")
+    log = newest_log(folder)
+    motion_ns = [t_ns for t_ns, record in messages(log, "/operator") if record["motion"]]
+    commands = messages(log, "/command")
+    moving_ns = [t_ns for t_ns, record in commands if record["speed_rad_s"] != REST]
+    assert len(motion_ns) > 2
+    rest_ns = min(t_ns for t_ns, _ in commands if t_ns > moving_ns[-1])
+    assert seconds(rest_ns - motion_ns[-1]) <= 0.3
+
+
+REST = [0.0, 0.0, 0.0]
+AT_REST = "return live.last !== null && live.last.set_rad_s.every((speed) => speed === 0)"

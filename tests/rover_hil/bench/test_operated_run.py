@@ -1,0 +1,101 @@
+"""A run that someone operates is logged with every input, and replays exactly."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from controllers.operator import OperatorInput, check_gains, gain_ranges
+from controllers.safety import Mode
+from drivers.clock import seconds
+from drivers.errors import ConfigError
+from rover_hil.app.run import run_virtual
+from rover_hil.config import Config, load_config
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.reader import LogReader
+from rover_hil.run.executive import CycleView, End
+from rover_hil.run.replay import replay
+from tests.rover_hil.bench.rovers import by_hand, quick
+
+PLAN: Mapping[int, OperatorInput] = {
+    40: OperatorInput(gains={"lookahead_m": 0.5, "heading_gain_per_s": 3.0}),
+    60: OperatorInput(is_paused=True),
+    80: OperatorInput(is_paused=False, gains={"speed_m_s": 0.3}),
+}
+
+
+class Script:
+    """Operates by the number of the cycle, and keeps what it is shown."""
+
+    def __init__(self, plan: Mapping[int, OperatorInput], end_at: int) -> None:
+        self.views: list[CycleView] = []
+        self._plan = plan
+        self._end_at = end_at
+
+    def wanted(self) -> OperatorInput | None:
+        return self._plan.get(len(self.views))
+
+    def end(self) -> tuple[End, str] | None:
+        return (End.EMERGENCY_STOP, "pressed") if len(self.views) >= self._end_at else None
+
+    def show(self, view: CycleView) -> None:
+        self.views.append(view)
+
+
+def drive(config: Config, folder: Path, script: Script) -> Path:
+    path = folder / "run.mcap"
+    result = run_virtual(config, path, 30.0, None, operator=script)
+    assert (result.end, result.reason) == (End.EMERGENCY_STOP, "pressed")
+    return path
+
+
+def differences(path: Path) -> list[str]:
+    log = LogReader(path)
+    with restore_config(log) as config:
+        return [difference.field for difference in replay(log, config, lambda: None).differences]
+
+
+def test_a_pause_rests_and_a_new_gain_acts_and_all_replays(tmp_path: Path) -> None:
+    script = Script(PLAN, 120)
+    path = drive(quick(), tmp_path, script)
+    modes = [view.output.mode for view in script.views]
+    assert modes[59] is Mode.RUNNING
+    assert modes[60] is Mode.PAUSED
+    assert not any(any(view.sent.speed_rad_s) for view in script.views[60:80])
+    assert modes[81] is Mode.RUNNING
+    assert any(script.views[-1].sent.speed_rad_s)
+    assert differences(path) == []
+
+
+def test_without_the_records_of_the_operator_the_replay_differs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = drive(quick(), tmp_path, Script(PLAN, 120))
+    records = [
+        json.loads(message.data) for message in LogReader(path).messages() if message.topic == "/operator"
+    ]
+    assert [record["gains"] for record in records] == [PLAN[n].gains for n in (40, 60, 80)]
+    monkeypatch.setattr("rover_hil.run.replay._Replayer._operate", lambda *arguments: None)
+    assert "estimate.mode" in differences(path)
+
+
+def test_by_hand_the_rover_moves_while_told_and_stops_300_ms_after_the_last_word(tmp_path: Path) -> None:
+    words = {cycle: OperatorInput(motion=(0.1, 0.0, 0.2)) for cycle in range(30, 70, 3)}
+    script = Script(words, 120)
+    path = drive(by_hand(), tmp_path, script)
+    moving = [index for index, view in enumerate(script.views) if any(view.sent.speed_rad_s)]
+    assert moving[0] <= 32
+    last_word_ns, stopped_ns = (script.views[index].output.t_ns for index in (max(words), moving[-1] + 1))
+    assert seconds(stopped_ns - last_word_ns) <= 0.3
+    assert differences(path) == []
+
+
+def test_a_gain_outside_its_range_is_refused_with_one_sentence() -> None:
+    ranges = gain_ranges(load_config("robotino"))
+    with pytest.raises(ConfigError, match=r"mission.lookahead_m is 9, outside 0.02 .. 5 m"):
+        check_gains(ranges, {"lookahead_m": 9.0})
+    with pytest.raises(ConfigError, match=r"mission.length_m cannot be changed while the rover runs"):
+        check_gains(ranges, {"length_m": 1.0})
+    low_m_s, _ = ranges["speed_m_s"]
+    assert low_m_s == pytest.approx(0.5 * 0.04)  # slower, no stall could be noticed

@@ -1,0 +1,103 @@
+"""The loop's side of the page: nothing that the page does or fails to do delays the loop."""
+
+import queue
+from multiprocessing import Pipe
+from typing import cast
+
+import pytest
+
+from controllers.operator import OperatorInput
+from drivers.clock import VirtualClock, stopwatch_ns
+from drivers.link import NoTap
+from rover_hil.bench.loop_process import MOST_NOTICES, NoticeSender
+from rover_hil.bench.page_operator import PageOperator
+from rover_hil.bench.views import EndOrder, Notice, View
+from rover_hil.run.composition import build_virtual_rig
+from rover_hil.run.executive import CycleView, End
+from tests.rover_hil.bench.rovers import quick
+
+
+class Kept:
+    """Keeps notices, up to a number."""
+
+    def __init__(self, most: int) -> None:
+        self.items: list[Notice] = []
+        self._most = most
+
+    def put_nowait(self, item: Notice, /) -> None:
+        if len(self.items) >= self._most:
+            raise queue.Full
+        self.items.append(item)
+
+
+def cycles(count: int) -> list[CycleView]:
+    clock = VirtualClock()
+    rig, _ = build_virtual_rig(quick(), clock, NoTap())
+    rig.connect(1.0)
+    views = []
+    for _ in range(count):
+        clock.sleep_until(clock.now_ns() + 20_000_000)
+        views.append(CycleView(*rig.cycle(clock.now_ns()), rig.healths(), 1000, 2000))
+    rig.close()
+    return views
+
+
+CYCLES = cycles(40)
+
+
+def test_every_50_ms_a_cycle_is_shown() -> None:
+    theirs, _ours = Pipe(duplex=False)
+    kept = Kept(100)
+    operator = PageOperator(theirs, kept, 3, None)
+    for view in CYCLES:
+        operator.show(view)
+    shown = [cast("View", notice) for notice in kept.items]
+    assert len(shown) == pytest.approx(40 / 3, abs=1)
+    assert shown[-1]["current_a"] != [None] * 3
+    assert shown[-1]["devices"][0]["state"] == "streaming"
+    assert shown[-1]["work_us"] == 2.0
+
+
+def test_orders_of_one_cycle_are_one_input_and_the_newest_wins() -> None:
+    theirs, ours = Pipe(duplex=False)
+    operator = PageOperator(theirs, Kept(9), 3, None)
+    assert operator.wanted() is None
+    ours.send(OperatorInput(motion=(0.1, 0.0, 0.0), gains={"lookahead_m": 0.3}))
+    ours.send(OperatorInput(motion=(0.0, 0.0, 0.0), is_paused=True))
+    assert operator.wanted() == OperatorInput(
+        motion=(0.0, 0.0, 0.0), is_paused=True, gains={"lookahead_m": 0.3}
+    )
+    assert operator.end() is None
+    ours.send(EndOrder(end=End.EMERGENCY_STOP, reason="pressed"))
+    assert operator.wanted() is None
+    assert operator.end() == (End.EMERGENCY_STOP, "pressed")
+
+
+def test_a_run_ends_when_the_page_s_program_is_gone() -> None:
+    theirs, ours = Pipe(duplex=False)
+    operator = PageOperator(theirs, Kept(9), 3, None)
+    ours.close()
+    assert operator.wanted() is None
+    assert operator.end() == (End.TERMINATED, "the program of the page has ended")
+
+
+def test_a_page_that_stops_reading_drops_views_and_costs_the_loop_nothing() -> None:
+    orders, _ours = Pipe(duplex=False)
+    unread, notices = Pipe(duplex=False)
+    sender = NoticeSender(notices)
+    operator = PageOperator(orders, sender, 3, None)
+    longest_ns, costs_ns = 0, []
+    for number in range(3000):
+        view = CYCLES[number % len(CYCLES)]
+        output = view.output
+        later = CycleView(view.samples, output, view.sent, view.healths, 0, 0)
+        operator._next_ns = 0  # every cycle is shown
+        begun_ns = stopwatch_ns()
+        operator.wanted()
+        operator.show(later)
+        costs_ns.append(stopwatch_ns() - begun_ns)
+        longest_ns = max(longest_ns, costs_ns[-1])
+    assert operator._dropped > 3000 - 2 * MOST_NOTICES - 500
+    assert sorted(costs_ns)[len(costs_ns) // 2] < 300_000
+    unread.close()
+    sender.close()

@@ -1,0 +1,173 @@
+"""Who may order what, and what a run needs before it starts."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from controllers.motion.settings import ByHandMission, WaypointsMission
+from controllers.operator import OperatorInput
+from drivers.errors import ConfigError, LogError
+from rover_hil.bench import session as session_module
+from rover_hil.bench.finished_runs import find_report, list_runs, read_finished
+from rover_hil.bench.session import LOG_NAME, Kind, Session, State
+from rover_hil.bench.views import EndOrder, RunOrder
+from rover_hil.config import load_config
+from rover_hil.run.executive import End
+
+
+class FakeProcess:
+    """Keeps the orders of the session."""
+
+    orders: list[object]
+    take: object
+
+    def __init__(self, run: object, report: object, take: object) -> None:
+        FakeProcess.orders = []
+        FakeProcess.take = take
+
+    def send(self, order: object) -> None:
+        FakeProcess.orders.append(order)
+
+    def close(self) -> None:
+        """Nothing runs."""
+
+
+@pytest.fixture
+def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+    monkeypatch.setattr(session_module, "LoopProcess", FakeProcess)
+    session = Session(load_config("robotino"), tmp_path, "robotino", None, None)  # type: ignore[arg-type]
+    session.join("a")
+    yield session
+    session.close()
+
+
+def test_only_one_browser_is_in_control_but_everyone_may_stop(session: Session) -> None:
+    assert not session.join("b")
+    refusals: tuple[Callable[[], None], ...] = (
+        lambda: session.start("b", Kind.MISSION, is_real=False),
+        lambda: session.pause("b", is_paused=True),
+        lambda: session.stop("b"),
+        lambda: session.set_gain("b", "lookahead_m", 0.3),
+        lambda: session.arm("b"),
+    )
+    for refused in refusals:
+        with pytest.raises(ConfigError, match="another browser is in control"):
+            refused()
+    session.start("a", Kind.MISSION, is_real=False)
+    session.emergency_stop()
+    end = FakeProcess.orders[-1]
+    assert isinstance(end, EndOrder)
+    assert end.end is End.EMERGENCY_STOP
+    session.leave("a")
+    assert session.join("b")
+
+
+def test_a_real_run_needs_arming_each_time_and_for_half_a_minute(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ConfigError, match="the real rover is not armed"):
+        session.start("a", Kind.MISSION, is_real=True)
+    session.arm("a")
+    late_ns = session._clock.now_ns() + 31 * 10**9
+    with monkeypatch.context() as later:
+        later.setattr(type(session._clock), "now_ns", lambda clock: late_ns)
+        with pytest.raises(ConfigError, match="not armed"):
+            session.start("a", Kind.MISSION, is_real=True)
+    session.start("a", Kind.MISSION, is_real=True)
+    (order,) = FakeProcess.orders
+    assert isinstance(order, RunOrder)
+    assert not order.is_virtual
+    assert not session.snapshot(0, 0).is_armed
+
+
+@pytest.mark.parametrize("disarm", ["emergency stop", "lost browser"])
+def test_an_emergency_stop_and_a_lost_browser_disarm(session: Session, disarm: str) -> None:
+    session.arm("a")
+    if disarm == "lost browser":
+        session.leave("a")
+        session.join("a")
+    else:
+        session.emergency_stop()
+    with pytest.raises(ConfigError, match="not armed"):
+        session.start("a", Kind.MISSION, is_real=True)
+
+
+def test_a_second_run_waits_for_the_first(session: Session) -> None:
+    session.start("a", Kind.MISSION, is_real=False)
+    with pytest.raises(ConfigError, match="a run is starting"):
+        session.start("a", Kind.MISSION, is_real=False)
+    session._take({"kind": "ended", "reason": "mission finished"})
+    assert session.snapshot(0, 0).state is State.REPORTING
+    session._take({"kind": "reported"})
+    now = session.snapshot(0, 0)
+    assert (now.state, now.message) == (State.IDLE, "mission finished")
+    assert now.report_name.startswith("robotino-")
+
+
+def test_what_failed_is_shown_and_the_next_run_may_start(session: Session) -> None:
+    session.start("a", Kind.MISSION, is_real=False)
+    session._take({"kind": "failed", "error": "no device"})
+    assert session.snapshot(0, 0).message == "no device"
+    session.start("a", Kind.MISSION, is_real=False)
+
+
+def test_gains_move_within_the_range_of_tune_and_hold_for_the_next_run(session: Session) -> None:
+    assert session.gain_ranges()["lookahead_m"] == (0.03, 1.5)
+    with pytest.raises(ConfigError, match=r"mission.lookahead_m is 2, outside 0.03 .. 1.5 m"):
+        session.set_gain("a", "lookahead_m", 2.0)
+    session.set_gain("a", "lookahead_m", 0.7)
+    session.start("a", Kind.MISSION, is_real=False)
+    session.set_gain("a", "lookahead_m", 0.8)
+    order, change = FakeProcess.orders
+    assert isinstance(order, RunOrder)
+    assert order.config.mission is not None
+    assert order.config.mission.lookahead_m == 0.7
+    assert change == OperatorInput(gains={"lookahead_m": 0.8})
+
+
+def test_by_hand_the_yaw_is_not_excited(session: Session) -> None:
+    session.start("a", Kind.BY_HAND, is_real=False)
+    session.drive("a", (0.1, 0.0, 0.0))
+    order, motion = FakeProcess.orders
+    assert isinstance(order, RunOrder)
+    assert isinstance(order.config.mission, ByHandMission)
+    assert order.config.slip is not None
+    assert order.config.slip.use == "surfaces"
+    assert motion == OperatorInput(motion=(0.1, 0.0, 0.0))
+    session.drive("a", (float("nan"), 0.0, 0.0))
+    assert len(FakeProcess.orders) == 2
+
+
+def test_a_mission_takes_no_commands_by_hand(session: Session) -> None:
+    session.start("a", Kind.MISSION, is_real=False)
+    session.drive("a", (0.1, 0.0, 0.0))
+    assert len(FakeProcess.orders) == 1
+
+
+def test_way_points(session: Session) -> None:
+    with pytest.raises(ConfigError, match="there are no way-points"):
+        session.start("a", Kind.WAYPOINTS, is_real=False)
+    with pytest.raises(ConfigError, match="way-point 2 at 900, 0 m is outside"):
+        session.start("a", Kind.WAYPOINTS, is_real=False, points=((0.5, 0.0), (900.0, 0.0)))
+    with pytest.raises(ConfigError, match="leave the point out"):
+        session.start("a", Kind.WAYPOINTS, is_real=False, points=((0.5, 0.0), (0.5, 0.0)))
+    session.start("a", Kind.WAYPOINTS, is_real=False, points=((0.5, 0.2),))
+    (order,) = FakeProcess.orders
+    assert isinstance(order, RunOrder)
+    assert isinstance(order.config.mission, WaypointsMission)
+    assert order.config.mission.points == ((0.5, 0.2),)
+
+
+def test_only_runs_in_the_folder_are_read(tmp_path: Path) -> None:
+    (tmp_path / "secret").mkdir()
+    (tmp_path / "secret" / "report.html").write_text("page")
+    folder = tmp_path / "runs"
+    (folder / "one").mkdir(parents=True)
+    (folder / "one" / "report.html").write_text("page")
+    assert find_report(folder, "one") == folder / "one" / "report.html"
+    for name in ("../secret", "..", "", "two"):
+        assert find_report(folder, name) is None
+        with pytest.raises(LogError, match="there is no run"):
+            read_finished(folder, name, LOG_NAME)
+    assert list_runs(folder, LOG_NAME) == []
