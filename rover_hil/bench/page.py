@@ -56,11 +56,12 @@ class _Controls:
             with ui.element("div").classes("bench-column"):
                 self._build_run()
                 self._build_stick()
+                # Above the cards that grow, so that a slider does not move under the pointer.
+                self._build_gains()
                 with _card("Now", ""):
                     _table("bench-facts")
                 with _card("Devices", "state, rate, age of the newest sample"):
                     _table("bench-devices")
-                self._build_gains()
                 self._build_finished()
         ui.timer(REFRESH_S, self._refresh)
         ui.on("drive", self._drive, throttle=0.0)
