@@ -335,7 +335,8 @@ class EffortCompensator:
         turn_rad = increment.turn_rad if gyro_rate_rad_s is None else gyro_rate_rad_s * increment.duration_s
         is_known = not any(effort.unknown_work for effort in self.efforts)
         work_j = self._work_j(increment) if is_known else None
-        self._by_fixes.move(max(self._wheel_ns), complex(increment.x_m, increment.y_m), turn_rad, work_j)
+        # The odometry is known up to the oldest of the newest positions.
+        self._by_fixes.move(min(self._wheel_ns), increment, turn_rad, work_j)
 
     def _work_j(self, increment: BodyIncrement) -> float:
         return sum(

@@ -6,7 +6,9 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from controllers.estimation.odometry import BodyIncrement
 from controllers.slip.effort.parameters import EFFORT
+from drivers.clock import nanoseconds
 from drivers.samples import PoseFixSample
 
 
@@ -41,23 +43,28 @@ class SlipByFixes:
     """
 
     def __init__(self) -> None:
-        self._past: deque[_Moved] = deque([_Moved(0, 0j, 0.0, 0.0, 0)], maxlen=EFFORT.fixes.most_cycles)
+        self._past: deque[_Moved] = deque(maxlen=EFFORT.fixes.most_cycles)
         self._yaw_rad = 0.0
         # By device: each has a floor frame of its own.
         self._last: dict[str, tuple[_Moved, complex]] = {}
 
-    def move(self, t_ns: int, moved_m: complex, turn_rad: float, work_j: float | None) -> None:
-        """Take the motion and the work of the wheels in one cycle.
+    def move(self, t_ns: int, increment: BodyIncrement, turn_rad: float, work_j: float | None) -> None:
+        """Take the motion and the work of the wheels in one cycle; after a gap the comparison begins anew.
 
         Args:
             t_ns: Time at its end.
-            moved_m: In the body frame, without regard to slip.
+            increment: Without regard to slip.
             turn_rad: Turn of the body.
             work_j: None where it is unknown.
         """
+        start_ns = t_ns - nanoseconds(increment.duration_s)
+        # Durations are rounded to less than a microsecond.
+        if not self._past or abs(self._past[-1].t_ns - start_ns) > 1000:
+            self._past.clear()
+            self._past.append(_Moved(start_ns, 0j, 0.0, 0.0, 0))
+            self._last.clear()
         last = self._past[-1]
-        if t_ns <= last.t_ns:
-            return
+        moved_m = complex(increment.x_m, increment.y_m)
         step_m = moved_m * cmath.exp(1j * (self._yaw_rad + 0.5 * turn_rad))
         self._yaw_rad += turn_rad
         self._past.append(
