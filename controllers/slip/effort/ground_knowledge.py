@@ -58,6 +58,7 @@ class GroundKnowledge:
         self._curve = LearnedCurve(EFFORT.learning.jump_deviations * scatter_n) if learns else None
         self._window: ForceWindow | None = None
         self._age_s = 0.0
+        self._usable_age_s = 0.0  # of the newest half second that told about the ground
         self._known = _unknown("too little way so far")
 
     @property
@@ -70,6 +71,9 @@ class GroundKnowledge:
     def move(self, elapsed_s: float, distance_m: float) -> None:
         """Take a time and the distance that the wheels travelled in it."""
         self._age_s += elapsed_s
+        self._usable_age_s += elapsed_s
+        if self._usable_age_s > EFFORT.surface.greatest_age_s:
+            self._recognition.forget()
         if self._curve is not None:
             self._curve.move(distance_m)
 
@@ -88,6 +92,8 @@ class GroundKnowledge:
     def step(self, window: ForceWindow) -> KnownSlip:
         """Take the drive force of one half second; return the slip."""
         self._window, self._age_s = window, 0.0
+        if not window.problem:
+            self._usable_age_s = 0.0
         found = self._recognition.step(window)
         by_map = KnownSlip(
             slip=found.slip,

@@ -50,6 +50,11 @@ class SurfaceRecognition:
         self._windows: deque[ForceWindow] = deque(maxlen=EFFORT.recognition.windows)
         self._possible = surface_map.surfaces
 
+    def forget(self) -> None:
+        """Forget all half seconds: the ground may be another one now."""
+        self._windows.clear()
+        self._possible = self._map.surfaces
+
     def step(self, window: ForceWindow) -> KnownSurface:
         """Take the drive force of one half second; return slip and verdict."""
         if window.problem:
