@@ -121,7 +121,7 @@ def simulate(
 
 @app.command()
 def replay(
-    log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`.")],
+    log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`, or the folder of a run.")],
     config: Annotated[
         str | None,
         typer.Option(
@@ -178,7 +178,7 @@ def compare(
 
 @app.command()
 def export(
-    log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`.")],
+    log: Annotated[Path, typer.Argument(help="A log written by `run` or `import`, or the folder of a run.")],
     csv: Annotated[bool, typer.Option("--csv", help="Tables as CSV files.")] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet files.")] = False,
     rosbag2: Annotated[bool, typer.Option("--rosbag2", help="A ROS 2 bag.")] = False,

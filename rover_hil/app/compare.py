@@ -8,7 +8,7 @@ from rich.console import Console
 
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.options import check_inputs
+from rover_hil.app.options import check_inputs, log_at
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.report.compare import MOST_RUNS, compare_runs, render_comparison
 
@@ -24,18 +24,25 @@ def compare_logs(paths: Sequence[Path], *, out: Path, force: bool, as_json: bool
         raise ConfigError(f"{len(paths)} run given: give two to {MOST_RUNS}")
     check_inputs(*paths)
     check_file(out, force=force)
-    logs = [path / "run.mcap" if path.is_dir() else path for path in paths]
+    logs = [log_at(path) for path in paths]
     with Console(stderr=True).status(f"reading {len(logs)} runs"):
         comparison = compare_runs(logs)
         page = render_comparison(comparison)
     write_file(out, page)
+    cut_off = [run.name for run in comparison.runs if not run.data.is_complete]
     console = Console(highlight=False, soft_wrap=True)
     if as_json:
         tables = {
             name: {row.name: row.values for row in rows}
             for name, rows in (("figures", comparison.figures), ("settings", comparison.settings))
         }
-        console.out(to_json({"runs": [run.name for run in comparison.runs], **tables}, indent=2).decode())
+        console.out(
+            to_json(
+                {"runs": [run.name for run in comparison.runs], "cut_off": cut_off, **tables}, indent=2
+            ).decode()
+        )
     else:
         console.print(f"{len(logs)} runs, {len(comparison.settings)} differences of the configuration: {out}")
+        for name in cut_off:
+            console.print(f"the log of {name} was cut off; everything up to the cut is compared")
     return EXIT_OK

@@ -8,6 +8,7 @@ from rich.progress import Progress
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.options import log_at
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.exporting.tables import read_tables
 from rover_hil.exporting.write import write_tables
@@ -22,7 +23,7 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
     """Write the records of a log in one format; returns the exit code.
 
     Args:
-        path: The log.
+        path: The log, or the folder of its run.
         formats: The formats wanted: "csv", "parquet", "rosbag2"; one of them.
         out: Folder [default: the name of the log with `_` and the format].
         force: Overwrite an earlier export.
@@ -35,6 +36,7 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
     if len(formats) != 1:
         raise ConfigError("choose one format: --csv, --parquet or --rosbag2")
     (name,) = formats
+    path = log_at(path)
     log = LogReader(path)
     folder = out or path.with_name(f"{path.stem}_{name}")
     _check_folder(folder, name, force=force)

@@ -12,7 +12,10 @@ from rover_hil.app.exit_codes import exit_interrupted
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 ConfigArgument = Annotated[
-    str, typer.Argument(help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`.")
+    str,
+    typer.Argument(
+        help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`, `el-dorado-crab`."
+    ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
 LiveOption = Annotated[
@@ -21,6 +24,8 @@ LiveOption = Annotated[
 LIVE_PORT = 8765
 """The port that viewers propose."""
 LONGEST_S = 1e6
+LOG_NAME = "run.mcap"
+"""In the folder of a run."""
 
 
 class Group(TyperGroup):
@@ -47,6 +52,11 @@ def check_inputs(*paths: Path) -> None:
     for path in paths:
         if not path.exists():
             raise LogError(f"no file or folder {path}: correct the path; it starts at the current folder")
+
+
+def log_at(path: Path) -> Path:
+    """Return a log given by its path, or by the folder of its run."""
+    return path / LOG_NAME if path.is_dir() else path
 
 
 def out_option(words: str) -> Any:

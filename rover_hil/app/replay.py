@@ -11,6 +11,7 @@ from rich.table import Table
 from drivers.clock import SystemClock, seconds
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.options import log_at
 from rover_hil.app.run import live_mirror
 from rover_hil.config import load_config
 from rover_hil.pages.atomic_write import refuse_overwrite
@@ -32,8 +33,9 @@ def replay_log(
     force: bool = False,
     live_port: int | None = None,
 ) -> int:
-    """Replay the log at `path`, with the controller of another configuration if named; returns the exit code.
+    """Replay a log, with the controller of another configuration if named; returns the exit code.
 
+    `path` is the log, or the folder of its run.
     With `live_port` the log is then streamed to viewers on that port, at the speed at which it was recorded.
 
     Raises:
@@ -42,6 +44,7 @@ def replay_log(
     """
     if out is not None:
         refuse_overwrite(out / SUMMARY_NAME, out / REPORT_NAME, force=force)
+    path = log_at(path)
     log = LogReader(path)
     controller = None if config_name is None else load_config(config_name)
     with (

@@ -19,6 +19,7 @@ from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
 from rover_hil.app.end_signals import end_signals
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_terminated
+from rover_hil.app.options import LOG_NAME
 from rover_hil.config import Config, load_config
 from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
@@ -34,7 +35,6 @@ from rover_hil.run.watchdog import Watchdog
 
 CONNECT_TIMEOUT_S = 2.0
 REALTIME_SPIN_S = 0.0006
-LOG_NAME = "run.mcap"
 
 StatusDisplay = Callable[[StepOutput], None]
 

@@ -37,6 +37,18 @@ def test_figures_and_differences_stand_next_to_each_other(command: Command, runs
     assert "http" not in page.replace("http://www.w3.org", "")
 
 
+def test_a_log_that_was_cut_off_is_said_so(command: Command, runs: tuple[Path, Path], tmp_path: Path) -> None:
+    whole = runs[0].read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) * 3 // 4])
+    page = str(tmp_path / "page.html")
+    assert command("compare", str(runs[0]), str(cut), "--out", page) == 0
+    assert command.out.count("was cut off") == 1
+    assert "the log of cut was cut off" in command.out
+    assert command("compare", str(runs[0]), str(cut), "--out", page, "--force", "--json") == 0
+    assert json.loads(command.out)["cut_off"] == ["cut"]
+
+
 def test_runs_of_one_configuration_have_no_differences(runs: tuple[Path, Path]) -> None:
     comparison = compare_runs([runs[0], runs[0]])
     assert comparison.settings == ()

@@ -54,6 +54,14 @@ def test_csv_holds_every_record_with_units_and_the_truth(command: Command, log: 
     assert "voltage_v" not in wheels[0]
 
 
+def test_the_folder_of_a_run_stands_for_its_log(command: Command, log: Path, tmp_path: Path) -> None:
+    assert command("export", str(log.parent), "--csv", "--out", str(tmp_path / "tables")) == 0
+    assert command("replay", str(log.parent)) == 0
+    assert "50 cycles replayed, every output identical" in command.out
+    assert command("replay", str(tmp_path / "tables")) == 2
+    assert_one_sentence(command.error, "run.mcap")
+
+
 def test_parquet_has_the_rows_of_csv(command: Command, log: Path, tmp_path: Path) -> None:
     assert command("export", str(log), "--parquet", "--out", str(tmp_path / "tables")) == 0
     table = pyarrow.parquet.read_table(tmp_path / "tables" / "estimate.parquet").to_pydict()

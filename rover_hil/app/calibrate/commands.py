@@ -218,7 +218,7 @@ def calibrate_time(
 
     Exit code 1: no offset is sure.
 
-    Example: `rover-hil calibrate time turns.mcap`
+    Example: `rover-hil calibrate time gyro.mcap`, the log of `rover-hil calibrate imu`
 
     Data: your log of turns to and fro for half a minute; docs/how-to/calibrate_the_times.md.
     """

@@ -53,7 +53,7 @@ def read_turns(path: Path) -> Turns:
     config, rows = drive.config, drive.rows
     if not isinstance(config.rover, OmniRoverSettings):
         raise LogError(
-            f"{path} is of a {config.rover.kinematics} rover: "
+            f"{path} is of a rover with kinematics '{config.rover.kinematics}': "
             "the gyro is identified with three omnidirectional wheels"
         )
     kinematics = make_kinematics(config.rover)

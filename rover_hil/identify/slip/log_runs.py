@@ -23,7 +23,8 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
     rover, rows = drive.config.rover, drive.rows
     if not isinstance(rover, OmniRoverSettings):
         raise LogError(
-            f"{path} is of a {rover.kinematics} rover: slip maps need three omnidirectional wheels"
+            f"{path} is of a rover with kinematics '{rover.kinematics}': "
+            "slip maps need three omnidirectional wheels"
         )
     for wheel in range(WHEELS):
         for name, word in ((f"enc{wheel + 1}_rad", "positions"), (f"current{wheel + 1}_a", "currents")):
