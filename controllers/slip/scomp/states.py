@@ -87,8 +87,18 @@ class ScompStates:
             values=transition @ values,
             transition=transition,
             noise=noise,
-            travel_noise_m2=self._spread_m2_s * (abs(rolled_m) ** 2 / increment.duration_s),
+            travel_noise_m2=self._travel_noise_m2(rolled_m, increment.duration_s),
         )
+
+    def _travel_noise_m2(self, rolled_m: complex, duration_s: float) -> Array:
+        """Return the covariance of the travel in the body frame, turned as the travel by steered wheels."""
+        distance_m = abs(rolled_m)
+        if distance_m == 0.0:
+            return np.zeros((2, 2))
+        toward = rolled_m / distance_m
+        turned = np.array([[toward.real, -toward.imag], [toward.imag, toward.real]])
+        noise_m2: Array = turned @ self._spread_m2_s @ turned.T * (distance_m**2 / duration_s)
+        return noise_m2
 
     def _linearise(self, values: Array) -> tuple[Array, Array]:
         """Linearise at values; return transition and noise of the time since the last linearisation."""
@@ -97,6 +107,7 @@ class ScompStates:
         self._per_m = complex(prediction.state[X], prediction.state[Y])
         self._slopes = prediction.transition[X, BLOCK] + 1j * prediction.transition[Y, BLOCK]
         self._at = values
+        # Like the motion for a metre, relative to the direction in which the wheels roll.
         self._spread_m2_s = prediction.noise[:2, :2] * duration_s
         noise = prediction.noise[BLOCK, BLOCK]
         # That of a metre; it grows with the distance.
