@@ -15,6 +15,7 @@ from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
+from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.motion.path_following import PathFollower
 from controllers.motion.planar import Pose
@@ -228,6 +229,21 @@ def test_what_is_missing_is_said_and_makes_the_way_unsure() -> None:
     no_camera = Bench(None)
     no_camera.run(4.0)
     assert no_camera.increments[-1].is_sure
+
+
+def test_a_tilt_that_falls_silent_is_unknown_after_a_second() -> None:
+    bench = Bench(None)
+    bench.run(2.0)
+    bench.run(0.9, has_tilt=False)
+    assert bench.reason == ""
+    assert bench.told.source is DriftSource.TILT
+    bench.run(0.3, has_tilt=False)
+    assert bench.reason == "no tilt"
+    assert bench.told.source is DriftSource.NONE
+    assert not bench.increments[-1].is_sure
+    bench.run(0.1)
+    assert bench.reason == ""
+    assert bench.increments[-1].is_sure
 
 
 def test_a_trace_that_is_lost_is_missed_after_a_while() -> None:

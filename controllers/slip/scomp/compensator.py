@@ -180,6 +180,7 @@ class ScompCompensator:
         Set-points and gyro rate have no effect: `feed` takes the samples of the gyro.
         """
         self._steering_rad = increment.steering_rad
+        self._tilt.pass_time(increment.duration_s)
         self._pending.add(increment)
         if self._pending.duration_s >= SCOMP.motion.step_s:
             parameters, tilt = self._settings.parameters, self._tilt
@@ -337,10 +338,18 @@ class _Tilt:
     def __init__(self) -> None:
         self.pitch_rad = self.roll_rad = 0.0
         self._t_ns: int | None = None
+        self._age_s = math.inf
+        self._is_new = False
 
     @property
     def is_known(self) -> bool:
-        return self._t_ns is not None
+        """Whether there is a tilt, and it is not old."""
+        return self._age_s <= SCOMP.motion.tilt_age_s
+
+    def pass_time(self, duration_s: float) -> None:
+        """Let the tilt age by an increment of the wheels, unless it was measured during the increment."""
+        self._age_s = 0.0 if self._is_new else self._age_s + duration_s
+        self._is_new = False
 
     def feed(self, sample: AttitudeSample, t_ns: int) -> None:
         if sample.pitch_rad is None or sample.roll_rad is None:
@@ -354,6 +363,7 @@ class _Tilt:
         self.pitch_rad += share * (pitch_rad - self.pitch_rad)
         self.roll_rad += share * (roll_rad - self.roll_rad)
         self._t_ns = t_ns
+        self._is_new = True
 
 
 def _exposed_ns(frame: FrameSample) -> int:

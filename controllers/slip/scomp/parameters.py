@@ -179,6 +179,7 @@ class MotionParameters:
     first_walk_sqrt_m: float = 0.004  # change of the slip law's first parameter per square root of distance
     largest_drift_rad: float = 1.3  # bound of the slip angle
     tilt_memory_s: float = 0.5  # time constant of the low-pass on pitch and roll
+    tilt_age_s: float = 1.0  # after this time without a reading pitch and roll are unknown
     start_certain_rad: float = math.radians(0.05)  # of a heading at start that defines the frame
 
 
