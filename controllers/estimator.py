@@ -162,7 +162,7 @@ class Estimator:
             increment = self._slip.compensate(
                 increment, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
             )
-            self._note_compensation(rolled, increment)
+            self._note_compensation(rolled.duration_s, rolled.x_m - increment.x_m, rolled.y_m - increment.y_m)
         if increment is not None:
             increment = self._compare_wheels(increment)
         is_still = self.is_still = self._is_still(now_ns)
@@ -200,20 +200,18 @@ class Estimator:
             self._effects = wheel_effects(self._kinematics, self._effects_at_rad)
             self._unseen.turn_wheels(self._effects)
 
-    def _note_compensation(self, rolled: BodyIncrement, moved: BodyIncrement) -> None:
+    def _note_compensation(self, duration_s: float, removed_x_m: float, removed_y_m: float) -> None:
         """Add up what compensation has removed of the way, with a fading memory."""
-        kept = math.exp(-rolled.duration_s / ESTIMATION.pose.doubted_slip_s)
+        kept = math.exp(-duration_s / ESTIMATION.pose.doubted_slip_s)
         x_m, y_m = self._compensated_m
-        self._compensated_m = (
-            kept * x_m + rolled.x_m - moved.x_m,
-            kept * y_m + rolled.y_m - moved.y_m,
-        )
+        self._compensated_m = (kept * x_m + removed_x_m, kept * y_m + removed_y_m)
 
     def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float) -> None:
         """Widen the estimate by motion that was measured wrongly.
 
         A gyro that was wrong has also misled the slip compensation: a gyro without a signal looks like wheels
-        that slip wholly. So with the yaw the way is doubted that compensation has removed.
+        that slip wholly. So with the yaw the way is doubted that compensation has removed, and
+        what was learnt of the slip.
 
         Args:
             wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
@@ -223,6 +221,7 @@ class Estimator:
         if yaw_rad:
             x_m, y_m = x_m + abs(self._compensated_m[0]), y_m + abs(self._compensated_m[1])
             self._compensated_m = (0.0, 0.0)  # doubted once
+            self._filter.doubt_slip()
         self._widen((x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0)))
 
     def _is_still(self, now_ns: int) -> bool:
@@ -296,6 +295,8 @@ class Estimator:
         """Move the estimate; after a gap of the samples the path between is unknown."""
         step = self._filter.predict(increment, turn)
         if self._slip is not None:
+            if self._slip.states is not None:  # they remove their share in the prediction
+                self._note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
             self._slip.correct(self._filter)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
             self._unseen.add(0.0, step.yaw_rad2)

@@ -294,6 +294,13 @@ class PoseFilter:
         """Increase the variance of one state of the slip compensator."""
         self._filter.widen(self._block.start + index, variance)
 
+    def doubt_slip(self) -> None:
+        """Make the states of slip as uncertain as at the start: what has taught them was wrong."""
+        variances = () if self._slip is None else self._slip.start_variances
+        covariance = self._filter.covariance
+        for index, variance in enumerate(variances, self._block.start):
+            self._filter.widen(index, max(0.0, float(variance) - covariance[index][index]))
+
     def correct_pose(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
         """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure.
 

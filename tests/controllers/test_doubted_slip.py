@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from controllers.estimation.odometry import BodyIncrement
@@ -13,9 +14,19 @@ from controllers.estimator import Estimator
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.roles import DeviceRoles
+from controllers.slip.scomp.compensator import ScompCompensator
+from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import Sample, WheelSample
 from tests.controllers.simulated import SKID
+from tests.controllers.test_scomp_compensator import (
+    RIM_M_S,
+    ROVER,
+    UPHILL,
+    Bench,
+    SeenTrace,
+    attitude,
+)
 
 QUIET = FilterSettings(position_noise_m_sqrt_m=1e-4, unsure_position_noise_m_sqrt_m=1e-4)
 SPEED_RAD_S = 2.0
@@ -83,3 +94,46 @@ def test_without_a_doubt_of_the_gyro_or_compensation_nothing_is_added(share: flo
     estimator, rolled_m = driven(share, 0.5)
     estimator.doubt((), yaw_rad)
     assert x_sd_m(estimator) < 0.01 * rolled_m
+
+
+def test_a_wrong_gyro_makes_the_slip_that_was_learnt_as_uncertain_as_at_the_start() -> None:
+    bench = Bench(SeenTrace(math.radians(5.0)))
+    bench.run(1.0, rim_m_s=0.0)
+    bench.run(5.0)
+    values = bench.filter.slip_values
+
+    def trace_sd_rad() -> float:
+        """Return the standard deviation that the filter expects of a trace; nothing is changed."""
+        innovation = bench.filter.correct_slip("trace", 10.0, np.eye(len(values))[0], 0.0, 1e-9)
+        assert innovation.variance is not None
+        assert not innovation.accepted
+        return math.sqrt(innovation.variance)
+
+    start_sd_rad = math.sqrt(bench.told.states.start_variances[0])
+    assert trace_sd_rad() < 0.5 * start_sd_rad
+    bench.filter.doubt_slip()
+    assert trace_sd_rad() == pytest.approx(start_sd_rad, rel=1e-6)
+    assert bench.filter.slip_values == pytest.approx(values)
+    bench.filter.doubt_slip()
+    assert trace_sd_rad() == pytest.approx(start_sd_rad, rel=1e-6)
+
+
+def test_the_way_that_states_of_slip_removed_is_doubted_with_the_gyro() -> None:
+    """Uphill, on the shipped ground, a part of the way is slip."""
+    roles = DeviceRoles(wheels="wheels", required={}, gyro="imu")
+    kinematics = SkidSteerKinematics(ROVER)
+    slip = ScompCompensator(ScompSettings(), roles, kinematics, None)
+    estimator = Estimator(kinematics, QUIET, 20.0, roles, slip)
+    for cycle in range(51):
+        t_ns = nanoseconds(1.0 + 0.02 * cycle)
+        estimator.take(attitude(t_ns, UPHILL), t_ns)
+        for wheel in range(4):
+            angle_rad = RIM_M_S / ROVER.wheel_radius_m * 0.02 * cycle
+            estimator.take(WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=angle_rad), t_ns)
+        estimator.advance(t_ns, (RIM_M_S / ROVER.wheel_radius_m,) * 4)
+    removed_m = RIM_M_S - estimator.estimate(0).x_m
+    assert removed_m > 0.01
+    before_m2 = estimator.estimate(0).covariance[0]
+    estimator.doubt((), 0.1)
+    added_m2 = estimator.estimate(0).covariance[0] - before_m2
+    assert math.sqrt(added_m2) == pytest.approx(removed_m / math.sqrt(3.0), rel=0.25)

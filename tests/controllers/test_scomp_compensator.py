@@ -108,13 +108,19 @@ class Bench:
         *,
         has_tilt: bool = True,
         rim_m_s: float = RIM_M_S,
+        yaw_rate_rad_s: float = 0.0,
     ) -> None:
+        """Drive; the gyro tells `yaw_rate_rad_s` though the rover does not turn."""
         for _ in range(round(duration_s * 100)):
             self.t_ns += 10 * MS
             if self.t_ns % (20 * MS) == 0:
                 self.feed(
                     RateSample(
-                        device="imu", t_ns=self.t_ns, rate_z_rad_s=0.0, rate_x_rad_s=0.1, rate_y_rad_s=0.2
+                        device="imu",
+                        t_ns=self.t_ns,
+                        rate_z_rad_s=yaw_rate_rad_s,
+                        rate_x_rad_s=0.1,
+                        rate_y_rad_s=0.2,
                     )
                 )
                 if has_tilt:
@@ -242,6 +248,25 @@ def test_a_tilt_that_falls_silent_is_unknown_after_a_second() -> None:
     assert bench.told.source is DriftSource.NONE
     assert not bench.increments[-1].is_sure
     bench.run(0.1)
+    assert bench.reason == ""
+    assert bench.increments[-1].is_sure
+
+
+def test_a_slip_angle_taken_anew_is_not_sure_until_more_traces_agree() -> None:
+    """Here the gyro is wrong, not the ground: the slip angle was right before."""
+    bench = Bench(SeenTrace(0.0))
+    bench.run(1.0, rim_m_s=0.0)  # the gyro's bias is learnt
+    bench.run(10.0)
+    assert bench.reason == ""
+    for _ in range(4):
+        # By less than what would count as skidding of a side.
+        bench.run(0.5, yaw_rate_rad_s=0.05)
+    report = bench.told.report()
+    assert report is not None
+    assert abs(math.degrees(report.slip_angle_rad)) > 5.0
+    assert report.reason == "slip angle taken from the trace anew"
+    assert not bench.increments[-1].is_sure
+    bench.run(10.0)
     assert bench.reason == ""
     assert bench.increments[-1].is_sure
 

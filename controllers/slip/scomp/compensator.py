@@ -33,6 +33,9 @@ from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
 
 Rates = tuple[float, float, float]
 
+NO_TRACE = "no trace"
+"""The reason that leaves the motion sure: without a trace the slip angle's own variance grows."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceReading:
@@ -114,6 +117,7 @@ class ScompCompensator:
         self._states = ScompStates(settings.parameters)
         self._yaw_rate_rad_s = 0.0
         self._trace_rejections = 0
+        self._traces_to_confirm = 0
         self._skid_m_s = self._rim_m_s = 0.0
         self._tilt = _Tilt()
         self._frame: FrameSample | None = None
@@ -188,7 +192,7 @@ class ScompCompensator:
                 parameters, tilt.pitch_rad, tilt.roll_rad, self._pending.steering_rad
             )
             self._states.take_tilt(pitch_rad, expected_drift(parameters, pitch_rad, roll_rad))
-        return replace(increment, is_sure=self._tilt.is_known and not self._is_skidding())
+        return replace(increment, is_sure=self._is_sure())
 
     def correct(self, estimate: SlipEstimate) -> None:
         """Correct the states by the trace of the newest frame, and report the slip, see `SlipCompensator`."""
@@ -255,7 +259,8 @@ class ScompCompensator:
             is_gyro: Whether the yaw rate is the gyro's.
 
         After more than `most_trace_rejections` rejections in a row the ground has changed: the slip angle
-        then becomes as uncertain as its difference from the reading.
+        then becomes as uncertain as its difference from the reading. The gyro may be what is wrong instead:
+        the slip angle stays flagged until `confirming_traces` more were accepted.
         """
         motion_m = complex(pending.x_m, pending.y_m) * self._states.motion_per_m
         velocity_x_m_s = motion_m.real / pending.duration_s
@@ -277,9 +282,12 @@ class ScompCompensator:
         bias_slope_s = arm_s if is_gyro else 0.0
         innovation = estimate.correct_slip("trace", residual, slopes, bias_slope_s, variance)
         self._trace_rejections = 0 if innovation.accepted else self._trace_rejections + 1
+        if innovation.accepted:
+            self._traces_to_confirm = max(0, self._traces_to_confirm - 1)
         if self._trace_rejections > SCOMP.correction.most_trace_rejections and math.isfinite(residual):
             estimate.widen_slip(0, residual**2)
             self._trace_rejections = 0
+            self._traces_to_confirm = SCOMP.correction.confirming_traces
             innovation = estimate.correct_slip("trace", residual, slopes, bias_slope_s, variance)
         return innovation
 
@@ -296,12 +304,18 @@ class ScompCompensator:
             SCOMP.correction.greatest_skid * self._rim_m_s, SCOMP.correction.slowest_m_s
         )
 
+    def _is_sure(self) -> bool:
+        """Return whether slip and slip angle are right within the variances of their states."""
+        return self._uncertainty() in ("", NO_TRACE)
+
     def _uncertainty(self) -> str:
         if not self._tilt.is_known:
             return "no tilt"
         if self._is_skidding():
             return "skidding in a turn"
-        return "" if self._finder is None or self._has_trace() else "no trace"
+        if self._traces_to_confirm:
+            return "slip angle taken from the trace anew"
+        return "" if self._finder is None or self._has_trace() else NO_TRACE
 
 
 @dataclass(slots=True)

@@ -197,6 +197,7 @@ class CorrectionParameters:
         0.15  # wheels skid in a turn by this share of their speed: the slip law does not hold
     )
     most_trace_rejections: int = 2  # in a row, before the slip angle is taken from the trace
+    confirming_traces: int = 10  # accepted after that, before the slip angle is sure again
     most_compass_rejections: int = 20  # in a row, before the gyro's bias becomes less certain
     widened_bias_rad_s: float = math.radians(0.1)  # added to its standard deviation then
 
