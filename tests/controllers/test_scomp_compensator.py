@@ -108,27 +108,36 @@ class Bench:
         *,
         has_tilt: bool = True,
         rim_m_s: float = RIM_M_S,
+        has_gyro: bool = True,
         yaw_rate_rad_s: float = 0.0,
+        wheel_turn_rad_s: float = 0.0,
     ) -> None:
-        """Drive; the gyro tells `yaw_rate_rad_s` though the rover does not turn."""
+        """Drive without a turn; gyro and wheels may tell another one."""
         for _ in range(round(duration_s * 100)):
             self.t_ns += 10 * MS
             if self.t_ns % (20 * MS) == 0:
-                self.feed(
-                    RateSample(
-                        device="imu",
-                        t_ns=self.t_ns,
-                        rate_z_rad_s=yaw_rate_rad_s,
-                        rate_x_rad_s=0.1,
-                        rate_y_rad_s=0.2,
+                if has_gyro:
+                    self.feed(
+                        RateSample(
+                            device="imu",
+                            t_ns=self.t_ns,
+                            rate_z_rad_s=yaw_rate_rad_s,
+                            rate_x_rad_s=0.1,
+                            rate_y_rad_s=0.2,
+                        )
                     )
-                )
                 if has_tilt:
                     self.feed(attitude(self.t_ns, self.pitch_rad))
             if self.t_ns % nanoseconds(frame_period_s) == 0:
                 self.feed(frame("camera", self.t_ns))
             turned = (rim_m_s * 0.01 / ROVER.wheel_radius_m,) * 4
-            raw = BodyIncrement(x_m=rim_m_s * 0.01, y_m=0.0, turn_rad=0.0, duration_s=0.01, turned_rad=turned)
+            raw = BodyIncrement(
+                x_m=rim_m_s * 0.01,
+                y_m=0.0,
+                turn_rad=wheel_turn_rad_s * 0.01,
+                duration_s=0.01,
+                turned_rad=turned,
+            )
             before = self.way
             self.increments.append(self.told.compensate(raw, (), None))
             self.filter.predict(
@@ -269,6 +278,26 @@ def test_a_slip_angle_taken_anew_is_not_sure_until_more_traces_agree() -> None:
     bench.run(10.0)
     assert bench.reason == ""
     assert bench.increments[-1].is_sure
+
+
+def test_without_a_gyro_the_slip_in_a_turn_of_the_wheels_is_not_sure() -> None:
+    bench = Bench(None)
+    bench.run(2.0, has_gyro=False)
+    assert bench.reason == ""  # the wheels go straight
+    bench.run(2.0, has_gyro=False, wheel_turn_rad_s=0.2)
+    assert bench.reason == "no gyro"
+    assert not bench.increments[-1].is_sure
+    bench.run(2.0, wheel_turn_rad_s=0.2, yaw_rate_rad_s=0.2)
+    assert bench.reason == ""
+    assert bench.increments[-1].is_sure
+
+
+def test_skidding_ends_with_the_turn_of_the_wheels_though_the_gyro_is_silent() -> None:
+    bench = Bench(None)
+    bench.run(2.0, wheel_turn_rad_s=0.2)
+    assert bench.reason == "skidding in a turn"
+    bench.run(5.0, has_gyro=False)
+    assert bench.reason == ""
 
 
 def test_a_trace_that_is_lost_is_missed_after_a_while() -> None:

@@ -119,6 +119,7 @@ class ScompCompensator:
         self._trace_rejections = 0
         self._traces_to_confirm = 0
         self._skid_m_s = self._rim_m_s = 0.0
+        self._since_rate_s = 0.0
         self._tilt = _Tilt()
         self._frame: FrameSample | None = None
         self._frame_ns: int | None = None
@@ -219,9 +220,12 @@ class ScompCompensator:
         pending, self._pending = self._pending, _Pending()
         readings, self._readings_rad_s = self._readings_rad_s, []
         rate_rad_s = pending.turn_rad / pending.duration_s
+        self._since_rate_s = 0.0 if readings else self._since_rate_s + pending.duration_s
         if readings:
             rate_rad_s = sum(readings) / len(readings) - estimate.gyro_bias_rad_s
             self._follow_skidding(pending, rate_rad_s)
+        elif self._since_rate_s > SCOMP.correction.rate_age_s:
+            self._follow_skidding(pending, 0.0)  # the whole turn of the wheels may be skidding
         share = -math.expm1(-pending.duration_s / SCOMP.correction.rate_memory_s)
         self._yaw_rate_rad_s += share * (rate_rad_s - self._yaw_rate_rad_s)
         self._since_trace_s += pending.duration_s
@@ -312,7 +316,7 @@ class ScompCompensator:
         if not self._tilt.is_known:
             return "no tilt"
         if self._is_skidding():
-            return "skidding in a turn"
+            return "no gyro" if self._since_rate_s > SCOMP.correction.rate_age_s else "skidding in a turn"
         if self._traces_to_confirm:
             return "slip angle taken from the trace anew"
         return "" if self._finder is None or self._has_trace() else NO_TRACE

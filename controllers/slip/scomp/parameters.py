@@ -191,6 +191,9 @@ class CorrectionParameters:
     standstill_rad_s: float = 0.02  # wheels that turn more slowly are at rest
     slowest_m_s: float = 0.01  # below this speed a trace has no direction
     rate_memory_s: float = 0.3  # time constant of the yaw rate that the trace is compared with
+    rate_age_s: float = (
+        0.5  # after this time without the gyro it is unknown whether the wheels skid in a turn
+    )
     trace_grain_rad: float = math.radians(0.3)  # white noise of a trace angle
     turn_memory_s: float = 0.5  # time constant of the skidding that follows
     greatest_skid: float = (
