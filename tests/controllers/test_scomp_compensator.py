@@ -300,6 +300,20 @@ def test_skidding_ends_with_the_turn_of_the_wheels_though_the_gyro_is_silent() -
     assert bench.reason == ""
 
 
+def test_backwards_the_slip_is_not_sure() -> None:
+    """The slip law holds for wheels that roll forward: backwards the weight pulls the other way."""
+    bench = Bench(None)
+    bench.run(1.0)
+    bench.run(1.0, rim_m_s=-0.001)  # noise of the encoders at rest
+    assert bench.reason == ""
+    bench.run(1.0, rim_m_s=-RIM_M_S)
+    assert bench.reason == "backwards: outside the slip law"
+    assert not bench.increments[-1].is_sure
+    bench.run(1.0)
+    assert bench.reason == ""
+    assert bench.increments[-1].is_sure
+
+
 def test_a_trace_that_is_lost_is_missed_after_a_while() -> None:
     finder = SeenTrace(math.radians(5.0))
     bench = Bench(finder, settings=ScompSettings(trace_age_s=2.0))

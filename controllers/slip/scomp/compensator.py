@@ -120,6 +120,7 @@ class ScompCompensator:
         self._traces_to_confirm = 0
         self._skid_m_s = self._rim_m_s = 0.0
         self._since_rate_s = 0.0
+        self._is_backwards = False
         self._tilt = _Tilt()
         self._frame: FrameSample | None = None
         self._frame_ns: int | None = None
@@ -219,6 +220,7 @@ class ScompCompensator:
         """Follow the yaw rate, and correct by the trace of the newest frame."""
         pending, self._pending = self._pending, _Pending()
         readings, self._readings_rad_s = self._readings_rad_s, []
+        self._is_backwards = pending.rim_m < -SCOMP.correction.slowest_m_s * pending.duration_s
         rate_rad_s = pending.turn_rad / pending.duration_s
         self._since_rate_s = 0.0 if readings else self._since_rate_s + pending.duration_s
         if readings:
@@ -315,6 +317,8 @@ class ScompCompensator:
     def _uncertainty(self) -> str:
         if not self._tilt.is_known:
             return "no tilt"
+        if self._is_backwards:
+            return "backwards: outside the slip law"
         if self._is_skidding():
             return "no gyro" if self._since_rate_s > SCOMP.correction.rate_age_s else "skidding in a turn"
         if self._traces_to_confirm:
