@@ -215,7 +215,7 @@ class PoseFilter:
             y_m=travel_m.imag,
             turn_rad=turn_rad,
             duration_s=increment.duration_s,
-            position_m2=float(self._noise[X, X]),
+            position_m2=_greatest_variance(self._noise),
             yaw_rad2=float(self._noise[YAW, YAW]),
         )
 
@@ -411,3 +411,9 @@ class PoseFilter:
         self._noise[X, Y] = self._noise[Y, X] = 0.0
         for index, variance in enumerate((position_m2, position_m2, yaw_rad2, bias_rad2_s2)):
             self._noise[index, index] = variance
+
+
+def _greatest_variance(covariance: Array) -> float:
+    """Return the variance of the position along its most uncertain axis."""
+    xx, xy, yy = float(covariance[X, X]), float(covariance[X, Y]), float(covariance[Y, Y])
+    return 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)

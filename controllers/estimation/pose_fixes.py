@@ -22,7 +22,7 @@ class Step:
         x_m: Forward.
         y_m: To the left.
         turn_rad: Free of the gyro's bias.
-        position_m2: Variance added to x and to y.
+        position_m2: Variance added to the position along its most uncertain axis.
         yaw_rad2: Variance added to the yaw.
     """
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.settings import FilterSettings
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.states import ScompStates
 
@@ -35,3 +37,20 @@ def test_wheels_at_rest_add_no_noise() -> None:
     slip = states()
     step = slip.predict(slip.start, BodyIncrement(x_m=0.0, y_m=0.0, turn_rad=0.0, duration_s=0.05))
     assert not step.travel_noise_m2.any()
+
+
+@pytest.mark.parametrize("steering_deg", [0.0, 45.0, 90.0])
+def test_the_noise_of_a_step_is_that_of_its_most_uncertain_axis(steering_deg: float) -> None:
+    """A fix that comes late is compared with the motion since; it must not count as better than it is."""
+    slip = states()
+    steps = []
+    for angle_rad in (0.0, math.radians(steering_deg)):
+        pose_filter = PoseFilter(FilterSettings(), (), ("floor",), is_compensated=True, slip=slip)
+        rolled_m = cmath.rect(0.004, angle_rad)
+        increment = BodyIncrement(x_m=rolled_m.real, y_m=rolled_m.imag, turn_rad=0.0, duration_s=0.05)
+        steps.append(pose_filter.predict(increment, Turn(angle_rad=0.0, source=YawSource.WHEELS)))
+    assert steps[1].position_m2 == pytest.approx(steps[0].position_m2, rel=1e-9)
+    step = slip.predict(slip.start, BodyIncrement(x_m=0.004, y_m=0.0, turn_rad=0.0, duration_s=0.05))
+    by_slip_m2 = float(np.trace(step.travel_noise_m2))
+    by_wheels_m2 = FilterSettings().position_noise_m_sqrt_m ** 2 * 0.004
+    assert steps[0].position_m2 == pytest.approx(by_slip_m2 + by_wheels_m2, rel=1e-9)
