@@ -201,7 +201,7 @@ class Estimator:
             self._unseen.turn_wheels(self._effects)
 
     def _note_compensation(self, duration_s: float, removed_x_m: float, removed_y_m: float) -> None:
-        """Add up what compensation has removed of the way, with a fading memory."""
+        """Add up the travel that slip compensation has removed, with a fading memory."""
         kept = math.exp(-duration_s / ESTIMATION.pose.doubted_slip_s)
         x_m, y_m = self._compensated_m
         self._compensated_m = (kept * x_m + removed_x_m, kept * y_m + removed_y_m)
@@ -210,8 +210,8 @@ class Estimator:
         """Widen the estimate by motion that was measured wrongly.
 
         A gyro that was wrong has also misled the slip compensation: a gyro without a signal looks like wheels
-        that slip wholly. So with the yaw the way is doubted that compensation has removed, and
-        what was learnt of the slip.
+        that slip wholly. So a doubt of the yaw also widens the position by the travel that compensation has
+        removed, and the slip states.
 
         Args:
             wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.

@@ -83,6 +83,6 @@ class LearnedCurve:
             reason = "slip over force not yet learned"
         elif jump_n > self._greatest_jump_n:
             reason = f"drive force {force_n:.1f} N, learned at {self._force_n:.1f} N: another ground"
-        elif not sd <= numbers.greatest_sd:  # not a number is no knowledge, either
+        elif not sd <= numbers.greatest_sd:  # also true where sd is not a number
             reason = "slip over force learned too long ago"
         return LearnedSlip(slip, sd, reason)

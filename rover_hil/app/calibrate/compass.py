@@ -362,7 +362,7 @@ def _page(record: CompassRecord, fit: CompassFit) -> str:
         ),
     ]
     return render(
-        "identify/compass/report.html",
+        "identify/report.html",
         grade="attention" if fit.problem else "plain",
         title=f"Compass: not calibrated, {fit.problem}"
         if fit.problem

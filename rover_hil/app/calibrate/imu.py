@@ -162,7 +162,7 @@ def _page(turns: Turns, fit: ResponseFit, response: GyroResponse) -> str:
     )
     drawing = Drawing("Share and lag of the gyro", caption, lambda: draw_response(turns, response))
     return render(
-        "identify/gyro/report.html",
+        "identify/report.html",
         grade="attention" if fit.problem else "plain",
         title=f"Gyro: not identified, {fit.problem}" if fit.problem else "Gyro: gain, delay and bandwidth",
         facts=_facts(fit, response),

@@ -102,7 +102,7 @@ def _page(reference: YawTrack, offsets: Sequence[Offset]) -> str:
         lambda: draw_offsets(offsets),
     )
     return render(
-        "identify/timing/report.html",
+        "identify/report.html",
         grade="plain" if is_sure else "attention",
         title="Time: offsets between devices" if is_sure else "Time: no offset is sure",
         facts=_facts(reference, offsets),

@@ -245,7 +245,7 @@ def _page(
         Drawing("Turns", "The same for the turns on the spot.", lambda: draw_factor(turn, "rad")),
     ]
     return render(
-        "identify/wheels/report.html",
+        "identify/report.html",
         grade="attention" if problem else "plain",
         title=f"Wheels: not calibrated, {problem}" if problem else "Wheels: radius and base",
         facts=facts,
