@@ -142,7 +142,8 @@ def replay(
 
     Example: `rover-hil replay runs/first/run.mcap`
 
-    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
+    Data: `rover-hil sample runs` writes such a log; a whole run is
+    `rover-hil run robotino --virtual --out runs/first`.
     """
     from rover_hil.app.replay import replay_log
 
@@ -159,6 +160,23 @@ def replay(
 
 
 @app.command()
+def sample(
+    name: Annotated[str | None, typer.Argument(help="The sample; without it, their list.")] = None,
+    out: Annotated[Path, out_option("Folder to write into.")] = Path(),
+    force: ForceOption = False,
+) -> None:
+    """Write small data for the examples, made by the simulators of this program, or list the samples.
+
+    The examples of README and `--help` name the sample that they need.
+
+    Example: `rover-hil sample runs`
+    """
+    from rover_hil.app.sample.command import list_samples, write_sample
+
+    sys.exit(list_samples() if name is None else write_sample(name, out=out, force=force))
+
+
+@app.command()
 def compare(
     runs: Annotated[list[Path], typer.Argument(help="Two to six logs, or folders of runs.")],
     out: Annotated[Path, out_option("Page to write.")] = Path("compare.html"),
@@ -169,7 +187,7 @@ def compare(
 
     Example: `rover-hil compare runs/first runs/second --out compare.html`
 
-    Data: `rover-hil run robotino --virtual --out runs/first`, and a second run with your changes.
+    Data: `rover-hil sample runs` writes these runs; of your own, any runs with changes between them.
     """
     from rover_hil.app.compare import compare_logs
 
@@ -190,7 +208,8 @@ def export(
 
     Example: `rover-hil export runs/first/run.mcap --csv`
 
-    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
+    Data: `rover-hil sample runs` writes such a log; a whole run is
+    `rover-hil run robotino --virtual --out runs/first`.
     """
     from rover_hil.app.export import export_log
 
@@ -218,7 +237,7 @@ def init(
 
     Example: `rover-hil init my_rover.toml`
 
-    Data: the devices of your rover, connected; docs/how-to/set_a_rover_up.md.
+    Data: the devices of your rover, connected; docs/how-to/set_a_rover_up.md shows it with emulated ones.
     """
     from rover_hil.app.init import init as set_up
 
@@ -294,7 +313,8 @@ def tune(
 
     Example: `rover-hil tune my_rover.toml --study gains`
 
-    Data: a copy of a configuration with `[tune]`, as the shipped ones have; docs/how-to/bench_tuning.md.
+    Data: `rover-hil sample rover` writes this configuration; yours needs `[tune]`;
+    docs/how-to/bench_tuning.md.
     """
     from rover_hil.app.tune import tune as tune_rover
 
@@ -320,7 +340,8 @@ def scomp(
 
     Example: `rover-hil scomp runs/sand/run.mcap --out path.csv`
 
-    Data: `rover-hil run el-dorado --virtual --out runs/sand` writes this log.
+    Data: `rover-hil sample sand` writes such a log; a whole run is
+    `rover-hil run el-dorado --virtual --out runs/sand`.
     """
     from rover_hil.app.scomp import run_scomp
 
@@ -394,10 +415,10 @@ def gap(
 
     Example: `rover-hil gap side-slope measured/ --out gap`
 
-    With the wheels of a rover of your own: `rover-hil gap --config my_rover.toml runs/*.mcap --out gap`.
+    With the wheels of a rover of your own: `rover-hil gap --config my_wheels.toml drives/*.mcap --out gap`.
 
-    Data: your measured runs; docs/reference/gap_models.md names the columns,
-    docs/tutorials/gap_tutorial.md makes some.
+    Data: `rover-hil sample slope` writes runs, `rover-hil sample wheels` the configuration and its drives; of
+    your own: docs/reference/gap_models.md names the columns.
     """
     from rover_hil.app.gap import Shortening, check_effects, find_gap, named_model, rover_of
 
@@ -462,8 +483,8 @@ def ftrace(
     Example: `rover-hil ftrace frames/ --rig rig.json --telemetry telemetry.csv --out angles.csv`, or of a
     log: `rover-hil ftrace runs/sand/run.mcap --out angles.csv`
 
-    Data: your recorded drive, or the rendered one that docs/how-to/measure_a_wheel_trace.md makes; run it in
-    that folder. `rover-hil run el-dorado --virtual --out runs/sand` writes the log.
+    Data: `rover-hil sample frames` writes the files, `rover-hil sample sand` the log; of your own:
+    docs/how-to/measure_a_wheel_trace.md.
     """
     from rover_hil.app.ftrace import trace_angles
 
@@ -504,7 +525,8 @@ def import_robotino(
 
     Example: `rover-hil import robotino exp00.csv -o exp00.mcap`
 
-    Data: a file of github.com/BrOleg5/research-wheel-slippage, `datasets/one_surface_type/gray_surface`.
+    Data: `rover-hil sample robotino` writes a simulated drive in this format; measured ones are in
+    github.com/BrOleg5/research-wheel-slippage, `datasets/one_surface_type/gray_surface`.
     """
     from rover_hil.app.import_robotino import import_run
 

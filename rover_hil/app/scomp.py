@@ -72,7 +72,7 @@ def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, str]:
 
 
 def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     console.print(
         f"end x {summary['x_m']:.3f} m, y {summary['y_m']:.3f} m, sigma {summary['sigma_x_m']:.3f} and "
         f"{summary['sigma_y_m']:.3f} m; distance {summary['way_m']:.2f} m; "

@@ -2,7 +2,8 @@
 
 import re
 import shlex
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from rover_hil.app.app import _spread, app
+from rover_hil.app.sample.catalogue import SAMPLES
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROOT = Path(__file__).parents[2]
@@ -18,6 +20,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NEEDS_NOTHING = {
     *(
         "run",
+        "sample",
         "bench",
         "simulate",
         "check",
@@ -28,6 +31,10 @@ NEEDS_NOTHING = {
         "terrain papers",
     )
 }
+OF_A_ROVER = {"init", "tune", "calibrate imu", "calibrate compass", "calibrate wheels", "calibrate time"}
+"""Their data are drives of a rover, also a simulated one, or of another example."""
+QUICK_ON_SAMPLES = {"replay", "compare", "export", "calibrate camera", "import robotino"}
+"""`python -m benchmarks.program.examples` runs the others."""
 QUICK = {"check", "doctor", "terrain wheel", "terrain traverse", "terrain climb"}
 
 
@@ -87,6 +94,50 @@ def test_quick_examples_run(command: Command, name: str) -> None:
     (example,) = re.findall(r"Example: `(rover-hil [^`]*)`", " ".join(HELPS[name].split()))
     # The doctor of a computer without a rover finds something to fix.
     assert command(*shlex.split(example)[1:]) == (1 if name == "doctor" else 0)
+    assert command.out
+
+
+def sample_of(name: str) -> str:
+    """Return the sample that the example of a command needs."""
+    data = " ".join(HELPS[name].split()).partition("Data: ")[2]
+    samples: list[str] = re.findall(r"`rover-hil sample (\w+)`", data)
+    return samples[0]
+
+
+@pytest.mark.parametrize("name", sorted(HELPS.keys() - NEEDS_NOTHING - OF_A_ROVER))
+def test_data_of_an_example_come_from_a_sample(name: str) -> None:
+    assert sample_of(name) in SAMPLES
+
+
+def test_samples_in_the_table_of_the_readme_exist() -> None:
+    cells = [line.split("|") for line in PAGES[0].read_text("utf-8").splitlines() if line.count("|") == 5]
+    named = {row[4].strip(" `") for row in cells if row[4].strip().startswith("`")}
+    assert len(named) >= 8
+    assert named <= SAMPLES.keys()
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Return the function that makes a sample once and gives its folder."""
+    made: dict[str, Path] = {}
+
+    def make(name: str) -> Path:
+        if name not in made:
+            folder = tmp_path_factory.mktemp(name)
+            SAMPLES[name].make(folder)
+            made[name] = folder
+        return made[name]
+
+    return make
+
+
+@pytest.mark.parametrize("name", sorted(QUICK_ON_SAMPLES))
+def test_quick_examples_run_on_their_sample(
+    command: Command, samples: Callable[[str], Path], tmp_path: Path, name: str
+) -> None:
+    shutil.copytree(samples(sample_of(name)), tmp_path, dirs_exist_ok=True)
+    (example,) = re.findall(r"Example: `(rover-hil [^`]*)`", " ".join(HELPS[name].split()))
+    assert command(*shlex.split(example)[1:]) == 0, command.error
     assert command.out
 
 

@@ -47,8 +47,8 @@ def calibrate_camera(
     Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
     --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
 
-    Data: pictures by your camera; docs/how-to/measure_a_wheel_trace.md describes them and
-    rover.json.
+    Data: `rover-hil sample board` writes these files; for pictures by your camera and rover.json,
+    docs/how-to/measure_a_wheel_trace.md describes them.
     """
     from math import radians
 

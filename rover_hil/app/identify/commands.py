@@ -26,9 +26,10 @@ def identify_slip(
 ) -> None:
     """Fit slip maps, how much each wheel slips for the effort it takes, and compare them.
 
-    Example: `rover-hil identify slip one_surface_type --test two_surface_types --out textiles.toml`
+    Example: `rover-hil identify slip floors --test floors_test --out floors.toml`
 
-    Data: the folders in `datasets` of github.com/BrOleg5/research-wheel-slippage.
+    Data: `rover-hil sample floors` writes these folders; measured ones are in `datasets` of
+    github.com/BrOleg5/research-wheel-slippage.
     """
     from rover_hil.app.identify.slip import identify_slip as identify
 
@@ -49,10 +50,10 @@ def identify_probe(
 ) -> None:
     """Fit slip over the transmission loss of a small yaw excitation.
 
-    Example: `rover-hil identify probe runs/ --out my_ground.toml`
+    Example: `rover-hil identify probe probe/ --out my_ground.toml`
 
-    Data: your logs with a yaw excitation and an overhead camera; docs/how-to/fit_slip_maps.md gives the
-    settings.
+    Data: `rover-hil sample probe` writes such a log; yours need a yaw excitation and an overhead camera:
+    docs/how-to/fit_slip_maps.md gives the settings.
     """
     from rover_hil.app.identify.probe import identify_probe as identify
 
@@ -82,7 +83,8 @@ def identify_motor(
 
     Example: `rover-hil identify motor runs/first/run.mcap`
 
-    Data: `rover-hil run robotino --virtual --out runs/first` writes this log.
+    Data: `rover-hil sample runs` writes such a log; a whole run is
+    `rover-hil run robotino --virtual --out runs/first`.
     """
     from rover_hil.app.identify.motor import identify_motor as identify
 
@@ -109,7 +111,8 @@ def identify_scomp(
 
     Example: `rover-hil identify scomp drive.csv --truth tracker.csv --out sand.toml`
 
-    Data: your recorded drive and its tracked path; docs/reference/scomp_files.md names the columns.
+    Data: `rover-hil sample drive` writes these files; for your own drive and its tracked path,
+    docs/reference/scomp_files.md names the columns.
     """
     from rover_hil.app.identify.scomp import identify_scomp as identify
 

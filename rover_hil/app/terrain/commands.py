@@ -161,7 +161,8 @@ def terrain_fit(
 
     Example: `rover-hil terrain fit test_bed --out sand`
 
-    Data: plates.csv and wheel.csv of your test bed; docs/reference/terrain.md names the columns.
+    Data: `rover-hil sample test_bed` writes this folder; for plates.csv and wheel.csv of your test bed,
+    docs/reference/terrain.md names the columns.
     """
     from rover_hil.app.terrain.fit import fit
     from rover_hil.terrain.setup import Output

@@ -1,0 +1,94 @@
+"""Run the examples of README and `--help` as they stand, with the samples that they name.
+
+python -m benchmarks.program.examples [WORD...]
+
+Prints each example with its time and exit code; with words, only examples that contain one of them. Examples
+that wait for a rover or a browser, and `tune`, which takes an hour, are listed, not run. Ends with 1 if one
+of the others does.
+"""
+
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from typer.core import TyperGroup
+from typer.main import get_command
+
+from drivers.clock import seconds, stopwatch_ns
+from rover_hil.app.app import app
+
+ROOT = Path(__file__).parents[2]
+WAITS = ("init", "simulate", "bench", "doctor", "tune", "run my_rover.toml`", "--live")
+LIMIT_S = 600
+
+
+def main(words: list[str]) -> int:
+    """Run the examples; returns the exit code."""
+    with tempfile.TemporaryDirectory() as folder:
+        failed = [line for line, sample in _examples() if not _is_good(line, sample, words, Path(folder))]
+    print(f"{len(failed)} failed: {failed}")
+    return 1 if failed else 0
+
+
+def _examples() -> list[tuple[str, str]]:
+    """Return command lines and the samples that they need."""
+    group = get_command(app)
+    assert isinstance(group, TyperGroup)
+    found = [(line, sample) for text in _helps(group) for line, sample in _of_help(" ".join(text.split()))]
+    rows = [line for line in (ROOT / "README.md").read_text("utf-8").splitlines() if line.startswith("| ")]
+    for row in rows:
+        cells = [cell.strip(" `") for cell in row.strip("|").split("|")]
+        if len(cells) == 4 and cells[1].startswith("rover-hil "):
+            found.append((cells[1], cells[3] if " " not in cells[3] else ""))
+    return list(dict.fromkeys(found))
+
+
+def _helps(group: TyperGroup) -> list[str]:
+    texts = []
+    for item in group.commands.values():
+        texts += _helps(item) if isinstance(item, TyperGroup) else [item.help or ""]
+    return texts
+
+
+def _of_help(text: str) -> list[tuple[str, str]]:
+    examples = re.findall(r"Example: `(rover-hil [^`]*)`", text)
+    samples = re.findall(r"`rover-hil sample (\w+)`", text.partition("Data: ")[2])
+    return [(line, samples[0] if samples else "") for line in examples]
+
+
+def _is_good(line: str, sample: str, words: list[str], folder: Path) -> bool:
+    if words and not any(word in line for word in words):
+        return True
+    if any(word in f"{line}`" for word in WAITS):
+        print(f"not run: {line}")
+        return True
+    if sample:
+        _run(f"rover-hil sample {sample}", folder)
+    duration_s, code, error = _run(line, folder)
+    print(f"{duration_s:6.1f} s  exit code {code}  {line}{'' if code == 0 else f'  {error}'}", flush=True)
+    # The two lines of README and help may write the same file.
+    return code == 0 or "never overwritten" in error
+
+
+def _run(line: str, folder: Path) -> tuple[float, int, str]:
+    begin_ns = stopwatch_ns()
+    program = "from rover_hil.app.program import main; main()"
+    arguments = [part for word in shlex.split(line)[1:] for part in _globbed(word, folder)]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments],
+        cwd=folder, capture_output=True, text=True, check=False, timeout=LIMIT_S,
+    )  # fmt: skip
+    return seconds(stopwatch_ns() - begin_ns), done.returncode, done.stderr[-300:]
+
+
+def _globbed(word: str, folder: Path) -> list[str]:
+    if "*" not in word:
+        return [word]
+    return [str(path.relative_to(folder)) for path in sorted(folder.glob(word))]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
