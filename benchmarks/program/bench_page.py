@@ -32,6 +32,7 @@ ROOT = Path(__file__).parents[2]
 PAINT_BAR_MS, SLIDER_BAR_MS, STOP_BAR_MS, COST_BAR_US = 1000.0, 200.0, 150.0, 300.0
 WAIT_S = 60.0
 CYCLES = 3000
+SLIDER_PX = 12
 PROBE = """
 window.seen = {};
 const receiveFirst = source.onmessage;
@@ -63,9 +64,11 @@ def served() -> Iterator[str]:
             text=True,
         ) as process:
             assert process.stdout is not None
-            yield process.stdout.readline().removeprefix("page: ").strip()
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=WAIT_S)
+            try:
+                yield process.stdout.readline().removeprefix("page: ").strip()
+            finally:
+                process.send_signal(signal.SIGINT)
+                process.communicate(timeout=WAIT_S)
 
 
 def open_browser() -> Any:
@@ -96,8 +99,11 @@ def click(driver: Any, text: str) -> None:
     found().click()
 
 
-def measure(url: str) -> tuple[float, float, float]:
-    """Return first paint, slider to gain, stop to zero set-points, in ms."""
+def measure(url: str, number: int) -> tuple[float, float, float]:
+    """Return first paint, slider to gain, stop to zero set-points, in ms.
+
+    Gains hold for the next run: with each number the slider is pressed at another place.
+    """
     from selenium.webdriver import ActionChains
 
     driver = open_browser()
@@ -110,7 +116,11 @@ def measure(url: str) -> tuple[float, float, float]:
         until(lambda: driver.execute_script(paint) is not None, "no paint")
         paint_ms = float(driver.execute_script(paint))
         click(driver, "Start mission")
-        moves = "return live.last !== null && live.last.set_rad_s.some((speed) => speed !== 0)"
+        # The last view of the run before is shown until this one begins.
+        moves = (
+            "return live.state.state === 'running' && live.last !== null"
+            " && live.last.set_rad_s.some((speed) => speed !== 0)"
+        )
         until(lambda: driver.execute_script(moves), "no motion")
         driver.execute_script(PROBE)
         slider = driver.find_element("css selector", '[data-gain="lookahead_m"]')
@@ -119,7 +129,9 @@ def measure(url: str) -> tuple[float, float, float]:
             "arguments[0].addEventListener('mousedown', () => { seen.slid ??= performance.now(); }, true);",
             slider,
         )
-        ActionChains(driver).move_to_element(slider).click().perform()
+        ActionChains(driver).move_to_element_with_offset(
+            slider, SLIDER_PX * (number + 1), 0
+        ).click().perform()
         until(lambda: driver.execute_script("return seen.gain !== undefined"), "no gain")
         driver.execute_script("seen.pressed = performance.now(); emergencyStop();")
         until(lambda: driver.execute_script("return seen.rest !== undefined"), "no stop")
@@ -169,7 +181,7 @@ def main() -> None:
     print(f"cost per cycle: mean {read[0]:.0f} us, 99 % {read[1]:.0f} us")
     print(f"the same with a page that stops reading: mean {unread[0]:.0f} us, 99 % {unread[1]:.0f} us")
     with served() as url:
-        measured = [measure(url) for _ in range(times)]
+        measured = [measure(url, number) for number in range(times)]
     paint_ms, slider_ms, stop_ms = (median(column) for column in zip(*measured, strict=True))
     for name, found, bar in (
         ("first paint", paint_ms, PAINT_BAR_MS),

@@ -85,7 +85,8 @@ class _Controls:
                 self._stop = _button("Stop", self._do(lambda: self.session.stop(self.browser)), "primary")
                 self._clear = _button("Clear way-points", self._clear_points, "grey-7")
             self._note = ui.label().classes("bench-note q-mt-xs")
-            self._report = ui.link("", "").classes("q-mt-xs").props('target="_blank"')
+            with ui.element("div").classes("bench-report"):
+                self._report = ui.link("", "").props('target="_blank"')
         self._has_mission = has_mission
 
     def _build_stick(self) -> None:

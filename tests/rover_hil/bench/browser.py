@@ -45,9 +45,11 @@ def serving(folder: Path) -> Iterator[str]:
         assert process.stdout is not None
         line = process.stdout.readline()
         assert line.startswith("page: ")
-        yield line.removeprefix("page: ").strip()
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=WAIT_S)
+        try:
+            yield line.removeprefix("page: ").strip()
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=WAIT_S)
     assert process.returncode == 0
 
 
