@@ -7,6 +7,7 @@ Prints JSON; exit code 1 when there was one.
 
 import argparse
 import json
+import multiprocessing
 import os
 import random
 import re
@@ -25,6 +26,7 @@ from benchmarks.hostile import logs as hostile_logs
 from benchmarks.hostile import settings as hostile_settings
 from benchmarks.hostile import tables as hostile_tables
 from drivers.clock import seconds, stopwatch_ns
+from sim_backends.fmu.example.build import build_unit, compiler
 
 LONGEST_S = 20.0
 """Of computing; a machine that does other things too must not fail."""
@@ -34,6 +36,7 @@ ADDRESS_BYTES = 6_000_000_000
 """Protects the machine; above what a command may take."""
 MOST_LINES = 12
 MOST_CHARACTERS = 6000
+FORK = multiprocessing.get_context("fork")
 KINDS = ("logs", "tables", "settings", "pictures", "paths")
 
 ROVERS = {"robotino": "board", "el-dorado": "wheels"}
@@ -50,12 +53,25 @@ LOG_COMMANDS = (
     ("gap", "robotino-drive", "{file}", "--out", "{out}"),
     ("gap", "robotino-motor", "{file}", "--out", "{out}"),
     ("gap", "four-wheel-drive", "{file}", "--out", "{out}"),
+    ("export", "{file}", "--csv", "--out", "{out}"),
+    ("export", "{file}", "--parquet", "--out", "{out}"),
+    ("export", "{file}", "--rosbag2", "--out", "{out}"),
+    ("compare", "{file}", "{honest}/robotino.mcap", "--out", "{out}.html"),
+    ("calibrate", "wheels", "robotino", "--line", "{file}=2.0", "--out", "{out}.toml"),
+    ("calibrate", "wheels", "robotino", "--spin", "{file}=3", "--out", "{out}.toml"),
+    ("calibrate", "imu", "{file}", "--out", "{out}.toml"),
+    ("calibrate", "compass", "el-dorado", "--log", "{file}", "--out", "{out}.toml"),
+    ("calibrate", "time", "{file}", "--out", "{out}.toml"),
 )
+COMMANDS_PER_LOG = 4
+"""The first and drawn others."""
 PATH_COMMANDS = (
     *LOG_COMMANDS,
     ("import", "robotino", "{file}", "--out", "{out}.mcap"),
     ("run", "{file}", "--virtual", "--out", "{out}"),
     ("doctor", "{file}"),
+    ("check", "{file}"),
+    ("init", "{out}.toml", "--dbc", "{file}"),
     ("tune", "{file}", "--study", "s", "--out", "{out}"),
     ("replay", "{honest}/robotino.mcap", "--config", "{file}"),
     ("scomp", "{honest}/scomp.csv", "--params", "{file}", "--out", "{out}.csv"),
@@ -102,8 +118,8 @@ class Outcome:
 class Report:
     """All faults, and how much was tried.
 
-    `unfinished` counts analyses of `gap` that were ended: they had read the file and found it sound, and take
-    minutes on honest data too.
+    `unfinished` counts analyses of `gap` and `tune` that were ended: they had read the file and found it sound,
+    and take minutes on honest data too.
     """
 
     commands: int = 0
@@ -135,7 +151,12 @@ class Suite:
         for name in self._rovers:
             kept = None if logs is None else logs / f"{name}.mcap"
             if kept is None or not kept.exists():
-                hostile_logs.write_base_log(name, kept or self._honest / f"{name}.mcap")
+                # In a process of its own: those that are forked later must not miss threads that a run started.
+                writer = FORK.Process(
+                    target=hostile_logs.write_base_log, args=(name, kept or self._honest / f"{name}.mcap")
+                )
+                writer.start()
+                writer.join()
             if kept is not None:
                 shutil.copy(kept, self._honest / kept.name)
         frames = self._honest / "frames"
@@ -144,6 +165,8 @@ class Suite:
             (frames / f"{number}.png").write_bytes(hostile_logs.png_bomb(16))
         rig = next(kind for kind in hostile_settings.honest_settings() if kind.name == "rig")
         (self._honest / "rig.json").write_text(rig.text)
+        if compiler():
+            build_unit(self._honest / "axis.fmu")
 
     def cases(self, kind: str, count: int) -> Iterator[Case]:
         """Yield the cases of a kind, with that many random ones per format."""
@@ -167,7 +190,7 @@ class Suite:
             ]
             for label, make in (*named, *drawn):
                 file = self._folder / f"{name}_{label}.mcap".replace("/", "_").replace("\x1b", "_")
-                others = generator.sample(LOG_COMMANDS[1:], 2)
+                others = generator.sample(LOG_COMMANDS[1:], COMMANDS_PER_LOG - 1)
                 for command in (LOG_COMMANDS[0], *others):
                     yield self._case(f"{name} {label}", file, make, command)
 
@@ -293,7 +316,7 @@ class Suite:
 def _natural_suffix(command: Sequence[str]) -> str:
     words = " ".join(command)
     for pattern, suffix in (
-        (r"params|model|maps|config|soil|wheel|rover|run \{|doctor|tune", "toml"),
+        (r"params|model|maps|config|soil|wheel|rover|run \{|doctor|check|tune", "toml"),
         (r"rig \{file", "json"),
         (r"\{file\}:make", "py"),
         (r"import|truth|side-slope|machine|telemetry", "csv"),
@@ -326,7 +349,7 @@ def run_case(case: Case, folder: Path) -> Outcome:
     if megabytes * 1e6 > MOST_BYTES:
         faults.append("memory")
     spent_s = wall_s if is_late else usage.ru_utime + usage.ru_stime
-    is_analysis = case.command[0] == "gap" and "--check" not in case.command
+    is_analysis = case.command[0] in ("gap", "tune") and "--check" not in case.command
     if spent_s > LONGEST_S and not is_analysis:
         faults.append("time")
     if not is_late and exit_code not in (0, 1, 2):

@@ -1,7 +1,7 @@
 """Run the driver suite on the devices of a real kernel, in a virtual machine.
 
-Arguments of `python .ci/kernel` are those of pytest; where none of them names a test, `tests/kernel` is run.
-The machine is built once, in the folder that the variable KERNEL_CACHE names.
+Without arguments two machines run half of `tests/kernel` each, at once. Arguments are those of pytest, in one
+machine. The machine is built once, in the folder that the variable KERNEL_CACHE names.
 """
 
 import os
@@ -12,12 +12,15 @@ import sys
 from pathlib import Path
 
 from camera_module import build_camera_module
-from machine import boot
+from initramfs import index_modules
+from machine import Machine
 from packages import CannotBuildError, environment, unpack
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DEFAULT_CACHE = REPOSITORY / ".cache" / "kernel"
 LIMIT_S = 1800.0
+FIRST = ("test_can_*.py", "test_camera.py")
+"""Tests of the first machine, about half of the time; the second runs all others."""
 FOLDERS = ("drivers", "controllers", "sim_backends", "rover_hil", "tests")
 NUMBA = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 """The machine's processor is not the host's: code compiled for that one would be compiled anew inside."""
@@ -34,9 +37,30 @@ def main() -> int:
         print(f"test-kernel: skipped: {error}")
         return 0
     build_camera_module(cache, root)
+    index_modules(root)
     variables = {**NUMBA, "NUMBA_CACHE_DIR": str(cache / "numba")}
     _compile(variables, cache / "compiled")
-    return boot(root, cache / "results", _script(root, variables, sys.argv[1:]), LIMIT_S)
+    results, arguments = cache / "results", sys.argv[1:]
+    first, second = _halves()
+    if arguments:
+        names_tests = any(Path(REPOSITORY, argument.partition("::")[0]).exists() for argument in arguments)
+        script = _script(root, variables, [*arguments, *([] if names_tests else first + second)])
+        with Machine(root, results / "1", script, is_shown=True) as machine:
+            return machine.exit_code(LIMIT_S)
+    with (
+        Machine(root, results / "1", _script(root, variables, first), is_shown=True) as one,
+        Machine(root, results / "2", _script(root, variables, second), is_shown=False) as other,
+    ):
+        return max(one.exit_code(LIMIT_S), other.exit_code(LIMIT_S))
+
+
+def _halves() -> tuple[list[str], list[str]]:
+    """Return the test files of the first and of the second machine."""
+    tests = REPOSITORY / "tests/kernel"
+    first = {path for pattern in FIRST for path in tests.glob(pattern)}
+    halves = (first, set(tests.glob("test_*.py")) - first)
+    one, other = (sorted(str(path.relative_to(REPOSITORY)) for path in half) for half in halves)
+    return one, other
 
 
 def _compile(variables: dict[str, str], stamp: Path) -> None:
@@ -57,7 +81,8 @@ def _run_python(*arguments: str, **variables: str) -> None:
 
 def _script(root: Path, variables: dict[str, str], arguments: list[str]) -> str:
     pytest = [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", "--color=no"]
-    results = ["--junitxml=/results/junit.xml", "--basetemp=/tmp/pytest"]
+    # Only this form of the results has room for what tests note in it.
+    results = ["--junitxml=/results/junit.xml", "-ojunit_family=xunit1", "--basetemp=/tmp/pytest"]
     guest = {
         **variables,
         "HOME": "/root",
@@ -67,8 +92,7 @@ def _script(root: Path, variables: dict[str, str], arguments: list[str]) -> str:
         "OPENBLAS_NUM_THREADS": "1",
     }
     exports = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in guest.items())
-    names_tests = any(Path(REPOSITORY, argument.partition("::")[0]).exists() for argument in arguments)
-    command = shlex.join([*pytest, *results, *arguments, *([] if names_tests else ["tests/kernel"])])
+    command = shlex.join([*pytest, *results, *arguments])
     lines = [
         "mkdir -p /lib/modules /sbin",
         f"mount --bind {shlex.quote(str(root / 'lib/modules'))} /lib/modules",

@@ -15,17 +15,21 @@ def kernel_release(root: Path) -> str:
     return modules.name
 
 
-def write_initramfs(root: Path, path: Path) -> None:
-    """Write a cpio archive from the unpacked packages in `root` to `path`."""
+def index_modules(root: Path) -> None:
+    """Write the lists of the kernel's modules and of what they depend on, where they are missing."""
     release = kernel_release(root)
-    busybox = root / "bin/busybox"
     if not (root / "lib/modules" / release / "modules.dep").is_file():
         # Busybox and the modules are those that Debian signed, unpacked beside this archive.
         subprocess.run(  # noqa: S603
-            [busybox, "depmod", "-b", root, release], check=True, stdin=subprocess.DEVNULL
+            [root / "bin/busybox", "depmod", "-b", root, release], check=True, stdin=subprocess.DEVNULL
         )
+
+
+def write_initramfs(root: Path, path: Path) -> None:
+    """Write a cpio archive from the unpacked packages in `root` to `path`."""
+    release = kernel_release(root)
     files: dict[str, bytes | None] = dict.fromkeys(("bin", "lower", "upper", "new", "proc", "sys", "dev"))
-    files["bin/busybox"] = busybox.read_bytes()
+    files["bin/busybox"] = (root / "bin/busybox").read_bytes()
     files["init"] = Path(__file__).with_name("init.sh").read_bytes()
     folder = f"lib/modules/{release}"
     for name in _with_dependencies(root / folder):

@@ -3,6 +3,7 @@
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import Self
 
 from initramfs import kernel_release, write_initramfs
 from packages import environment
@@ -20,41 +21,58 @@ CAN_CARDS = (
 CONSOLE_COMMAND_LINE = "console=ttyS0 panic=-1 quiet loglevel=4 mitigations=off rdinit=/init net.ifnames=0"
 
 
-def boot(root: Path, results: Path, script: str, limit_s: float) -> int:
-    """Run a shell script inside and return its exit code; the console goes to the terminal and to a file.
+class Machine:
+    """A virtual machine that runs a shell script; it is ended with the block that it is used in.
 
     Args:
         root: The unpacked packages.
         results: A folder that the machine writes to; the console is kept there as `console.log`.
         script: What /bin/sh runs inside; the host's files are there, and what it writes is forgotten.
-        limit_s: The machine is ended after this time.
+        is_shown: Whether the console goes to the terminal, too.
     """
-    results.mkdir(parents=True, exist_ok=True)
-    exit_code = results / "exit_code"
-    exit_code.unlink(missing_ok=True)
-    (results / "inside.sh").write_text(script)
-    initramfs = results / "initramfs"
-    write_initramfs(root, initramfs)
-    with (
-        tempfile.TemporaryDirectory() as folder,
+
+    def __init__(self, root: Path, results: Path, script: str, *, is_shown: bool) -> None:
+        self._root = root
+        self._results = results
+        self._script = script
+        self._is_shown = is_shown
+
+    def __enter__(self) -> Self:
+        results = self._results
+        results.mkdir(parents=True, exist_ok=True)
+        (results / "exit_code").unlink(missing_ok=True)
+        (results / "inside.sh").write_text(self._script)
+        write_initramfs(self._root, results / "initramfs")
+        self._folder = tempfile.TemporaryDirectory()
         # Every argument was made here.
-        subprocess.Popen(  # noqa: S603
-            _command(root, results, initramfs, Path(folder) / "wire"),
-            env=environment(root),
+        self._process = subprocess.Popen(  # noqa: S603
+            _command(self._root, results, results / "initramfs", Path(self._folder.name) / "wire"),
+            env=environment(self._root),
             stdin=subprocess.DEVNULL,
-        ) as machine,
-    ):
+            stdout=None if self._is_shown else subprocess.DEVNULL,
+        )
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._folder.cleanup()
+        (self._results / "initramfs").unlink()
+
+    def exit_code(self, limit_s: float) -> int:
+        """Return the exit code of the script when it has ended; after the limit, or without one, it is 1."""
+        console = self._results / "console.log"
         try:
-            machine.wait(limit_s)
+            self._process.wait(limit_s)
         except subprocess.TimeoutExpired:
             print(f"the virtual machine has not ended after {limit_s:.0f} s and is stopped")
-        finally:
-            machine.kill()
-    initramfs.unlink()
-    if not exit_code.is_file():
-        print(f"the virtual machine ended without a result; its console is in {results / 'console.log'}")
-        return 1
-    return int(exit_code.read_text())
+        if not self._is_shown:
+            print(console.read_text("utf-8", "replace"))
+        found = self._results / "exit_code"
+        if not found.is_file():
+            print(f"the virtual machine ended without a result; its console is in {console}")
+            return 1
+        return int(found.read_text())
 
 
 def _command(root: Path, results: Path, initramfs: Path, wire: Path) -> list[str | Path]:

@@ -14,6 +14,10 @@ from benchmarks.hostile.logs import bitmap_head, png_bomb
 from benchmarks.hostile.values import DEEP_MARK, HUGE_MARK, change_somewhere, raw_json
 
 RUN = ("run", "{config}", "--virtual", "--duration", "0.3", "--out", "{out}")
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+WHEELS = ("calibrate", "wheels", "--out", "{out}.toml")
+MACHINE = ("gap", "{honest}/my_machine.py:make")
+CHECK = ("check", "{config}")
 CLIMB = ("terrain", "climb", "--slope-deg", "5")
 FTRACE = ("ftrace", "{honest}/frames", "--rig", "{file}", "--out", "{out}.csv")
 CALIBRATE = (
@@ -51,6 +55,7 @@ def honest_settings() -> list[SettingsFile]:
     rig = (shipped / "rigs" / "el-dorado.json").read_text("utf-8")
     floor = (resources.files("drivers.overhead_camera") / "simulated.toml").read_text("utf-8")
     site = resources.files("sim_backends.plants.robotino") / "sites" / "paper_like.toml"
+    layout = (EXAMPLES / "differential.toml").read_text("utf-8").replace("docs/examples", str(EXAMPLES))
     imu = {"type": "witmotion", "port": "/dev/ttyUSB9", "baud_rate": 115200, "calibration": "{file}"}
     compass = {"type": "nmea_compass", "port": "/dev/ttyUSB9", "baud_rate": 4800, "calibration": "{file}"}
     overhead = {
@@ -67,6 +72,9 @@ def honest_settings() -> list[SettingsFile]:
                 ("run", "{file}", "--virtual", "--duration", "0.3", "--out", "{out}"),
                 ("replay", "{honest}/robotino.mcap", "--config", "{file}"),
                 ("tune", "{file}", "--study", "s", "--trials", "1", "--minutes", "0.05", "--out", "{out}"),
+                ("check", "{file}"),
+                (*WHEELS, "{file}", "--line", "{honest}/robotino.mcap=2.0"),
+                ("import", "robotino", "{honest}/record.csv", "--config", "{file}", "--out", "{out}.mcap"),
             ),
         ),
         SettingsFile(
@@ -76,6 +84,8 @@ def honest_settings() -> list[SettingsFile]:
             (
                 ("run", "{file}", "--virtual", "--duration", "0.3", "--out", "{out}"),
                 ("doctor", "{file}"),
+                ("check", "{file}"),
+                ("calibrate", "compass", "{file}", "--log", "{honest}/el-dorado.mcap", "--out", "{out}.toml"),
                 ("replay", "{honest}/el-dorado.mcap", "--config", "{file}"),
             ),
         ),
@@ -98,7 +108,7 @@ def honest_settings() -> list[SettingsFile]:
             "rig",
             ".json",
             rig,
-            (FTRACE, CALIBRATE, RUN),
+            (FTRACE, CALIBRATE, RUN, CHECK),
             base_config="el-dorado",
             config={"scomp.rig": "{file}"},
         ),
@@ -106,7 +116,7 @@ def honest_settings() -> list[SettingsFile]:
             "mapping",
             ".toml",
             mapping,
-            (RUN, ("doctor", "{config}")),
+            (RUN, CHECK, ("doctor", "{config}")),
             base_config="el-dorado",
             config=wheels_of,
             beside={"generic_wheel.dbc": dbc},
@@ -115,7 +125,7 @@ def honest_settings() -> list[SettingsFile]:
             "dbc",
             ".dbc",
             dbc,
-            (RUN,),
+            (RUN, CHECK, ("init", "{out}.toml", "--dbc", "{file}")),
             base_config="el-dorado",
             config={"devices.wheels.mapping": "{folder}/mapping.toml"},
             beside={"mapping.toml": mapping.replace("generic_wheel.dbc", "{name}")},
@@ -125,7 +135,7 @@ def honest_settings() -> list[SettingsFile]:
             ".toml",
             'source = "turned"\ndate = 2026-01-01\nhard_iron_counts = [1.0, 2.0, 3.0]\n'
             "soft_iron = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n",
-            (RUN,),
+            (RUN, CHECK),
             config={"devices.imu2": imu},
         ),
         SettingsFile(
@@ -133,11 +143,13 @@ def honest_settings() -> list[SettingsFile]:
             ".toml",
             'source = "swung"\ndate = 2026-01-01\nheading_deg = [0.0, 90.0, 180.0, 270.0]\n'
             "deviation_deg = [1.0, 2.0, -1.0, 0.5]\n",
-            (RUN,),
+            (RUN, CHECK),
             config={"devices.compass2": compass},
         ),
-        SettingsFile("floor", ".toml", floor, (RUN,), config={"devices.overhead": overhead}),
-        SettingsFile("site", ".toml", site.read_text("utf-8"), (RUN,), config={"simulation.site": "{file}"}),
+        SettingsFile("floor", ".toml", floor, (RUN, CHECK), config={"devices.overhead": overhead}),
+        SettingsFile(
+            "site", ".toml", site.read_text("utf-8"), (RUN, CHECK), config={"simulation.site": "{file}"}
+        ),
         SettingsFile(
             "soil",
             ".toml",
@@ -167,6 +179,36 @@ def honest_settings() -> list[SettingsFile]:
                 ("gap", "robotino-drive", "{honest}/robotino.mcap", "--model", "{file}", "--out", "{out}"),
                 ("terrain", "traverse", "--roll-deg", "0", "--model", "{file}"),
             ),
+        ),
+        SettingsFile(
+            "wheels",
+            ".toml",
+            layout,
+            (
+                ("run", "{file}", "--virtual", "--duration", "0.3", "--out", "{out}"),
+                ("check", "{file}"),
+                ("doctor", "{file}"),
+                ("gap", "--config", "{file}", "{honest}/robotino.mcap", "--out", "{out}"),
+            ),
+        ),
+        SettingsFile(
+            "allowed",
+            ".toml",
+            'duration_s = [1.0, 2.0]\nforbidden = ["a*"]\n'
+            "inputs.voltage = { low = -1.0, high = 1.0, period_s = [0.1, 1.0], amplitudes = [0.5] }\n"
+            'inputs.voltage.shapes = ["step", "sweep"]\nchannels.encoder = { low = -9.0, high = 9.0 }\n',
+            # Of data that cannot be used: an analysis would take minutes.
+            ((*MACHINE, "{honest}/truth.csv", "--allowed", "{file}", "--out", "{out}"),),
+        ),
+        SettingsFile(
+            "unit",
+            ".toml",
+            'fmu = "../honest/axis.fmu"\nstep_s = 0.04\ninputs.voltage = {}\nsignals.speed = {}\n'
+            'channels.encoder = { variable = "angle", sigma = 0.005, quantum = 0.0123 }\n'
+            "parameters.damping = { prior_sd = 0.004, lower = 0.001, upper = 0.1 }\n"
+            'run_parameters.first_angle = { prior_sd = 0.01, channel = "encoder" }\n'
+            'effects.drag = { sentence = "Drag.", strength = { variable = "drag", size = 0.0005 } }\n',
+            (("gap", "{file}", "{honest}/machine.csv", "--check"),),
         ),
     ]  # fmt: skip
 
