@@ -118,8 +118,8 @@ class Outcome:
 class Report:
     """All faults, and how much was tried.
 
-    `unfinished` counts analyses of `gap` and `tune` that were ended: they had read the file and found it sound,
-    and take minutes on honest data too.
+    `unfinished` counts analyses of `gap` and `tune` that were ended: they had found the file sound, and take
+    minutes on honest data too.
     """
 
     commands: int = 0
@@ -151,7 +151,7 @@ class Suite:
         for name in self._rovers:
             kept = None if logs is None else logs / f"{name}.mcap"
             if kept is None or not kept.exists():
-                # In a process of its own: those that are forked later must not miss threads that a run started.
+                # In a process of its own: processes forked later must not miss threads of a run.
                 writer = FORK.Process(
                     target=hostile_logs.write_base_log, args=(name, kept or self._honest / f"{name}.mcap")
                 )
