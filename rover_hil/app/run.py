@@ -32,6 +32,7 @@ from rover_hil.run.composition import build_real_rig, build_virtual_rig
 from rover_hil.run.executive import End, Executive, Operator, RunResult
 from rover_hil.run.real_time import enter_realtime
 from rover_hil.run.watchdog import Watchdog
+from sim_backends.world.plant import Truth
 
 CONNECT_TIMEOUT_S = 2.0
 REALTIME_SPIN_S = 0.0006
@@ -167,8 +168,10 @@ def run_virtual(
             )
             rig, world = build_virtual_rig(config, clock, log)
 
-            def record_truth(now_ns: int) -> None:
-                log.truth(now_ns, world.plant.truth())
+            def record_truth(now_ns: int) -> Truth:
+                truth = world.plant.truth()
+                log.truth(now_ns, truth)
+                return truth
 
             rig.connect(CONNECT_TIMEOUT_S)
             resources.enter_context(closing(rig))

@@ -11,8 +11,10 @@ from typing import TypeAlias
 from controllers.motion.kinematics import make_kinematics
 from drivers.clock import PacedClock
 from drivers.errors import RoverHilError
+from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
 from rover_hil.bench.page_operator import PageOperator
 from rover_hil.bench.views import Notice, Order, RunOrder
+from rover_hil.config import Config
 from rover_hil.run.executive import Operator, RunResult
 
 MOST_NOTICES = 64
@@ -81,7 +83,7 @@ class LoopProcess:
 
 
 class NoticeSender:
-    """Sends notices from a thread of its own; there is room for a bounded number.
+    """Sends notices from a thread of its own, which also packs frames; there is room for a bounded number.
 
     Args:
         pipe: Where they go.
@@ -89,11 +91,11 @@ class NoticeSender:
 
     def __init__(self, pipe: PipeEnd) -> None:
         self._pipe = pipe
-        self._waiting: queue.Queue[Notice | None] = queue.Queue(MOST_NOTICES)
+        self._waiting: queue.Queue[Notice | CameraFrame | None] = queue.Queue(MOST_NOTICES)
         self._thread = threading.Thread(target=self._send, name="views", daemon=True)
         self._thread.start()
 
-    def put_nowait(self, item: Notice, /) -> None:
+    def put_nowait(self, item: Notice | CameraFrame, /) -> None:
         """Hand a notice over.
 
         Raises:
@@ -115,7 +117,7 @@ class NoticeSender:
     def _send(self) -> None:
         with suppress(OSError):
             while (notice := self._waiting.get()) is not None:
-                self._pipe.send(notice)
+                self._pipe.send(pack(notice) if isinstance(notice, CameraFrame) else notice)
 
 
 def _serve(run: RunFunction, report: ReportFunction, orders: PipeEnd, notices: PipeEnd) -> None:
@@ -132,7 +134,8 @@ def _run(
     run: RunFunction, report: ReportFunction, order: RunOrder, orders: PipeEnd, sender: NoticeSender
 ) -> None:
     clock = PacedClock() if order.is_virtual else None
-    operator = PageOperator(orders, sender, make_kinematics(order.config.rover).wheel_count, clock)
+    wheel_count = make_kinematics(order.config.rover).wheel_count
+    operator = PageOperator(orders, sender, wheel_count, clock, _frame_choice(order.config))
     try:
         result = run(order, operator, clock)
         sender.put({"kind": "ended", "reason": result.reason})
@@ -140,3 +143,8 @@ def _run(
         sender.put({"kind": "reported"})
     except RoverHilError as error:
         sender.put({"kind": "failed", "error": str(error)})
+
+
+def _frame_choice(config: Config) -> FrameChoice:
+    rig = None if config.scomp is None else config.scomp.rig
+    return FrameChoice(config.roles.camera, None if rig is None else rig.geometry())

@@ -26,6 +26,7 @@ CHARTS = {
     "cycles": ("Cycle time", "ms; longest of 50 ms"),
 }
 PATH_WORDS = "dashed: mission; ellipse: 2 standard deviations; click to set way-points"
+CAMERA_WORDS = "the trace as it is estimated: green where it is detected, else orange"
 BAR = """
 <div id="bench-bar"><span class="title">{title}</span>
 <span id="bench-mode">connecting</span>
@@ -49,6 +50,9 @@ class _Controls:
             with ui.element("div").classes("bench-column"):
                 with _card("Path", PATH_WORDS).classes("bench-path"):
                     _canvas("path")
+                if self.session.has_camera():
+                    with _card("Camera", CAMERA_WORDS):
+                        ui.html('<div id="bench-cameras">no picture yet</div>', sanitize=False)
                 with ui.element("div").classes("bench-charts"):
                     for chart, (title, unit) in CHARTS.items():
                         with _card(title, unit):
@@ -93,7 +97,8 @@ class _Controls:
         self._stick = _card("Drive by hand", "")
         with self._stick:
             ui.label(
-                "Arrows or W A S D; Q and E move sideways, where the rover can. Letting go stops the rover."
+                "Arrows or W A S D; Q and E move sideways, where the rover can; or a gamepad: "
+                "left stick, right stick sideways. Letting go stops the rover."
             ).classes("bench-note")
             ui.html('<div id="bench-stick"><div id="bench-knob"></div></div>', sanitize=False)
 

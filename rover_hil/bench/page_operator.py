@@ -1,5 +1,6 @@
 """The operator of a run whose page is in another process: takes orders, hands out views, never waits."""
 
+import math
 import queue
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
@@ -10,8 +11,10 @@ from controllers.operator import OperatorInput
 from drivers.clock import NANOSECONDS_PER_SECOND, PacedClock, seconds
 from drivers.driver import Health
 from drivers.samples import HeadingSample, WheelSample
+from rover_hil.bench.camera_frames import CameraFrame, FrameChoice
 from rover_hil.bench.views import DeviceView, EndOrder, Notice, Order, View
 from rover_hil.run.executive import CycleView, End
+from sim_backends.world.plant import Truth
 
 VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 20
 
@@ -19,7 +22,7 @@ VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 20
 class NoticeQueue(Protocol):
     """The bounded queue to the page."""
 
-    def put_nowait(self, item: Notice, /) -> None:
+    def put_nowait(self, item: Notice | CameraFrame, /) -> None:
         """Put an item in; raises `queue.Full` where there is no room."""
         ...
 
@@ -34,6 +37,7 @@ class PageOperator:
         notices: Where views go.
         wheel_count: Number of wheels.
         clock: The clock of a simulated run, or None.
+        frames: Chooses the frames to be shown, or None.
     """
 
     def __init__(
@@ -42,10 +46,13 @@ class PageOperator:
         notices: NoticeQueue,
         wheel_count: int,
         clock: PacedClock | None,
+        frames: FrameChoice | None = None,
     ) -> None:
         self._orders = orders
         self._notices = notices
         self._clock = clock
+        self._frames = frames
+        self._first_truth: Truth | None = None
         self._end: tuple[End, str] | None = None
         self._is_connected = True
         self._start_ns: int | None = None
@@ -85,17 +92,25 @@ class PageOperator:
                     self._current_a[sample.wheel] = sample.current_a
             elif isinstance(sample, HeadingSample):
                 self._headings[sample.device] = sample.heading_rad
+        if self._first_truth is None:
+            self._first_truth = view.truth
+        if self._frames is not None:
+            for frame in self._frames.choose(view):
+                self._offer(frame)
         now_ns = view.output.t_ns
         if self._start_ns is None:
             self._start_ns = now_ns
         if now_ns < self._next_ns:
             return
         self._next_ns = now_ns + VIEW_PERIOD_NS
+        self._offer(self._view(view, seconds(now_ns - self._start_ns)))
+        self._work_ns = self._late_ns = 0
+
+    def _offer(self, notice: Notice | CameraFrame) -> None:
         try:
-            self._notices.put_nowait(self._view(view, seconds(now_ns - self._start_ns)))
+            self._notices.put_nowait(notice)
         except queue.Full:
             self._dropped += 1
-        self._work_ns = self._late_ns = 0
 
     def _arrived(self) -> Iterator[Order]:
         try:
@@ -119,6 +134,7 @@ class PageOperator:
             "reason": output.reason,
             "pose": (pose.x_m, pose.y_m, pose.yaw_rad),
             "odometry": (odometry.x_m, odometry.y_m, odometry.yaw_rad),
+            "truth": _relative(view.truth, self._first_truth),
             "covariance": (xx, xy, yy, yaw_yaw),
             "headings": dict(self._headings),
             "slip": slip,
@@ -144,6 +160,15 @@ def _merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
         motion=then.motion or first.motion,
         gains={**first.gains, **then.gains},
     )
+
+
+def _relative(truth: Truth | None, first: Truth | None) -> tuple[float, float, float] | None:
+    """Return the true pose from where the rover was at first, as the estimate counts it."""
+    if truth is None or first is None:
+        return None
+    x_m, y_m = truth.x_m - first.x_m, truth.y_m - first.y_m
+    cos, sin = math.cos(first.yaw_rad), math.sin(first.yaw_rad)
+    return cos * x_m + sin * y_m, -sin * x_m + cos * y_m, truth.yaw_rad - first.yaw_rad
 
 
 def _slip(output: StepOutput) -> tuple[list[float | None], list[str], str]:

@@ -67,6 +67,13 @@ def make_app(session: Session, title: str) -> Guard:
     async def stream() -> StreamingResponse:
         return StreamingResponse(_events(session), media_type="text/event-stream")
 
+    @app.get("/camera/{name}")
+    async def camera(name: str) -> Response:
+        jpeg = session.picture(name)
+        if jpeg is None:
+            return Response("there is no picture of this camera yet", 404)
+        return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+
     @app.get("/static/{name}")
     async def static(name: str) -> Response:
         is_known = name in {path.name for path in STATIC.iterdir()}

@@ -21,10 +21,11 @@ from controllers.motion.settings import (
 )
 from controllers.operator import GAIN_UNITS, OperatorInput, check_gains, gain_ranges
 from controllers.slip.effort.settings import SURFACES, YAW_PROBE
+from drivers.camera.settings import CameraSettings
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.bench.loop_process import LoopProcess, ReportFunction, RunFunction
-from rover_hil.bench.views import EndOrder, Notice, Order, RunOrder, View
+from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder, View
 from rover_hil.config import Config
 from rover_hil.run.executive import End
 
@@ -66,6 +67,7 @@ class Snapshot:
         run: Counts the runs; a page begins anew with each.
         mission: Corners of the path in m; empty by hand.
         log_bytes: Size of the log.
+        pictures: Of each camera, the number of its newest picture and words on the trace in it.
     """
 
     number: int
@@ -83,6 +85,7 @@ class Snapshot:
     log_bytes: int
     controller: str | None
     gains: Mapping[str, float]
+    pictures: Mapping[str, tuple[int, str]]
 
 
 class Session:
@@ -115,6 +118,7 @@ class Session:
         self._armed_until_ns = 0
         self._views: deque[View] = deque(maxlen=VIEWS_KEPT)
         self._number = 0
+        self._pictures: dict[str, tuple[int, Picture]] = {}
         self._run = 0
         self._order: RunOrder | None = None
         self._kind: Kind | None = None
@@ -185,6 +189,7 @@ class Session:
             self._report_name = ""
             self._run += 1
             self._views.clear()
+            self._pictures.clear()
             self._state = State.STARTING
             self._process.send(self._order)
 
@@ -212,6 +217,10 @@ class Session:
         with self._lock:
             if self._kind is Kind.BY_HAND and all(map(math.isfinite, motion)):
                 self._operate(browser, OperatorInput(motion=motion))
+
+    def has_camera(self) -> bool:
+        """Return whether the rover has a camera whose frames can be shown."""
+        return any(isinstance(device, CameraSettings) for device in self.config.devices.values())
 
     def gain_ranges(self) -> dict[str, tuple[float, float]]:
         """Return the allowed range of each gain: that of [tune], else that of the key itself."""
@@ -259,7 +268,14 @@ class Session:
                 log_bytes=_size(order),
                 controller=self._controller,
                 gains=dict(self._gains),
+                pictures={name: (number, item["words"]) for name, (number, item) in self._pictures.items()},
             )
+
+    def picture(self, camera: str) -> bytes | None:
+        """Return the newest picture of a camera as JPEG; None before the first."""
+        with self._lock:
+            found = self._pictures.get(camera)
+            return None if found is None else found[1]["jpeg"]
 
     def close(self) -> None:
         """End the run and its process."""
@@ -316,6 +332,9 @@ class Session:
                 self._state = State.RUNNING
                 self._views.append(notice)
                 self._number += 1
+            elif notice["kind"] == "picture":
+                number, _ = self._pictures.get(notice["camera"], (0, None))
+                self._pictures[notice["camera"]] = number + 1, notice
             elif notice["kind"] == "ended":
                 self._state = State.REPORTING
                 self._message = notice["reason"]

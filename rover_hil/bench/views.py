@@ -56,6 +56,7 @@ class View(TypedDict):
     Attributes:
         t_s: Time since the first cycle.
         pose: x and y in m, yaw in rad, by the filter; `odometry` by the wheels alone.
+        truth: The same of a simulated rover, from where it was at first; None of a real one.
         covariance: xx, xy, yy in m2 and yaw in rad2.
         headings: Yaw of each heading device in rad, from an arbitrary zero.
         slip: Slip ratio of each wheel, or of the rover where only that is estimated; None where not valid.
@@ -75,6 +76,7 @@ class View(TypedDict):
     reason: str
     pose: tuple[float, float, float]
     odometry: tuple[float, float, float]
+    truth: tuple[float, float, float] | None
     covariance: tuple[float, float, float, float]
     headings: dict[str, float]
     slip: list[float | None]
@@ -91,6 +93,15 @@ class View(TypedDict):
     gains: Mapping[str, float]
     lost_s: float
     dropped: int
+
+
+class Picture(TypedDict):
+    """A frame of a camera; `words` tell of the trace in it."""
+
+    kind: Literal["picture"]
+    camera: str
+    words: str
+    jpeg: bytes
 
 
 class Ended(TypedDict):
@@ -113,4 +124,4 @@ class Failed(TypedDict):
     error: str
 
 
-Notice: TypeAlias = View | Ended | Reported | Failed
+Notice: TypeAlias = View | Picture | Ended | Reported | Failed

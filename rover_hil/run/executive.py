@@ -16,6 +16,7 @@ from rover_hil.recording.schema import COMMAND, CYCLE, OPERATOR, operator_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
 from rover_hil.run.watchdog import Watchdog
+from sim_backends.world.plant import Truth
 
 HEALTH_PERIOD_NS = NANOSECONDS_PER_SECOND
 STATUS_PERIOD_NS = 100_000_000
@@ -59,6 +60,7 @@ class CycleView(NamedTuple):
         healths: Facts of all devices, renewed once per second.
         late_ns: How late the cycle began.
         work_ns: Real time that it took until then.
+        truth: True state of a simulated rover, or None.
     """
 
     samples: Sequence[Sample]
@@ -67,6 +69,7 @@ class CycleView(NamedTuple):
     healths: Sequence[Health]
     late_ns: int
     work_ns: int
+    truth: Truth | None = None
 
 
 class Operator(Protocol):
@@ -92,7 +95,8 @@ class Executive:
         rig: Drivers and control loop, connected.
         log: Records every cycle.
         rate_hz: Cycles per second.
-        on_cycle: Called at the end of each cycle, e.g. to record a simulated rover's truth.
+        on_cycle: Called at the end of each cycle, e.g. to record the truth of a simulated rover, which it
+            returns for the operator.
         on_status: Called about ten times per second of real time, for a live display.
         watchdog: Fed every cycle; None in simulated time, where the loop cannot hang unseen.
         operator: Operates the run; None where nobody does.
@@ -104,7 +108,7 @@ class Executive:
         log: LogWriter,
         rate_hz: float,
         *,
-        on_cycle: Callable[[int], None] | None = None,
+        on_cycle: Callable[[int], Truth | None] | None = None,
         on_status: Callable[[StepOutput], None] | None = None,
         watchdog: Watchdog | None = None,
         operator: Operator | None = None,
@@ -118,6 +122,7 @@ class Executive:
         self._watchdog = watchdog
         self._operator = operator
         self._healths: Sequence[Health] = ()
+        self._truth: Truth | None = None
         self._stop_request: tuple[End, str] | None = None
         self._is_stopping = False
 
@@ -173,7 +178,9 @@ class Executive:
                 self._log.write_json(CYCLE, now_ns, {"late_ns": late_ns, "work_ns": work_ns})
                 result.cycles += 1
                 if self._operator is not None:
-                    self._operator.show(CycleView(samples, output, sent, self._healths, late_ns, work_ns))
+                    self._operator.show(
+                        CycleView(samples, output, sent, self._healths, late_ns, work_ns, self._truth)
+                    )
                     self._stop_request = self._operator.end() or self._stop_request
                 if self._on_status is not None and woke_ns >= next_status_ns:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
@@ -201,7 +208,7 @@ class Executive:
         self._log.estimate(output)
         self._log.write_json(COMMAND, sent.t_ns, set_point_record(sent))
         if self._on_cycle is not None:
-            self._on_cycle(now_ns)
+            self._truth = self._on_cycle(now_ns)
         return samples, output, sent
 
     def _check_health(self, now_ns: int) -> None:

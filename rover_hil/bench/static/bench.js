@@ -4,7 +4,7 @@
 const MOST_POINTS = 6000, SHOWN_S = 60, DRIVE_MS = 50, SILENT_MS = 1500;
 const RUN_COLOURS = ["#9b4dca", "#0f8a5f"];
 const WHEEL_COLOURS = ["#0b63ce", "#e07a00", "#0f8a5f", "#9b4dca", "#c0398a", "#7a8b00", "#0f7f9c", "#8a5a2b"];
-const live = { run: -1, state: {}, last: null, x: [], y: [], ox: [], oy: [], t: [], series: {} };
+const live = { run: -1, state: {}, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} };
 let opened = [], points = [], heardMs = performance.now(), view = null;
 const byId = (id) => document.getElementById(id);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -12,7 +12,8 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 // ---- stream ----
 
 function begin(run) {
-  Object.assign(live, { run, last: null, x: [], y: [], ox: [], oy: [], t: [], series: {} });
+  Object.assign(live, { run, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} });
+  padAtRest = false;
 }
 
 function put(chart, name, t, value) {
@@ -34,7 +35,9 @@ const zero = {};
 
 function take(v) {
   live.last = v;
-  for (const [list, value] of [[live.x, v.pose[0]], [live.y, v.pose[1]], [live.ox, v.odometry[0]], [live.oy, v.odometry[1]]]) {
+  const places = [[live.x, v.pose[0]], [live.y, v.pose[1]], [live.ox, v.odometry[0]], [live.oy, v.odometry[1]]];
+  if (v.truth) places.push([live.tx, v.truth[0]], [live.ty, v.truth[1]]);
+  for (const [list, value] of places) {
     list.push(value);
     if (list.length > MOST_POINTS) list.splice(0, list.length, ...list.filter((_, index) => index % 2));
   }
@@ -46,6 +49,7 @@ function take(v) {
     if (!live.series.headings[name]) zero[name] = value - v.pose[2];
     put("headings", name, v.t_s, unwrapped("headings", name, (value - zero[name]) * toDegrees));
   }
+  if (v.truth) put("headings", "truth", v.t_s, unwrapped("headings", "truth", v.truth[2] * toDegrees));
   put("cycles", "work", v.t_s, v.work_us / 1000);
   put("cycles", "late", v.t_s, v.late_us / 1000);
 }
@@ -56,6 +60,7 @@ function receive(event) {
   if (data.run !== live.run) begin(data.run);
   live.state = data;
   data.views.forEach(take);
+  showCameras(data);
   showWords();
 }
 
@@ -74,6 +79,27 @@ function showWords() {
   byId("bench-words").textContent = words.filter(Boolean).join(" · ");
   byId("bench-words").title = byId("bench-words").textContent;
   showTables(v, data);
+}
+
+function showCameras(data) {
+  const place = byId("bench-cameras");
+  if (!place) return;
+  for (const [name, [number, words]] of Object.entries(data.pictures)) {
+    let figure = place.querySelector(`[data-camera="${CSS.escape(name)}"]`);
+    if (!figure) {
+      if (!place.children.length) place.textContent = "";
+      figure = place.appendChild(document.createElement("figure"));
+      figure.dataset.camera = name;
+      figure.append(document.createElement("img"), document.createElement("figcaption"));
+    }
+    const [picture, caption] = figure.children, key = `${data.run}-${number}`;
+    // A picture that is still on its way is not overtaken: a slow network shows fewer ones.
+    if (figure.dataset.key === key || (picture.src && !picture.complete)) continue;
+    figure.dataset.key = key;
+    picture.alt = "camera " + name;
+    picture.src = `/camera/${encodeURIComponent(name)}?${key}`;
+    caption.textContent = words ? `${name}: ${words}` : name;
+  }
 }
 
 function cell(text, kind) {
@@ -106,6 +132,7 @@ function showTables(v, data) {
   fill("bench-facts", [
     ["position", `${v.pose[0].toFixed(3)}, ${v.pose[1].toFixed(3)} m ± ${(100 * sigma).toFixed(1)} cm`],
     ["yaw", `${(v.pose[2] * toDegrees).toFixed(1)}° ± ${(Math.sqrt(Math.max(v.covariance[3], 0)) * toDegrees).toFixed(1)}°`],
+    ["distance from the truth", v.truth ? (100 * Math.hypot(v.pose[0] - v.truth[0], v.pose[1] - v.truth[1])).toFixed(1) + " cm" : "– (only of a simulated rover)"],
     ["beside the path", v.cross_track_m === null ? "–" : (100 * v.cross_track_m).toFixed(1) + " cm"],
     ["set-points", v.set_rad_s.map((speed) => speed.toFixed(2)).join(" / ") + " rad/s" + (v.limit === "none" ? "" : ", limit: " + v.limit)],
     ["log", data.run_name ? `${data.run_name}, ${(data.log_bytes / 1e6).toFixed(2)} MB, ${v.cycles} cycles` : "closed"],
@@ -170,7 +197,8 @@ function drawPath(canvas) {
   const xs = [0, ...mission.map((p) => p[0]), ...points.map((p) => p[0])];
   const ys = [0, ...mission.map((p) => p[1]), ...points.map((p) => p[1])];
   const extend = (list, values) => { for (const value of values) list.push(value); };
-  extend(xs, live.x); extend(xs, live.ox); extend(ys, live.y); extend(ys, live.oy);
+  for (const list of [live.x, live.ox, live.tx]) extend(xs, list);
+  for (const list of [live.y, live.oy, live.ty]) extend(ys, list);
   for (const run of opened) for (const curve of run.paths) { extend(xs, curve.x); extend(ys, curve.y); }
   const bound = (list, pick) => list.reduce((a, b) => pick(a, b));
   const [x0, x1, y0, y1] = [bound(xs, Math.min), bound(xs, Math.max), bound(ys, Math.min), bound(ys, Math.max)];
@@ -200,6 +228,10 @@ function drawPath(canvas) {
     }
     entries.push([run.name, RUN_COLOURS[index % 2]]);
   });
+  if (live.tx.length) {
+    line(context, live.tx, live.ty, toX, toY, colour("--truth"), 1.6, [9, 4]);
+    entries.splice(3, 0, ["truth", colour("--truth")]);
+  }
   line(context, live.ox, live.oy, toX, toY, colour("--encoders"), 1.4);
   line(context, live.x, live.y, toX, toY, colour("--estimate"), 2.2);
   if (points.length) {
@@ -244,7 +276,7 @@ function drawSeries(canvas, chart) {
   const isLive = Object.keys(live.series[chart] || {}).length > 0;
   const curves = [];
   Object.entries(live.series[chart] || {}).forEach(([name, curve], index) => {
-    const named = { estimate: colour("--estimate"), encoders: colour("--encoders"), work: colour("--estimate"), late: colour("--encoders") };
+    const named = { estimate: colour("--estimate"), encoders: colour("--encoders"), truth: colour("--truth"), work: colour("--estimate"), late: colour("--encoders") };
     curves.push({ name, x: curve.x, y: curve.y, style: named[name] || WHEEL_COLOURS[index % WHEEL_COLOURS.length] });
   });
   if (!isLive) opened.forEach((run, run_index) => run[chart].forEach((curve, index) => {
@@ -300,10 +332,28 @@ function emergencyStop() {
 const KEYS = { ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0], ArrowLeft: [0, 1], KeyA: [0, 1], ArrowRight: [0, -1], KeyD: [0, -1] };
 const SIDES = { KeyQ: 1, KeyE: -1 };
 const held = new Set();
-let stick = null, wasDriving = false;
+const DEAD_ZONE = 0.12;
+let stick = null, wasDriving = false, padAtRest = false;
+
+// Forward, left and turn of the gamepads, by their standard mapping. One counts only after it was at rest in this
+// run: a stick that hangs or lies on its side does not start the rover.
+function gamepad() {
+  if (!document.hasFocus()) return [0, 0, 0];
+  const total = [0, 0, 0];
+  for (const pad of navigator.getGamepads ? navigator.getGamepads() : []) {
+    if (!pad || !pad.connected) continue;
+    const [side, ahead, right] = [0, 1, 2].map((axis) => {
+      const value = Number(pad.axes[axis]) || 0;
+      return Math.abs(value) < DEAD_ZONE ? 0 : value;
+    });
+    total[0] -= ahead; total[1] -= right; total[2] -= side;
+  }
+  if (total.every((share) => share === 0)) padAtRest = true;
+  return padAtRest ? total : [0, 0, 0];
+}
 
 function driving() {
-  let forward = 0, turn = 0, left = 0;
+  let [forward, left, turn] = gamepad();
   for (const code of held) {
     if (KEYS[code]) { forward += KEYS[code][0]; turn += KEYS[code][1]; }
     left += SIDES[code] || 0;

@@ -114,5 +114,9 @@ class Page:
         self.wait(button.is_enabled, f"button {text!r} is not enabled")
         button.click()
 
+    def links(self, start: str) -> "list[WebElement]":
+        """Return the links whose address begins so."""
+        return self.driver.find_elements("css selector", f'a[href^="{start}"]')
+
     def _buttons(self) -> "list[WebElement]":
         return self.driver.find_elements("tag name", "button")

@@ -92,5 +92,66 @@ def test_a_browser_that_disappears_while_driving_by_hand_stops_the_rover(url: st
     assert seconds(rest_ns - motion_ns[-1]) <= 0.3
 
 
+def test_a_gamepad_and_the_stick_drive_but_not_a_gamepad_that_was_never_at_rest(
+    url: str, folder: Path
+) -> None:
+    from selenium.webdriver import ActionChains
+
+    with Page(url) as page:
+        page.driver.execute_script(GAMEPAD)
+        page.click("Drive by hand")
+        page.wait(lambda: page.mode == "running", "the run does not begin")
+        page.driver.execute_async_script("setTimeout(arguments[0], 400)")
+        assert page.driver.execute_script(AT_REST)  # its stick was never let go in this run
+        page.driver.execute_script("pad.axes = [0, 0.05, 0, 0]")
+        page.driver.execute_async_script("setTimeout(arguments[0], 200)")
+        page.driver.execute_script("pad.axes = [0, -0.5, 0, 0]")
+        page.wait(lambda: not page.driver.execute_script(AT_REST), "the gamepad does not drive")
+        page.driver.execute_script("pad.connected = false")
+        page.wait(lambda: bool(page.driver.execute_script(AT_REST)), "a lost gamepad does not stop the rover")
+        stick = page.driver.find_element("id", "bench-stick")
+        held = ActionChains(page.driver).move_to_element(stick).click_and_hold()
+        held.move_by_offset(0, -60).perform()
+        page.wait(lambda: not page.driver.execute_script(AT_REST), "the stick does not drive")
+        ActionChains(page.driver).release().perform()
+        page.wait(lambda: bool(page.driver.execute_script(AT_REST)), "letting go does not stop the rover")
+        page.click("Stop")
+        page.wait(lambda: page.mode == "idle", "no end")
+    motions = [
+        record["motion"] for _, record in messages(newest_log(folder), "/operator") if record["motion"]
+    ]
+    assert [0.075, 0.0, 0.0] in motions  # half of mission.speed_m_s
+    assert all(motion[1:] == [0.0, 0.0] for motion in motions if isinstance(motion, list))
+
+
+def test_way_points_are_clicked_and_two_finished_runs_lie_on_top_of_each_other(url: str) -> None:
+    from selenium.webdriver import ActionChains
+
+    with Page(url) as page:
+        canvas = page.driver.find_element("css selector", 'canvas[data-chart="path"]')
+        assert not page.button("Drive way-points").is_enabled()
+        ActionChains(page.driver).move_to_element_with_offset(canvas, 40, -30).click().perform()
+        page.click("Drive way-points")
+        page.wait(lambda: page.mode == "running", "the run does not begin")
+        clicked, mission = page.driver.execute_script("return [points, live.state.mission]")
+        assert mission[-1] == pytest.approx(clicked[0])
+        page.wait(lambda: page.driver.execute_script("return live.tx.length > 2"), "no truth")
+        page.click("Stop")
+        page.wait(lambda: page.mode == "idle", "no end")
+        field = page.driver.find_element("css selector", ".bench-page .q-select")
+        field.click()
+        options = "return document.querySelectorAll('.q-menu .q-item').length"
+        page.wait(lambda: page.driver.execute_script(options) >= 2, "no finished runs")
+        for item in page.driver.find_elements("css selector", ".q-menu .q-item")[:2]:
+            item.click()
+        page.wait(lambda: page.driver.execute_script("return opened.length") == 2, "two are not opened")
+        names = page.driver.execute_script("return opened.map((run) => run.paths.map((path) => path.name))")
+        assert names[0] == names[1] == ["estimate", "encoders", "truth"]
+
+
+GAMEPAD = """
+window.pad = { connected: true, axes: [0, -1, 0, 0], buttons: [] };
+navigator.getGamepads = () => [pad];
+"""
 REST = [0.0, 0.0, 0.0]
 AT_REST = "return live.last !== null && live.last.set_rad_s.every((speed) => speed === 0)"

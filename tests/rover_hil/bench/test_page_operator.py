@@ -1,6 +1,5 @@
 """The loop's side of the page: nothing that the page does or fails to do delays the loop."""
 
-import queue
 from multiprocessing import Pipe
 from typing import cast
 
@@ -11,23 +10,11 @@ from drivers.clock import VirtualClock, stopwatch_ns
 from drivers.link import NoTap
 from rover_hil.bench.loop_process import MOST_NOTICES, NoticeSender
 from rover_hil.bench.page_operator import PageOperator
-from rover_hil.bench.views import EndOrder, Notice, View
+from rover_hil.bench.views import EndOrder, View
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import CycleView, End
+from tests.rover_hil.bench.kept import Kept
 from tests.rover_hil.bench.rovers import quick
-
-
-class Kept:
-    """Keeps notices, up to a number."""
-
-    def __init__(self, most: int) -> None:
-        self.items: list[Notice] = []
-        self._most = most
-
-    def put_nowait(self, item: Notice, /) -> None:
-        if len(self.items) >= self._most:
-            raise queue.Full
-        self.items.append(item)
 
 
 def cycles(count: int) -> list[CycleView]:
