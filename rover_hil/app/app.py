@@ -537,6 +537,30 @@ def import_robotino(
     )
 
 
+@import_app.command("rosbag")
+def import_rosbag(
+    bag: Annotated[
+        Path, typer.Argument(help="A bag of ROS 1 (.bag) or ROS 2 (a folder, .mcap, .db3) of any rover.")
+    ],
+    topics: Annotated[Path, typer.Option(help="TOML file: which topic holds what.")],
+    out: Annotated[Path, out_option("The log to write.")],
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Turn a bag of ROS 1 or ROS 2 into a log, which replays exactly.
+
+    Wheels or odometry, angular rates, currents, true poses and compressed pictures are used.
+
+    Example: `rover-hil import rosbag first_rosbag2 --topics topics.toml --out first.mcap`
+
+    Data: `rover-hil sample bag` writes the bag and the file of topics; for yours,
+    docs/how-to/import_a_bag.md names the keys.
+    """
+    from rover_hil.app.import_rosbag import import_bag
+
+    sys.exit(import_bag(bag, topics_path=topics, out=out, force=force, as_json=json))
+
+
 def _spread(arguments: list[str], option: str) -> list[str]:
     """Return arguments with `--test A --test B` for `--test A B`, which the library does not parse."""
     spread: list[str] = []

@@ -133,6 +133,23 @@ def decode_image(data: bytes) -> CameraImage:
     return CameraImage(np.asarray(pixels, np.uint8), t_capture_ns)
 
 
+def decode_picture(t_capture_ns: int | None, picture: bytes) -> CameraImage:
+    """Return the image in a picture file of another program; one without pixels where it cannot be decoded.
+
+    Args:
+        t_capture_ns: When it was taken, monotonic time; None where that is not known.
+        picture: A JPEG, PNG or bitmap file.
+    """
+    import numpy as np
+
+    is_stamp = t_capture_ns is not None and 0 <= t_capture_ns < 2**62
+    stamp_ns = t_capture_ns if is_stamp else None
+    try:
+        return decode_image(_STAMP.pack(_NO_STAMP if stamp_ns is None else stamp_ns) + picture)
+    except LogError:
+        return CameraImage(np.zeros((0, 0), np.uint8), stamp_ns)
+
+
 def _is_plain_bitmap(picture: bytes) -> bool:
     """Return whether a bitmap file holds all of its pixels, unpacked."""
     # Any other picture, or a packed bitmap, may unpack to much more than the log holds.

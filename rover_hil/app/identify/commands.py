@@ -52,7 +52,7 @@ def identify_probe(
 
     Example: `rover-hil identify probe probe/ --out my_ground.toml`
 
-    Data: `rover-hil sample probe` writes such a log; yours need a yaw excitation and an overhead camera:
+    Data: `rover-hil sample probe` writes such logs; yours need a yaw excitation and an overhead camera:
     docs/how-to/fit_slip_maps.md gives the settings.
     """
     from rover_hil.app.identify.probe import identify_probe as identify

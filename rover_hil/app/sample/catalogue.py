@@ -35,7 +35,7 @@ SAMPLES: Mapping[str, Sample] = {
         ("floors", "floors_test"),
         runs.write_floors,
     ),
-    "probe": Sample("a drive with a yaw excitation over several floors", ("probe",), runs.write_probe),
+    "probe": Sample("drives with a yaw excitation on four floors", ("probe",), runs.write_probe),
     "wheels": Sample(
         "drives of a rover whose left wheel is 3 % larger than its configuration states",
         ("my_wheels.toml", "drives"),
@@ -43,6 +43,11 @@ SAMPLES: Mapping[str, Sample] = {
     ),
     "robotino": Sample(
         "a drive in the format of a measured Robotino run", ("exp00.csv",), drives.write_robotino
+    ),
+    "bag": Sample(
+        "a drive as a ROS 2 bag, and which of its topics hold what",
+        ("first_rosbag2", "topics.toml"),
+        drives.write_bag,
     ),
     "drive": Sample(
         "a drive on sand as a CSV file, and its tracked path",

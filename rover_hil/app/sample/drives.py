@@ -17,8 +17,10 @@ from rover_hil.config.shipped import rigs
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import RecordedDrive, read_drive
 from rover_hil.datasets.robotino_csv import CAMERA_UNITS, MOTORS, RECORD_UNITS
+from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.ftrace.telemetry import NEEDED, RATES, SPEED
+from rover_hil.recording.reader import LogReader
 from rover_hil.scomp.columns import WHEELS
 
 ROBOTINO_S = 16.0
@@ -26,6 +28,19 @@ MM_PER_PX = 1.84
 CAMERA_ORIGIN_PX = 400.0
 CAMERA_TO_ROBOT_DEG = 90.0
 ROBOTINO_NAMES = ("set_rad_s", "enc_rad", "speed_rad_s", "current_a", "x_m", "y_m", "psi_rad")
+BAG_S = 15.0
+BAG_TOPICS = """rover = "robotino"
+
+[wheels]
+topic = "/joint_states"
+joints = ["wheel1", "wheel2", "wheel3"]
+
+[imu]
+topic = "/imu/imu"
+
+[truth]
+topic = "/ground_truth"
+"""
 DRIVE_S = 100.0
 DRIVE_POINTS_M = ((2.0, 0.0), (4.0, 1.5), (6.0, 0.5))
 DRIVE_NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad")
@@ -55,6 +70,15 @@ def write_robotino(folder: Path) -> None:
     lines = [";".join(cells) for cells in header]
     lines += [";".join(f"{value:.6g}" if value % 1.0 else f"{value:.0f}" for value in row) for row in rows]
     (folder / "exp00.csv").write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def write_bag(folder: Path) -> None:
+    """Write a drive of the simulated Robotino as a ROS 2 bag, and the file of its topics."""
+    with TemporaryDirectory(dir=folder) as place:
+        log = Path(place) / "run.mcap"
+        run_virtual(load_config("robotino"), log, BAG_S, None)
+        write_rosbag2(LogReader(log), folder / "first_rosbag2", lambda: None)
+    (folder / "topics.toml").write_text(BAG_TOPICS, "utf-8")
 
 
 def write_drive(folder: Path) -> None:

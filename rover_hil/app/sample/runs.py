@@ -17,7 +17,8 @@ from sim_backends.settings import PlantSettings
 RUN_S = 15.0
 SAND_S = 10.0
 FLOOR_S = 12.0
-PROBE_S = 120.0
+PROBE_S = 40.0
+PROBE_FLOORS = ("table", "brown", "gray", "green")
 WHEELS_S = 20.0
 SCHEMA_LINE = "#:schema"
 FLOORS = ("brown", "gray")
@@ -66,13 +67,11 @@ def write_floors(folder: Path) -> None:
 
 
 def write_probe(folder: Path) -> None:
-    """Write a log of a drive with a yaw excitation over patches of several floors."""
+    """Write logs of drives around a rectangle with a yaw excitation, each on another floor."""
     (folder / "probe").mkdir()
     config = load_config("robotino")
-    mission = WaypointsMission(
-        type="waypoints", points=((0.9, 0.0), (0.9, 0.4), (0.0, 0.4), (0.0, 0.0)) * 3, speed_m_s=0.15
-    )
-    run_virtual(config.model_copy(update={"mission": mission}), folder / "probe" / "1.mcap", PROBE_S, None)
+    for number, floor in enumerate(PROBE_FLOORS, start=1):
+        run_virtual(_on_floor(config, floor, seed=number), folder / "probe" / f"{number}.mcap", PROBE_S, None)
 
 
 def write_wheels(folder: Path) -> None:

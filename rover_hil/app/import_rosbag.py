@@ -1,0 +1,43 @@
+"""`rover-hil import rosbag`: a bag becomes a log."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+from pydantic_core import to_json
+from rich.console import Console
+
+from drivers.clock import seconds
+from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.steps import show_steps
+from rover_hil.config import load_config
+from rover_hil.importing.rosbag.bag import bounded_memory
+from rover_hil.importing.rosbag.to_log import START_NS, Contents, write_bag_as_log
+from rover_hil.importing.rosbag.topics import read_topics
+from rover_hil.pages.atomic_write import check_file, unfinished
+
+
+def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json: bool) -> int:
+    """Turn a bag into the log `out`; returns the exit code.
+
+    Raises:
+        ConfigError: The file of topics or the rover is wrong, or `out` exists or cannot be written.
+        LogError: The bag cannot be read, or does not fit the topics.
+    """
+    check_file(out, force=force)
+    topics = read_topics(topics_path)
+    rover = load_config(topics.rover)
+    contents = Contents()
+    with unfinished(out) as part, show_steps("looking at the bag") as step, bounded_memory():
+        for contents in write_bag_as_log(path, topics, rover, part):
+            step(f"importing, {seconds(contents.end_ns - START_NS):.0f} s of the bag are done")
+    duration_s = seconds(contents.end_ns - START_NS)
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    if as_json:
+        console.out(to_json({"log": str(out), "duration_s": duration_s, **asdict(contents)}).decode())
+        return EXIT_OK
+    for section, count in contents.used.items():
+        console.print(f"{section}: {count} messages")
+    for section, count in contents.left_out.items():
+        console.print(f"{section}: {count} messages without usable numbers left out")
+    console.print(f"{duration_s:.1f} s: {out}")
+    return EXIT_OK
