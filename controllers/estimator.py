@@ -1,10 +1,11 @@
 """Estimate of the pose from samples."""
 
+import cmath
 import math
 from dataclasses import replace
 
 from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.gyro import GyroIntegrator
+from controllers.estimation.gyro import GyroIntegrator, GyroTurn
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
@@ -16,6 +17,7 @@ from controllers.estimation.unseen_motion import UnseenMotion
 from controllers.estimation.wheel_contradiction import WheelContradiction
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics, greatest_motion, wheel_effects
+from controllers.motion.planar import wrap_angle
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
 from controllers.slip.protocol import SlipCompensator
@@ -211,7 +213,7 @@ class Estimator:
 
         A gyro that was wrong has also misled the slip compensation: a gyro without a signal looks like wheels
         that slip wholly. So a doubt of the yaw also widens the position by the travel that compensation has
-        removed, and the slip states.
+        removed, and the slip states; the compensator forgets what the gyro has taught.
 
         Args:
             wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
@@ -222,6 +224,8 @@ class Estimator:
             x_m, y_m = x_m + abs(self._compensated_m[0]), y_m + abs(self._compensated_m[1])
             self._compensated_m = (0.0, 0.0)  # doubted once
             self._filter.doubt_slip()
+            if self._slip is not None:
+                self._slip.doubt_gyro()
         self._widen((x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0)))
 
     def _is_still(self, now_ns: int) -> bool:
@@ -244,13 +248,22 @@ class Estimator:
         velocity_x_m_s, velocity_y_m_s, _ = self._body_velocity()
         yaw_rate_rad_s = self._yaw_rate_rad_s()
         xx, xy, x_yaw, yy, y_yaw, yaw_rad2 = self._filter.covariance
+        waiting_rad, waiting_rad2 = self._waiting_turn()
+        yaw_rad = wrap_angle(pose.yaw_rad + waiting_rad)
+        yaw_rad2 += waiting_rad2
+        age_s = 0.0 if self.motion_ns is None else seconds(now_ns - self.motion_ns)
+        toward = cmath.rect(1.0, yaw_rad)
+        since_m = age_s * complex(velocity_x_m_s, velocity_y_m_s) * toward
+        unsettled_m = 0j if self._slip is None else self._slip.unsettled_m * toward
+        for along_m in (since_m, unsettled_m):
+            xx, xy, yy = xx + along_m.real**2, xy + along_m.real * along_m.imag, yy + along_m.imag**2
         if self._yaw_source is YawSource.GYRO:
             yaw_rad2 += (yaw_rate_rad_s * self._settings.gyro_delay_sd_s) ** 2
         return PoseEstimate(
             t_ns=now_ns if self.motion_ns is None else self.motion_ns,
             x_m=pose.x_m,
             y_m=pose.y_m,
-            yaw_rad=pose.yaw_rad,
+            yaw_rad=yaw_rad,
             velocity_x_m_s=velocity_x_m_s,
             velocity_y_m_s=velocity_y_m_s,
             yaw_rate_rad_s=yaw_rate_rad_s,
@@ -258,6 +271,15 @@ class Estimator:
             covariance=(xx, xy, x_yaw, yy, y_yaw, yaw_rad2),
             yaw_source=self._yaw_source,
         )
+
+    def _waiting_turn(self) -> tuple[float, float]:
+        """Return the turn that waits for motion of the wheels or a reading of the gyro, and its variance."""
+        if self.is_still or self._yaw_source is not YawSource.GYRO:
+            return 0.0, 0.0
+        angle_rad, covered_s, variance_rad2 = self._gyro.turn
+        if covered_s > 0.0:
+            return angle_rad - self._filter.gyro_bias_rad_s * covered_s, variance_rad2
+        return self._wheel_turn_rad, (ESTIMATION.pose.gap_turn_error * self._wheel_turn_rad) ** 2 / 3.0
 
     @property
     def unseen_m(self) -> float:
@@ -274,7 +296,7 @@ class Estimator:
         odometry = self.odometry
         if odometry.lost_s:
             self._has_lost_motion = True
-            turn_unknown_s = max(0.0, odometry.lost_s - self._gyro.covered_s)
+            turn_unknown_s = max(0.0, odometry.lost_s - self._gyro.turn.covered_s)
             if turn_unknown_s <= self._roles.max_age_s(self._roles.gyro) and self._roles.gyro is not None:
                 turn_unknown_s = 0.0  # the readings to come reach back
             self._widen(self._unseen.greatest_motion(odometry.lost_s, turn_unknown_s))
@@ -315,9 +337,9 @@ class Estimator:
         only add its noise.
         """
         self._wheel_turn_rad += increment.turn_rad
-        angle_rad, covered_s = self._gyro.take()
-        if not is_still and covered_s > 0.0:
-            return self._turn_by_gyro(angle_rad, covered_s)
+        by_gyro = self._gyro.take()
+        if not is_still and by_gyro.covered_s > 0.0:
+            return self._turn_by_gyro(by_gyro)
         if not is_still and self._gyro.is_fresh(now_ns):
             return Turn(angle_rad=0.0, source=YawSource.GYRO)
         self._yaw_source = YawSource.WHEELS
@@ -325,7 +347,8 @@ class Estimator:
         self._begin_turn()
         return turn
 
-    def _turn_by_gyro(self, angle_rad: float, covered_s: float) -> Turn:
+    def _turn_by_gyro(self, by_gyro: GyroTurn) -> Turn:
+        angle_rad, covered_s, unseen_rad2 = by_gyro
         self._yaw_source = YawSource.GYRO
         wheels, wheel_turn_rad, has_gap = self._wheel_turn, self._wheel_turn_rad, self._gyro.has_gap
         has_lost_motion = self._has_lost_motion
@@ -337,11 +360,12 @@ class Estimator:
                 source=YawSource.GYRO,
                 covered_s=covered_s,
                 by_wheels_rad=by_wheels_rad,
+                unseen_rad2=unseen_rad2,
             )
         if not has_lost_motion:
             bias_rad = self._filter.gyro_bias_rad_s * covered_s
             self.evidence = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels)
-        return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s)
+        return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s, unseen_rad2=unseen_rad2)
 
     def _begin_turn(self) -> None:
         self._wheel_turn_rad = 0.0

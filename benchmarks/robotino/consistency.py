@@ -31,26 +31,12 @@ INSIDE_BAR = (0.90, 0.98)
 NEES_BAR = (0.5, 1.5)
 BOUND = {2: 5.991, 1: 3.841}
 """95 % of a chi-square distribution."""
-FITTED = {
-    "position_noise_m_sqrt_m": 0.02,
-    "unsure_position_noise_m_sqrt_m": 0.02,
-    "slip_sd": 0.04,
-    "unsure_slip_sd": 0.3,
-    "cross_slip_ratio": 0.3,
-    "slip_distance_m": 0.5,
-    "gyro_delay_sd_s": 0.02,
-    "gyro_noise_rad_sqrt_s": 3e-4,
-    "gyro_rate_noise_rad_s": 2e-3,
-    "gyro_bias_walk_rad_s_sqrt_s": 6e-5,
-}
-"""Values of `[filter]` for the simulated ground and IMU, fitted on development seeds."""
 WAYS = ("compensated", "not compensated")
 
 
 def configured(seed: int, way: str) -> Config:
     """Return the shipped Robotino on a random site, with or without slip compensation."""
     config = robotino(seed)
-    config = config.model_copy(update={"filter": config.filter.model_copy(update=FITTED)})
     return config if way == "compensated" else config.model_copy(update={"slip": None})
 
 

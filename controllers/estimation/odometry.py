@@ -17,6 +17,9 @@ class BodyIncrement:
         turned_rad: Angle of each wheel.
         steering_rad: Steering angle of each wheel half-way; empty where none steers.
         is_sure: False where the wheels slip by an unknown amount.
+        rolled_m: Motion of rolling wheels, before slip was removed, to the left as imaginary part; None where
+            none was.
+        slip_sd: Standard deviation of the slip that was removed; None where it is not known.
     """
 
     x_m: float
@@ -26,6 +29,8 @@ class BodyIncrement:
     turned_rad: tuple[float, ...] = ()
     is_sure: bool = True
     steering_rad: tuple[float, ...] = ()
+    rolled_m: complex | None = None
+    slip_sd: float | None = None
 
 
 @dataclass(slots=True)

@@ -23,6 +23,8 @@ class PoseParameters:
 
     greatest_rate_rad_s: float = 100.0  # a gyro's reading beyond is not plausible
     gap_turn_error: float = 0.35  # greatest error of the wheels' turn in a gap of the gyro, as its share
+    least_spacing_s: float = 0.005  # two readings of the gyro that arrive closer were not measured so close
+    curvature_memory_s: float = 1.0  # memory of the second derivative of the yaw rate
     doubted_slip_s: float = 2.0  # memory of the slip that a wrong gyro has misled
     pause_cycles: float = 3.0  # a pause is longer than this many of the usual cycles
     usual_cycle_growth: float = 1.5  # the usual cycle grows by this factor in a cycle at most

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from controllers.estimation.guarded_filter import GuardedFilter, Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.pose_fixes import Step, WayBack
+from controllers.estimation.pose_fixes import Step, WayBack, displaced
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipStates, SlipStep
 from controllers.motion.planar import Pose, move, wrap_angle
@@ -42,12 +42,14 @@ class Turn:
         source: Source of the measurement.
         covered_s: The time over which the gyro's bias entered; 0 for the wheels.
         by_wheels_rad: Part of the angle that the wheels measured in a gap of the gyro; None without a gap.
+        unseen_rad2: Variance of what the gyro did not see between its readings.
     """
 
     angle_rad: float
     source: YawSource
     covered_s: float = 0.0
     by_wheels_rad: float | None = None
+    unseen_rad2: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,10 +57,12 @@ class PoseEstimate:
     """The estimated motion in the local frame: origin and x axis are the pose at start, y to the left.
 
     Attributes:
-        t_ns: Time of the wheel positions that the pose is based on.
+        t_ns: Time of the wheel positions that the position is based on. The yaw is that of the newest reading
+            of gyro or wheels.
         velocity_x_m_s: In the body frame, as are `velocity_y_m_s` and `yaw_rate_rad_s`.
         gyro_bias_rad_s: Reading of the gyro at rest.
-        covariance: Upper triangle over (x, y, yaw) by rows: xx, xy, x yaw, yy, y yaw, yaw yaw.
+        covariance: Upper triangle over (x, y, yaw) by rows: xx, xy, x yaw, yy, y yaw, yaw yaw. Of the pose in
+            the cycle: it contains the travel since `t_ns`.
         yaw_source: Source of the last turn.
     """
 
@@ -104,11 +108,11 @@ class PoseFilter:
     A slip compensator may have states of its own. They turn the motion of the wheels into that of the body,
     so that every measurement corrects pose, gyro bias and slip together.
 
-    The slip that remains is a share of the travel, along it and across: two first-order Gauss-Markov
-    processes over the distance (Gelb 1974, section 3.8). Its effect on the position grows with the distance,
-    not with its root, and fixes correct it together with the position. With compensation there are two such
-    pairs: what it leaves, and the slip of wheels where it is not valid. These states are left out where both
-    standard deviations are 0.
+    The slip that remains is a share of the way of the wheels, along it and across: two first-order
+    Gauss-Markov processes over the travel (Gelb 1974, section 3.8), as states in units of their standard
+    deviation. Its effect on the position grows with the distance, not with its root, and fixes correct it
+    together with the position. With compensation there are two such pairs: what it leaves, and the slip of
+    wheels where it is not valid. These states are left out where all standard deviations are 0.
 
     Args:
         settings: Noise.
@@ -134,10 +138,9 @@ class PoseFilter:
         self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
         self._rejections: dict[str, int] = {}
         first_slip = first_origin + 3 * len(fix_devices)
-        sds = (settings.slip_sd, settings.unsure_slip_sd) if is_compensated else (settings.unsure_slip_sd,)
-        self._slip_sds = sds if settings.has_slip else ()
+        self._slip_pairs = (2 if is_compensated else 1) if settings.has_slip else 0
         self._first_slip = first_slip
-        first_state = first_slip + 2 * len(self._slip_sds)
+        first_state = first_slip + 2 * self._slip_pairs
         self._slip = slip
         starts, start_variances = ((), ()) if slip is None else (slip.start, slip.start_variances)
         size = first_state + len(starts)
@@ -148,7 +151,7 @@ class PoseFilter:
             + [settings.gyro_bias_rad_s**2]
             + [UNKNOWN_ANGLE_RAD2] * len(sources)
             + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices)
-            + [max(sd**2, CERTAIN) for along in self._slip_sds for sd in (along, self._across(along))]
+            + [1.0] * (2 * self._slip_pairs)
             + [max(float(variance), CERTAIN) for variance in start_variances],
             angles=[YAW, *self._offset_index.values(), *(i + YAW for i in self._origin_index.values())],
             gate_probability=settings.gate_probability,
@@ -191,9 +194,14 @@ class PoseFilter:
         if self._slip is not None:
             by_slip = self._slip.predict(np.array(state[self._block]), increment)
             rolled_m = travel_m = by_slip.travel_m
-        active = self._active_slip(is_sure=increment.is_sure)
-        remaining = complex(state[active], state[active + 1]) if self._slip_sds else 0j
-        travel_m *= 1.0 + remaining
+        if increment.rolled_m is not None:
+            rolled_m = increment.rolled_m
+        active, slip_sd = self._active_slip(increment)
+        across_sd = self._settings.cross_slip_ratio * slip_sd
+        remaining, ground_m = 0j, abs(travel_m)
+        if self._slip_pairs:
+            remaining = complex(slip_sd * state[active], across_sd * state[active + 1])
+        travel_m += rolled_m * remaining
         after = move(before, travel_m.real, travel_m.imag, turn_rad)
         state[:BIAS] = after.x_m, after.y_m, after.yaw_rad
         moved_x_m, moved_y_m = after.x_m - before.x_m, after.y_m - before.y_m
@@ -205,8 +213,11 @@ class PoseFilter:
         transition[YAW, BIAS] = -turn.covered_s
         self._set_noise(increment, turn)
         toward = cmath.rect(1.0, before.yaw_rad + 0.5 * turn_rad)
-        if self._slip_sds:
-            self._let_slip_change(rolled_m * toward, state, active)
+        if self._slip_pairs:
+            way_m = rolled_m * toward
+            self._let_slip_change(ground_m, state)
+            for index, effect_m in ((active, slip_sd * way_m), (active + 1, across_sd * 1j * way_m)):
+                self._transition[X, index], self._transition[Y, index] = effect_m.real, effect_m.imag
         if by_slip is not None:
             self._take_slip(by_slip, toward * (1.0 + remaining), state)
         self._filter.predict(increment.duration_s, state, transition, self._noise)
@@ -306,7 +317,7 @@ class PoseFilter:
 
         A fix is accepted or rejected as a whole. After two rejections in a row the rover has been moved, or
         has slipped more than the noise allows: the uncertainty of the pose then becomes its difference from
-        the next fix.
+        the next fix, which is reported as displaced.
         """
         origin = self._origin_index[fix.device]
         if fix.device not in self._rejections and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
@@ -326,7 +337,8 @@ class PoseFilter:
         distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2
         for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, residuals[YAW] ** 2)):
             self._filter.widen(index, variance)
-        return self._update_pose(origin, fix, way_back)
+        report = displaced(fix, math.sqrt(distance_m2), abs(residuals[YAW]))
+        return (*self._update_pose(origin, fix, way_back), *report)
 
     def _then(self, way_back: WayBack) -> tuple[complex, float]:
         """Return place and yaw of the rover in the local frame at exposure."""
@@ -367,28 +379,26 @@ class PoseFilter:
             np.array([position_m2, position_m2, yaw_rad2]),
         )
 
-    def _active_slip(self, *, is_sure: bool) -> int:
-        """Return the index of the slip that acts: what compensation leaves, or that of wheels without it."""
-        return self._first_slip + (2 if len(self._slip_sds) == 2 and not is_sure else 0)
+    def _active_slip(self, increment: BodyIncrement) -> tuple[int, float]:
+        """Return the index of the slip that acts, and its standard deviation."""
+        settings = self._settings
+        if self._slip_pairs < 2 or not increment.is_sure:
+            return self._first_slip + max(0, 2 * self._slip_pairs - 2), settings.unsure_slip_sd
+        reported_sd = settings.slip_sd_share * (increment.slip_sd or 0.0)
+        return self._first_slip, math.hypot(settings.slip_sd, reported_sd)
 
-    def _across(self, along_sd: float) -> float:
-        return self._settings.cross_slip_ratio * along_sd
+    def _let_slip_change(self, ground_m: float, state: list[float]) -> None:
+        """Set the slip's part of transition, noise and `state` for a travel of `ground_m`.
 
-    def _let_slip_change(self, rolled_m: complex, state: list[float], active: int) -> None:
-        """Set the slip's part of transition, noise and `state` for wheels that rolled by `rolled_m`.
-
-        Both slips go on changing; one of them acts.
+        All slips go on changing; one of them acts. Slip belongs to a place: while the wheels turn and the
+        rover stays where it is, it is the same.
         """
-        keep = math.exp(-abs(rolled_m) / self._settings.slip_distance_m)
-        for number, along_sd in enumerate(self._slip_sds):
-            along = self._first_slip + 2 * number
-            moved_m = rolled_m if along == active else 0j
-            parts = ((along, moved_m, along_sd), (along + 1, 1j * moved_m, self._across(along_sd)))
-            for index, effect_m, sd in parts:
-                self._transition[X, index], self._transition[Y, index] = effect_m.real, effect_m.imag
-                self._transition[index, index] = keep
-                self._noise[index, index] = (1.0 - keep * keep) * sd**2
-                state[index] *= keep
+        keep = math.exp(-ground_m / self._settings.slip_distance_m)
+        for index in range(self._first_slip, self._first_slip + 2 * self._slip_pairs):
+            self._transition[X, index] = self._transition[Y, index] = 0.0
+            self._transition[index, index] = keep
+            self._noise[index, index] = 1.0 - keep * keep
+            state[index] *= keep
 
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
         settings = self._settings
@@ -400,7 +410,7 @@ class PoseFilter:
         yaw_rad2 = 0.0
         by_wheels_rad: float | None = turn.angle_rad
         if turn.source is YawSource.GYRO:
-            yaw_rad2 = settings.gyro_noise_rad_sqrt_s**2 * turn.covered_s
+            yaw_rad2 = settings.gyro_noise_rad_sqrt_s**2 * turn.covered_s + turn.unseen_rad2
             by_wheels_rad = turn.by_wheels_rad
         if by_wheels_rad is not None:
             yaw_rad2 += (

@@ -134,6 +134,19 @@ class FixQueue:
         )
 
 
+DISPLACED, TURNED = " displaced", " turned"
+"""Ends of the names of the innovations of a fix that was taken although it contradicted the estimate."""
+
+
+def displaced(fix: PoseFixSample, distance_m: float, turned_rad: float) -> tuple[Innovation, Innovation]:
+    """Return by how much a fix contradicted the estimate that was then widened to take it."""
+    device = fix.device
+    return (
+        Innovation(name=f"{device}{DISPLACED}", residual=distance_m, variance=None, nis=None, accepted=True),
+        Innovation(name=f"{device}{TURNED}", residual=turned_rad, variance=None, nis=None, accepted=True),
+    )
+
+
 def late(fix: PoseFixSample) -> Innovation:
     """Return the innovation of a fix that is too old to be compared."""
     return Innovation(name=f"{fix.device} too late", residual=None, variance=None, nis=None, accepted=False)

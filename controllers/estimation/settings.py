@@ -16,6 +16,8 @@ class FilterSettings(Settings):
         slip_sd: Standard deviation of the slip that compensation leaves, as a share of the travel. It changes
             slowly, so that its effect on the position grows with the distance. With [scomp] it is what the
             slip law leaves beside the uncertainty of its parameters.
+        slip_sd_share: Share of the standard deviation that [slip] reports with its slip, in addition to
+            `slip_sd`. Less than 1: only a part of the errors of successive half seconds has one sign.
         unsure_slip_sd: The same without compensation, or where the compensated slip is flagged as not valid.
         cross_slip_ratio: Slip across the travel, over that along it.
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
@@ -37,6 +39,7 @@ class FilterSettings(Settings):
     position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.05
     unsure_position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.2
     slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    slip_sd_share: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
     unsure_slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     cross_slip_ratio: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
     slip_distance_m: Annotated[float, Field(ge=0.01, le=100.0)] = 0.5
@@ -55,4 +58,4 @@ class FilterSettings(Settings):
     @property
     def has_slip(self) -> bool:
         """Whether slip is a part of the estimate."""
-        return self.slip_sd > 0.0 or self.unsure_slip_sd > 0.0
+        return self.slip_sd > 0.0 or self.slip_sd_share > 0.0 or self.unsure_slip_sd > 0.0

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.estimation.pose_fixes import DISPLACED, TURNED
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds
@@ -18,6 +19,8 @@ class UnseenSettings(Settings):
         unseen_position_m: The rover stays stopped while motion that was not measured leaves the position with
             a standard deviation above this.
         unseen_yaw_rad: The same for the yaw.
+
+    The rover also stops when it takes a pose fix that is displaced by more against the estimate.
     """
 
     unseen_position_m: Annotated[float, Field(ge=0.001, le=1000.0)] = 0.15
@@ -47,6 +50,31 @@ def _unseen(what: str, by: str, severity: Severity) -> StopReason:
     needed = "a fix" if severity is Severity.STOP else "a restart at a known pose"
     text = f"pose filter: {what} uncertain by {by}, motion was not measured: needs {needed}"
     return StopReason(f"unseen {what}", text, severity)
+
+
+class DisplacedFixRule(StopRule):
+    """Stops when fixes that contradict the estimate by much were taken after all.
+
+    The estimate follows them, as after slip that was greater than its uncertainty. But as well the rover may
+    have been carried, or the device that gives the fixes may have been moved: only the user sees which.
+    """
+
+    def __init__(self, settings: UnseenSettings) -> None:
+        self._limits = {
+            DISPLACED: (settings.unseen_position_m, "m"),
+            TURNED: (settings.unseen_yaw_rad, "rad"),
+        }
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason for each fix of this cycle that is displaced by too much."""
+        for innovation in cycle.innovations:
+            for end, (limit, unit) in self._limits.items():
+                if innovation.name.endswith(end) and (innovation.residual or 0.0) > limit:
+                    device = innovation.name.removesuffix(end)
+                    text = f"{device}: fixes{end} by {innovation.residual:.2f} {unit} against the estimate"
+                    yield StopReason(
+                        f"{device} displaced", f"{text}: rover carried, device moved, or wheels slipped"
+                    )
 
 
 class MotionRule(StopRule):

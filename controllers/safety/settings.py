@@ -8,6 +8,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
 from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
 from controllers.safety.estimate_rules import (
+    DisplacedFixRule,
     FiniteEstimateRule,
     MotionRule,
     UnseenMotionRule,
@@ -80,6 +81,7 @@ def make_rules(
         GyroRestRule(settings, roles),
         *(() if roles.gyro is None else (HeadingTurnRule(settings, roles, heading_lag_s),)),
         InnovationMonitor(settings),
+        DisplacedFixRule(settings),
         StallMonitor(settings, wheel_count),
         EntrapmentRule(settings),
         SteeringMonitor(settings),

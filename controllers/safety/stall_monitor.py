@@ -41,7 +41,13 @@ class StallSettings(Settings):
 
 @dataclass(slots=True)
 class _Wheel:
-    """What a wheel has not done since it last turned as commanded: times, and angles by the set-points."""
+    """What a wheel has not done since it last turned as commanded: times, and angles by the set-points.
+
+    Attributes:
+        missing_rad: Set-points less measured speeds, added up. It fades within `stall_s` while the wheel
+            turns in the direction of its set-point: one that turns too fast for it is wrong as well, as where
+            the encoders of two wheels are swapped.
+    """
 
     stalled_ns: int = 0
     reversed_ns: int = 0
@@ -71,15 +77,21 @@ class StallMonitor(StopRule):
         elapsed_ns = min(cycle.now_ns - checked_ns, self._longest_cycle_ns)
         self._checked_ns = cycle.now_ns
         is_at_rest = not any(cycle.commanded_rad_s)
-        pairs = enumerate(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True))
-        for wheel, (commanded, measured) in pairs:
+        pairs = tuple(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True))
+        for wheel, (commanded, measured) in enumerate(pairs):
             # In the direction of the set-point.
             turning = math.copysign(1.0, commanded) * measured
-            if is_at_rest or turning > self._least_speed(abs(commanded)):
+            missing_rad = self._wheels[wheel].missing_rad
+            if is_at_rest:
                 self._wheels[wheel] = _Wheel()
+            elif turning > self._least_speed(abs(commanded)):
+                kept = math.exp(-seconds(elapsed_ns) / self._settings.stall_s)
+                self._wheels[wheel] = _Wheel(missing_rad=kept * missing_rad)
             else:
                 self._count(self._wheels[wheel], elapsed_ns, commanded, turning)
-                yield from self._judge(wheel, commanded, measured)
+            self._wheels[wheel].missing_rad += (commanded - measured) * seconds(elapsed_ns)
+        for wheel, (commanded, measured) in enumerate(pairs):
+            yield from self._judge(wheel, commanded, measured)
 
     def _least_speed(self, set_point_rad_s: float) -> float:
         settings = self._settings
@@ -97,7 +109,6 @@ class StallMonitor(StopRule):
         elif set_point >= settings.creep_set_point_rad_s:
             # Only the size of the sum counts, so that -= is as good.
             wheel.creep_rad += commanded * seconds(elapsed_ns)  # pragma: no mutate
-        wheel.missing_rad += math.copysign(set_point - turning, commanded) * seconds(elapsed_ns)
 
     def _judge(self, index: int, commanded: float, measured: float) -> Iterator[StopReason]:
         wheel, settings = self._wheels[index], self._settings

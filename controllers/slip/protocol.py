@@ -23,6 +23,14 @@ class SlipCompensator(Protocol[ReportT]):
         """The states in the pose filter; None without."""
         ...
 
+    @property
+    def unsettled_m(self) -> complex:
+        """Standard deviation of the travel that a later increment will correct.
+
+        Along the travel, in the body frame, with the left as imaginary part; 0 where nothing is corrected.
+        """
+        ...
+
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples that the compensator does not need have no effect."""
         ...
@@ -37,6 +45,10 @@ class SlipCompensator(Protocol[ReportT]):
             set_speed_rad_s: Set-points of the wheels in that time.
             gyro_rate_rad_s: Newest yaw rate of the gyro, bias removed; None without a fresh one.
         """
+        ...
+
+    def doubt_gyro(self) -> None:
+        """Forget what the gyro has taught: it was wrong."""
         ...
 
     def correct(self, estimate: SlipEstimate) -> None:

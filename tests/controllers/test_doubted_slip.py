@@ -36,6 +36,7 @@ class HalfOfTheWay:
     """A compensator that takes half of the way for slip."""
 
     states = None
+    unsettled_m = 0j
 
     def __init__(self, share: float) -> None:
         self._share = share
@@ -49,6 +50,9 @@ class HalfOfTheWay:
         """Remove its share."""
         kept = 1.0 - self._share
         return replace(increment, x_m=kept * increment.x_m, y_m=kept * increment.y_m)
+
+    def doubt_gyro(self) -> None:
+        """Forget nothing."""
 
     def correct(self, estimate: SlipEstimate) -> None:
         """Correct nothing."""
@@ -75,7 +79,8 @@ def driven(share: float, duration_s: float) -> tuple[Estimator, float]:
 
 
 def x_sd_m(estimator: Estimator) -> float:
-    return math.sqrt(estimator.estimate(0).covariance[0])
+    assert estimator.motion_ns is not None
+    return math.sqrt(estimator.estimate(estimator.motion_ns).covariance[0])
 
 
 def test_a_wrong_gyro_makes_the_compensated_way_uncertain_once() -> None:
@@ -116,6 +121,22 @@ def test_a_wrong_gyro_makes_the_slip_that_was_learnt_as_uncertain_as_at_the_star
     assert bench.filter.slip_values == pytest.approx(values)
     bench.filter.doubt_slip()
     assert trace_sd_rad() == pytest.approx(start_sd_rad, rel=1e-6)
+
+
+def test_until_the_rover_has_stopped_the_trace_is_read_without_a_gyro_that_was_wrong() -> None:
+    finder = SeenTrace(0.0)
+    bench = Bench(finder)
+    bench.run(1.0, rim_m_s=0.0)
+    bench.run(5.0)
+    bench.told.doubt_gyro()
+    # The gyro tells a turn that the wheels do not make: with it a trace straight behind is a slip angle.
+    bench.run(1.0, yaw_rate_rad_s=0.3)
+    angle_rad = bench.told.wheel_slip_angle_rad
+    assert abs(angle_rad) < math.radians(1.0)
+    assert finder.rates[-1] is None
+    bench.run(0.5, rim_m_s=0.0)
+    bench.run(1.0)
+    assert finder.rates[-1] is not None
 
 
 def test_the_way_that_states_of_slip_removed_is_doubted_with_the_gyro() -> None:

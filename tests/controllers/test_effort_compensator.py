@@ -474,6 +474,30 @@ def test_the_learned_curve_carries_the_slip_while_the_excitation_rests() -> None
     assert rover_slip(excite(without, 0.2, 1.5, has_gyro=False, currents=PUSHING)).source == "held"
 
 
+def test_a_gyro_that_was_wrong_takes_its_slip_and_the_learned_curve_with_it() -> None:
+    bench = Bench(use="yaw_probe", learn=True)
+    excite(bench, 0.0, 1.5, speed_m_s=0.0)
+    excite(bench, 0.2, 2.5, currents=PUSHING)
+    bench.slip.doubt_gyro()
+    first = excite(bench, 0.2, 0.02, currents=PUSHING)
+    assert rover_slip(first).slip == 0.0
+    assert (rover_slip(first).source, rover_slip(first).reason) == ("encoders", "the gyro was wrong")
+    assert {(wheel.slip, wheel.valid) for wheel in first.wheels} == {(0.0, False)}
+    later = excite(bench, 0.2, 1.5, has_gyro=False, currents=PUSHING)
+    assert (rover_slip(later).source, rover_slip(later).slip) == ("encoders", 0.0)
+
+
+def test_a_gyro_that_was_wrong_takes_what_was_learned_between_fixes_with_it() -> None:
+    bench = Bench(learn=True, fixes=("overhead",))
+    for second in range(6):
+        bench.drive(18.0, 1.0, direction_rad=0.0)
+        bench.fix(0.2 * (second + 1) * (1.0 - 0.3))
+    bench.slip.doubt_gyro()
+    report = bench.drive(18.0, 0.6, direction_rad=0.0)
+    assert rover_slip(report).source != "learned"
+    assert rover_slip(report).reason != ""
+
+
 def test_a_rest_needs_a_learned_curve() -> None:
     with pytest.raises(ValidationError, match="excitation_rest_s needs learn = true"):
         Bench(use="surfaces", rest_s=1.0)

@@ -16,6 +16,7 @@ from drivers.samples import (
     HeadingSample,
     RateSample,
     Sample,
+    WheelSample,
 )
 from tests.controllers.simulated import (
     HONEST,
@@ -81,6 +82,37 @@ def test_when_the_gyro_pauses_no_turn_is_lost_or_counted_twice(gyro_gap_s: float
     assert after.estimate.yaw_source is YawSource.GYRO
     # One gyro period and one wheel period of turning at each end of the gap.
     assert after.estimate.yaw_rad == pytest.approx(simulated.yaw_rad, abs=0.5 * 0.02)
+
+
+def observe_turning(lost: type[Sample], lost_s: float) -> tuple[StepOutput, SimulatedRover]:
+    """Return the last cycle of a turn ahead; one kind of sample was lost in its last part."""
+    loop = ControlLoop(make_settings(), DeviceRoles(wheels="wheels", gyro="gyro", required={}))
+    simulated = omni_rover(noise=Noise())
+    for cycle in range(50 + round(lost_s / 0.02)):
+        if cycle == 50:
+            simulated.mute = lambda sample: None if isinstance(sample, lost) else sample
+        simulated.set_point_rad_s = simulated.geometry.wheel_speeds(0.2 + 0j, 0.5)
+        output = loop.step(simulated.t_ns, simulated.advance(simulated.t_ns + PERIOD_NS))
+    return output, simulated
+
+
+@pytest.mark.parametrize("lost", [WheelSample, RateSample])
+def test_the_yaw_goes_on_with_the_gyro_while_wheels_are_lost_and_the_other_way_round(
+    lost: type[Sample],
+) -> None:
+    output, simulated = observe_turning(lost, 0.1)
+    assert output.estimate.yaw_source is YawSource.GYRO
+    assert output.estimate.yaw_rad == pytest.approx(simulated.yaw_rad, abs=0.5 * 0.025)
+
+
+def test_the_covariance_contains_the_travel_since_the_last_positions() -> None:
+    before, _ = observe_turning(WheelSample, 0.0)
+    output, simulated = observe_turning(WheelSample, 0.1)
+    estimate = output.estimate
+    unseen_m = abs(complex(estimate.x_m, estimate.y_m) - simulated.place)
+    added_m2 = sum(estimate.covariance[index] - before.estimate.covariance[index] for index in (0, 3))
+    assert unseen_m == pytest.approx(0.02, rel=0.35)
+    assert math.sqrt(added_m2) == pytest.approx(unseen_m, rel=0.35)
 
 
 def test_a_gyro_that_is_slow_but_within_its_age_limit_turns_the_estimate() -> None:

@@ -19,7 +19,7 @@ from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import Pose, wrap_angle
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
-from drivers.samples import PoseFixSample
+from drivers.samples import PoseFixSample, Sample
 from tests.controllers.floor_fixes import FIX, on_floor
 from tests.controllers.simulated import (
     LONG_WAY,
@@ -138,6 +138,32 @@ def test_a_rover_that_was_carried_away_is_found_again_by_the_third_fix() -> None
         assert pose_filter.correct_pose(moved, HERE)[0].accepted
     assert (pose_filter.pose.x_m, pose_filter.pose.y_m) == pytest.approx((0.4, 0.3), abs=0.01)
     assert pose_filter.pose.yaw_rad == pytest.approx(0.2, abs=0.01)
+
+
+@pytest.mark.parametrize(("place", "stops"), [(0.4 + 0.3j, True), (0.1 + 0j, False)])
+def test_a_rover_that_follows_displaced_fixes_stops_and_names_their_device(
+    place: complex, stops: bool
+) -> None:
+    loop = ControlLoop(make_settings(mission=LONG_WAY), FIX_ROLES)
+    rover = omni_rover()
+    reasons: set[str] = set()
+    for cycle in range(400):
+        samples: list[Sample] = [*rover.advance(rover.t_ns + PERIOD_NS)]
+        if cycle % 25 == 0:
+            off = place if cycle >= 200 else 0j
+            fix = on_floor(rover.place + off, rover.yaw_rad)
+            samples.append(replace(fix, t_ns=rover.t_ns, t_capture_ns=rover.t_ns))
+        output = loop.step(rover.t_ns, samples)
+        rover.set_point_rad_s = np.array(output.command.speed_rad_s)
+        if output.mode is Mode.SAFE_STOP:
+            reasons.add(output.reason)
+    if stops:
+        (reason,) = reasons
+        assert reason.startswith("overhead: fixes displaced by 0.")
+        assert reason.endswith("rover carried, device moved, or wheels slipped")
+    else:
+        assert not reasons
+    assert output.mode is Mode.RUNNING
 
 
 def test_single_wild_fixes_among_good_ones_are_never_taken() -> None:

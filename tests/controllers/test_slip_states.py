@@ -63,6 +63,28 @@ def test_slip_that_becomes_unsure_spreads_as_that_of_wheels_without_compensation
     assert pose_filter.covariance[0] == pytest.approx(expected_m2, rel=0.05)
 
 
+@pytest.mark.parametrize(("slip", "reported_sd"), [(0.0, 0.1), (0.5, 0.2), (0.9, 0.3)])
+def test_the_reported_uncertainty_of_the_slip_acts_on_the_way_of_the_wheels(
+    slip: float, reported_sd: float
+) -> None:
+    """And it changes with the place, not with the turning of the wheels."""
+    settings = SETTINGS.model_copy(update={"slip_sd": 0.03, "slip_sd_share": 0.4})
+    pose_filter = PoseFilter(settings, (), is_compensated=True)
+    for _ in range(100):
+        increment = BodyIncrement(
+            x_m=(1.0 - slip) * STEP_M,
+            y_m=0.0,
+            turn_rad=0.0,
+            duration_s=0.1,
+            rolled_m=STEP_M + 0j,
+            slip_sd=reported_sd,
+        )
+        pose_filter.predict(increment, Turn(angle_rad=0.0, source=YawSource.GYRO))
+    sd = math.hypot(0.03, 0.4 * reported_sd)
+    expected_m = integrated_sd_m(sd, 1.0 - slip, 0.5) / (1.0 - slip)
+    assert math.sqrt(pose_filter.covariance[0]) == pytest.approx(expected_m, rel=0.03)
+
+
 @pytest.mark.parametrize("is_compensated", [True, False])
 def test_a_flag_that_flaps_does_not_make_a_lasting_slip_noise(is_compensated: bool) -> None:
     """Half of the way is unsure: half of the steady spread is left, or all of it without compensation."""

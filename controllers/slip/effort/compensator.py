@@ -156,6 +156,31 @@ class EffortCompensator:
         """None: the slip is estimated outside of the pose filter."""
         return
 
+    @property
+    def unsettled_m(self) -> complex:
+        """Standard deviation of the travel since the last window.
+
+        From one window to the next the slip changes by about the standard deviation that it is reported with.
+        """
+        slip_sd = self._slip_sd()
+        if self._wheel_map is not None or slip_sd is None:
+            return 0j
+        x_m, y_m, _ = self._kinematics.body_motion(self._window_rad)
+        return slip_sd * complex(x_m, y_m)
+
+    def _slip_sd(self) -> float | None:
+        """Return the standard deviation of the slip; None where it is not valid."""
+        rover = None if self._report is None else self._report.rover
+        return None if rover is None or rover.reason else rover.sd
+
+    def doubt_gyro(self) -> None:
+        """Forget the slip by the excitation, and what was learned from it or between fixes."""
+        self._ground.doubt_gyro()
+        self._by_fixes = SlipByFixes()
+        if self.excited is not None:
+            self.excited.doubt_gyro()
+            self._window_slip = _WindowSlip((0.0,) * len(self._slips), 0.0, self.excited.slip.reason)
+
     def correct(self, estimate: SlipEstimate) -> None:
         """Correct nothing: there are no states in the pose filter."""
 
@@ -238,6 +263,8 @@ class EffortCompensator:
                 wheel.valid or self._is_at_rest(index, set_speed_rad_s[index])
                 for index, wheel in enumerate(wheels)
             ),
+            rolled_m=complex(increment.x_m, increment.y_m),
+            slip_sd=self._slip_sd(),
         )
 
     def _rover_slip(self, wheels: Sequence[WheelSlip], turned_rad: Sequence[float]) -> RoverSlip:

@@ -4,7 +4,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from controllers.slip.effort.ground_knowledge import KnownSlip, SlipSource
+from controllers.slip.effort.ground_knowledge import GYRO_WAS_WRONG, KnownSlip, SlipSource
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.gyro_watch import GyroWatch
 from controllers.slip.effort.parameters import EFFORT
@@ -92,6 +92,17 @@ class ExcitedSlip:
         self._rest_end_s = 0.0
         self.slip = RoverSlip(
             slip=0.0, sd=1.0, source=SlipSource.ENCODERS, reason=self.watch.reason, gyro_lag_s=None
+        )
+
+    def doubt_gyro(self) -> None:
+        """Return to the encoders' slip: that in use was read from a gyro that was wrong."""
+        self._valid_windows = 0
+        self.slip = RoverSlip(
+            slip=0.0,
+            sd=1.0,
+            source=SlipSource.ENCODERS,
+            reason=GYRO_WAS_WRONG,
+            gyro_lag_s=self.watch.lag_s,
         )
 
     def waits_in_place(self, t_s: float) -> bool:

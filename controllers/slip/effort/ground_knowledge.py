@@ -9,6 +9,7 @@ from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.surface_map import ForceWindow, SurfaceMap
 from controllers.slip.effort.surface_recognition import SurfaceRecognition
 
+GYRO_WAS_WRONG = "the gyro was wrong"
 NO_FORCE = "drive force unknown for too long"
 
 
@@ -76,6 +77,13 @@ class GroundKnowledge:
             self._recognition.forget()
         if self._curve is not None:
             self._curve.move(distance_m)
+
+    def doubt_gyro(self) -> None:
+        """Forget the learned curve: the excitation that taught it is read from the gyro."""
+        if self._curve is not None:
+            self._curve.forget()
+        if self._known.source is SlipSource.LEARNED:
+            self._known = _unknown(GYRO_WAS_WRONG)
 
     def learn(self, slip: float, force_n: float | None = None) -> None:
         """Take a slip that was measured otherwise.

@@ -41,6 +41,10 @@ class LearnedCurve:
         self._force_n = 0.0
         self._distance_m = 0.0
 
+    def forget(self) -> None:
+        """Begin anew."""
+        self._count = 0
+
     def move(self, distance_m: float) -> None:
         """Take the distance travelled by the wheels."""
         self._distance_m += distance_m

@@ -121,6 +121,7 @@ class ScompCompensator:
         self._skid_m_s = self._rim_m_s = 0.0
         self._since_rate_s = 0.0
         self._is_backwards = False
+        self._is_gyro_doubted = False
         self._tilt = _Tilt()
         self._frame: FrameSample | None = None
         self._frame_ns: int | None = None
@@ -196,6 +197,15 @@ class ScompCompensator:
             self._states.take_tilt(pitch_rad, expected_drift(parameters, pitch_rad, roll_rad))
         return replace(increment, is_sure=self._is_sure())
 
+    @property
+    def unsettled_m(self) -> complex:
+        """0: no later increment corrects the travel."""
+        return 0j
+
+    def doubt_gyro(self) -> None:
+        """Do without the gyro until the rover has stopped; the pose filter doubts the states."""
+        self._is_gyro_doubted = True
+
     def correct(self, estimate: SlipEstimate) -> None:
         """Correct the states by the trace of the newest frame, and report the slip, see `SlipCompensator`."""
         trace = None
@@ -220,6 +230,10 @@ class ScompCompensator:
         """Follow the yaw rate, and correct by the trace of the newest frame."""
         pending, self._pending = self._pending, _Pending()
         readings, self._readings_rad_s = self._readings_rad_s, []
+        if abs(pending.rim_m) < SCOMP.correction.slowest_m_s * pending.duration_s:
+            self._is_gyro_doubted = False
+        if self._is_gyro_doubted:
+            readings, self._rates = [], None
         self._is_backwards = pending.rim_m < -SCOMP.correction.slowest_m_s * pending.duration_s
         rate_rad_s = pending.turn_rad / pending.duration_s
         self._since_rate_s = 0.0 if readings else self._since_rate_s + pending.duration_s
