@@ -10,13 +10,19 @@ EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Ended by ctrl-C."""
 EXIT_TERMINATED = 143
-"""Ended by SIGTERM."""
+"""Ended by SIGTERM, or by the loss of the terminal."""
 
 
-def exit_terminated() -> NoReturn:
-    """End the program after SIGTERM, with one sentence."""
-    print("rover-hil: ended by SIGTERM", file=sys.stderr)  # noqa: T201 - not a result
+def exit_terminated(reason: str = "ended by SIGTERM") -> NoReturn:
+    """End the program from outside, with one sentence."""
+    print(f"rover-hil: {reason}", file=sys.stderr)  # noqa: T201 - not a result
     sys.exit(EXIT_TERMINATED)
+
+
+def exit_unfinished(sentence: str) -> NoReturn:
+    """End the program because what it drives stopped, with one sentence."""
+    print(f"rover-hil: {sentence}", file=sys.stderr)  # noqa: T201 - not a result
+    sys.exit(EXIT_NO)
 
 
 def exit_interrupted() -> NoReturn:

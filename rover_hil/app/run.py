@@ -18,7 +18,7 @@ from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
 from rover_hil.app.end_signals import end_signals
-from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_terminated
+from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_terminated, exit_unfinished
 from rover_hil.app.options import LOG_NAME
 from rover_hil.config import Config, load_config
 from rover_hil.live.server import HOST, LiveServer
@@ -240,7 +240,23 @@ def require_uninterrupted(result: RunResult) -> None:
     if result.end is End.STOPPED_BY_USER:
         raise KeyboardInterrupt
     if result.end is End.TERMINATED:
-        exit_terminated()
+        exit_terminated(result.reason)
+
+
+def require_finished(result: RunResult, drive: str) -> None:
+    """Go on only where a drive was completed: what follows moves the rover again.
+
+    Args:
+        result: Of the drive.
+        drive: Its name.
+
+    Raises:
+        KeyboardInterrupt: The drive ended by ctrl-C.
+        SystemExit: It ended in another way before its time, e.g. with an emergency stop.
+    """
+    require_uninterrupted(result)
+    if result.end is not End.FINISHED:
+        exit_unfinished(f"the drive {drive} was not completed, the rover stays at rest: {result.reason}")
 
 
 def _open_log(
@@ -281,6 +297,8 @@ def _result_line(result: RunResult, stops: int) -> str:
     if result.watchdog_interventions:
         times = result.watchdog_interventions
         parts.append(f"{times} stop{'s' if times > 1 else ''} by the watchdog")
+    if result.log_pause_s:
+        parts.append(f"log not written for {result.log_pause_s:.1f} s")
     if result.skipped:
         parts.append(f"{result.skipped} of {result.cycles + result.skipped} cycles skipped")
     return ", ".join(parts)

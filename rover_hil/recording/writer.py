@@ -1,7 +1,7 @@
 """Write a run to one MCAP file that can be read even when the program was killed in the middle.
 
 What is noted is turned into text, compressed and written by a thread of the log, in chunks of less than a
-second. The loop only keeps what it hands over, and never waits for the disk unless thousands of records wait.
+second. The loop only keeps what it hands over, and never waits for the disk unless that hangs for seconds.
 The layout is described in `docs/reference/log_format.md`.
 """
 
@@ -17,7 +17,7 @@ from typing import Any, Protocol, Self, TypeAlias
 from pydantic_core import to_json
 
 from controllers.control_loop import StepOutput
-from drivers.clock import NANOSECONDS_PER_SECOND, wall_time_ns
+from drivers.clock import NANOSECONDS_PER_SECOND, seconds, stopwatch_ns, wall_time_ns
 from drivers.driver import Health
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, LinkItem
@@ -50,9 +50,12 @@ Mirror: TypeAlias = Callable[[str, int, bytes], None]
 
 WAKE_S = 0.02
 """The log's thread wakes this often; work in small portions never keeps the loop waiting."""
+LONGEST_PAUSE_NS = 2 * NANOSECONDS_PER_SECOND
+"""When nothing could be written for so long, the loop waits too, and the watchdog stops the drive: the rover
+does not drive on without its log. Shorter pauses of a disk cost nothing."""
 MOST_ITEMS = 20_000
 MOST_PICTURES = 64
-"""When more records or pictures wait to be written, the loop waits too: the disk has hung for long."""
+"""When more records or pictures wait to be written, the loop waits too, for the memory."""
 MOST_PAYLOAD_CHARACTERS = 500_000
 """Of one record; a record of a log has a limit."""
 
@@ -81,6 +84,7 @@ class LogWriter:
 
     When the file cannot be written, every method that writes raises LogError within a second and from then
     on: a run must not go on without its log. What was written before can be read as after a crash.
+    While the disk hangs they return at once for two seconds, and then wait until it writes again.
 
     Args:
         path: The file; must not exist.
@@ -118,6 +122,9 @@ class LogWriter:
         self._payload_characters = 0
         self._payload_ns = 0
         self._items: deque[_Item] = deque()
+        self._alive_ns = stopwatch_ns()
+        self._pause_ns = 0
+        self._longest_pause_ns = 0
         self._is_ending = threading.Event()
         self._has_room = threading.Event()
         self._picture_room = threading.Semaphore(MOST_PICTURES)
@@ -167,6 +174,11 @@ class LogWriter:
                 self._note_failure(error)
             if self._failure and not had_failed:
                 raise LogError(self._failure)
+
+    @property
+    def longest_pause_s(self) -> float:
+        """Longest time in which nothing could be written, in s, of those that made the loop wait; else 0."""
+        return seconds(self._longest_pause_ns)
 
     def require_file(self) -> None:
         """Check that the file is still in a folder.
@@ -230,13 +242,12 @@ class LogWriter:
         if self._stream.closed:
             return
         self._items.append(item)
-        if len(self._items) > MOST_ITEMS:
-            self._wait_for_room()
-
-    def _wait_for_room(self) -> None:
-        while len(self._items) > MOST_ITEMS and self._thread.is_alive():
+        while self._is_behind() and self._thread.is_alive():
             self._has_room.clear()
             self._has_room.wait(WAKE_S)
+
+    def _is_behind(self) -> bool:
+        return len(self._items) > MOST_ITEMS or stopwatch_ns() - self._alive_ns > LONGEST_PAUSE_NS
 
     def _wait_for_pictures(self) -> None:
         while not self._picture_room.acquire(timeout=WAKE_S):
@@ -254,6 +265,7 @@ class LogWriter:
             is_ending = False
             while not is_ending:
                 is_ending = self._is_ending.wait(WAKE_S)
+                self._note_alive()
                 self._write_items()
                 # In time of the clock on the wall: what a caller that hangs has noted survives a kill, too.
                 idle_s += WAKE_S
@@ -274,8 +286,21 @@ class LogWriter:
         for _ in range(len(items)):
             put, name, t_ns, content = items.popleft()
             put(self, name, t_ns, content)
+            self._note_alive()
+            if self._pause_ns:
+                text = f"nothing could be written for {seconds(self._pause_ns):.1f} s"
+                self._put_event(t_ns, views.WARNING, "log", text)
+                self._pause_ns = 0
             if len(items) < MOST_ITEMS:
                 self._has_room.set()
+
+    def _note_alive(self) -> None:
+        """Note that the thread works, and a pause that was too long."""
+        now_ns = stopwatch_ns()
+        pause_ns, self._alive_ns = now_ns - self._alive_ns, now_ns
+        if pause_ns > LONGEST_PAUSE_NS:
+            self._pause_ns = pause_ns
+            self._longest_pause_ns = max(self._longest_pause_ns, pause_ns)
 
     def _put_received(self, device: str, t_ns: int, payload: bytes) -> None:
         self._put_payload("received", device, t_ns, payload)

@@ -122,8 +122,14 @@ def _find_simulation_conflicts(draft: Draft) -> Iterator[str]:
 
 
 def _find_missing_mission(draft: Draft) -> Iterator[str]:
-    if draft.config.mission is None:
+    mission = draft.config.mission
+    if mission is None:
         yield "mission: this key is missing; add what the rover is to do"
+    elif mission.type == "by_hand":
+        yield (
+            "mission.type: 'by_hand' has no path and is driven on the page of `rover-hil bench` only; choose "
+            "a mission with a path"
+        )
 
 
 def _find_missing_simulation(draft: Draft) -> Iterator[str]:

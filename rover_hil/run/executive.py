@@ -42,6 +42,7 @@ class RunResult:
         reason: The same in words, with details.
         mode: Mode of the controller at the end.
         skipped: Cycles skipped because an earlier one took too long; they are not run later.
+        log_pause_s: Longest time in which the log could not be written and made the loop wait.
     """
 
     end: End | None = None
@@ -51,6 +52,7 @@ class RunResult:
     skipped: int = 0
     duration_s: float = 0.0
     watchdog_interventions: int = 0
+    log_pause_s: float = 0.0
 
 
 class CycleView(NamedTuple):
@@ -192,6 +194,7 @@ class Executive:
             self._rig.drive.stop()
             self._log.health(self._clock.now_ns(), self._rig.healths())
         result.duration_s = seconds(now_ns - start_ns)
+        result.log_pause_s = self._log.longest_pause_s
         if self._watchdog is not None:
             result.watchdog_interventions = self._watchdog.interventions
         return result

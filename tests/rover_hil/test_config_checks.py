@@ -121,6 +121,19 @@ def test_without_a_mission_nothing_runs(
     assert mistakes(command, path) == [f"{path}: mission: this key is missing; add what the rover is to do"]
 
 
+@pytest.mark.parametrize("command", ["run", "run --virtual", "doctor"])
+def test_a_mission_without_a_path_is_for_the_page_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = read_config_text("robotino")
+    mission = text[text.index("[mission]") : text.index("[limits]")]
+    path = write(tmp_path, "robotino", (mission, '[mission]\ntype = "by_hand"\nspeed_m_s = 0.1\n\n'))
+    (line,) = mistakes(command, path)
+    assert line.startswith(f"{path}: mission.type: 'by_hand' has no path")
+    load_config(path, ROVER_CHECKS)  # what the page asks for
+
+
 def test_all_mistakes_come_at_once_one_line_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     changes_and_lines = (

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import threading
 from itertools import count
 from pathlib import Path
 
@@ -16,13 +17,15 @@ from drivers.clock import SystemClock
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, Received
 from drivers.samples import FrameSample, PowerSample
-from rover_hil.recording.chunked_file import CHUNK_NS
+from rover_hil.recording import writer
+from rover_hil.recording.chunked_file import CHUNK_NS, ChunkedFile
 from rover_hil.recording.images import decode_image, picture_payload, picture_record
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.writer import LogWriter
+from rover_hil.recording.writer import LONGEST_PAUSE_NS, LogWriter
 
 START_NS = 1_000_000_000
 CONFIG = b'{"a": 1}'
+PATIENCE_S = 60.0
 
 
 def write_log(path: Path, messages: int = 6) -> Path:
@@ -211,6 +214,44 @@ def test_what_a_caller_that_hangs_has_noted_is_in_the_file_within_a_second(tmp_p
     _, messages = read_all(path)
     assert [message.topic for message in messages] == ["/cycle"]
     log.close()
+
+
+def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_hanging, may_go_on = threading.Event(), threading.Event()
+    add_message = ChunkedFile.add_message
+    now_ns = 0
+
+    def hang(file: ChunkedFile, channel: int, time_ns: int, data: bytes) -> None:
+        is_hanging.set()
+        assert may_go_on.wait(PATIENCE_S)
+        add_message(file, channel, time_ns, data)
+
+    monkeypatch.setattr(ChunkedFile, "add_message", hang)
+    monkeypatch.setattr(writer, "stopwatch_ns", lambda: now_ns)
+    log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
+    loop = threading.Thread(target=log.write_json, args=("/cycle", START_NS, {"index": 3}))
+    try:
+        log.write_json("/cycle", START_NS, {"index": 1})
+        assert is_hanging.wait(PATIENCE_S)
+        now_ns = LONGEST_PAUSE_NS
+        log.write_json("/cycle", START_NS, {"index": 2})  # the loop does not wait
+        now_ns += 10**8
+        loop.start()
+        loop.join(0.1)
+        assert loop.is_alive()
+    finally:
+        may_go_on.set()
+    loop.join(PATIENCE_S)
+    assert not loop.is_alive()
+    log.close()
+    assert log.longest_pause_s == pytest.approx(2.1)
+    _, messages = read_all(tmp_path / "run.mcap")
+    assert [message.json() for message in messages] == [{"index": 1}, {"index": 2}, {"index": 3}]
+    assert b"nothing could be written for 2.1 s" in b"".join(
+        message.data for message in LogReader(tmp_path / "run.mcap").stored_messages()
+    )
 
 
 def test_every_flipped_byte_of_a_message_is_noticed(tmp_path: Path) -> None:

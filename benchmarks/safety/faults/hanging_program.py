@@ -2,25 +2,25 @@
 
 from pathlib import Path
 
-from mcap.writer import Writer
-
-from benchmarks.safety.faults.process_cases import HANG_FILE
+from benchmarks.safety.faults.process_cases import HANG_FILE, HUNG_FILE
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.app.program import main
+from rover_hil.recording.chunked_file import ChunkedFile
 
 CLOCK = SystemClock()
 
 
-add_message = Writer.add_message
+add_message = ChunkedFile.add_message
 
 
-def add_message_when_allowed(writer: Writer, channel: int, log_ns: int, data: bytes, t_ns: int) -> None:
+def add_message_when_allowed(file: ChunkedFile, channel: int, time_ns: int, data: bytes) -> None:
     """Wait while the log hangs, then write."""
     while Path(HANG_FILE).exists():
+        Path(HUNG_FILE).touch()
         CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(0.01))
-    add_message(writer, channel, log_ns, data, t_ns)
+    add_message(file, channel, time_ns, data)
 
 
 if __name__ == "__main__":
-    Writer.add_message = add_message_when_allowed  # type: ignore[method-assign,assignment]
+    ChunkedFile.add_message = add_message_when_allowed  # type: ignore[method-assign,assignment]
     main()

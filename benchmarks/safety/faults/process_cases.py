@@ -12,6 +12,10 @@ from benchmarks.safety.faults.cases import Case, Duty, all_cases
 
 REAL_TIME_FAULTS = ("unplug", "freeze", "stall", "garbage", "valid flood")
 HANG_FILE = "hang"
+HUNG_FILE = "hung"
+"""Left by a program whose log really hung."""
+LOG_PAUSE_S = 2.0
+"""So long a rover may drive on with a log that hangs."""
 ROLL_OUT_S = 0.6
 """From zero set-points to wheels at rest, delays of command and motor included."""
 
@@ -69,6 +73,7 @@ def hang(program: int, simulator: int, folder: Path) -> None:
 def end_hang(program: int, simulator: int, folder: Path) -> None:
     """Let the log be written again."""
     (folder / HANG_FILE).unlink()
+    (folder / HUNG_FILE).unlink()
 
 
 DRIVE_WATCHDOG_S = {"robotino": 1.04, "el-dorado": 0.2}
@@ -109,6 +114,14 @@ def _of(rover: str) -> list[ProcessCase]:
         case("SIGTERM", send(signal.SIGTERM), 0.15 + ROLL_OUT_S, exit_code=1, said="SIGTERM"),
         # A thread of the log writes: the loop drives on.
         case("log hangs 1 s", hang, None, end=end_hang),
+        case(
+            "log hangs 5 s",
+            hang,
+            LOG_PAUSE_S + 0.25 + ROLL_OUT_S,
+            end=end_hang,
+            duration_s=5.0,
+            said="log not written for",
+        ),
         case("disk full", fill_disk, 0.25 + ROLL_OUT_S, exit_code=2, said="cannot write log"),
         case("output deleted", delete_output, 1.15 + ROLL_OUT_S, exit_code=2, said="deleted"),
         case("no more memory", fill_memory, None, exit_code=None),

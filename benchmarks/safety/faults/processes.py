@@ -22,6 +22,8 @@ from drivers.errors import LogError
 
 CONFIGS = Path(__file__).parents[3] / "rover_hil" / "config" / "shipped" / "configs"
 CAMERA = re.compile(r"^camera = .*\n|^rig = .*\n|^\[devices\.camera\]\n(?:.+\n)+", re.MULTILINE)
+FOLDERS = re.compile(r"(?<![\w.])/(?:[\w.@+-]+/)+")
+"""Of this machine; names of files are kept."""
 REST_RAD_S = 0.05
 MOVE_LIMIT_S = 90.0
 START_UP_S = 15.0
@@ -144,7 +146,7 @@ def _load(folder: Path) -> NDArray[np.float64]:
 
 def _last_line(text: str) -> str:
     lines = [line for line in re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text).splitlines() if line.strip()]
-    return " / ".join(line.strip() for line in lines[-2:])
+    return FOLDERS.sub("", " / ".join(line.strip() for line in lines[-2:]))
 
 
 def _judge_process(

@@ -17,7 +17,7 @@ from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
+from rover_hil.app.run import require_finished, run_real, run_virtual
 from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
@@ -197,7 +197,7 @@ def _drive(
                 )
             else:
                 result = run_real(driven, path, limit_s, show, realtime=False)
-        require_uninterrupted(result)
+        require_finished(result, name)
         distance_m, turned = _true_motion(path) if virtual else (math.nan, math.nan)
         if name.startswith("line"):
             asked = (

@@ -85,7 +85,10 @@ def test_wrong_geometry_is_found_where_the_command_drives(
 
 @pytest.mark.parametrize(
     ("end", "code", "words"),
-    [(End.STOPPED_BY_USER, 130, "interrupted by ctrl-C"), (End.TERMINATED, 143, "ended by SIGTERM")],
+    [
+        (End.STOPPED_BY_USER, 130, "interrupted by ctrl-C"),
+        (End.TERMINATED, 143, "the terminal or connection was lost (SIGHUP)"),
+    ],
 )
 @pytest.mark.parametrize("what", ["wheels robotino", "imu robotino", "compass el-dorado"])
 def test_a_rover_whose_drive_was_ended_by_the_user_does_not_drive_on(
@@ -95,12 +98,30 @@ def test_a_rover_whose_drive_was_ended_by_the_user_does_not_drive_on(
 
     def drive(config: Config, path: Path, *arguments: object) -> RunResult:
         drives.append(path)
-        return RunResult(end, "stopped by the user")
+        return RunResult(end, words)
 
     for module in (calibrate_wheels, calibrate_imu, calibrate_compass):
         monkeypatch.setattr(module, "run_virtual", drive)
     assert command("calibrate", *what.split(), "--virtual", "--out", "out.toml") == code
     assert_one_sentence(command.error, words)
+    assert len(drives) == 1
+    assert not Path("out.html").exists()
+
+
+@pytest.mark.parametrize("end", [End.EMERGENCY_STOP, End.DEVICE_FAILED, End.TIME_OVER])
+def test_after_a_drive_that_was_not_completed_nothing_is_asked_and_driven(
+    command: Command, monkeypatch: pytest.MonkeyPatch, end: End
+) -> None:
+    drives = []
+
+    def drive(config: Config, path: Path, *arguments: object, **options: object) -> RunResult:
+        drives.append(path)
+        return RunResult(end, "wheel 1: stalled")
+
+    monkeypatch.setattr(calibrate_wheels, "run_real", drive)
+    monkeypatch.setattr(calibrate_wheels, "ask_number", lambda *arguments: pytest.fail("asked"))
+    assert command("calibrate", "wheels", "robotino", "--out", "out.toml") == 1
+    assert_one_sentence(command.error, "line1", "wheel 1: stalled")
     assert len(drives) == 1
     assert not Path("out.html").exists()
 
