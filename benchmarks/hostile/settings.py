@@ -195,8 +195,8 @@ def honest_settings() -> list[SettingsFile]:
             "allowed",
             ".toml",
             'duration_s = [1.0, 2.0]\nforbidden = ["a*"]\n'
-            "inputs.voltage = { low = -1.0, high = 1.0, period_s = [0.1, 1.0], amplitudes = [0.5] }\n"
-            'inputs.voltage.shapes = ["step", "sweep"]\nchannels.encoder = { low = -9.0, high = 9.0 }\n',
+            "inputs.voltage = { low = -1.0, high = 1.0, period_s = [0.1, 1.0], shapes = ['step', 'sweep'] }\n"
+            'channels.encoder = { low = -9.0, high = 9.0 }\n',
             # Of data that cannot be used: an analysis would take minutes.
             ((*MACHINE, "{honest}/truth.csv", "--allowed", "{file}", "--out", "{out}"),),
         ),

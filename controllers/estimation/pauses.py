@@ -23,7 +23,7 @@ class PauseWatch:
     def begin_cycle(self, now_ns: int) -> bool:
         """Return whether the stamps of this cycle's samples are known."""
         if self._cycle_ns is not None:
-            cycle_ns = now_ns - self._cycle_ns
+            cycle_ns = max(0, now_ns - self._cycle_ns)  # in a damaged log, times may run back
             usual_ns = self._usual_ns or cycle_ns
             if cycle_ns > max(self._longest_ns, ESTIMATION.pose.pause_cycles * usual_ns):
                 self._until_ns = now_ns + nanoseconds(ESTIMATION.pose.backlog_s)

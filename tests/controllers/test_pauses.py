@@ -48,3 +48,10 @@ def test_after_a_silence_of_a_device_the_time_of_its_samples_is_unknown_for_a_wh
     assert taken(0.46, 0.461, 0.5) == [False] * 3
     times_s = (0.46 + 0.1 * number + 0.001 for number in range(1, 10))
     assert taken(*times_s) == [0.1 * number >= wait_s for number in range(1, 10)]
+
+
+def test_times_that_run_back_again_and_again_are_no_number_without_bounds() -> None:
+    watch = PauseWatch(0.15)
+    times_s = [number % 2 * 0.5 for number in range(4000)]
+    assert len(known(watch, *times_s)) == len(times_s)
+    assert all(known(watch, *(10.0 + 0.02 * number for number in range(1, 60)))[30:])
