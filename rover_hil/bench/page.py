@@ -247,6 +247,7 @@ def build_page(session: Session, title: str) -> None:
         client.on_disconnect(lambda: session.leave(browser))
         ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
         ui.add_body_html(BAR.format(title=escape(title)))
+        ui.add_body_html('<script src="/static/plot.js" defer></script>')
         ui.add_body_html('<script src="/static/bench.js" defer></script>')
         _Controls(session, client, browser).build()
 

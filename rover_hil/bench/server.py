@@ -17,6 +17,7 @@ from rover_hil.bench.finished_runs import find_report
 from rover_hil.bench.guard import Guard
 from rover_hil.bench.page import build_page
 from rover_hil.bench.session import Session
+from rover_hil.pages.render import PLOT_SCRIPT
 
 HOST = "127.0.0.1"
 STREAM_PERIOD_S = 0.04
@@ -24,6 +25,7 @@ VIEWS_AT_ONCE = 2400
 """A browser that was away for long gets the newest ones."""
 END_S = 1
 STATIC = Path(__file__).parent / "static"
+FILES = {path.name: path for path in (*STATIC.iterdir(), PLOT_SCRIPT)}
 
 
 def bind(port: int) -> socket.socket:
@@ -76,8 +78,7 @@ def make_app(session: Session, title: str) -> Guard:
 
     @app.get("/static/{name}")
     async def static(name: str) -> Response:
-        is_known = name in {path.name for path in STATIC.iterdir()}
-        return FileResponse(STATIC / name) if is_known else Response(status_code=404)
+        return FileResponse(FILES[name]) if name in FILES else Response(status_code=404)
 
     @app.get("/report/{name}")
     async def report(name: str) -> Response:

@@ -1,9 +1,13 @@
 """Render a report as one page that needs nothing else."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+PLOT_SCRIPT = Path(__file__).parent / "plot.js"
+"""Draws lines on a canvas; part of the reports, and a file of the bench."""
 
 NO_FILTERS: Mapping[str, Callable[..., str]] = MappingProxyType({})
 

@@ -12,13 +12,15 @@ from rover_hil.pages import style
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.report import run_plots
+from rover_hil.report.curves import run_curves, viewer_data
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, position_error_m, summarise
 from rover_hil.report.tracks import Series
 from rover_hil.report.verdict import length
 
-COLOURS = ("#0b63ce", "#e07a00", "#0f8a5f", "#9b4dca", "#c81e1e", "#7a8b00")
+COLOURS = ("#3b82f6", "#e8890c", "#16a37b", "#a855f7", "#db4f9e", "#8f9d0a")
+"""To be seen on white and on black."""
 MOST_RUNS = len(COLOURS)
 PATH_HEIGHT_IN = 5.0
 SHOWN_CHARACTERS = 60
@@ -90,8 +92,13 @@ def render_comparison(comparison: Comparison) -> str:
             lambda: _draw_series(runs, _slip, "slip (%)"),
         ),
     )
+    share = 1.0 / len(runs)
     return render(
-        "report/compare.html", comparison=comparison, grade="plain", pictures=draw_pictures(drawings)
+        "report/compare.html",
+        comparison=comparison,
+        grade="plain",
+        viewer=viewer_data([run_curves(run.data, run.name, run.colour, share) for run in runs]),
+        pictures=draw_pictures(drawings),
     )
 
 

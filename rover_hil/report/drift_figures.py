@@ -8,7 +8,8 @@ from rover_hil.pages import style
 from rover_hil.report import run_plots
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary
-from rover_hil.report.tracks import Series, spans
+from rover_hil.report.thinning import visible_spans
+from rover_hil.report.tracks import Series
 
 ROW_HEIGHT_IN = 1.8
 
@@ -28,8 +29,7 @@ def draw_drift(run: RunData, summary: Summary) -> Figure | None:
     run_plots.line(slip, _scaled(drift.slip, 100.0), style.ESTIMATE, "estimate")
     run_plots.line(angle, _scaled(drift.angle, math.degrees(1.0)), style.ESTIMATE, "_nolegend_")
     labels = ["not sure" if reason else "" for reason in drift.reasons]
-    unsure = [(start_s, end_s) for start_s, end_s, label in spans(drift.slip.t_s, labels) if label]
-    for index, (start_s, end_s) in enumerate(unsure):
+    for index, (start_s, end_s) in enumerate(visible_spans(drift.slip.t_s, labels)):
         for axes in plots:
             label = "not sure" if index == 0 else None
             axes.axvspan(start_s, end_s, color=style.NOT_VALID, linewidth=0, zorder=0.4, label=label)

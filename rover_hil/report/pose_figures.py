@@ -12,6 +12,7 @@ from rover_hil.pages import style
 from rover_hil.report import run_plots
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, TrackError, position_error_m
+from rover_hil.report.thinning import THIN_BINS
 from rover_hil.report.tracks import Series, Track
 from rover_hil.report.verdict import length
 
@@ -75,7 +76,7 @@ def draw_headings(run: RunData, summary: Summary) -> Figure:
 
 
 def _draw_way(axes: Axes, track: Track, colour: str, label: str, width: float) -> None:
-    every = max(1, len(track.t_s) // run_plots.THIN_BINS)
+    every = max(1, len(track.t_s) // THIN_BINS)
     x_m, y_m = (np.append(values[::every], values[-1]) for values in (track.x_m, track.y_m))
     axes.plot(x_m, y_m, color=colour, label=label, linewidth=width)
     axes.plot(x_m[-1], y_m[-1], "o", color=colour, markersize=7, markeredgecolor="white", zorder=6)

@@ -2,17 +2,14 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_hil.pages.style import STOPPED, WIDTH_IN
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary
+from rover_hil.report.thinning import thin, with_gaps
 from rover_hil.report.tracks import Series
-
-THIN_BINS = 400
-GAP_FACTOR = 10.0
 
 
 def rows(count: int, row_height_in: float, label: str = "") -> tuple[Figure, list[Axes]]:
@@ -46,28 +43,3 @@ def finish(figure: Figure, plots: Sequence[Axes], run: RunData, summary: Summary
     handles, labels = plots[0].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
-
-
-def with_gaps(series: Series) -> Series:
-    """Return the series with NaN where nothing was received for long, so that no line is drawn there."""
-    steps_s = np.diff(series.t_s)
-    if not steps_s.any():
-        return series
-    # Poses repeat their time in every cycle without new wheel positions.
-    gaps = np.flatnonzero(steps_s > GAP_FACTOR * np.median(steps_s[steps_s > 0.0])) + 1
-    return Series(np.insert(series.t_s, gaps, series.t_s[gaps]), np.insert(series.value, gaps, np.nan))
-
-
-def thin(series: Series) -> Series:
-    """Return the lowest and the highest value of each of `THIN_BINS` bins, so that no peak gets lost."""
-    size = len(series.t_s) // THIN_BINS
-    if size <= 2:
-        return series
-    count = len(series.t_s) // size
-    blocks = series.value[: count * size].reshape(count, size)
-    lowest = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
-    highest = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
-    first = np.arange(count) * size
-    rest = np.arange(count * size, len(series.t_s))
-    kept = np.unique(np.concatenate((first + lowest, first + highest, rest)))
-    return Series(series.t_s[kept], series.value[kept])

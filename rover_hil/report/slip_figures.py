@@ -8,6 +8,7 @@ from rover_hil.pages import style
 from rover_hil.report import run_plots
 from rover_hil.report.run_data import EstimatedSlip, RunData, SlipData, WheelData
 from rover_hil.report.summary import Summary
+from rover_hil.report.thinning import visible_spans
 from rover_hil.report.tracks import Series, running_mean, slip_over_time, spans
 from rover_hil.report.wheel_figures import ROW_HEIGHT_IN
 
@@ -86,9 +87,8 @@ def _draw_true(axes: Axes, slip: Series) -> None:
 def _draw_estimate(axes: Axes, estimated: EstimatedSlip) -> None:
     run_plots.line(axes, Series(estimated.slip.t_s, 100.0 * estimated.slip.value), style.ESTIMATE, "estimate")
     labels = ["not valid" if reason else "" for reason in estimated.reasons]
-    for start_s, end_s, label in spans(estimated.slip.t_s, labels):
-        if label:
-            axes.axvspan(start_s, end_s, color=style.NOT_VALID, linewidth=0, zorder=0.4, label=label)
+    for start_s, end_s in visible_spans(estimated.slip.t_s, labels):
+        axes.axvspan(start_s, end_s, color=style.NOT_VALID, linewidth=0, zorder=0.4, label="not valid")
 
 
 def _draw_surfaces(axes: Axes, slip: SlipData) -> None:

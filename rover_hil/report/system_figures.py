@@ -11,6 +11,7 @@ from rover_hil.pages import style
 from rover_hil.report import run_plots
 from rover_hil.report.run_data import InnovationData, RunData
 from rover_hil.report.summary import Summary
+from rover_hil.report.thinning import visible_spans, with_gaps
 from rover_hil.report.tracks import Series, spans
 from rover_hil.report.verdict import time_text
 
@@ -39,9 +40,9 @@ def draw_timeline(run: RunData, summary: Summary) -> Figure:
         label = None if mode in labelled else mode.replace("_", " ")
         labelled.add(mode)
         _draw_bar(axes, 0, start_s, end_s, MODE_COLOURS[Mode(mode)], label)
-    for start_s, end_s, limit in spans(cycles.t_s, cycles.limit):
-        if limit != Limit.NONE:
-            _draw_bar(axes, 1, start_s, end_s, style.COMMANDED)
+    limited = ["limited" if limit != Limit.NONE else "" for limit in cycles.limit]
+    for start_s, end_s in visible_spans(cycles.t_s, limited):
+        _draw_bar(axes, 1, start_s, end_s, style.COMMANDED)
     for row, device in enumerate(run.config.devices, start=2):
         _draw_link(axes, row, device, run)
     for t_s in run.watchdog_s:
@@ -113,7 +114,7 @@ def _draw_innovation(axes: Axes, data: InnovationData) -> None:
     accepted = data.is_accepted > 0
     # The first bands may be as wide as ignorance is; they must not flatten the rest.
     limit_deg = 1.3 * max(float(np.quantile(np.abs(residual_deg), 0.98)), float(np.median(band_deg)))
-    band = run_plots.with_gaps(Series(data.t_s, band_deg))
+    band = with_gaps(Series(data.t_s, band_deg))
     axes.fill_between(band.t_s, -band.value, band.value, color=style.ESTIMATE, alpha=0.15, linewidth=0)
     axes.plot(data.t_s[accepted], residual_deg[accepted], ".", color=style.ESTIMATE, markersize=4)
     if not accepted.all():

@@ -6,6 +6,7 @@ from pydantic_core import from_json, to_json
 
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.render import render
+from rover_hil.report.curves import run_curves, viewer_data
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, summarise
@@ -45,6 +46,7 @@ def _render(run: RunData, summary: Summary) -> str:
         verdict=verdict(run, summary),
         facts=facts(summary),
         stops_shown=STOPS_SHOWN,
+        viewer=viewer_data([run_curves(run, run.path.stem)]),
         pictures=draw_report(run, summary),
         config_text=to_json(from_json(run.config_json), indent=2).decode(),
     )

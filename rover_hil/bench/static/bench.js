@@ -3,11 +3,9 @@
 
 const MOST_POINTS = 6000, SHOWN_S = 60, DRIVE_MS = 50, SILENT_MS = 1500;
 const RUN_COLOURS = ["#9b4dca", "#0f8a5f"];
-const WHEEL_COLOURS = ["#0b63ce", "#e07a00", "#0f8a5f", "#9b4dca", "#c0398a", "#7a8b00", "#0f7f9c", "#8a5a2b"];
 const live = { run: -1, state: {}, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} };
 let opened = [], points = [], heardMs = performance.now(), view = null;
 const byId = (id) => document.getElementById(id);
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 // ---- stream ----
 
@@ -143,54 +141,6 @@ function showTables(v, data) {
 
 // ---- drawing ----
 
-function prepared(canvas) {
-  const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
-  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
-  }
-  const context = canvas.getContext("2d");
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  context.clearRect(0, 0, width, height);
-  context.font = "11px system-ui, 'DejaVu Sans', sans-serif";
-  return [context, width, height];
-}
-
-function niceStep(span, count) {
-  const raw = span / Math.max(count, 1), power = 10 ** Math.floor(Math.log10(raw));
-  return power * [1, 2, 5, 10].find((factor) => factor * power >= raw);
-}
-
-function label(value, step) {
-  return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
-}
-
-function line(context, xs, ys, toX, toY, style, width = 1.8, dash = []) {
-  context.strokeStyle = style;
-  context.lineWidth = width;
-  context.setLineDash(dash);
-  context.beginPath();
-  let isDown = false;
-  for (let index = 0; index < xs.length; index++) {
-    if (!Number.isFinite(ys[index])) { isDown = false; continue; }
-    const x = toX(xs[index]), y = toY(ys[index]);
-    if (isDown) context.lineTo(x, y); else context.moveTo(x, y);
-    isDown = true;
-  }
-  context.stroke();
-  context.setLineDash([]);
-}
-
-function legend(context, entries, x, y) {
-  for (const [name, style] of entries) {
-    context.fillStyle = style;
-    context.fillRect(x, y - 4, 12, 3);
-    context.fillStyle = colour("--ink");
-    context.fillText(name, x + 16, y);
-    x += 28 + context.measureText(name).width;
-  }
-}
-
 function drawPath(canvas) {
   const [context, width, height] = prepared(canvas);
   const mission = live.state.mission || [];
@@ -279,7 +229,7 @@ function drawSeries(canvas, chart) {
     const named = { estimate: colour("--estimate"), encoders: colour("--encoders"), truth: colour("--truth"), work: colour("--estimate"), late: colour("--encoders") };
     curves.push({ name, x: curve.x, y: curve.y, style: named[name] || WHEEL_COLOURS[index % WHEEL_COLOURS.length] });
   });
-  if (!isLive) opened.forEach((run, run_index) => run[chart].forEach((curve, index) => {
+  if (!isLive) opened.forEach((run, run_index) => (run.charts[chart] || []).forEach((curve, index) => {
     const style = opened.length > 1 ? RUN_COLOURS[run_index] : WHEEL_COLOURS[index % WHEEL_COLOURS.length];
     curves.push({ ...curve, style, dash: opened.length > 1 && index ? [2 + index, 3] : [] });
   }));

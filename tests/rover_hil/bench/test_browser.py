@@ -58,8 +58,8 @@ def test_a_run_is_started_watched_changed_paused_and_stopped_and_replays(url: st
         page.wait(lambda: page.mode == "idle", "no stop")
         assert "emergency stop pressed on the page" in page.text("bench-words")
         assert all(name.startswith(url) for name in page.driver.execute_script(elsewhere))
-        links = page.driver.find_elements("css selector", 'a[href^="/report/"]')
-        page.driver.get(links[0].get_attribute("href") or "")
+        page.wait(lambda: bool(page.links("/report/")), "no link to the report")
+        page.driver.get(page.links("/report/")[0].get_attribute("href") or "")
         assert "emergency stop" in page.driver.page_source
     log = newest_log(folder)
     inputs = [record for _, record in messages(log, "/operator")]
@@ -78,6 +78,7 @@ def test_a_browser_that_disappears_while_driving_by_hand_stops_the_rover(url: st
         page.wait(lambda: page.mode == "running", "the run does not begin")
         ActionChains(page.driver).key_down("w").perform()
         page.wait(lambda: not page.driver.execute_script(AT_REST), "the rover does not move")
+        page.driver.execute_async_script("setTimeout(arguments[0], 300)")
         page.kill()
     with Page(url) as page:
         page.wait(lambda: bool(page.driver.execute_script(AT_REST)), "the rover does not stop")
@@ -146,7 +147,7 @@ def test_way_points_are_clicked_and_two_finished_runs_lie_on_top_of_each_other(u
             item.click()
         page.wait(lambda: page.driver.execute_script("return opened.length") == 2, "two are not opened")
         names = page.driver.execute_script("return opened.map((run) => run.paths.map((path) => path.name))")
-        assert names[0] == names[1] == ["estimate", "encoders", "truth"]
+        assert names[0] == names[1] == ["encoders", "truth", "estimate"]
 
 
 GAMEPAD = """

@@ -66,8 +66,9 @@ def test_a_named_effect_fills_the_page(named: Analysis) -> None:
         "Not named, and why",
         "Detection limits",
     ]
-    assert "http" not in page.replace("http://www.w3.org", "")
-    titles = re.findall('<img src="data:image/svg\\+xml;base64,[^"]+" alt="([^"]+)"', page)
+    assert "http:" not in page.replace("http://www.w3.org", "")
+    assert "https:" not in page
+    titles = re.findall('<img class="drawn" src="data:image/svg\\+xml;base64,[^"]+" alt="([^"]+)"', page)
     (locked,) = named.plan.confirm if named.plan is not None else ()
     assert f"speed in run {locked}" in titles
     assert "Error of speed by run and time, after" in titles

@@ -50,6 +50,7 @@ def test_the_page_is_complete_and_needs_nothing_else(tmp_path: Path) -> None:
     html = page_of(write_log(tmp_path / "run.mcap", Drive(stop=(4.0, 6.0), origin="<b>odd</b> & co")))
     titles = re.findall(r"<h2>(.*?)</h2>", html)
     assert titles == [
+        "Look closer",
         "Path",
         "Distance from the truth",
         "Headings",
@@ -62,12 +63,13 @@ def test_the_page_is_complete_and_needs_nothing_else(tmp_path: Path) -> None:
         "Devices at the end",
         "Log",
     ]
-    pictures = re.findall(r'<img src="data:image/svg\+xml;base64,([^"]+)"', html)
+    pictures = re.findall(r'<img class="drawn" src="data:image/svg\+xml;base64,([^"]+)"', html)
     assert len(pictures) == html.count("<img") == 9
     for picture in pictures:
         assert re.fullmatch(r"<\?xml.*<svg.*</svg>\s*", base64.b64decode(picture).decode(), re.DOTALL)
-    assert "http" not in html
-    assert "<script" not in html
+    assert "http:" not in html
+    assert "https:" not in html
+    assert "default-src 'none'; img-src data:;" in html
     assert "<b>odd" not in html
     assert "and one safety stop." in html
     assert "imu: silent" in html

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_hil.report.run_plots import THIN_BINS, thin, with_gaps
+from rover_hil.report.thinning import THIN_BINS, thin, with_gaps
 from rover_hil.report.tracks import (
     Series,
     Track,

@@ -205,7 +205,8 @@ def test_out_writes_one_page_that_needs_nothing_else_and_exact_numbers(
     assert [float(row["slip_angle_deg"]) for row in written] == [row["slip_angle_deg"] for row in rows]
     page = (tmp_path / "t" / "report.html").read_text()
     assert page.count("data:image/svg+xml;base64,") == 2
-    assert "http" not in page.replace("http://www.w3.org", "")
+    assert "http:" not in page.replace("http://www.w3.org", "")
+    assert "https:" not in page
 
 
 def test_papers_writes_both_papers_figures(terrain: Terrain, tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_the_page_is_complete_and_needs_nothing_else(
     html = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
     titles = ["Values", "Held-out comparison", "Held-out scenarios", "True paths", "Search", "Parameters"]
     assert re.findall(r"<h2>(.*?)</h2>", html) == titles
-    assert html.count('<img src="data:image/svg+xml;base64,') == 4
+    assert html.count('<img class="drawn" src="data:image/svg+xml;base64,') == 4
     assert not re.search(r"""(src|href)=["'](?!data:)""", html)
     assert "6 scenarios that the search did not use: seeds" in html
 
