@@ -19,6 +19,7 @@ from rover_hil.app.identify.commands import identify_app
 from rover_hil.app.options import (
     LIVE_PORT,
     LONGEST_S,
+    ClusterOption,
     ConfigArgument,
     ForceOption,
     Group,
@@ -304,6 +305,7 @@ def tune(
         float | None, number_option("End the search after this time.", "min", 0.01, 1e5)
     ] = None,
     out: Annotated[Path | None, out_option("Folder of the study [default: tuning/STUDY].")] = None,
+    cluster: ClusterOption = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -319,7 +321,16 @@ def tune(
     from rover_hil.app.tune import tune as tune_rover
 
     sys.exit(
-        tune_rover(config, study=study, trials=trials, minutes=minutes, out=out, force=force, as_json=json)
+        tune_rover(
+            config,
+            study=study,
+            trials=trials,
+            minutes=minutes,
+            out=out,
+            force=force,
+            as_json=json,
+            cluster=cluster,
+        )
     )
 
 

@@ -18,6 +18,12 @@ ConfigArgument = Annotated[
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Run on the workers of this Dask scheduler, e.g. tcp://192.168.1.5:8786.", metavar="ADDRESS"
+    ),
+]
 LiveOption = Annotated[
     bool, typer.Option("--live", help="Also stream the records to Foxglove or Lichtblick on this computer.")
 ]

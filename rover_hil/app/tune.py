@@ -3,7 +3,7 @@
 import re
 import signal
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -17,8 +17,9 @@ from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.tune.comparison import Comparison, Verdict, compare
+from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import MissionRunner
-from rover_hil.tune.parallel_runs import ParallelRuns
+from rover_hil.tune.parallel_missions import open_missions
 from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values
 from rover_hil.tune.results import (
     CONFIG_NAME,
@@ -30,10 +31,10 @@ from rover_hil.tune.results import (
     write_results,
 )
 from rover_hil.tune.simulated_mission import SimulatedMission
-from rover_hil.tune.study import Attempt, Study
+from rover_hil.tune.study import Study
 from rover_hil.tune.tuned_config import tuned_text
 
-STUDY_NAME = "study.journal"
+STUDY_NAME = "study.jsonl"
 
 
 def tune(
@@ -45,6 +46,7 @@ def tune(
     out: Path | None,
     as_json: bool,
     force: bool = False,
+    cluster: str | None = None,
 ) -> int:
     """Search, compare with the start on held-out scenarios, write the results; returns the exit code.
 
@@ -56,6 +58,7 @@ def tune(
         out: Folder of the study; by default `tuning/STUDY`.
         as_json: Print the result as JSON.
         force: Replace results of another study.
+        cluster: Address of the Dask scheduler that drives the missions; None for this machine.
 
     Raises:
         ConfigError: Bad configuration, or a study or results of another one.
@@ -66,10 +69,10 @@ def tune(
     folder = _prepare_folder(study, out, force=force)
     trial_store = Study(folder / STUDY_NAME, study, config, settings)
     messages = Console(stderr=True)
-    with ParallelRuns() as parallel_runs:
-        _search(trial_store, settings, parallel_runs.drive, trials, minutes, messages)
+    with open_missions(cluster) as drive:
+        _search(trial_store, settings, drive, trials, minutes, messages)
         attempts = trial_store.attempts()
-        comparison = _compare(config, settings, trial_store.candidates(), parallel_runs.drive, messages)
+        comparison = _compare(config, settings, trial_store.candidates(), drive, messages)
     result = summarise(study, config_name, wall_time_text(), config, attempts, comparison)
     result_json = write_results(folder, text, config, attempts, comparison, result)
     if as_json:
@@ -133,9 +136,10 @@ def _compare(
         task = progress.add_task("comparing on held-out scenarios", total=2 * settings.cases.held_out)
 
         def counted(config: Config, seeds: Sequence[int]) -> Generator[SimulatedMission, None, None]:
-            for mission in drive(config, seeds):
-                progress.advance(task)
-                yield mission
+            with closing(drive(config, seeds)) as results:
+                for mission in results:
+                    progress.advance(task)
+                    yield mission
 
         return compare(config, settings, candidates, counted)
 

@@ -145,6 +145,8 @@ class TuneSettings(Settings):
         objective: The cost that is minimised.
         stability: Which gains are rejected as oscillating.
         cases: Number of simulated scenarios.
+        at_once: Number of trials that are proposed together. The result of a study depends on it, but not on
+            the number of workers; with more workers than `at_once * cases.train` some have no work.
         provenance: Where the values come from; written by `rover-hil tune`.
     """
 
@@ -152,4 +154,5 @@ class TuneSettings(Settings):
     objective: ObjectiveSettings
     stability: StabilitySettings = StabilitySettings()
     cases: CaseSettings = CaseSettings()
+    at_once: Annotated[int, Field(ge=1, le=1000)] = 8
     provenance: ProvenanceRecord | None = None

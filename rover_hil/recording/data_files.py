@@ -3,8 +3,10 @@
 import contextlib
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from pydantic import ValidationError
 
@@ -38,6 +40,37 @@ def collect_data_files(config: Config) -> dict[str, bytes]:
     return files
 
 
+@dataclass(frozen=True, slots=True)
+class PackedConfig:
+    """A configuration together with its data files, for another machine.
+
+    Attributes:
+        config: The configuration; paths in it are those of this machine.
+        files: Content of its data files, as of `collect_data_files`.
+    """
+
+    config: Config
+    files: Mapping[str, bytes]
+
+    @classmethod
+    def of(cls, config: Config) -> Self:
+        """Return a configuration with the present content of its data files.
+
+        Raises:
+            ConfigError: A file cannot be read.
+        """
+        return cls(config, collect_data_files(config))
+
+    @contextlib.contextmanager
+    def unpacked(self) -> Iterator[Config]:
+        """Give the configuration, its data files laid out in a temporary folder."""
+        if not self.files:
+            yield self.config
+            return
+        with tempfile.TemporaryDirectory(prefix="rover_hil_") as folder:
+            yield _lay_out(self.config, self.files, Path(folder), "the packed configuration")
+
+
 @contextlib.contextmanager
 def restore_config(log: LogReader) -> Iterator[Config]:
     """Give the configuration of a log, its data files laid out in a temporary folder.
@@ -50,39 +83,44 @@ def restore_config(log: LogReader) -> Iterator[Config]:
             config = Config.model_validate_json(log.config_json)
         except ValidationError as error:
             raise LogError(describe_validation_error(f"{log.path}, its configuration", error, {})) from error
-        devices = {
-            device: settings.model_copy(
-                update={
-                    key: str(_restore_files(log, f"{FOLDER}/{device}/{key}/", Path(folder) / device / key))
-                    for key in settings.data_file_keys
-                    if getattr(settings, key) is not None
-                }
-            )
-            for device, settings in config.devices.items()
-        }
-        yield config.model_copy(update={"devices": devices})
+        yield _lay_out(config, log.attachments, Path(folder), str(log.path))
 
 
-def _restore_files(log: LogReader, prefix: str, folder: Path) -> Path:
-    """Write the data files of one key into a folder; return the path of the one that the key names.
+def _lay_out(config: Config, files: Mapping[str, bytes], folder: Path, source: str) -> Config:
+    """Write data files into a folder; return the configuration with their paths.
 
     A path in the configuration of a log is that of another machine, and is never read.
 
     Raises:
-        LogError: The log does not hold the file, or one with a name that is no bare file name.
+        LogError: A file is missing, or has a name that is no bare file name.
     """
+    devices = {
+        device: settings.model_copy(
+            update={
+                key: str(_write_files(files, f"{FOLDER}/{device}/{key}/", folder / device / key, source))
+                for key in settings.data_file_keys
+                if getattr(settings, key) is not None
+            }
+        )
+        for device, settings in config.devices.items()
+    }
+    return config.model_copy(update={"devices": devices})
+
+
+def _write_files(files: Mapping[str, bytes], prefix: str, folder: Path, source: str) -> Path:
+    """Write the data files of one key into a folder; return the path of the one that the key names."""
     paths: list[Path] = []
-    for name, data in log.attachments.items():
+    for name, data in files.items():
         if not name.startswith(prefix):
             continue
         bare = name.removeprefix(prefix)
         if not BARE_NAME.fullmatch(bare) or len(bare.encode()) > MOST_NAME_BYTES:
-            raise LogError(f"{log.path} is damaged: it names a data file {prefix}{bare!r}")
+            raise LogError(f"{source} is damaged: it names a data file {prefix}{bare!r}")
         folder.mkdir(parents=True, exist_ok=True)
         paths.append(folder / bare)
         paths[-1].write_bytes(data)
     if not paths:
-        raise LogError(f"{log.path} is damaged: it does not hold its data file {prefix}*")
+        raise LogError(f"{source} is damaged: it does not hold its data file {prefix}*")
     return paths[0]
 
 

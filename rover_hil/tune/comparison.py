@@ -7,10 +7,10 @@ from enum import StrEnum
 
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
+from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import Evaluation, MissionRunner, evaluate
 from rover_hil.tune.parameters import start_values, with_values
 from rover_hil.tune.scenarios import held_out_seeds
-from rover_hil.tune.study import Attempt
 
 
 class Verdict(StrEnum):

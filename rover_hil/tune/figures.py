@@ -13,9 +13,9 @@ from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.pages import style
 from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 from rover_hil.tune.comparison import Comparison, Verdict
+from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import case_cost
 from rover_hil.tune.simulated_mission import SimulatedMission
-from rover_hil.tune.study import Attempt
 
 BEFORE = style.ENCODERS
 AFTER = style.ESTIMATE

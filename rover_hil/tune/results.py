@@ -16,11 +16,11 @@ from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.render import render
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_report
+from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
 from rover_hil.tune.simulated_mission import SimulatedMission
-from rover_hil.tune.study import Attempt
 from rover_hil.tune.tuned_config import tuned_text
 
 CONFIG_NAME = "tuned.toml"

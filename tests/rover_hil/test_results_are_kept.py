@@ -79,7 +79,7 @@ def test_tune_continues_its_own_study_only(command: Command, tmp_path: Path) -> 
     write_config(tmp_path)
     folder = tmp_path / "a"
     folder.mkdir()
-    (folder / "study.journal").touch()
+    (folder / "study.jsonl").touch()
     (folder / "tuning.json").write_text(json.dumps({"study": "first"}))
     assert command("tune", "rover.toml", "--study", "second", "--out", "a") == 2
     assert_one_sentence(command.error, "a/tuning.json", "--force")

@@ -15,6 +15,7 @@ from drivers.errors import ConfigError
 from rover_hil.app import tune as command
 from rover_hil.app.tune import tune
 from rover_hil.config import load_config
+from rover_hil.tune.objective import MissionRunner
 from tests.rover_hil.tune.tuning import MISSION, TUNE, FakeRuns, write_config
 
 SMALL = TUNE.replace("train = 4", "train = 2").replace("held_out = 6", "held_out = 2")
@@ -26,10 +27,11 @@ def parallel_runs(monkeypatch: pytest.MonkeyPatch) -> FakeRuns:
     fake = FakeRuns()
 
     @contextmanager
-    def open_runs() -> Generator[FakeRuns, None, None]:
-        yield fake
+    def open_missions(cluster: str | None) -> Generator[MissionRunner, None, None]:
+        assert cluster is None
+        yield fake.drive
 
-    monkeypatch.setattr(command, "ParallelRuns", open_runs)
+    monkeypatch.setattr(command, "open_missions", open_missions)
     return fake
 
 
@@ -59,7 +61,7 @@ def test_a_better_configuration_is_written_with_its_provenance(
     assert run(as_json=True) == 0
     folder = tmp_path / "tuning" / "first"
     assert sorted(path.name for path in folder.iterdir()) == [
-        "report.html", "study.journal", "tuned.toml", "tuning.json",
+        "report.html", "study.jsonl", "tuned.toml", "tuning.json",
     ]  # fmt: skip
     result = json.loads(capsys.readouterr().out)
     assert result == result_in(tmp_path)

@@ -11,10 +11,11 @@ from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ObjectiveSettings
 from rover_hil.tune.comparison import Verdict, compare
+from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import case_cost, describe, evaluate
 from rover_hil.tune.parameters import check_parameters
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
-from rover_hil.tune.study import CANDIDATES, Attempt, Study
+from rover_hil.tune.study import CANDIDATES, Study
 from tests.rover_hil.tune.tuning import (
     MISSION,
     TUNE,
@@ -142,11 +143,11 @@ def test_a_study_of_another_configuration_is_refused(tmp_path: Path) -> None:
         open_study(tmp_path / "study", make_config(tmp_path, mission=MISSION.replace("0.15", "0.16")))
 
 
-def test_a_missing_optuna_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "optuna", None)
-    monkeypatch.delitem(sys.modules, "rover_hil.tune.study")
+def test_a_missing_search_package_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cmaes", None)
+    monkeypatch.delitem(sys.modules, "rover_hil.tune.search")
     with pytest.raises(ConfigError, match=r"install rover-hil\[tune\]"):
-        importlib.import_module("rover_hil.tune.study")
+        importlib.import_module("rover_hil.tune.search")
 
 
 def test_a_file_that_is_no_study_is_said_so(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Whether tuning finds gains as good as hand-tuned ones from deliberately poor ones, and how fast.
 
-    python -m benchmarks.program.tuning [--trials 400] [--minutes 8]
+    python -m benchmarks.tuning.from_poor_gains [--trials 400] [--minutes 8]
 
 The shipped Robotino with gains and filter noise spoilt is tuned on all cores this process may use. Then
 three sets of values are driven on the same held-out scenarios: the poor start, the shipped ones (hand-tuned),
@@ -20,7 +20,7 @@ from drivers.errors import ConfigError
 from rover_hil.app.tune import tune
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.tune.objective import evaluate
-from rover_hil.tune.parallel_runs import ParallelRuns
+from rover_hil.tune.parallel_missions import open_missions
 from rover_hil.tune.parameters import check_parameters, start_values, with_values
 from rover_hil.tune.results import CONFIG_NAME, RESULT_NAME
 from rover_hil.tune.scenarios import held_out_seeds
@@ -95,8 +95,8 @@ def main() -> int:
 
 def held_out_cost(config: Config) -> float:
     settings = check_parameters(config)
-    with ParallelRuns() as parallel_runs:
-        evaluation = evaluate(parallel_runs.drive, config, held_out_seeds(settings.cases), settings.objective)
+    with open_missions() as drive:
+        evaluation = evaluate(drive, config, held_out_seeds(settings.cases), settings.objective)
     if evaluation.cost is None:
         raise ConfigError(f"refused: {evaluation.refused}")
     return evaluation.cost

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.tune.parallel_runs import ParallelRuns
+from rover_hil.tune.parallel_missions import open_missions
 from rover_hil.tune.simulated_mission import simulate_mission
 from tests.rover_hil.tune.tuning import make_config
 
@@ -19,9 +19,9 @@ POLL_S = 0.05
 LIMIT_S = 60.0
 PARENT = """
 import os, sys
-from rover_hil.tune.parallel_runs import ParallelRuns
-with ParallelRuns() as runs:
-    print(runs._pool.submit(os.getpid).result(), flush=True)
+from rover_hil.parallel.executor import open_executor
+with open_executor() as executor:
+    print(executor.submit(os.getpid).result(), flush=True)
     sys.stdin.read()
 """
 
@@ -36,7 +36,7 @@ def is_alive(process_id: int) -> bool:
 
 def test_results_come_in_order_and_are_those_of_one_process(tmp_path: Path) -> None:
     config = make_config(tmp_path)
-    with ParallelRuns() as parallel_runs, closing(parallel_runs.drive(config, range(1, 4))) as results:
+    with open_missions() as drive, closing(drive(config, range(1, 4))) as results:
         first, second = next(results), next(results)
     assert (first.seed, second.seed) == (1, 2)
     assert [first.terms, second.terms] == [simulate_mission(config, seed).terms for seed in (1, 2)]
@@ -54,7 +54,7 @@ def test_ctrl_c_while_workers_start_leaves_them_at_work(
         os.kill(process.pid, signal.SIGINT)
 
     monkeypatch.setattr(SpawnProcess, "start", start_and_interrupt)
-    with ParallelRuns() as parallel_runs, closing(parallel_runs.drive(make_config(tmp_path), [1])) as results:
+    with open_missions() as drive, closing(drive(make_config(tmp_path), [1])) as results:
         assert next(results).seed == 1
 
 

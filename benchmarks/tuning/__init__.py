@@ -1,0 +1,1 @@
+"""Benchmarks of the search for gains, of the cluster and of the speed of simulated missions."""

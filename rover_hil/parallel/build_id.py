@@ -1,0 +1,41 @@
+"""What the numbers of a run depend on: the source of this program and the packages that compute."""
+
+import hashlib
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+OWN_PACKAGES = ("controllers", "drivers", "rover_hil", "sim_backends")
+NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "filterpy")
+SUFFIXES = frozenset((".py", ".toml", ".json"))
+DIGITS = 12
+
+
+@cache
+def build_id() -> str:
+    """Return a text that differs where a simulated mission could differ: source, Python, numeric packages."""
+    digest = hashlib.sha256()
+    for package in OWN_PACKAGES:
+        folder = _folder(package)
+        for path in sorted(path for path in folder.rglob("*") if path.suffix in SUFFIXES):
+            digest.update(f"{package}/{path.relative_to(folder).as_posix()}\0".encode())
+            digest.update(path.read_bytes())
+    numerics = ", ".join(f"{package} {_version(package)}" for package in NUMERIC_PACKAGES)
+    source = f"rover-hil {_version('rover-hil')} (source {digest.hexdigest()[:DIGITS]})"
+    return f"{source}, Python {platform.python_version()}, {numerics}"
+
+
+def _folder(package: str) -> Path:
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(f"no package {package}", name=package)
+    return Path(spec.origin).parent
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,45 @@
+"""Simulated missions on all cores, or on a cluster."""
+
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from functools import partial
+
+from rover_hil.config import Config
+from rover_hil.parallel.executor import open_executor
+from rover_hil.recording.data_files import PackedConfig
+from rover_hil.tune.objective import MissionRunner
+from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
+
+
+@contextmanager
+def open_missions(cluster: str | None = None) -> Iterator[MissionRunner]:
+    """Give what drives missions in parallel; see `open_executor`."""
+    with open_executor(cluster) as executor:
+        yield partial(_drive, executor)
+
+
+def _drive(
+    executor: Executor, config: Config, seeds: Sequence[int]
+) -> Generator[SimulatedMission, None, None]:
+    packed = PackedConfig.of(config)
+    # All of them start now, not when the first result is asked for.
+    return _results(deque(executor.submit(_simulate, packed, seed) for seed in seeds))
+
+
+def _results(
+    futures: deque[Future[SimulatedMission]],
+) -> Generator[SimulatedMission, None, None]:
+    """Yield the results in order; cancel those not started when the caller has seen enough."""
+    try:
+        while futures:
+            yield futures.popleft().result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _simulate(packed: PackedConfig, seed: int) -> SimulatedMission:
+    with packed.unpacked() as config:
+        return simulate_mission(config, seed)
