@@ -93,7 +93,10 @@ class ChunkedFile:
         self._channels: list[Channel] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._chunks: list[ChunkIndex] = []
+        self._chunk_count = 0
+        self._chunk_index = bytearray()  # as bytes: they are kept until the end, ten thousand in two hours
+        self._first_ns = 0
+        self._last_ns = 0
         self._counts: dict[int, int] = {}
         self._open: _Chunk | None = None
         self._put(MAGIC + _encode(Header("", library)))
@@ -190,7 +193,7 @@ class ChunkedFile:
             self._put(
                 _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries
             )
-        self._chunks.append(
+        self._chunk_index += _encode(
             ChunkIndex(
                 chunk_length=chunk_end - start,
                 chunk_start_offset=start,
@@ -203,24 +206,26 @@ class ChunkedFile:
                 uncompressed_size=size,
             )
         )
+        self._first_ns = min(self._first_ns, chunk.first_ns) if self._chunk_count else chunk.first_ns
+        self._last_ns = max(self._last_ns, chunk.last_ns)
+        self._chunk_count += 1
 
     def _put_end(self) -> None:
         self._put(HEAD.pack(Opcode.DATA_END, 4) + struct.pack("<I", self._checksum))
         start = self._place
         summary = io.BytesIO()
         offsets: list[SummaryOffset] = []
-        groups: list[tuple[int, Iterable[McapRecord]]] = [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
-        ]
+        groups = (
+            (Opcode.SCHEMA, _encode_all(self._schemas)),
+            (Opcode.CHANNEL, _encode_all(self._channels)),
+            (Opcode.STATISTICS, _encode(self._statistics())),
+            (Opcode.CHUNK_INDEX, self._chunk_index),
+            (Opcode.ATTACHMENT_INDEX, _encode_all(self._attachments)),
+            (Opcode.METADATA_INDEX, _encode_all(self._metadata)),
+        )
         for opcode, records in groups:
             begin = summary.tell()
-            for record in records:
-                summary.write(_encode(record))
+            summary.write(records)
             if summary.tell() > begin:
                 offsets.append(
                     SummaryOffset(
@@ -239,10 +244,10 @@ class ChunkedFile:
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            message_end_time=self._last_ns,
+            message_start_time=self._first_ns,
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
@@ -258,3 +263,7 @@ def _encode(record: McapRecord) -> bytes:
     record.write(builder)
     content: bytes = builder.end()  # type: ignore[no-untyped-call]
     return content
+
+
+def _encode_all(records: Iterable[McapRecord]) -> bytes:
+    return b"".join(map(_encode, records))

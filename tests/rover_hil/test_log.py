@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import threading
+import tracemalloc
 from itertools import count
 from pathlib import Path
 
@@ -252,6 +253,26 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
     assert b"nothing could be written for 2.1 s" in b"".join(
         message.data for message in LogReader(tmp_path / "run.mcap").stored_messages()
     )
+
+
+def test_the_index_of_a_long_log_takes_little_memory() -> None:
+    with Path(os.devnull).open("wb") as nowhere:
+        file = ChunkedFile(nowhere, "test")
+        channels = [file.add_channel(f"/{number}", "Cycle", b"{}") for number in range(12)]
+
+        def memory_after(first: int, last: int) -> int:
+            for chunk in range(first, last):
+                for channel in channels:
+                    file.add_message(channel, chunk * CHUNK_NS, b"{}")
+            return tracemalloc.get_traced_memory()[0]
+
+        tracemalloc.start()
+        try:
+            before = memory_after(0, 100)
+            grown = memory_after(100, 600) - before
+        finally:
+            tracemalloc.stop()
+    assert grown / 500 < 600
 
 
 def test_every_flipped_byte_of_a_message_is_noticed(tmp_path: Path) -> None:
