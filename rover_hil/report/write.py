@@ -6,6 +6,7 @@ from pydantic_core import from_json, to_json
 
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.render import render
+from rover_hil.report.camera_pictures import camera_pictures
 from rover_hil.report.curves import run_curves, viewer_data
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
@@ -47,6 +48,7 @@ def _render(run: RunData, summary: Summary) -> str:
         facts=facts(summary),
         stops_shown=STOPS_SHOWN,
         viewer=viewer_data([run_curves(run, run.path.stem)]),
+        frames=camera_pictures(run, summary),
         pictures=draw_report(run, summary),
         config_text=to_json(from_json(run.config_json), indent=2).decode(),
     )
