@@ -150,7 +150,7 @@ class VectorNavCodec:
         )
 
     def _read_rates(self, t_ns: int, rates_rad_s: Vector) -> Sequence[Sample]:
-        x, y, z = self._to_rover(rates_rad_s, LARGEST_RATE_RAD_S)
+        x, y, z = self._mounting.correct_rate(self._to_rover(rates_rad_s, LARGEST_RATE_RAD_S))
         return (RateSample(device=self._name, t_ns=t_ns, rate_x_rad_s=x, rate_y_rad_s=y, rate_z_rad_s=z),)
 
     def _read_accelerations(self, t_ns: int, accelerations_m_s2: Vector) -> Sequence[Sample]:

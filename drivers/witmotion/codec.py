@@ -144,7 +144,8 @@ class WitMotionCodec:
         return (AccelerationSample(device=self._name, t_ns=t_ns, x_m_s2=x, y_m_s2=y, z_m_s2=z),)
 
     def _read_rate(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
-        x, y, z = (word * RATE_STEP_RAD_S for word in self._mounting.vector_to_rover(words))
+        x, y, z = self._mounting.vector_to_rover(words)
+        x, y, z = self._mounting.correct_rate((x * RATE_STEP_RAD_S, y * RATE_STEP_RAD_S, z * RATE_STEP_RAD_S))
         return (RateSample(device=self._name, t_ns=t_ns, rate_x_rad_s=x, rate_y_rad_s=y, rate_z_rad_s=z),)
 
     def _read_angle(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:

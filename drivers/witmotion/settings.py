@@ -6,18 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers.device_settings import SerialDeviceSettings
 from drivers.driver import Codec
+from drivers.inertial_settings import InertialSettings
 from drivers.settings import PathText
 
 
-class WitMotionSettings(SerialDeviceSettings):
-    """A WitMotion inertial sensor, mounted flat with its z axis up.
+class WitMotionSettings(InertialSettings):
+    """A WitMotion inertial sensor; by default its z axis points up.
 
     Attributes:
         baud_rate: Line speed; the device leaves the factory at 9600 bit/s, which is too slow for 50 Hz.
-        mounting_yaw_deg: Direction of the sensor's x axis, counter-clockwise from the rover's forward axis: 0
-            where x points forward; -90 where the sensor's y axis does, as marked on the WT901's case.
         yaw_zero_deg: Direction of the sensor's x axis, counter-clockwise from magnetic east, when it reports
             yaw 0. The data sheets name an east-north-up frame, hence 0; check it against a known direction.
         calibration: Path of a TOML file with hard and soft iron, relative to the current directory. With it
@@ -29,7 +27,6 @@ class WitMotionSettings(SerialDeviceSettings):
 
     type: Literal["witmotion"] = "witmotion"
     baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 115_200
-    mounting_yaw_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     yaw_zero_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     calibration: PathText | None = None
 
@@ -44,10 +41,9 @@ class WitMotionSettings(SerialDeviceSettings):
             ConfigError: The calibration file is missing or wrong.
         """
         from drivers.heading_calibration import MagnetometerCalibration, load_calibration
-        from drivers.mounting import Mounting
         from drivers.witmotion.codec import WitMotionCodec
 
-        mounting = Mounting.from_degrees(self.mounting_yaw_deg, self.yaw_zero_deg)
+        mounting = self.make_mounting(self.yaw_zero_deg)
         if self.calibration is None:
             return WitMotionCodec(name, mounting)
         return WitMotionCodec(

@@ -212,7 +212,8 @@ class XsensCodec:
         )
 
     def _read_rate(self, t_ns: int, t_device_ns: int | None, item: _Item, status: int) -> Sequence[Sample]:
-        x, y, z = self._to_rover(item, LARGEST_RATE_RAD_S, status & _CLIPPED_RATE)
+        rate_rad_s = self._to_rover(item, LARGEST_RATE_RAD_S, status & _CLIPPED_RATE)
+        x, y, z = self._mounting.correct_rate(rate_rad_s)
         return (
             RateSample(
                 device=self._name,

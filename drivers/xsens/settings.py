@@ -4,16 +4,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers.device_settings import SerialDeviceSettings
 from drivers.driver import Codec
+from drivers.inertial_settings import InertialSettings
 
 
-class XsensSettings(SerialDeviceSettings):
-    """An Xsens MTi inertial sensor, mounted flat with its z axis up, that sends MTData2 messages by itself.
+class XsensSettings(InertialSettings):
+    """An Xsens MTi inertial sensor that sends MTData2 messages by itself; by default its z axis points up.
 
     Attributes:
         baud_rate: Line speed; the device leaves the factory at 115200 bit/s.
-        mounting_yaw_deg: Direction of the sensor's x axis, counter-clockwise from the rover's forward axis.
         yaw_zero_deg: Direction of the sensor's x axis, counter-clockwise from east, when it reports yaw 0 in
             its own frame: 0 with a filter profile that uses the magnetometer; unknown, so useless as a
             heading, with a VRU profile. The north-west-up frame is converted by the driver.
@@ -23,15 +22,13 @@ class XsensSettings(SerialDeviceSettings):
 
     type: Literal["xsens"] = "xsens"
     baud_rate: Annotated[int, Field(ge=300, le=4_000_000)] = 115_200
-    mounting_yaw_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     yaw_zero_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     heading_reference: Literal["magnetic", "true"] = "magnetic"
 
     def make_codec(self, name: str) -> Codec[bytes]:
         """Build the codec."""
-        from drivers.mounting import Mounting
         from drivers.samples import HeadingReference
         from drivers.xsens.codec import XsensCodec
 
-        mounting = Mounting.from_degrees(self.mounting_yaw_deg, self.yaw_zero_deg)
+        mounting = self.make_mounting(self.yaw_zero_deg)
         return XsensCodec(name, mounting, HeadingReference(self.heading_reference))

@@ -21,6 +21,7 @@ from controllers.slip.scomp.compensator import ScompReport
 from drivers.driver import Health
 from drivers.link import LinkChange
 from drivers.samples import (
+    AccelerationSample,
     AttitudeSample,
     FrameSample,
     HeadingSample,
@@ -312,6 +313,9 @@ class SamplesRecord(BaseModel):
     wheels: Annotated[list[WheelSample], FailFast()] = Field(default=[], alias="WheelSample")
     headings: Annotated[list[HeadingSample], FailFast()] = Field(default=[], alias="HeadingSample")
     rates: Annotated[list[RateSample], FailFast()] = Field(default=[], alias="RateSample")
+    accelerations: Annotated[list[AccelerationSample], FailFast()] = Field(
+        default=[], alias="AccelerationSample"
+    )
     attitudes: Annotated[list[AttitudeSample], FailFast()] = Field(default=[], alias="AttitudeSample")
     fixes: Annotated[list[PoseFixSample], FailFast()] = Field(default=[], alias="PoseFixSample")
 

@@ -18,7 +18,6 @@ from pydantic import Field
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.heading_calibration import Vector
-from drivers.mounting import Mounting
 from drivers.vectornav.settings import VectorNavSettings
 from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
@@ -124,6 +123,6 @@ def make_vectornav(
         )
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
-    sensor = InertialSensor(emulator, Mounting.from_degrees(device.mounting_yaw_deg, 0.0), plant, rng)
+    sensor = InertialSensor(emulator, device.make_mounting(), plant, rng)
     imu = VectorNavEmulator(emulator, sensor, plant, to_host, start_ns)
     return EmulatedDevice(name, imu, to_host, to_device)

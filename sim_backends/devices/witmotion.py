@@ -13,7 +13,6 @@ from pydantic import Field
 
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
-from drivers.mounting import Mounting
 from drivers.witmotion.codec import (
     FRAME_SIZE,
     encode_acceleration,
@@ -138,7 +137,7 @@ def make_imu(
         )
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
-    mounting = Mounting.from_degrees(device.mounting_yaw_deg, device.yaw_zero_deg)
+    mounting = device.make_mounting(device.yaw_zero_deg)
     sensor = InertialSensor(emulator, mounting, plant, rng)
     magnetic_rng = np.random.default_rng(rng.integers(2**63)) if "magnetic" in emulator.frames else rng
     imu = ImuEmulator(emulator, sensor, plant, to_host, magnetic_rng, start_ns)

@@ -19,7 +19,6 @@ from pydantic import Field
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.heading_calibration import Vector
-from drivers.mounting import Mounting
 from drivers.xsens.settings import XsensSettings
 from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
@@ -136,6 +135,6 @@ def make_xsens(
         )
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
-    mounting = Mounting.from_degrees(device.mounting_yaw_deg, device.yaw_zero_deg)
+    mounting = device.make_mounting(device.yaw_zero_deg)
     imu = XsensEmulator(emulator, InertialSensor(emulator, mounting, plant, rng), plant, to_host, start_ns)
     return EmulatedDevice(name, imu, to_host, to_device)

@@ -1,6 +1,6 @@
 """What an inertial sensor measures on a simulated rover, with the errors that all of them share.
 
-Not modelled: temperature drift, scale and cross-axis errors, vibration, magnetic disturbances, and coupling
+Not modelled: temperature drift, cross-axis errors, vibration, magnetic disturbances, and coupling
 of tilt and turning in the x and y rates.
 """
 
@@ -8,6 +8,7 @@ import math
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.heading_calibration import Vector
@@ -16,6 +17,8 @@ from drivers.settings import Settings
 from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.world.plant import Plant, Truth
 from sim_backends.world.sensor_errors import DirectionLag, standard_normals
+
+Matrix = NDArray[np.float64]
 
 
 class InertialErrorSettings(Settings):
@@ -30,6 +33,9 @@ class InertialErrorSettings(Settings):
         angle_lag_s: Time constant of the device's own attitude filter, first order.
         angle_noise_deg: Standard deviation of the white noise of each angle.
         yaw_bias_deg: Constant error of the yaw, counter-clockwise.
+        mounting_roll_deg: True roll of the mounting, as of the device's settings; None: as stated there.
+        mounting_pitch_deg: True pitch of the mounting, likewise.
+        gyro_scale: True yaw rate over the reading; None: as stated there.
     """
 
     rate_hz: Annotated[float, Field(gt=0, le=200)] = 50.0
@@ -40,6 +46,9 @@ class InertialErrorSettings(Settings):
     angle_lag_s: Annotated[float, Field(ge=0, le=10)] = 0.03
     angle_noise_deg: Annotated[float, Field(ge=0, le=10)] = 0.05
     yaw_bias_deg: Annotated[float, Field(ge=-90, le=90)] = 0.5
+    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
+    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] | None = None
+    gyro_scale: Annotated[float, Field(ge=0.5, le=2.0)] | None = None
 
 
 class InertialSensor:
@@ -56,7 +65,11 @@ class InertialSensor:
         self, settings: InertialErrorSettings, mounting: Mounting, plant: Plant, rng: np.random.Generator
     ) -> None:
         self._settings = settings
-        self._to_sensor = Mounting(yaw_rad=-mounting.yaw_rad)
+        roll_deg, pitch_deg = settings.mounting_roll_deg, settings.mounting_pitch_deg
+        roll_rad = mounting.roll_rad if roll_deg is None else math.radians(roll_deg)
+        pitch_rad = mounting.pitch_rad if pitch_deg is None else math.radians(pitch_deg)
+        self._to_sensor = _Turn(mounting.yaw_rad, pitch_rad, roll_rad)
+        self._gyro_scale = mounting.gyro_scale if settings.gyro_scale is None else settings.gyro_scale
         self._yaw_offset_rad = math.radians(settings.yaw_bias_deg) - mounting.yaw_zero_rad
         self._noise = standard_normals(rng)
         self._period_s = 1.0 / settings.rate_hz
@@ -79,7 +92,7 @@ class InertialSensor:
         change_x_m_s2 = (truth.velocity_x_m_s - before.velocity_x_m_s) / self._period_s
         change_y_m_s2 = (truth.velocity_y_m_s - before.velocity_y_m_s) / self._period_s
         cos_pitch = math.cos(truth.pitch_rad)
-        x, y, z = self._to_sensor.vector_to_rover(
+        x, y, z = self._to_sensor.vector(
             (
                 change_x_m_s2
                 - truth.yaw_rate_rad_s * truth.velocity_y_m_s
@@ -98,13 +111,14 @@ class InertialSensor:
         noise, bias = self._noise, self._bias_rad_s
         for axis in range(3):
             bias[axis] += self._walk_step_rad_s * next(noise)
-        x, y, z = self._to_sensor.vector_to_rover(
+        x, y, z = self._to_sensor.vector(
             (
                 (truth.roll_rad - self._before.roll_rad) / self._period_s,
                 (truth.pitch_rad - self._before.pitch_rad) / self._period_s,
                 truth.yaw_rate_rad_s,
             )
         )
+        x, y, z = x / self._gyro_scale, y / self._gyro_scale, z / self._gyro_scale
         scale = self._gyro_noise_rad_s
         return (
             x + bias[0] + scale * next(noise),
@@ -121,12 +135,12 @@ class InertialSensor:
         x, z = cosine * x - sine * z, cosine * z + sine * x
         cosine, sine = math.cos(truth.roll_rad), math.sin(truth.roll_rad)
         y, z = cosine * y + sine * z, cosine * z - sine * y
-        return self._to_sensor.vector_to_rover((x, y, z))
+        return self._to_sensor.vector((x, y, z))
 
     def angle(self, truth: Truth) -> Vector:
         """Return roll, pitch (nose down positive) and yaw in rad; the lag moves on by one period."""
         roll, pitch, yaw = (lag.step(angle) for lag, angle in zip(self._lags, _angles(truth), strict=True))
-        roll, pitch, yaw = self._to_sensor.attitude_to_rover(roll, pitch, yaw)
+        roll, pitch, yaw = self._to_sensor.attitude(roll, pitch, yaw)
         scale, noise = self._angle_noise_rad, self._noise
         yaw += self._yaw_offset_rad
         return roll + scale * next(noise), pitch + scale * next(noise), yaw + scale * next(noise)
@@ -134,3 +148,47 @@ class InertialSensor:
 
 def _angles(truth: Truth) -> Vector:
     return truth.roll_rad, truth.pitch_rad, truth.yaw_rad
+
+
+class _Turn:
+    """Turns what belongs to the rover into the axes of a sensor: back by yaw, then pitch, then roll."""
+
+    def __init__(self, yaw_rad: float, pitch_rad: float, roll_rad: float) -> None:
+        self._level = Mounting(yaw_rad=-yaw_rad)
+        self._is_tilted = bool(pitch_rad or roll_rad)
+        # Rows are the axes of the sensor in the rover's.
+        self._to_sensor = (_about_z(yaw_rad) @ _about_y(pitch_rad) @ _about_x(roll_rad)).T
+
+    def vector(self, vector: Vector) -> Vector:
+        """Return a vector in the axes of the sensor."""
+        if not self._is_tilted:
+            return self._level.vector_to_rover(vector)
+        x, y, z = (self._to_sensor @ np.array(vector)).tolist()
+        return x, y, z
+
+    def attitude(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector:
+        """Return roll, pitch and yaw of the sensor."""
+        if not self._is_tilted:
+            return self._level.attitude_to_rover(roll_rad, pitch_rad, yaw_rad)
+        rover = _about_z(yaw_rad) @ _about_y(pitch_rad) @ _about_x(roll_rad)
+        axes = rover @ self._to_sensor.T
+        return (
+            math.atan2(axes[2, 1], axes[2, 2]),
+            -math.asin(max(-1.0, min(1.0, float(axes[2, 0])))),
+            math.atan2(axes[1, 0], axes[0, 0]),
+        )
+
+
+def _about_x(angle_rad: float) -> Matrix:
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
+
+
+def _about_y(angle_rad: float) -> Matrix:
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+
+
+def _about_z(angle_rad: float) -> Matrix:
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

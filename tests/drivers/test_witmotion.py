@@ -116,15 +116,15 @@ def test_encoders_saturate_and_wrap() -> None:
     assert heading.heading_rad == pytest.approx(-0.5 * math.pi)
 
 
-@given(TILT, TILT, TURN, TURN)
-def test_mounting_is_a_rotation_about_the_sensors_z_axis(
-    roll: float, pitch: float, yaw: float, mounting_yaw: float
+@given(TILT, TILT, TURN, TURN, TURN, TILT)
+def test_mounting_is_a_rotation_by_roll_then_pitch_then_yaw(
+    roll: float, pitch: float, yaw: float, mounting_yaw: float, mounting_roll: float, mounting_pitch: float
 ) -> None:
     world_from_rover = Rotation.from_euler("ZYX", [yaw, pitch, roll])
-    rover_from_sensor = Rotation.from_euler("Z", mounting_yaw)
+    rover_from_sensor = Rotation.from_euler("ZYX", [mounting_yaw, mounting_pitch, mounting_roll])
     sensor_yaw, sensor_pitch, sensor_roll = (world_from_rover * rover_from_sensor).as_euler("ZYX")
     assume(abs(sensor_pitch) < 1.4)
-    mounting = Mounting(yaw_rad=mounting_yaw)
+    mounting = Mounting(yaw_rad=mounting_yaw, roll_rad=mounting_roll, pitch_rad=mounting_pitch)
     ours = mounting.attitude_to_rover(sensor_roll, sensor_pitch, sensor_yaw)
     for measured, expected in zip(ours, (roll, pitch, yaw), strict=True):
         assert wrap_rad(measured - expected) == pytest.approx(0.0, abs=1e-6)
@@ -146,6 +146,17 @@ def test_settings_turn_a_sensor_whose_y_axis_points_forward() -> None:
     (rate,) = codec.decode(Received(1, encode_rate(-0.5, 0.0, 0.0)))  # the sensor's left side goes down
     assert isinstance(rate, RateSample)
     assert rate.rate_y_rad_s == pytest.approx(0.5, abs=RATE_STEP_RAD_S)
+
+
+def test_an_upside_down_sensor_counts_counter_clockwise_with_scale_and_bias() -> None:
+    settings = WitMotionSettings(
+        port="/dev/null", mounting_roll_deg=180.0, gyro_scale=1.02, gyro_bias_deg_s=2.0
+    )
+    (rate,) = settings.make_codec("imu").decode(Received(1, encode_rate(0.1, 0.2, -0.5)))
+    assert isinstance(rate, RateSample)
+    assert rate.rate_x_rad_s == pytest.approx(0.102, abs=2 * RATE_STEP_RAD_S)
+    assert rate.rate_y_rad_s == pytest.approx(-0.204, abs=2 * RATE_STEP_RAD_S)
+    assert rate.rate_z_rad_s == pytest.approx(0.51 - math.radians(2.0), abs=2 * RATE_STEP_RAD_S)
 
 
 @pytest.mark.parametrize("frame_type", [0x50, 0x54, 0x55, 0x56, 0x57, 0x58, 0x59, 0x5A])

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from drivers.errors import ConfigError
 from rover_hil.app.options import (
     ConfigArgument,
     ForceOption,
@@ -44,7 +45,7 @@ def calibrate_camera(
 
     Exit code 1: the board fits worse than 1 pixel; nothing is written.
 
-    Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out rig.json
+    Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out my_rig.json
     --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
 
     Data: `rover-hil sample board` writes these files; for pictures by your camera and rover.json,
@@ -73,19 +74,60 @@ def calibrate_camera(
 def calibrate_imu(
     source: Annotated[str, typer.Argument(help="Configuration whose rover is to turn, or a log (.mcap).")],
     out: Annotated[Path, out_option("File to write, TOML; page and log beside it have its name.")],
-    virtual: Annotated[bool, typer.Option(help="Turn the simulated rover.")] = False,
+    virtual: Annotated[bool, typer.Option("--virtual", help="Turn the simulated rover.")] = False,
+    turns: Annotated[
+        int | None,
+        number_option("Whole turns in each sense: find mounting, scale and bias instead.", "turns", 1, 50),
+    ] = None,
+    made: Annotated[
+        str | None,
+        typer.Option(
+            help="Turns really made, in order, counter-clockwise positive, like 3,-3; with --turns."
+        ),
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option(help="The sensor, with --turns [default: roles.gyro].")
+    ] = None,
+    by_hand: Annotated[
+        bool, typer.Option("--by-hand", help="With --turns: drive nothing; you turn the rover.")
+    ] = False,
+    enter: Annotated[
+        bool, typer.Option("--enter", help="With --turns: enter the values into the configuration.")
+    ] = False,
     as_json: JsonOption = False,
     force: ForceOption = False,
 ) -> None:
-    """Identify gain, delay and bandwidth of the gyro, by a minute of small turns in place.
+    """Identify gain, delay and bandwidth of the gyro; with --turns its mounting, scale and bias.
 
-    The rover needs firm ground and half a metre of free space. The page with the picture is written before
-    the file. Exit code 1: the constants are not sure; the file is not written.
+    The rover turns to and fro for a minute, on firm ground with half a metre of free space. With --turns it
+    makes whole turns between rests; a camera or a compass measures them, or you count them. The page with the
+    picture is written before the file. Exit code 1: the result is not sure; the file is not written.
 
     Example: `rover-hil calibrate imu robotino --virtual --out gyro.toml`
 
+    Mounting: `rover-hil calibrate imu robotino --virtual --turns 3 --out mounting.toml`
+
     Data: a drive of your rover on firm ground, or a log of one; docs/how-to/calibrate_the_gyro.md.
     """
+    if turns is not None:
+        from rover_hil.app.calibrate.mounting import calibrate_mounting
+
+        sys.exit(
+            calibrate_mounting(
+                source,
+                turns=turns,
+                made=made,
+                device=device,
+                virtual=virtual,
+                by_hand=by_hand,
+                enter=enter,
+                out=out,
+                as_json=as_json,
+                force=force,
+            )
+        )
+    if made is not None or device is not None or by_hand or enter:
+        raise ConfigError("--made, --device, --by-hand and --enter belong to --turns: add it")
     from rover_hil.app.calibrate.imu import calibrate_imu as calibrate
 
     sys.exit(calibrate(source, virtual=virtual, out=out, as_json=as_json, force=force))

@@ -11,12 +11,12 @@ from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.settings import WaypointsMission, WholeTurnsMission
 from drivers.angles import wrap_rad
-from drivers.clock import SystemClock, nanoseconds, seconds, wall_time_ns
+from drivers.clock import seconds, wall_time_ns
 from drivers.device_settings import FrameDeviceSettings
-from drivers.driver import AnyDriver
 from drivers.errors import ConfigError
 from drivers.samples import RateSample, Sample
 from drivers.witmotion.settings import WitMotionSettings
+from rover_hil.app.calibrate.by_hand import record_by_hand
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
@@ -31,11 +31,9 @@ from rover_hil.identify.compass.figures import draw_deviation, draw_errors, draw
 from rover_hil.identify.compass.fit import CompassFit, fit_compass
 from rover_hil.identify.compass.parameters import COMPASS_FIT
 from rover_hil.identify.compass.record import CompassRecord, CompassSettings, compass_of, read_record
-from rover_hil.pages.atomic_write import unfinished, write_file
+from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
-from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.writer import LogWriter
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.settings import SimulationSettings
@@ -45,7 +43,6 @@ SPARE_S = 30.0
 """In addition to the turns: settling, rests, stops."""
 SLOWEST_BY_HAND_S = 120.0
 """Longest time of a turn by hand."""
-POLL_S = 0.02
 TURN_RATE_RAD_S = 0.6
 LIMIT_SHARE = 0.6
 """Of the greatest wheel speed."""
@@ -269,54 +266,20 @@ def _record_by_hand(
     step: Callable[[str], None],
 ) -> None:
     """Record compass and gyro while the user turns them; ends when that is enough, or with ctrl-C."""
-    names = dict.fromkeys((device, *((config.roles.gyro,) if config.roles.gyro else ())))
-    clock = SystemClock()
-    drivers: list[AnyDriver] = []
-    with unfinished(log_path) as part:
-        config_json = config.model_dump_json(by_alias=True).encode()
-        files = collect_data_files(config)
-        log = LogWriter(part, clock.now_ns(), config_json, files, "real", final_path=log_path)
-        try:
-            for name in names:
-                settings = config.devices[name]
-                if isinstance(settings, FrameDeviceSettings):
-                    continue
-                driver: AnyDriver = settings.make_driver(name, settings.make_link(clock), clock, log)
-                drivers.append(driver)
-                driver.connect(2.0)
-            _listen(drivers, log, clock, wanted, coverage, step)
-        finally:
-            for driver in drivers:
-                driver.close()
-            log.close()
-
-
-def _listen(
-    drivers: list[AnyDriver],
-    log: LogWriter,
-    clock: SystemClock,
-    wanted: float,
-    coverage: Coverage,
-    step: Callable[[str], None],
-) -> None:
-    start_ns = now_ns = clock.now_ns()
-    end_ns = start_ns + nanoseconds(SLOWEST_BY_HAND_S * wanted)
+    names = tuple(dict.fromkeys((device, *((config.roles.gyro,) if config.roles.gyro else ()))))
     yaw_rad, last_ns = 0.0, 0
-    try:
-        while now_ns < end_ns and (coverage.turns < wanted or coverage.covered < COMPASS_FIT.least_covered):
-            samples: list[Sample] = [sample for driver in drivers for sample in driver.poll()]
-            log.samples(now_ns, samples)
-            for sample in samples:
-                if isinstance(sample, RateSample) and sample.device == drivers[-1].name:
-                    yaw_rad += sample.rate_z_rad_s * (seconds(sample.t_ns - last_ns) if last_ns else 0.0)
-                    last_ns = sample.t_ns
-                    coverage.add(wrap_rad(yaw_rad))
-            step(f"turn it slowly by hand, in both senses; ctrl-C ends: {coverage.text(wanted)}")
-            now_ns += nanoseconds(POLL_S)
-            clock.sleep_until(now_ns)
-            now_ns = clock.now_ns()
-    except KeyboardInterrupt:
-        Console(stderr=True).print("ended by ctrl-C; using what was recorded")
+
+    def take(samples: list[Sample]) -> bool:
+        nonlocal yaw_rad, last_ns
+        for sample in samples:
+            if isinstance(sample, RateSample) and sample.device == names[-1]:
+                yaw_rad += sample.rate_z_rad_s * (seconds(sample.t_ns - last_ns) if last_ns else 0.0)
+                last_ns = sample.t_ns
+                coverage.add(wrap_rad(yaw_rad))
+        step(f"turn it slowly by hand, in both senses; ctrl-C ends: {coverage.text(wanted)}")
+        return coverage.turns >= wanted and coverage.covered >= COMPASS_FIT.least_covered
+
+    record_by_hand(config, names, log_path, SLOWEST_BY_HAND_S * wanted, take)
 
 
 def _facts(record: CompassRecord, fit: CompassFit) -> tuple[tuple[str, str], ...]:

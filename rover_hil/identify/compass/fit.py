@@ -16,7 +16,7 @@ import numpy as np
 from drivers.angles import compass_deg_from_yaw
 from drivers.driver import Codec
 from drivers.errors import LogError, ModelError
-from drivers.heading_calibration import DeviationTable, MagnetometerCalibration, fit_magnetometer
+from drivers.heading_calibration import DeviationTable, MagnetometerCalibration, Vector, fit_magnetometer
 from drivers.link import Received
 from drivers.mounting import Mounting
 from drivers.nmea_compass.codec import NmeaCompassCodec
@@ -28,6 +28,8 @@ from rover_hil.identify.compass.parameters import COMPASS_FIT
 from rover_hil.identify.compass.record import CompassRecord, CompassSettings, aligned
 
 Calibration = DeviationTable | MagnetometerCalibration
+
+AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +105,8 @@ def fit_compass(record: CompassRecord, date: dt.date, dip_deg: float | None = No
 def _fit_magnetometer(
     record: CompassRecord, settings: WitMotionSettings, source: str, date: dt.date, dip_deg: float | None
 ) -> CompassFit:
-    reader = MagneticReader(Mounting.from_degrees(settings.mounting_yaw_deg, settings.yaw_zero_deg))
+    mounting = settings.make_mounting(settings.yaw_zero_deg)
+    reader = MagneticReader(mounting)
     for payload in record.payloads:
         reader.decode(payload)
     if not reader.readings:
@@ -119,7 +122,7 @@ def _fit_magnetometer(
     before = _headings(record, None)
 
     def headings(calibration: MagnetometerCalibration) -> _Headings:
-        yaw = _level_yaw(settings.mounting_yaw_deg, calibration, raw, tilt)
+        yaw = _level_yaw(mounting, calibration, raw, tilt)
         return _Headings(t_s, aligned(yaw, np.interp(t_s, record.t_s, record.yaw_rad)), turn)
 
     def fit(use: Flags) -> MagnetometerCalibration:
@@ -140,18 +143,11 @@ def _fit_magnetometer(
     return _result(record, final, _headings(record, final), before, folds, held_out, raw, strength)
 
 
-def _level_yaw(
-    mounting_yaw_deg: float, calibration: MagnetometerCalibration, raw: Array, tilt: Array
-) -> Array:
+def _level_yaw(mounting: Mounting, calibration: MagnetometerCalibration, raw: Array, tilt: Array) -> Array:
     """Return the yaw in rad as the driver computes it, for all readings at once."""
-    mounting_rad = math.radians(mounting_yaw_deg)
-    cosine, sine = math.cos(mounting_rad), math.sin(mounting_rad)
+    to_rover = np.array([mounting.vector_to_rover(axis) for axis in AXES])
     field = (raw - np.array(calibration.hard_iron_counts)) @ np.array(calibration.soft_iron).T
-    x, y, z = (
-        cosine * field[:, 0] - sine * field[:, 1],
-        sine * field[:, 0] + cosine * field[:, 1],
-        field[:, 2],
-    )
+    x, y, z = (field @ to_rover).T
     roll, pitch = tilt.T
     level_y = np.cos(roll) * y - np.sin(roll) * z
     level_x = np.cos(pitch) * x + np.sin(pitch) * (np.sin(roll) * y + np.cos(roll) * z)
@@ -285,9 +281,10 @@ def _headings(record: CompassRecord, calibration: Calibration | None) -> _Headin
 
 def _codec(settings: CompassSettings, calibration: Calibration | None) -> Codec[bytes]:
     if isinstance(settings, WitMotionSettings):
-        mounting = Mounting.from_degrees(settings.mounting_yaw_deg, settings.yaw_zero_deg)
         return WitMotionCodec(
-            "", mounting, calibration if isinstance(calibration, MagnetometerCalibration) else None
+            "",
+            settings.make_mounting(settings.yaw_zero_deg),
+            calibration if isinstance(calibration, MagnetometerCalibration) else None,
         )
     table = calibration if isinstance(calibration, DeviationTable) else None
     return NmeaCompassCodec("", require_checksum=settings.require_checksum, deviation_table=table)

@@ -1,0 +1,1 @@
+"""Mounting, scale and bias of a gyro, from whole turns between rests."""

@@ -1,0 +1,151 @@
+"""What a log holds of an inertial sensor in its own axes, and of the turns by another device."""
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from drivers.errors import ConfigError, LogError
+from drivers.heading_calibration import Vector
+from drivers.inertial_settings import InertialSettings
+from drivers.samples import RateSample
+from rover_hil.config import Config
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.log import LogRows, TruePoses
+from rover_hil.recording import schema
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.reader import LogReader
+
+LEAST_READINGS = 100
+AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InertialRecord:
+    """Readings of a sensor, in its own axes and without scale and bias.
+
+    Attributes:
+        path: The log.
+        device: Name of the sensor.
+        settings: Its settings in the log.
+        t_s: Times of the rates, shape (n,).
+        rate_rad_s: Rates about x, y, z, (n, 3); x and y are NaN for a sensor that has them not.
+        acceleration_t_s: Times of the accelerations, (m,); empty where it sends none.
+        acceleration_m_s2: Accelerations along x, y, z, (m, 3).
+        references: Yaw by other devices, by a name in words: times (k,) and yaw in rad (k,), not wrapped.
+    """
+
+    path: Path
+    device: str
+    settings: InertialSettings
+    t_s: Array
+    rate_rad_s: Array
+    acceleration_t_s: Array
+    acceleration_m_s2: Array
+    references: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+
+
+def sensor_of(config: Config, device: str | None) -> tuple[str, InertialSettings]:
+    """Return name and settings of the sensor to calibrate.
+
+    Args:
+        config: The rover.
+        device: Name of the sensor; None for `roles.gyro`, or the only one.
+
+    Raises:
+        ConfigError: There is none, there are several, or `device` is none.
+    """
+    found = {
+        name: settings for name, settings in config.devices.items() if isinstance(settings, InertialSettings)
+    }
+    name = device or (config.roles.gyro if config.roles.gyro in found else None)
+    if name is None and len(found) == 1:
+        (name,) = found
+    if name not in found:
+        asked = f"'{device}' is no inertial sensor" if device else "no inertial sensor is named"
+        raise ConfigError(f"{asked} (witmotion, xsens, vectornav); there are: {', '.join(found) or 'none'}")
+    return name, found[name]
+
+
+def read_inertial(path: Path, device: str | None) -> InertialRecord:
+    """Return what a log holds of an inertial sensor.
+
+    Raises:
+        ConfigError: The log's configuration has no such sensor.
+        LogError: The log is damaged, or holds too few rates.
+    """
+    log = LogReader(path)
+    with restore_config(log) as config:
+        rows = LogRows(config)
+    name, settings = sensor_of(config, device)
+    rates: list[tuple[float, ...]] = []
+    accelerations: list[tuple[float, ...]] = []
+    headings: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
+    for message in log.messages():
+        rows.take(message, log)
+        if message.topic != schema.SAMPLES:
+            continue
+        samples = log.parse(message, schema.SAMPLES_SHAPE)
+        rates += [_rates(each, log) for each in samples.rates if each.device == name]
+        accelerations += [
+            (_s(each.t_ns, log), each.x_m_s2, each.y_m_s2, each.z_m_s2)
+            for each in samples.accelerations
+            if each.device == name
+        ]
+        for heading in samples.headings:
+            headings[heading.device].append((_s(heading.t_ns, log), heading.heading_rad))
+    headings.pop(name, None)
+    table = np.array(rates).reshape(-1, 4)
+    if len(table) < LEAST_READINGS or not np.isfinite(table[:, 3]).all():
+        raise LogError(f"log {path} holds {len(table)} yaw rates of '{name}': record whole turns with it")
+    force = np.array(accelerations).reshape(-1, 4)
+    references = {
+        f"compass '{other}'": (np.array(pairs).T[0], np.unwrap(np.array(pairs).T[1]))
+        for other, pairs in headings.items()
+    }
+    fixes = rows.fixes()
+    if fixes is not None and len(fixes.t_ns):
+        references = {"overhead camera": _yaw_of(fixes, log), **references}
+    if log.origin == "virtual":
+        references = {"simulated turns": _yaw_of(rows.true_poses(log), log), **references}
+    return InertialRecord(
+        path=path,
+        device=name,
+        settings=settings,
+        t_s=table[:, 0],
+        rate_rad_s=_in_sensor(table[:, 1:], settings, is_rate=True),
+        acceleration_t_s=force[:, 0],
+        acceleration_m_s2=_in_sensor(force[:, 1:], settings, is_rate=False),
+        references=references,
+    )
+
+
+def _s(t_ns: int, log: LogReader) -> float:
+    return (t_ns - log.start_ns) / 1e9
+
+
+def _rates(rate: RateSample, log: LogReader) -> tuple[float, ...]:
+    """Return time and three rates; NaN for x and y of a sensor that has them not."""
+    x, y = rate.rate_x_rad_s, rate.rate_y_rad_s
+    if x is None or y is None:
+        return _s(rate.t_ns, log), math.nan, math.nan, rate.rate_z_rad_s
+    return _s(rate.t_ns, log), x, y, rate.rate_z_rad_s
+
+
+def _yaw_of(poses: TruePoses, log: LogReader) -> tuple[Array, Array]:
+    return (poses.t_ns - log.start_ns) / 1e9, poses.yaw_rad
+
+
+def _in_sensor(vectors: Array, settings: InertialSettings, *, is_rate: bool) -> Array:
+    """Undo the mounting in the settings; and, of rates, scale and bias."""
+    mounting = settings.make_mounting()
+    # Row by row the axes of the sensor in those of the rover.
+    axes = np.array([mounting.vector_to_rover(axis) for axis in AXES])
+    if is_rate:
+        vectors = (vectors + np.array([0.0, 0.0, mounting.gyro_bias_rad_s])) / mounting.gyro_scale
+    if np.isnan(vectors).any():
+        return vectors
+    turned: Array = vectors @ axes.T
+    return turned
