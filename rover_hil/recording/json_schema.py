@@ -113,7 +113,8 @@ _POSE = _object(
     position=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
     orientation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
 )
-FOXGLOVE = {
+_LIST_OF_TEXTS = {"type": "array", "items": _object(key=_TEXT, value=_TEXT)}
+VIEWER_SCHEMAS = {
     "foxglove.CompressedImage": _object(
         timestamp=_TIME,
         frame_id=_TEXT,
@@ -126,8 +127,17 @@ FOXGLOVE = {
         timestamp=_TIME, frame_id=_TEXT, poses={"type": "array", "items": _POSE}
     ),
     "foxglove.Log": _object(timestamp=_TIME, level={"type": "integer"}, message=_TEXT, name=_TEXT),
+    "diagnostic_msgs/DiagnosticArray": _object(
+        header=_object(stamp=_TIME, frame_id=_TEXT),
+        status={
+            "type": "array",
+            "items": _object(
+                level={"type": "integer"}, name=_TEXT, message=_TEXT, hardware_id=_TEXT, values=_LIST_OF_TEXTS
+            ),
+        },
+    ),
 }
-"""Schemas of https://docs.foxglove.dev/docs/sdk/schemas that this program writes, by name."""
+"""Schemas that viewers know: https://docs.foxglove.dev/docs/sdk/schemas, and for diagnostics that of ROS."""
 
 _TOPICS: dict[str, object] = {
     schema.ESTIMATE: schema.EstimateRecord,
@@ -152,9 +162,9 @@ def topic_schema(topic: str) -> TopicSchema:
     if topic.startswith(schema.LINK):
         return _named("rover_hil.LinkChange", _schema_of(LinkChange))
     if topic.startswith(schema.CAMERA):
-        return foxglove_schema("foxglove.CompressedImage")
+        return viewer_schema("foxglove.CompressedImage")
     if topic in VIEWS:
-        return foxglove_schema(VIEWS[topic])
+        return viewer_schema(VIEWS[topic])
     if topic not in _TOPICS:
         return _named("rover_hil.Object", OBJECT)
     kind = _TOPICS[topic]
@@ -166,12 +176,13 @@ VIEWS = {
     schema.VIEW_TRUE_POSE: "foxglove.PoseInFrame",
     schema.VIEW_PATH: "foxglove.PosesInFrame",
     schema.VIEW_LOG: "foxglove.Log",
+    schema.VIEW_DIAGNOSTICS: "diagnostic_msgs/DiagnosticArray",
 }
 
 
-def foxglove_schema(name: str) -> TopicSchema:
-    """Return one of Foxglove's schemas."""
-    return _named(name, FOXGLOVE[name])
+def viewer_schema(name: str) -> TopicSchema:
+    """Return a schema that viewers know."""
+    return _named(name, VIEWER_SCHEMAS[name])
 
 
 def _named(name: str, shape: dict[str, object]) -> TopicSchema:

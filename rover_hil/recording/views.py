@@ -1,4 +1,4 @@
-"""Repetitions of poses, events and the path in Foxglove's own schemas, for its 3D and log panels."""
+"""Repetitions of poses, events, the path and diagnostics in schemas that viewers have panels for."""
 
 import math
 from collections.abc import Sequence
@@ -6,12 +6,18 @@ from collections.abc import Sequence
 from pydantic_core import to_json
 
 from drivers.clock import NANOSECONDS_PER_SECOND
+from drivers.driver import DeviceState, Health
 
 FRAME = "local"
 """Poses of the estimate: origin and x axis are the rover's pose at start."""
 TRUE_FRAME = "world"
 WARNING, INFORMATION = 3, 2
 """Levels of `foxglove.Log`."""
+
+
+_OK, _WARN, _ERROR, _STALE = range(4)
+"""Levels of `diagnostic_msgs/DiagnosticStatus`."""
+_LEVELS = {DeviceState.STREAMING: _OK, DeviceState.FAILED: _ERROR, DeviceState.CLOSED: _STALE}
 
 
 def timestamp(time_ns: int) -> dict[str, int]:
@@ -42,3 +48,37 @@ def path_view(time_ns: int, points_m: Sequence[tuple[float, float]]) -> bytes:
 def log_view(time_ns: int, level: int, name: str, message: str) -> bytes:
     """Return a `foxglove.Log`."""
     return to_json({"timestamp": timestamp(time_ns), "level": level, "message": message, "name": name})
+
+
+def diagnostics_view(time_ns: int, healths: Sequence[Health]) -> bytes:
+    """Return a `diagnostic_msgs/DiagnosticArray` of the health of all devices.
+
+    Foxglove's panels for diagnostics take this schema of ROS; Foxglove has none of its own.
+    """
+    status = [
+        {
+            "level": _LEVELS.get(health.state, _WARN),
+            "name": health.device,
+            "message": _words(health),
+            "hardware_id": health.device,
+            "values": [
+                {"key": key, "value": value if isinstance(value, str) else f"{value:.6g}"}
+                for key, value in _facts(health).items()
+            ],
+        }
+        for health in healths
+    ]
+    return to_json({"header": {"stamp": timestamp(time_ns), "frame_id": ""}, "status": status})
+
+
+def _words(health: Health) -> str:
+    return (
+        f"{health.state.value}: {health.last_link_reason}" if health.last_link_reason else health.state.value
+    )
+
+
+def _facts(health: Health) -> dict[str, str | float]:
+    age_s = {} if health.age_s is None else {"age_s": health.age_s}
+    rejected = {f"rejected: {reason}": count for reason, count in health.rejected.items()}
+    counts = {"accepted": health.accepted, "breaks": health.breaks, "lost": health.lost}
+    return {"rate_hz": health.rate_hz, **age_s, **counts, **rejected, "send_failures": health.send_failures}

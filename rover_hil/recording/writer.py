@@ -36,6 +36,7 @@ from rover_hil.recording.schema import (
     LOG_SCHEMA,
     SAMPLES,
     TRUTH,
+    VIEW_DIAGNOSTICS,
     VIEW_LOG,
     VIEW_PATH,
     VIEW_POSE,
@@ -221,6 +222,8 @@ class LogWriter:
     def health(self, t_ns: int, healths: Sequence[Health]) -> None:
         """Note the health facts of all devices."""
         self.write_json(HEALTH, t_ns, {"devices": [health_record(health) for health in healths]})
+        diagnostics = views.diagnostics_view(self._wall_offset_ns + t_ns, healths)
+        self._note((LogWriter._put_text, VIEW_DIAGNOSTICS, t_ns, diagnostics))
 
     def watchdog(self, t_ns: int) -> None:
         """Note that the watchdog stopped the drive."""
