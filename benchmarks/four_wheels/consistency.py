@@ -1,6 +1,6 @@
 """Is the covariance of the El-Dorado's pose right? NEES over missions on the sites of both field tests.
 
-    python -m benchmarks.four_wheels.consistency [--missions 8] [--first 40000] [--workers 1] [--camera]
+    python -m benchmarks.four_wheels.consistency [--missions 8] [--first 40000] [--only GROUP] [--camera]
 
 Each mission drives one site along its x axis with the shipped loop. Of each seed the site, the wheel radius
 and all noise are drawn anew. Known ground is the soil of the shipped parameters; unknown ground has another
@@ -363,6 +363,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=40_000, help="seed of the first mission")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--camera", action="store_true", help="render pictures; slow")
+    parser.add_argument("--only", help="the group of this name, as 'compensated, no fixes'")
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.missions)
     cases = [
@@ -373,6 +374,9 @@ def main() -> int:
         for seed in seeds
         for site in SITES
     ]
+    cases = [case for case in cases if arguments.only in (None, case.group)]
+    if not cases:
+        parser.error(f"--only {arguments.only!r}: there is no such group")
     pooled: defaultdict[str, Errors] = defaultdict(list)
     parts: defaultdict[str, Errors] = defaultdict(list)
     ends = Counter[str]()

@@ -1,4 +1,7 @@
-"""Read our own logs for identification of slip: wheel positions, currents and the true pose."""
+"""Read our own logs for identification of slip: wheel positions, currents and the true pose.
+
+The true pose is that in the file of positions beside the log, see `hand_positions`, else that in the log.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,9 +11,10 @@ import numpy as np
 from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags
-from rover_hil.datasets.log import LogRows, read_drive
+from rover_hil.datasets.log import LogRows, RecordedDrive, read_drive
+from rover_hil.identify.slip.hand_positions import poses_between, positions_file, read_hand_positions
 from rover_hil.identify.slip.parameters import SLIP_FIT
-from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun
+from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, to_wheels
 
 
 def read_log_run(path: Path, surface: str) -> MeasuredRun:
@@ -32,17 +36,26 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
                 raise LogError(
                     f"log {path} holds no {word} of wheel {wheel}: slip cannot be measured with it"
                 )
-    true = drive.true_poses()
     position = [_series(rows, f"enc{wheel}_rad") for wheel in range(1, WHEELS + 1)]
     current = [_series(rows, f"current{wheel}_a") for wheel in range(1, WHEELS + 1)]
     gyro = _series(rows, "gyro_z_rad_s")
-    truth = np.column_stack((true.t_ns / 1e9, true.x_m, true.y_m, true.yaw_rad))
+    by_hand = positions_file(path)
+    fix_sd_m: Array | None
+    if by_hand.exists():
+        truth = _truth_by_hand(by_hand, drive, rover, position)
+        # No noise makes a window longer, but one outside the legs has no pose near.
+        source, fix_sd_m = f"positions in {by_hand.name}", np.zeros(len(truth))
+    else:
+        true = drive.true_poses()
+        truth = np.column_stack((true.t_ns / 1e9, true.x_m, true.y_m, true.yaw_rad))
+        source = true.source
+        fix_sd_m = np.hypot(true.position_sd_m, rover.base_radius_m * true.yaw_sd_rad)
+        fix_sd_m = None if true.is_exact else fix_sd_m
     _check_numbers(path, (*position, *current, truth, gyro))
     _check_clock(path, (*position, *current, truth))
     t_s = position[0][:, 0]
     _check_positions(path, position, t_s)
     origin_s = float(t_s[0])
-    sd_m = np.hypot(true.position_sd_m, rover.base_radius_m * true.yaw_sd_rad)
     return MeasuredRun(
         path=path,
         surface=surface,
@@ -59,9 +72,22 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
         rover=rover,
         gyro=gyro - (origin_s, 0.0),
         gyro_response=None if drive.config.slip is None else drive.config.slip.gyro_response,
-        truth=true.source,
-        fix_sd_m=None if true.is_exact else sd_m,
+        truth=source,
+        fix_sd_m=fix_sd_m,
     )
+
+
+def _truth_by_hand(
+    path: Path, drive: RecordedDrive, rover: OmniRoverSettings, position: Sequence[Array]
+) -> Array:
+    """Return rows of time in s, x, y, yaw at the readings of the first wheel between positions in a file."""
+    t_s = position[0][:, 0]
+    turned = np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in position])
+    moved = np.diff(turned, axis=0) @ np.linalg.inv(to_wheels(rover)).T
+    way_m = np.concatenate(([0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]))))
+    poses = poses_between(read_hand_positions(path), path, t_s - drive.log.start_ns / 1e9, way_m)
+    known = np.isfinite(poses).all(axis=1)
+    return np.column_stack((t_s, poses))[known]
 
 
 def _series(rows: LogRows, name: str) -> Array:

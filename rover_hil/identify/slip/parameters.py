@@ -80,6 +80,15 @@ class ProbeParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HandParameters:
+    """Positions that were measured by hand."""
+
+    tape_sd_m: float = 0.003  # of x and y
+    rest_s: float = 0.2  # the rover stands for this long about the time of a position
+    rest_m: float = 0.002  # and its wheels travel less
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ValidationParameters:
     """Cross-validation."""
 
@@ -95,6 +104,7 @@ class SlipFitParameters:
     wheel: WheelParameters = WheelParameters()
     surface: SurfaceParameters = SurfaceParameters()
     probe: ProbeParameters = ProbeParameters()
+    hand: HandParameters = HandParameters()
     validation: ValidationParameters = ValidationParameters()
 
 

@@ -15,6 +15,7 @@ from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
 from rover_hil.identify.slip.averages import read_average_runs
+from rover_hil.identify.slip.hand_positions import ENDING
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import MeasuredRun, RunWindows
@@ -49,7 +50,7 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
         if not path.exists():
             raise LogError(f"{path} does not exist: give a file or a folder of runs")
         inside = [path] if path.is_file() else sorted(item for item in path.rglob("*") if item.is_file())
-        runs = [item for item in inside if item.name.endswith(SUFFIXES)]
+        runs = [item for item in inside if item.name.endswith(SUFFIXES) and not item.name.endswith(ENDING)]
         if path.is_dir():
             runs = [item for item in runs if not _is_motor_record(item)]
         if not runs:

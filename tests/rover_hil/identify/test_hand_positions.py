@@ -1,0 +1,90 @@
+"""Slip of logs whose true positions were measured by tape while the rover stood."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import LogError
+from rover_hil.app.app import app
+from rover_hil.identify.slip.runs import find_runs
+from tests.rover_hil.identify.test_slip_fixes import SPEED_M_S, read, slips, write_drive
+
+BEGINS_S, ENDS_S = 1.0, 11.0
+
+
+def drive_by_tape(folder: Path, name: str = "run", *, slip: float = 0.3, direction_rad: float = 0.5) -> Path:
+    """Write a drive without a camera, and beside it where it began and ended."""
+    log = write_drive(
+        folder / f"{name}.mcap",
+        slip=slip,
+        begins_s=BEGINS_S,
+        ends_s=ENDS_S,
+        direction_rad=direction_rad,
+        is_seen=lambda _: False,
+    )
+    way_m = (1.0 - slip) * SPEED_M_S * (ENDS_S - BEGINS_S)
+    x_m, y_m = way_m * math.cos(direction_rad), way_m * math.sin(direction_rad)
+    write_positions(folder, (0.5, 1.0, 2.0, 0.0), (11.5, 1.0 + x_m, 2.0 + y_m, 0.0), name=name)
+    return log
+
+
+def write_positions(folder: Path, *rows: tuple[float, ...], name: str = "run") -> None:
+    lines = ["t_s,x_m,y_m,yaw_deg", *(",".join(map(str, row)) for row in rows)]
+    (folder / f"{name}.positions.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.3])
+def test_every_half_second_of_a_leg_has_its_mean_slip(tmp_path: Path, slip: float) -> None:
+    run = read(drive_by_tape(tmp_path, slip=slip))
+    assert run.truth == "positions in run.positions.csv"
+    driving = run.encoder_distance_m() > 0.05
+    assert driving.sum() >= 18
+    with np.errstate(invalid="ignore"):
+        assert slips(run)[driving] == pytest.approx(slip, abs=0.01)
+    directions = np.arctan2(run.camera_velocity[driving, 1], run.camera_velocity[driving, 0])
+    assert directions == pytest.approx(0.5, abs=0.01)
+
+
+def test_the_file_of_positions_is_no_run_of_its_own(tmp_path: Path) -> None:
+    log = drive_by_tape(tmp_path)
+    assert find_runs([tmp_path]).files == (log,)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([(0.5, 0, 0, 0)], "at least two places"),
+        ([(0.5, 0, 0, 0), (0.4, 1, 0, 0)], "increasing"),
+        ([(0.5, 0, 0, 0), (5.0, 1, 0, 0)], "the wheels turn at t_s = 5"),
+        ([(0.5, 0, 0, 0), (99.0, 1, 0, 0)], "must be within the log"),
+        ([(0.2, 0, 0, 0), (0.6, 1, 0, 0)], "too little for the error of a tape"),
+        ([(0.5, 0, 0, 0), (11.5, 30, 0, 0)], "further than the wheels can have moved"),
+        ([("x", 0, 0, 0), (11.5, 1, 0, 0)], "'x' is not a number"),
+    ],
+)
+def test_positions_that_cannot_be_used_are_refused_in_words(
+    tmp_path: Path, rows: list[tuple[float, ...]], message: str
+) -> None:
+    log = drive_by_tape(tmp_path)
+    write_positions(tmp_path, *rows)
+    with pytest.raises(LogError, match=message):
+        read(log)
+
+
+def test_a_file_without_its_columns_says_which(tmp_path: Path) -> None:
+    log = drive_by_tape(tmp_path)
+    (tmp_path / "run.positions.csv").write_text("t_s,x_m,y_m\n0,0,0\n")
+    with pytest.raises(LogError, match="no column 'yaw_deg'"):
+        read(log)
+
+
+def test_maps_are_fitted_to_drives_by_tape(tmp_path: Path) -> None:
+    for number in range(8):
+        drive_by_tape(tmp_path / "sand", str(number), slip=0.25, direction_rad=-math.pi + 0.8 * number)
+    out = tmp_path / "sand.toml"
+    found = CliRunner().invoke(app, ["identify", "slip", str(tmp_path / "sand"), "--out", str(out), "--json"])
+    assert found.exit_code == 0, found.output
+    assert out.exists()
