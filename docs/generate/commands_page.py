@@ -28,9 +28,39 @@ class Command(NamedTuple):
     function: Callable[..., object]
 
 
+class Option(NamedTuple):
+    """An argument or option of a command, in words."""
+
+    spelling: str
+    type: str
+    range: str
+    default: str
+    meaning: str
+
+
 def commands_page() -> str:
     """Return the page in Markdown."""
-    return "\n".join([INTRODUCTION, *map(_describe, _commands_of(app, "rover-hil"))])
+    return "\n".join([INTRODUCTION, *map(_describe, commands())])
+
+
+def commands() -> Iterator[Command]:
+    """Yield every command of the program."""
+    return _commands_of(app, "rover-hil")
+
+
+def options_of(command: Command) -> Iterator[Option]:
+    """Yield the arguments and options of a command."""
+    hints = get_type_hints(command.function, include_extras=True)
+    for name, parameter in inspect.signature(command.function).parameters.items():
+        kind, info = _split(hints[name])
+        default = "required" if parameter.default is inspect.Parameter.empty else parameter.default
+        yield Option(
+            _spelling(name, info),
+            _type_text(kind),
+            _range_text(info),
+            "" if default is None or default is False or default == "" else str(default),
+            info.help or "",
+        )
 
 
 def _commands_of(group: Typer, prefix: str) -> Iterator[Command]:
@@ -45,17 +75,8 @@ def _commands_of(group: Typer, prefix: str) -> Iterator[Command]:
 def _describe(command: Command) -> str:
     lines = [f"## {command.name}", "", inspect.getdoc(command.function) or "", ""]
     lines += ["| argument or option | type | range | default | meaning |", "|---|---|---|---|---|"]
-    hints = get_type_hints(command.function, include_extras=True)
-    for name, parameter in inspect.signature(command.function).parameters.items():
-        kind, info = _split(hints[name])
-        default = "required" if parameter.default is inspect.Parameter.empty else parameter.default
-        cells = (
-            f"`{_spelling(name, info)}`",
-            _type_text(kind),
-            _range_text(info),
-            "" if default is None or default is False or default == "" else str(default),
-            info.help or "",
-        )
+    for spelling, *words in options_of(command):
+        cells = (f"`{spelling}`", *words)
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return "\n".join([*lines, ""])
 

@@ -34,7 +34,6 @@ from rover_hil.app.terrain.commands import terrain_app
 app = typer.Typer(
     help="Drive a slipping rover and know where it really is.",
     cls=Group,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )

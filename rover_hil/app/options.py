@@ -11,10 +11,19 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import exit_interrupted
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+SHIPPED_CONFIGS = ("robotino", "el-dorado", "el-dorado-crab")
+
+
+def _shipped_configs(incomplete: str) -> list[str]:
+    """Return shipped configurations for the completion of the shell; it completes files itself."""
+    return [name for name in SHIPPED_CONFIGS if name.startswith(incomplete)]
+
+
 ConfigArgument = Annotated[
     str,
     typer.Argument(
-        help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`, `el-dorado-crab`."
+        help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`, `el-dorado-crab`.",
+        autocompletion=_shipped_configs,
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
