@@ -256,7 +256,7 @@ class ControlLoop:
         elif isinstance(self._follower, ByHand):
             return self._follower.guide(now_ns)
         else:
-            guidance = self._follower.guide(pose, drift_rad)
+            guidance = self._follower.guide(pose, drift_rad, seconds(now_ns))
         if guidance.finished:
             supervisor.finish()
         return guidance

@@ -6,6 +6,7 @@ from typing import Annotated, Self
 from pydantic import AliasChoices, Field, model_validator
 
 from controllers.estimation.settings import FilterSettings
+from controllers.motion.mission import mission_legs
 from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, has_four_wheels
 from controllers.motion.settings import LimitSettings, MissionSettings
 from controllers.safety.settings import SafetySettings
@@ -45,15 +46,8 @@ class ControlSettings(Settings):
 
     @model_validator(mode="after")
     def _check_stall(self) -> Self:
-        if self.mission is not None:
-            wheel_rad_s = self.mission.speed_m_s / self.rover.wheel_radius_m
-            least_rad_s = self.safety.stall_set_point_rad_s
-            if wheel_rad_s < least_rad_s:
-                raise ValueError(
-                    f"safety.stall_set_point_rad_s is {least_rad_s:g} rad/s, but the mission drives the "
-                    f"wheels at {wheel_rad_s:.3g} rad/s, so no stall could be noticed: set it to the least "
-                    f"set-point that your drive follows, or raise mission.speed_m_s"
-                )
+        for conflict in find_stall_conflicts(self.rover, self.mission, self.safety):
+            raise ValueError(conflict)
         return self
 
     @model_validator(mode="after")
@@ -63,6 +57,22 @@ class ControlSettings(Settings):
         for conflict in find_crab_conflicts(self.mission, self.scomp):
             raise ValueError(conflict)
         return self
+
+
+def find_stall_conflicts(
+    rover: RoverSettings, mission: MissionSettings | None, safety: SafetySettings
+) -> Iterator[str]:
+    """Yield why no stall could be noticed on a mission, with the fix."""
+    if mission is None:
+        return
+    slowest_m_s = min(leg.speed_m_s or mission.speed_m_s for leg in mission_legs(mission))
+    wheel_rad_s, least_rad_s = slowest_m_s / rover.wheel_radius_m, safety.stall_set_point_rad_s
+    if wheel_rad_s < least_rad_s:
+        yield (
+            f"safety.stall_set_point_rad_s is {least_rad_s:g} rad/s, but the mission drives the wheels at "
+            f"{wheel_rad_s:.3g} rad/s, so no stall could be noticed: set it to the least set-point that your "
+            "drive follows, or drive faster"
+        )
 
 
 def find_slip_conflicts(

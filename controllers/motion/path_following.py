@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-from controllers.motion.mission import Point, corner_points
+from controllers.motion.mission import Point, corner_points, mission_legs
 from controllers.motion.planar import Pose, wrap_angle
 from controllers.motion.settings import (
     ByHandMission,
@@ -82,38 +82,47 @@ class PathFollower:
         self._turns_on_spot = turns_on_spot
         self._turn_radius_m = turn_radius_m
         self._crab_limit_rad = crab_limit_rad
+        self._legs = mission_legs(mission)
         self._lines = list(pairwise(corner_points(mission)))
         self._index = 0
+        self._wait_until_s: float | None = None
 
-    def guide(self, pose: Pose, drift_rad: float = 0.0) -> Guidance:
+    def guide(self, pose: Pose, drift_rad: float = 0.0, now_s: float = 0.0) -> Guidance:
         """Return the velocity for `pose`, on the next line where the end of the present one is reached.
 
         Args:
             pose: Of the rover.
             drift_rad: Angle from the direction in which the wheels roll to the course over ground; a rover
                 that cannot move sideways is turned against it, one that crabs turns its wheels against it.
+            now_s: Time, from any origin, for the stops at corners.
         """
         cross_m, remaining_m = _locate(pose, self._lines[self._index])
-        while remaining_m <= self.mission.position_tolerance_m:
+        while remaining_m <= self.mission.position_tolerance_m or self._wait_until_s is not None:
+            if self._waits(now_s):
+                return _at_rest(cross_m, finished=False)
             if self._index == len(self._lines) - 1:
-                return Guidance(
-                    velocity_x_m_s=0.0,
-                    velocity_y_m_s=0.0,
-                    yaw_rate_rad_s=0.0,
-                    cross_track_m=cross_m,
-                    finished=True,
-                )
+                return _at_rest(cross_m, finished=True)
             self._index += 1
             cross_m, remaining_m = _locate(pose, self._lines[self._index])
         return self._steer(pose, drift_rad, cross_m, remaining_m)
+
+    def _waits(self, now_s: float) -> bool:
+        """Return whether the rover stops at the end of the present line."""
+        wait_s = self._legs[self._index].wait_s
+        if self._wait_until_s is None and wait_s > 0.0:
+            self._wait_until_s = now_s + wait_s
+        if self._wait_until_s is None or now_s >= self._wait_until_s:
+            self._wait_until_s = None
+            return False
+        return True
 
     def _steer(self, pose: Pose, drift_rad: float, cross_m: float, remaining_m: float) -> Guidance:
         mission = self.mission
         line_rad = _direction(self._lines[self._index])
         course_rad = line_rad - math.atan2(cross_m, mission.lookahead_m)
+        wanted_m_s = self._legs[self._index].speed_m_s or mission.speed_m_s
         speed_m_s = min(
-            mission.speed_m_s,
-            max(mission.approach_gain_per_s * remaining_m, SLOWEST_SHARE * mission.speed_m_s),
+            wanted_m_s, max(mission.approach_gain_per_s * remaining_m, SLOWEST_SHARE * wanted_m_s)
         )
         course_error_rad = wrap_angle(course_rad - pose.yaw_rad)
         limit_rad_s = mission.yaw_rate_limit_rad_s
@@ -122,7 +131,7 @@ class PathFollower:
             crab_rad = wrap_angle(course_error_rad - drift_rad)
             crab_rad = min(max(crab_rad, -self._crab_limit_rad), self._crab_limit_rad)
             if abs(turn_rad) > SPOT_TURN_RAD:
-                speed_m_s = 0.0 if self._turns_on_spot else SLOWEST_SHARE * mission.speed_m_s
+                speed_m_s = 0.0 if self._turns_on_spot else SLOWEST_SHARE * wanted_m_s
                 crab_rad = 0.0
             forward_m_s, sideways_m_s = speed_m_s * math.cos(crab_rad), speed_m_s * math.sin(crab_rad)
             limit_rad_s = self._turn_limit_rad_s(forward_m_s)
@@ -135,7 +144,7 @@ class PathFollower:
             turn_rad, sideways_m_s = wrap_angle(course_error_rad - drift_rad), 0.0
             forward_m_s = speed_m_s * math.cos(course_error_rad)
             if abs(course_error_rad) > SPOT_TURN_RAD:
-                forward_m_s = 0.0 if self._turns_on_spot else SLOWEST_SHARE * mission.speed_m_s
+                forward_m_s = 0.0 if self._turns_on_spot else SLOWEST_SHARE * wanted_m_s
             limit_rad_s = self._turn_limit_rad_s(forward_m_s)
         return Guidance(
             velocity_x_m_s=forward_m_s,
@@ -176,12 +185,28 @@ def find_mission_conflicts(
         if not turns_on_spot:
             yield NO_TURN_ON_SPOT
         return
-    for start, end in pairwise(corner_points(mission)):
+    corners = corner_points(mission)
+    # Repetitions repeat their mistakes.
+    for start, end in dict.fromkeys(pairwise(corners)):
         if math.dist(start, end) <= mission.position_tolerance_m:
             yield (
                 f"mission: the line from {start} to {end} is not longer than position_tolerance_m "
                 f"({mission.position_tolerance_m:g}), leave the point out or lower the tolerance"
             )
+    area = mission.area
+    outside = [] if area is None else [point for point in dict.fromkeys(corners) if not area.holds(*point)]
+    if outside and area is not None:
+        x_m, y_m = outside[0]
+        yield (
+            f"mission: the way-point at {x_m:g}, {y_m:g} m is outside mission.area, x {area.x_min_m:g} to "
+            f"{area.x_max_m:g} m and y {area.y_min_m:g} to {area.y_max_m:g} m: move it, or correct the area"
+        )
+
+
+def _at_rest(cross_m: float, *, finished: bool) -> Guidance:
+    return Guidance(
+        velocity_x_m_s=0.0, velocity_y_m_s=0.0, yaw_rate_rad_s=0.0, cross_track_m=cross_m, finished=finished
+    )
 
 
 def _direction(line: tuple[Point, Point]) -> float:

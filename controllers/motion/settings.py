@@ -1,8 +1,8 @@
 """Missions and limits, the sections [mission] and [limits]."""
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 
@@ -11,6 +11,37 @@ PathLength = Annotated[float, Field(ge=0.05, le=100.0)]
 
 LARGEST_COORDINATE_M = 500.0
 Coordinate = Annotated[float, Field(ge=-LARGEST_COORDINATE_M, le=LARGEST_COORDINATE_M)]
+
+
+PathSpeed = Annotated[float, Field(ge=0.005, le=3.0)]
+Wait = Annotated[float, Field(ge=0.0, le=3600.0)]
+MOST_LEGS = 10_000
+
+
+class Area(Settings):
+    """The free place of the rover, in the local frame: the pose at start is zero, x points forward.
+
+    Attributes:
+        x_min_m: Behind the start.
+        x_max_m: Ahead of it.
+        y_min_m: To its right.
+        y_max_m: To its left.
+    """
+
+    x_min_m: Coordinate
+    x_max_m: Coordinate
+    y_min_m: Coordinate
+    y_max_m: Coordinate
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.x_min_m >= self.x_max_m or self.y_min_m >= self.y_max_m:
+            raise ValueError("the least coordinate is not below the greatest: exchange them")
+        return self
+
+    def holds(self, x_m: float, y_m: float) -> bool:
+        """Return whether a point is inside."""
+        return self.x_min_m <= x_m <= self.x_max_m and self.y_min_m <= y_m <= self.y_max_m
 
 
 class PathSettings(Settings):
@@ -28,18 +59,33 @@ class PathSettings(Settings):
         approach_gain_per_s: Speed per metre of distance to the next corner.
         heading_gain_per_s: Yaw rate per radian of heading error.
         yaw_rate_limit_rad_s: Greatest commanded yaw rate.
+        area: Free place. A mission with a corner outside is refused; the rover itself is not watched.
     """
 
-    speed_m_s: Annotated[float, Field(ge=0.005, le=3.0)] = 0.1
+    speed_m_s: PathSpeed = 0.1
     heading: Literal["hold", "along_path", "crab"] = "hold"
     position_tolerance_m: Annotated[float, Field(ge=0.001, le=0.5)] = 0.01
     lookahead_m: Annotated[float, Field(ge=0.02, le=5.0)] = 0.2
     approach_gain_per_s: Annotated[float, Field(ge=0.05, le=10.0)] = 1.5
     heading_gain_per_s: Annotated[float, Field(ge=0.05, le=10.0)] = 2.0
     yaw_rate_limit_rad_s: Annotated[float, Field(ge=0.01, le=5.0)] = 0.5
+    area: Area | None = None
 
 
-class RectangleMission(PathSettings):
+class CornersSettings(PathSettings):
+    """A path from corner to corner.
+
+    Attributes:
+        repeat: How often the path is driven. A path that does not end where it begins goes back to its first
+            point in a straight line; a line goes there and back.
+        wait_s: Stop at each corner and at the end for this time.
+    """
+
+    repeat: Annotated[int, Field(ge=1, le=1000)] = 1
+    wait_s: Wait = 0.0
+
+
+class RectangleMission(CornersSettings):
     """A rectangle once around, counter-clockwise, the first side along x: back to the start.
 
     Attributes:
@@ -52,7 +98,7 @@ class RectangleMission(PathSettings):
     width_m: PathLength
 
 
-class LineMission(PathSettings):
+class LineMission(CornersSettings):
     """A straight line along x.
 
     Attributes:
@@ -63,15 +109,32 @@ class LineMission(PathSettings):
     length_m: PathLength
 
 
-class WaypointsMission(PathSettings):
+class WaypointsMission(CornersSettings):
     """Straight lines from the start through waypoints in the local frame.
 
     Attributes:
         points: Corners of the path, x and y in m, without the start (0, 0).
+        speeds_m_s: Speed on the way to each point, in place of `speed_m_s`; one for each point, or none.
+        waits_s: Stop at each point for this time, in place of `wait_s`; one for each point, or none.
     """
 
     type: Literal["waypoints"]
-    points: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=10_000)]
+    points: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=MOST_LEGS)]
+    speeds_m_s: Annotated[tuple[PathSpeed, ...], Field(max_length=MOST_LEGS)] = ()
+    waits_s: Annotated[tuple[Wait, ...], Field(max_length=MOST_LEGS)] = ()
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> Self:
+        for name, values in (("speeds_m_s", self.speeds_m_s), ("waits_s", self.waits_s)):
+            if values and len(values) != len(self.points):
+                raise ValueError(
+                    f"{name} has {len(values)} values for {len(self.points)} points: give one for each"
+                )
+        if len(self.points) * self.repeat > MOST_LEGS:
+            raise ValueError(
+                f"{len(self.points)} points {self.repeat} times are more than {MOST_LEGS}: lower repeat"
+            )
+        return self
 
 
 class SmallTurnsMission(PathSettings):

@@ -251,6 +251,9 @@ def check(
         Path | None,
         typer.Option(help="Also write the JSON schema of configurations to this file, for your editor."),
     ] = None,
+    preview: Annotated[
+        Path | None, typer.Option(help="Also write a page with the picture of the mission to this file.")
+    ] = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -262,7 +265,7 @@ def check(
     """
     from rover_hil.app.check import check_config
 
-    sys.exit(check_config(config, schema=schema, force=force, as_json=json))
+    sys.exit(check_config(config, schema=schema, preview=preview, force=force, as_json=json))
 
 
 @app.command()

@@ -26,24 +26,34 @@ from sim_backends.build import build_world
 COMMANDS = {"run": RUN_CHECKS, "run --virtual": VIRTUAL_RUN_CHECKS, "simulate": SIMULATE_CHECKS}
 
 
-def check_config(name: str, *, schema: Path | None, force: bool, as_json: bool) -> int:
+def check_config(
+    name: str, *, schema: Path | None, preview: Path | None = None, force: bool, as_json: bool
+) -> int:
     """Print every mistake of a configuration, or what can be done with it; returns the exit code.
 
     Args:
         name: Shipped configuration or TOML file.
         schema: File to which the JSON schema of configurations is written, or None.
-        force: Replace that file.
+        preview: File to which a page with the picture of the mission is written, or None; only of a
+            configuration without mistakes.
+        force: Replace these files.
         as_json: Print JSON instead of text.
 
     Raises:
-        ConfigError: The configuration cannot be read, or the schema cannot be written.
+        ConfigError: The configuration cannot be read, its mission has no path to draw, or a file cannot be
+            written.
     """
     check_file(schema, force=force, option="--schema")
+    check_file(preview, force=force, option="--preview")
     read_config_table(name)  # without a table there is nothing to check
     with show_steps(f"checking {name}"):
         mistakes, findings, commands = examine_config(name)
     if schema is not None:
         write_file(schema, schema_text(), option="--schema")
+    if preview is not None and not mistakes:
+        from rover_hil.report.mission_page import mission_page
+
+        write_file(preview, mission_page(name, load_config(name).mission), option="--preview")
     warnings = [finding for finding in findings if finding.level is Level.WARNING]
     if as_json:
         record = {

@@ -7,7 +7,12 @@ from typing import Annotated, Literal, NamedTuple, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from controllers.roles import DeviceRoles
-from controllers.settings import ControlSettings, find_crab_conflicts, find_slip_conflicts
+from controllers.settings import (
+    ControlSettings,
+    find_crab_conflicts,
+    find_slip_conflicts,
+    find_stall_conflicts,
+)
 from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.device_settings import ByteDeviceSettings, DeviceSettings, DriveSettings
@@ -218,6 +223,11 @@ def _find_slip_conflicts(draft: Draft) -> Iterator[str]:
     return find_slip_conflicts(config.rover, config.slip, config.scomp)
 
 
+def _find_stall_conflicts(draft: Draft) -> Iterator[str]:
+    config = draft.config
+    return find_stall_conflicts(config.rover, config.mission, config.safety)
+
+
 def _find_crab_conflicts(draft: Draft) -> Iterator[str]:
     return find_crab_conflicts(draft.config.mission, draft.config.scomp)
 
@@ -240,6 +250,7 @@ SCHEMA_RULES = (
     Rule(("roles", "devices"), _find_unfit_devices),
     Rule(("roles", "slip"), _find_missing_gyro),
     Rule(("rover", "slip", "scomp"), _find_slip_conflicts),
+    Rule(("rover", "mission", "safety"), _find_stall_conflicts),
     Rule(("mission", "scomp"), _find_crab_conflicts),
     Rule(("roles", "devices", "scomp"), _find_rig_conflicts),
 )

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 import pytest
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from controllers.motion.mission import corner_points
 from controllers.motion.path_following import Guidance, PathFollower
@@ -29,7 +29,7 @@ class Track:
 def follow(follower: PathFollower, pose: Pose, limit_s: float) -> Track:
     track = Track([pose], [])
     for _ in range(round(limit_s / DT_S)):
-        guidance = follower.guide(track.poses[-1])
+        guidance = follower.guide(track.poses[-1], now_s=len(track.guidances) * DT_S)
         track.guidances.append(guidance)
         if guidance.finished:
             break
@@ -126,6 +126,74 @@ def test_corners_that_are_already_passed_are_skipped() -> None:
     assert not guidance.finished
     assert guidance.cross_track_m == pytest.approx(-0.5)
     assert follower.guide(Pose(x_m=2.5, y_m=1.0)).finished
+
+
+def test_each_leg_has_its_speed_and_each_corner_its_stop() -> None:
+    path = mission(
+        type="waypoints", points=[[1.0, 0.0], [1.0, 1.0]], speeds_m_s=[0.2, 0.05], waits_s=[3.0, 1.0]
+    )
+    track = follow(PathFollower(path, moves_sideways=True), Pose(), 120.0)
+    speeds = [math.hypot(each.velocity_x_m_s, each.velocity_y_m_s) for each in track.guidances]
+    assert max(speeds) == pytest.approx(0.2)
+    first_stop = speeds.index(0.0)
+    assert math.dist((track.poses[first_stop].x_m, track.poses[first_stop].y_m), (1.0, 0.0)) < 0.011
+    after = next(place for place in range(first_stop, len(speeds)) if speeds[place] > 0.0)
+    assert (after - first_stop) * DT_S == pytest.approx(3.0, abs=DT_S)
+    assert max(speeds[after:]) == pytest.approx(0.05)
+    assert track.guidances[-1].finished
+    assert sum(speed == 0.0 for speed in speeds[after:]) * DT_S == pytest.approx(1.0, abs=2 * DT_S)
+    assert all(each.yaw_rate_rad_s == 0.0 for each in track.guidances[first_stop:after])
+
+
+def test_a_rover_that_is_pushed_away_while_it_waits_goes_on_to_wait() -> None:
+    follower = PathFollower(mission(type="line", length_m=1.0, wait_s=2.0), moves_sideways=True)
+    assert not follower.guide(Pose(x_m=1.0), now_s=10.0).finished
+    assert follower.guide(Pose(x_m=0.8), now_s=11.9).velocity_x_m_s == 0.0
+    assert follower.guide(Pose(x_m=0.8), now_s=12.0).finished
+
+
+@pytest.mark.parametrize(
+    ("values", "corners"),
+    [
+        ({"type": "line", "length_m": 2.0, "repeat": 2}, [(0, 0), (2, 0), (0, 0), (2, 0)]),
+        (
+            {"type": "waypoints", "points": [[1, 0], [1, 1]], "repeat": 2},
+            [(0, 0), (1, 0), (1, 1), (1, 0), (1, 1)],
+        ),
+        (
+            {"type": "rectangle", "length_m": 2.0, "width_m": 1.0, "repeat": 2},
+            [(0, 0), (2, 0), (2, 1), (0, 1), (0, 0), (2, 0), (2, 1), (0, 1), (0, 0)],
+        ),
+    ],
+)
+def test_paths_repeat(values: dict[str, object], corners: list[tuple[int, int]]) -> None:
+    assert corner_points(mission(**values)) == tuple(corners)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"speeds_m_s": [0.1]}, "speeds_m_s has 1 values for 2 points"),
+        ({"waits_s": [1.0, 2.0, 3.0]}, "waits_s has 3 values for 2 points"),
+        ({"points": [[1.0, 0.0]] * 20, "repeat": 1000}, "more than 10000"),
+    ],
+)
+def test_lists_that_do_not_fit_are_refused(values: dict[str, object], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        mission(**{"type": "waypoints", "points": [[1.0, 0.0], [1.0, 1.0]], **values})
+
+
+def test_a_way_point_outside_the_area_is_refused_with_its_place() -> None:
+    area = {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0}
+    inside = mission(type="waypoints", points=[[1.0, 0.5], [2.0, 0.0]], area=area)
+    PathFollower(inside, moves_sideways=True)
+    outside = mission(type="waypoints", points=[[1.0, 0.5], [2.1, 0.0]], repeat=3, area=area)
+    with pytest.raises(
+        ConfigError, match=r"^mission: the way-point at 2.1, 0 m is outside mission.area, x -0.5"
+    ):
+        PathFollower(outside, moves_sideways=True)
+    with pytest.raises(ValidationError, match="not below the greatest"):
+        mission(type="line", length_m=1.0, area={**area, "x_max_m": -1.0})
 
 
 def test_a_skid_steer_rover_cannot_hold_its_heading() -> None:

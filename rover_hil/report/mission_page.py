@@ -1,0 +1,95 @@
+"""A page with the picture of a mission before it is driven."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from controllers.motion.mission import Leg, corner_points, mission_legs
+from controllers.motion.settings import (
+    ByHandMission,
+    MissionSettings,
+    SmallTurnsMission,
+    WholeTurnsMission,
+)
+from drivers.errors import ConfigError
+from rover_hil.pages import style
+from rover_hil.pages.picture import Drawing, draw_pictures
+from rover_hil.pages.render import render
+
+MOST_WORDS = 40
+"""Corners that get words in the picture; more would cover it."""
+
+
+def mission_page(name: str, mission: MissionSettings | None) -> str:
+    """Return the page of a mission.
+
+    Args:
+        name: Of the configuration.
+        mission: The mission.
+
+    Raises:
+        ConfigError: It has no path.
+    """
+    if mission is None or isinstance(mission, SmallTurnsMission | WholeTurnsMission | ByHandMission):
+        raise ConfigError(f"{name}: the mission has no path to draw: leave --preview out")
+    legs = mission_legs(mission)
+    lengths_m = [math.dist(*line) for line in pairwise(corner_points(mission))]
+    waits_s = sum(leg.wait_s for leg in legs)
+    least_s = sum(
+        length_m / (leg.speed_m_s or mission.speed_m_s) for leg, length_m in zip(legs, lengths_m, strict=True)
+    )
+    facts = (
+        ("legs", f"{len(legs)}, {sum(lengths_m):.2f} m in all"),
+        ("time", f"at least {least_s + waits_s:.0f} s, of these {waits_s:.0f} s at rest"),
+        ("heading", mission.heading),
+    )
+    drawing = Drawing(
+        "Path seen from above",
+        "The rover starts at the ring and looks along x. See whether every corner lies in the free place.",
+        lambda: _draw(mission, legs),
+    )
+    return render(
+        "identify/report.html",
+        grade="plain",
+        title=f"Mission of {name}",
+        facts=facts,
+        pictures=draw_pictures([drawing]),
+    )
+
+
+def _draw(mission: MissionSettings, legs: tuple[Leg, ...]) -> Figure:
+    figure = Figure(figsize=(style.WIDTH_IN, 5.0), layout="constrained")
+    axes = figure.add_subplot(aspect="equal", adjustable="datalim", xlabel="x (m)", ylabel="y (m)")
+    area = mission.area
+    if area is not None:
+        axes.add_patch(
+            Rectangle(
+                (area.x_min_m, area.y_min_m),
+                area.x_max_m - area.x_min_m,
+                area.y_max_m - area.y_min_m,
+                facecolor="none",
+                edgecolor=style.ALARM,
+                linestyle="--",
+                label="area",
+            )
+        )
+    corners = np.array(corner_points(mission))
+    axes.plot(*corners.T, color=style.COMMANDED)
+    axes.plot(0, 0, "o", color="white", markeredgecolor=style.TRUTH, markersize=9, label="start")
+    for (start, end), leg in dict(zip(pairwise(corner_points(mission)), legs, strict=True)).items():
+        middle = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]))
+        axes.annotate(
+            "", middle, start, arrowprops={"arrowstyle": "-|>", "color": style.COMMANDED, "shrinkA": 0}
+        )
+        if leg.wait_s > 0.0:
+            axes.plot(*end, "s", color=style.ENCODERS)
+        if len(legs) <= MOST_WORDS:
+            words = [f"{leg.speed_m_s or mission.speed_m_s:g} m/s"]
+            axes.annotate(words[0], middle, fontsize=8, color=style.TRUTH)
+            if leg.wait_s > 0.0:
+                axes.annotate(f"{leg.wait_s:g} s", end, fontsize=8, xytext=(4, 4), textcoords="offset points")
+    axes.legend(loc="best")
+    return figure
