@@ -141,14 +141,19 @@ function showTables(v, data) {
 
 // ---- drawing ----
 
+// Finished runs that are opened take the place of the run that has just ended.
+const nothing = { last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} };
+const present = () => (opened.length && live.state.state === "idle" ? nothing : live);
+
 function drawPath(canvas) {
+  const now = present();
   const [context, width, height] = prepared(canvas);
   const mission = live.state.mission || [];
   const xs = [0, ...mission.map((p) => p[0]), ...points.map((p) => p[0])];
   const ys = [0, ...mission.map((p) => p[1]), ...points.map((p) => p[1])];
   const extend = (list, values) => { for (const value of values) list.push(value); };
-  for (const list of [live.x, live.ox, live.tx]) extend(xs, list);
-  for (const list of [live.y, live.oy, live.ty]) extend(ys, list);
+  for (const list of [now.x, now.ox, now.tx]) extend(xs, list);
+  for (const list of [now.y, now.oy, now.ty]) extend(ys, list);
   for (const run of opened) for (const curve of run.paths) { extend(xs, curve.x); extend(ys, curve.y); }
   const bound = (list, pick) => list.reduce((a, b) => pick(a, b));
   const [x0, x1, y0, y1] = [bound(xs, Math.min), bound(xs, Math.max), bound(ys, Math.min), bound(ys, Math.max)];
@@ -170,7 +175,9 @@ function drawPath(canvas) {
     context.fillText(label(y, step), 2, toY(y) - 3);
   }
   line(context, mission.map((p) => p[0]), mission.map((p) => p[1]), toX, toY, colour("--mission"), 1.5, [6, 5]);
-  const entries = [["mission", colour("--mission")], ["encoders", colour("--encoders")], ["estimate", colour("--estimate")]];
+  const entries = [["mission", colour("--mission")]];
+  if (now === live) entries.push(["encoders", colour("--encoders")], ["estimate", colour("--estimate")]);
+  if (now.tx.length) entries.push(["truth", colour("--truth")]);
   opened.forEach((run, index) => {
     for (const curve of run.paths) {
       const dash = curve.name === "encoders" ? [2, 4] : curve.name === "truth" ? [9, 4] : [];
@@ -178,12 +185,9 @@ function drawPath(canvas) {
     }
     entries.push([run.name, RUN_COLOURS[index % 2]]);
   });
-  if (live.tx.length) {
-    line(context, live.tx, live.ty, toX, toY, colour("--truth"), 1.6, [9, 4]);
-    entries.splice(3, 0, ["truth", colour("--truth")]);
-  }
-  line(context, live.ox, live.oy, toX, toY, colour("--encoders"), 1.4);
-  line(context, live.x, live.y, toX, toY, colour("--estimate"), 2.2);
+  line(context, now.tx, now.ty, toX, toY, colour("--truth"), 1.6, [9, 4]);
+  line(context, now.ox, now.oy, toX, toY, colour("--encoders"), 1.4);
+  line(context, now.x, now.y, toX, toY, colour("--estimate"), 2.2);
   if (points.length) {
     const all = [[0, 0], ...points];
     line(context, all.map((p) => p[0]), all.map((p) => p[1]), toX, toY, colour("--good"), 1.6, [3, 3]);
@@ -193,7 +197,7 @@ function drawPath(canvas) {
       context.fillText(String(index + 1), toX(p[0]) + 6, toY(p[1]) - 6);
     });
   }
-  if (live.last) drawRover(context, live.last, toX, toY, scale);
+  if (now.last) drawRover(context, now.last, toX, toY, scale);
   if (width > 420 || entries.length < 4) legend(context, entries, 40, 14);
   else { legend(context, entries.slice(0, 3), 40, 14); legend(context, entries.slice(3), 40, 28); }
 }
@@ -223,9 +227,9 @@ function drawRover(context, v, toX, toY, scale) {
 
 function drawSeries(canvas, chart) {
   const [context, width, height] = prepared(canvas);
-  const isLive = Object.keys(live.series[chart] || {}).length > 0;
+  const series = present().series[chart] || {}, isLive = Object.keys(series).length > 0;
   const curves = [];
-  Object.entries(live.series[chart] || {}).forEach(([name, curve], index) => {
+  Object.entries(series).forEach(([name, curve], index) => {
     const named = { estimate: colour("--estimate"), encoders: colour("--encoders"), truth: colour("--truth"), work: colour("--estimate"), late: colour("--encoders") };
     curves.push({ name, x: curve.x, y: curve.y, style: named[name] || WHEEL_COLOURS[index % WHEEL_COLOURS.length] });
   });

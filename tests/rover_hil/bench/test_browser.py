@@ -93,6 +93,25 @@ def test_a_browser_that_disappears_while_driving_by_hand_stops_the_rover(url: st
     assert seconds(rest_ns - motion_ns[-1]) <= 0.3
 
 
+def test_the_real_rover_starts_only_after_it_was_armed(url: str) -> None:
+    with Page(url) as page:
+        page.wait(lambda: page.button("Drive by hand").is_enabled(), "not in control")
+        page.click("real rover")
+        page.wait(lambda: not page.button("Drive by hand").is_enabled(), "it may start without being armed")
+        assert "The real rover will move" in page.driver.page_source
+        page.click("Arm")
+        page.wait(lambda: page.button("Armed for 30 s") is not None, "it is not armed")
+        page.click("EMERGENCY STOP")
+        page.wait(lambda: not page.button("Drive by hand").is_enabled(), "the stop does not disarm")
+        page.click("Arm")
+        page.click("Drive by hand")
+        page.wait(
+            lambda: "cannot be opened" in page.text("bench-words") or "ports/" in page.text("bench-words"),
+            "no sentence",
+        )
+        assert page.mode == "idle"
+
+
 def test_a_gamepad_and_the_stick_drive_but_not_a_gamepad_that_was_never_at_rest(
     url: str, folder: Path
 ) -> None:
@@ -139,6 +158,10 @@ def test_way_points_are_clicked_and_two_finished_runs_lie_on_top_of_each_other(u
         page.wait(lambda: page.driver.execute_script("return live.tx.length > 2"), "no truth")
         page.click("Stop")
         page.wait(lambda: page.mode == "idle", "no end")
+        pictures = (
+            "return [...document.querySelectorAll('canvas[data-chart]')].map((item) => item.toDataURL())"
+        )
+        before = page.driver.execute_script(pictures)
         field = page.driver.find_element("css selector", ".bench-page .q-select")
         field.click()
         options = "return document.querySelectorAll('.q-menu .q-item').length"
@@ -146,6 +169,12 @@ def test_way_points_are_clicked_and_two_finished_runs_lie_on_top_of_each_other(u
         for item in page.driver.find_elements("css selector", ".q-menu .q-item")[:2]:
             item.click()
         page.wait(lambda: page.driver.execute_script("return opened.length") == 2, "two are not opened")
+        page.wait(
+            lambda: all(
+                now != then for now, then in zip(page.driver.execute_script(pictures), before, strict=True)
+            ),
+            "the finished runs do not take the place of the last one",
+        )
         names = page.driver.execute_script("return opened.map((run) => run.paths.map((path) => path.name))")
         assert names[0] == names[1] == ["encoders", "truth", "estimate"]
 

@@ -4,9 +4,12 @@ import pytest
 
 pytest.importorskip("starlette", reason="the extra `bench` is not installed")
 
-from starlette.datastructures import Headers
+import asyncio
 
-from rover_hil.bench.guard import is_allowed
+from starlette.datastructures import Headers
+from starlette.types import Message, Receive, Scope, Send
+
+from rover_hil.bench.guard import Guard, is_allowed
 
 
 @pytest.mark.parametrize(
@@ -27,3 +30,27 @@ from rover_hil.bench.guard import is_allowed
 )
 def test_requests_of_other_origins_and_names_are_refused(headers: dict[str, str], allowed: bool) -> None:
     assert is_allowed(Headers(headers)) is allowed
+
+
+@pytest.mark.parametrize(
+    ("origin", "allowed"), [(b"http://localhost:8484", True), (b"http://evil.example", False)]
+)
+def test_a_web_socket_of_another_origin_is_closed_before_the_page_sees_it(
+    origin: bytes, allowed: bool
+) -> None:
+    seen: list[str] = []
+    sent: list[Message] = []
+
+    async def page(scope: Scope, receive: Receive, send: Send) -> None:
+        seen.append(scope["type"])
+
+    async def receive() -> Message:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    scope = {"type": "websocket", "headers": [(b"host", b"localhost:8484"), (b"origin", origin)]}
+    asyncio.run(Guard(page)(scope, receive, send))
+    assert seen == (["websocket"] if allowed else [])
+    assert sent == ([] if allowed else [{"type": "websocket.close", "code": 1008}])
