@@ -61,6 +61,7 @@ def test_a_run_is_started_watched_changed_paused_and_stopped_and_replays(url: st
         page.wait(lambda: bool(page.links("/report/")), "no link to the report")
         page.driver.get(page.links("/report/")[0].get_attribute("href") or "")
         assert "emergency stop" in page.driver.page_source
+        assert page.driver.execute_script("return charts.length") > 4
     log = newest_log(folder)
     inputs = [record for _, record in messages(log, "/operator")]
     assert [record["is_paused"] for record in inputs if not record["gains"]] == [True, False]
