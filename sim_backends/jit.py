@@ -1,7 +1,7 @@
 """Compilation with numba that keeps the signatures of the functions for type checkers."""
 
 from collections.abc import Callable
-from typing import Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numba
 
@@ -27,3 +27,19 @@ def compiled(
         return cast("FunctionT", options(function))
 
     return decorate
+
+
+def specialised(function: FunctionT, *arguments: object) -> FunctionT:
+    """Return a compiled function for arguments of exactly the types of `arguments`.
+
+    numba otherwise finds out the types of all arguments in every call, which takes longer than a short
+    integration when they are tuples of arrays. Types are not checked: other ones give nonsense.
+
+    Args:
+        function: A function that `compiled` has decorated.
+        arguments: All of its arguments in order; it is not called.
+    """
+    dispatcher: Any = function
+    types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+    dispatcher.compile(types)
+    return cast("FunctionT", dispatcher.overloads[types].entry_point)

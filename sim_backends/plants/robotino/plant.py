@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.clock import nanoseconds, seconds
 from drivers.units import STANDARD_GRAVITY_M_S2
+from sim_backends.jit import specialised
 from sim_backends.plants.robotino.dynamics import Rover, State, advance
 from sim_backends.plants.robotino.ground import rasterise
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
@@ -52,6 +53,7 @@ class RobotinoPlant:
         self._t_ns = start_ns
         self._rover = make_rover(settings, seconds(self._step_ns))
         self._state = _initial_state(settings)
+        self._advance = specialised(advance, self._state, self._rover, self._ground, 1)
         # Plain numbers for speed: `truth` is called several times in each control cycle.
         self._radius_m = float(self._rover.radius_m)
         self._directions: list[list[float]] = self._rover.direction.tolist()
@@ -83,7 +85,7 @@ class RobotinoPlant:
     def _integrate(self, t_ns: int) -> None:
         steps = (t_ns - self._grid_ns) // self._step_ns
         if steps > 0:
-            advance(self._state, self._rover, self._ground, steps)
+            self._advance(self._state, self._rover, self._ground, steps)
             self._grid_ns += steps * self._step_ns
 
     def truth(self) -> Truth:
