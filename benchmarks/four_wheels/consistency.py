@@ -22,7 +22,6 @@ import sys
 import tempfile
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,6 +32,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.cluster_option import add_cluster_option
 from benchmarks.four_wheels.field_drives import MOUNDS, SIDEWAYS
 from benchmarks.robotino.consistency import BOUND, INSIDE_BAR, NEES_BAR
 from controllers.control_loop import ControlLoop, StepOutput
@@ -43,6 +43,7 @@ from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
 from drivers.samples import FrameSample, PoseFixSample, Sample
 from rover_hil.config import Config, load_config
+from rover_hil.parallel.executor import open_executor
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.live_trace import LiveTraceFinder
 from sim_backends.terramechanics.soil.library import load_soil
@@ -364,6 +365,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--camera", action="store_true", help="render pictures; slow")
     parser.add_argument("--only", help="the group of this name, as 'compensated, no fixes'")
+    add_cluster_option(parser)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.missions)
     cases = [
@@ -380,7 +382,7 @@ def main() -> int:
     pooled: defaultdict[str, Errors] = defaultdict(list)
     parts: defaultdict[str, Errors] = defaultdict(list)
     ends = Counter[str]()
-    with ProcessPoolExecutor(arguments.workers) as pool:
+    with open_executor(arguments.cluster, arguments.workers) as pool:
         found = pool.map(mission, cases, [arguments.camera] * len(cases))
         console = Console(stderr=True)
         for case, (end, errors) in track(zip(cases, found, strict=True), total=len(cases), console=console):

@@ -8,14 +8,16 @@ import json
 import os
 import subprocess
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from benchmarks.cluster_option import add_cluster_option
 from benchmarks.gap_machines.models import MODELS
 from benchmarks.gap_machines.record import Record, judge_case
 from benchmarks.gap_machines.summary import print_summary, read_records
+from rover_hil.parallel.executor import open_executor
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
     options.results.parent.mkdir(parents=True, exist_ok=True)
     with options.results.open("a", encoding="utf-8") as file:
-        for record in _records(cases, version, options.workers):
+        for record in _records(cases, version, options.workers, options.cluster):
             file.write(json.dumps(record, allow_nan=False) + "\n")
             file.flush()
             print(_line(record), flush=True)
@@ -62,6 +64,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--families", default=",".join(MODELS), help="separated by commas")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--version", default="", help="of the code; by default the commit")
+    add_cluster_option(parser)
     return parser.parse_args(arguments)
 
 
@@ -71,12 +74,14 @@ def _version() -> str:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout.strip()
 
 
-def _records(cases: Sequence[tuple[str, int]], version: str, workers: int) -> Iterator[Record]:
-    if workers <= 1:
+def _records(
+    cases: Sequence[tuple[str, int]], version: str, workers: int, cluster: str | None
+) -> Iterator[Record]:
+    if workers <= 1 and cluster is None:
         for family, number in cases:
             yield judge_case(family, number, version)
         return
-    with ProcessPoolExecutor(workers) as pool:
+    with open_executor(cluster, workers) as pool:
         waiting: list[Future[Record]] = [pool.submit(judge_case, *case, version) for case in cases]
         for one in as_completed(waiting):
             yield one.result()

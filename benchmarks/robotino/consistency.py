@@ -13,16 +13,17 @@ import argparse
 import math
 import sys
 from collections import Counter, defaultdict
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.cluster_option import add_cluster_option
 from benchmarks.safety.missions import Moment, drive, robotino
 from controllers.safety import Mode
 from rover_hil.config import Config
+from rover_hil.parallel.executor import open_executor
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,7 @@ def main() -> int:
     parser.add_argument("--missions", type=int, default=20)
     parser.add_argument("--first", type=int, default=30_000, help="seed of the first mission")
     parser.add_argument("--workers", type=int, default=1)
+    add_cluster_option(parser)
     arguments = parser.parse_args()
     jobs = [
         (seed, way) for seed in range(arguments.first, arguments.first + arguments.missions) for way in WAYS
@@ -80,7 +82,7 @@ def main() -> int:
     rows: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
     last: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
     ends = Counter[str]()
-    with ProcessPoolExecutor(arguments.workers) as pool:
+    with open_executor(arguments.cluster, arguments.workers) as pool:
         found = pool.map(mission, *zip(*jobs, strict=True))
         for (_, way), (end, figures_) in track(
             zip(jobs, found, strict=True), total=len(jobs), console=Console(stderr=True)

@@ -13,7 +13,6 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +21,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.cluster_option import add_cluster_option
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config, load_slip_map
+from rover_hil.parallel.executor import open_executor
 from rover_hil.tune.metrics import TruePath, closure_m, path_rms_m
 from rover_hil.tune.simulated_mission import drive
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
@@ -189,9 +190,9 @@ def write_drives(folder: Path) -> None:
         run_virtual(configure(version, site, site), path, 120.0, None)
 
 
-def experiment(sites: int, seeds: int) -> Iterator[tuple[str, list[Result]]]:
+def experiment(sites: int, seeds: int, cluster: str | None) -> Iterator[tuple[str, list[Result]]]:
     """Yield name and results of each version."""
-    with ProcessPoolExecutor() as pool:
+    with open_executor(cluster) as pool:
         for version in VERSIONS:
             jobs = [(version, FIRST_TEST_SITE + site, seed) for site in range(sites) for seed in range(seeds)]
             found = pool.map(run_once, jobs, chunksize=4)
@@ -210,11 +211,12 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--drives", type=Path)
+    add_cluster_option(parser)
     arguments = parser.parse_args()
     if arguments.drives is not None:
         write_drives(arguments.drives)
         return 0
-    results = dict(experiment(arguments.sites, arguments.seeds))
+    results = dict(experiment(arguments.sites, arguments.seeds, arguments.cluster))
     figures = {name: summarise(runs, arguments.seeds) for name, runs in results.items()}
     table = Table(title=f"{arguments.sites} sites x {arguments.seeds} seeds: median (80 % quantile)")
     for heading in (

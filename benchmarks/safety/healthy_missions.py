@@ -10,12 +10,13 @@ with one; exit code 1 where there is any.
 import argparse
 import sys
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
 
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.cluster_option import add_cluster_option
 from benchmarks.safety.missions import ROVERS, drive
+from rover_hil.parallel.executor import open_executor
 
 
 def reasons(rover: str, seed: int) -> tuple[str, list[str]]:
@@ -33,12 +34,13 @@ def main() -> int:
     parser.add_argument("--el-dorado", type=int, default=20, help="how many of them the El-Dorado drives")
     parser.add_argument("--first", type=int, default=20_000, help="seed of the first mission")
     parser.add_argument("--processes", type=int, help="default: one for each processor")
+    add_cluster_option(parser)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.missions)
     count = arguments.missions - arguments.el_dorado
     rovers = ["robotino"] * count + ["el-dorado"] * arguments.el_dorado
     console, stopped, ends = Console(), 0, Counter[str]()
-    with ProcessPoolExecutor(arguments.processes) as pool:
+    with open_executor(arguments.cluster, arguments.processes) as pool:
         found = pool.map(reasons, rovers, seeds)
         missions = zip(rovers, seeds, found, strict=True)
         for rover, seed, (end, stops) in track(missions, total=len(rovers), console=Console(stderr=True)):

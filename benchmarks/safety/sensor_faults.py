@@ -12,7 +12,6 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -20,10 +19,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.cluster_option import add_cluster_option
 from benchmarks.safety.missions import ROVERS, Driven, Falsify, drive
 from controllers.safety import Mode
 from drivers.samples import RateSample, Sample, WheelSample
 from rover_hil.config import Config
+from rover_hil.parallel.executor import open_executor
 
 START_S = 8.0
 LIMIT_S = 30.0
@@ -200,12 +201,13 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=30_000)
     parser.add_argument("--rover", choices=ROVERS, action="append")
     parser.add_argument("--fault", choices=FAULTS, action="append")
+    add_cluster_option(parser)
     arguments = parser.parse_args()
     cases = list(product(arguments.rover or ROVERS, arguments.fault or FAULTS))
     jobs = [
         (*case, seed) for case in cases for seed in range(arguments.first, arguments.first + arguments.seeds)
     ]
-    with ProcessPoolExecutor() as pool:
+    with open_executor(arguments.cluster) as pool:
         results = list(track(pool.map(run_once, jobs), total=len(jobs), console=Console(stderr=True)))
     table = Table("rover", "fault", "noticed", "time s", "travel m", "NEES after", "ends", "reason", "bar")
     reached = True

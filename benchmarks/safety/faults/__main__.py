@@ -12,16 +12,17 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from rich.console import Console
 
+from benchmarks.cluster_option import add_cluster_option
 from benchmarks.safety.faults.cases import Case, all_cases
 from benchmarks.safety.faults.measures import Row, add_truth, check_replay, judge, read_story
 from benchmarks.safety.faults.process_cases import real_time_cases
 from benchmarks.safety.faults.processes import measure_processes
 from benchmarks.safety.faults.runs import rover_config, run_case
+from rover_hil.parallel.executor import open_executor
 
 COLUMNS = (
     "rover | device | fault | must | detectable s | zero ms after | stop s | driven m | invented | error m | "
@@ -60,9 +61,9 @@ def _cells(row: Row) -> Iterable[str]:
     yield from (row.outcome, replay, row.verdict, row.message.replace("|", "/"))
 
 
-def run_virtual_cases(cases: Sequence[Case], processes: int) -> Iterator[Row]:
+def run_virtual_cases(cases: Sequence[Case], processes: int, cluster: str | None) -> Iterator[Row]:
     """Run cases in several processes, and yield each row as it is done."""
-    with ProcessPoolExecutor(processes) as pool:
+    with open_executor(cluster, processes) as pool:
         yield from pool.map(measure, [case.title for case in cases])
 
 
@@ -78,6 +79,7 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path)
+    add_cluster_option(parser)
     arguments = parser.parse_args()
     console = Console(stderr=True)
     every = real_time_cases() if arguments.two_processes else all_cases()
@@ -85,7 +87,7 @@ def main() -> int:
     if arguments.two_processes:
         found: Iterable[Row] = map(measure_processes, cases)
     else:
-        found = run_virtual_cases(cases, arguments.processes)
+        found = run_virtual_cases(cases, arguments.processes, arguments.cluster)
     rows: list[Row] = []
     for row in found:
         rows.append(row)
