@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.camera.settings import CameraSettings
+from drivers.errors import LogError
 from drivers.samples import Image
 from rover_hil.recording.images import capture_time_ns, decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
@@ -30,7 +31,7 @@ class Event(NamedTuple):
 
 
 class CameraPicture(NamedTuple):
-    """A frame at an event, as an address that holds it; `trace` tells of the trace in it."""
+    """A frame at an event, as an address that holds it, "" for none; `trace` tells of the trace in it."""
 
     words: str
     camera: str
@@ -45,7 +46,7 @@ def camera_pictures(run: RunData, summary: Summary) -> list[CameraPicture]:
     frame gives it.
 
     Raises:
-        LogError: The log cannot be read again, or a frame cannot be decoded.
+        LogError: The log cannot be read again.
     """
     cameras = [name for name, device in run.config.devices.items() if isinstance(device, CameraSettings)]
     if not cameras:
@@ -54,13 +55,25 @@ def camera_pictures(run: RunData, summary: Summary) -> list[CameraPicture]:
     log = LogReader(run.path)
     pictures = []
     for event, message in _frames_at(log, f"{RAW}{camera}", _events(run, summary)):
-        frame = decode_image(message.data).image
-        if frame.size:
-            taken_ns = capture_time_ns(message.data)
-            t_ns = message.t_ns if taken_ns is None else taken_ns
-            angle_rad = _angle_at(run, (t_ns - log.start_ns) / 1e9)
-            pictures.append(_picture(run, camera, event, frame, angle_rad))
+        words = f"{event.t_s:.1f} s: {event.words}"
+        frame = _frame(message)
+        if frame is None:
+            pictures.append(CameraPicture(words, camera, "the frame cannot be decoded", ""))
+            continue
+        taken_ns = capture_time_ns(message.data)
+        t_ns = message.t_ns if taken_ns is None else taken_ns
+        angle_rad = _angle_at(run, (t_ns - log.start_ns) / 1e9)
+        pictures.append(CameraPicture(words, camera, *_picture(run, camera, frame, angle_rad)))
     return pictures
+
+
+def _frame(message: LogMessage) -> Image | None:
+    """Return the pixels of a frame; None for one that came damaged, or is damaged in the log."""
+    try:
+        frame = decode_image(message.data).image
+    except LogError:
+        return None
+    return frame if frame.size else None
 
 
 def _events(run: RunData, summary: Summary) -> list[Event]:
@@ -117,7 +130,8 @@ def _angle_at(run: RunData, t_s: float) -> float | None:
     return float(trace.value[index]) if abs(trace.t_s[index] - t_s) < SAME_FRAME_S else None
 
 
-def _picture(run: RunData, camera: str, event: Event, frame: Image, angle_rad: float | None) -> CameraPicture:
+def _picture(run: RunData, camera: str, frame: Image, angle_rad: float | None) -> tuple[str, str]:
+    """Return what is known of the trace in a frame, and the frame with it, as an address that holds it."""
     # Only for rovers with a camera: OpenCV takes long to load.
     import cv2
 
@@ -134,5 +148,4 @@ def _picture(run: RunData, camera: str, event: Event, frame: Image, angle_rad: f
     if frame.shape[1] > WIDEST:
         frame = frame[::2, ::2]
     _, jpeg = cv2.imencode(".jpg", frame, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
-    source = f"data:image/jpeg;base64,{base64.b64encode(jpeg.tobytes()).decode()}"
-    return CameraPicture(f"{event.t_s:.1f} s: {event.words}", camera, trace, source)
+    return trace, f"data:image/jpeg;base64,{base64.b64encode(jpeg.tobytes()).decode()}"

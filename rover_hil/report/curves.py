@@ -98,7 +98,7 @@ def run_curves(run: RunData, name: str, colour: str = "", share: float = 1.0) ->
         "name": name,
         "colour": colour,
         "words": f"{end}, {run.duration_s:.1f} s",
-        "duration_s": run.duration_s,
+        "duration_s": float(run.cycles.t_s[-1]),
         "paths": [_way(key, track, 2 * bins) for key, track in tracks.items()],
         "charts": {
             key: [_curve(title, series, bins) for title, series in curves]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from controllers.safety import Mode
+from drivers.errors import LogError
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import RAW
 from rover_hil.report.camera_pictures import camera_pictures
@@ -82,6 +83,18 @@ def test_the_frame_is_the_newest_before_the_event(run: tuple[RunData, Summary], 
         for frame in frames[2:8]
     ]
     assert int(np.argmin(differences)) == 2
+
+
+def test_a_frame_that_is_damaged_is_said_so(
+    run: tuple[RunData, Summary], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(data: bytes) -> None:
+        raise LogError("damaged")
+
+    monkeypatch.setattr("rover_hil.report.camera_pictures.decode_image", fail)
+    found = camera_pictures(*run)
+    assert len(found) == 3
+    assert {(picture.trace, picture.source) for picture in found} == {("the frame cannot be decoded", "")}
 
 
 def test_a_rover_without_a_camera_has_none(tmp_path: Path) -> None:

@@ -80,3 +80,15 @@ def test_spans_that_cannot_be_told_apart_are_drawn_as_one() -> None:
         pytest.approx((0.0, 2.0)),
         pytest.approx((602.0, 1199.98)),
     ]
+
+
+def test_numbers_that_are_not_finite_never_reach_the_page(run: RunData) -> None:
+    speed = Series(np.arange(4.0), np.array([1.0, np.inf, np.nan, -np.inf]))
+    odd = replace(run, duration_s=float("inf"), computed={"cross_track_m": speed})
+    page = viewer_data([run_curves(odd, "odd")])
+    assert json.loads(json.dumps(page, allow_nan=False))["runs"][0]["charts"]["beside"][0]["y"] == [
+        1000.0,
+        None,
+        None,
+        None,
+    ]
