@@ -13,6 +13,7 @@ from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
+from controllers.slip.effort.current_owners import CurrentOwners
 from controllers.slip.effort.excited_slip import ExcitedSlip, RoverSlip
 from controllers.slip.effort.ground_knowledge import GroundKnowledge, KnownSlip, SlipSource
 from controllers.slip.effort.motor_model import SIGN_UNKNOWN, EffortFlag, EffortObserver, WheelEffort
@@ -119,6 +120,7 @@ class EffortCompensator:
         # The excitation falls back by rules of its own.
         self._uses_map_anywhere = settings.unknown_ground == "map" or self.excited is not None
         self._wheel_map = settings.maps.wheel_maps.get(settings.use)
+        self._owners = CurrentOwners(settings.maps.motor)
         self._stuck = StuckWheels(settings.maps.motor, count)
         self._kinematics = kinematics
         self._tracker = SurfaceTracker(surfaces, rover.base_radius_m)
@@ -230,6 +232,7 @@ class EffortCompensator:
         motion that was reported during it with the slip before.
         """
         self.efforts = tuple(self._observe(increment, set_speed_rad_s))
+        self._owners.check(self.efforts, increment.duration_s)
         self._ground.move(increment.duration_s, math.hypot(increment.x_m, increment.y_m))
         if self._fixes:
             self._move_between_fixes(increment, gyro_rate_rad_s)
@@ -459,6 +462,8 @@ class EffortCompensator:
     def _wheel_slip(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> WheelSlip:
         effort = self.efforts[wheel]
         slip, reason = self._found_slip(wheel)
+        if self._owners.reason and self.excited is None:
+            slip, reason = None, self._owners.reason
         if self._stuck.check(wheel, effort, elapsed_s, set_speed_rad_s):
             slip, reason = 1.0, "stuck"
         elif slip is not None:

@@ -45,6 +45,16 @@ class SurfaceParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OwnerParameters:
+    """Currents that are those of other wheels, compared with the current of a wheel without load."""
+
+    rest_current: float = 2.0  # of a wheel at rest, over that; a wheel that holds the rover draws less
+    turning_current: float = 0.5  # of a wheel that turns: friction alone draws twice as much
+    turning_rad_s: float = 1.0
+    after_s: float = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecognitionParameters:
     """Whether the ground is a surface of the map.
 
@@ -187,6 +197,7 @@ class EffortParameters:
     motor: MotorParameters = MotorParameters()
     stuck: StuckParameters = StuckParameters()
     surface: SurfaceParameters = SurfaceParameters()
+    owners: OwnerParameters = OwnerParameters()
     recognition: RecognitionParameters = RecognitionParameters()
     learning: LearningParameters = LearningParameters()
     fixes: FixParameters = FixParameters()
