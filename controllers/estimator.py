@@ -322,7 +322,7 @@ class Estimator:
             self._slip.correct(self._filter)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
             self._unseen.add(0.0, step.yaw_rad2)
-            self._widen((0.0, 0.0, ESTIMATION.pose.gap_turn_error * abs(turn.by_wheels_rad)))
+            self._widen((0.0, 0.0, turn.gap_error_rad))
         if increment.duration_s > self._roles.max_age_s(self._roles.wheels):
             aside_m = 0.5 * math.hypot(increment.x_m, increment.y_m) * min(abs(step.turn_rad), 1.0)
             self._widen((aside_m, aside_m, 0.0))
@@ -354,12 +354,14 @@ class Estimator:
         has_lost_motion = self._has_lost_motion
         self._begin_turn()
         if has_gap:
-            by_wheels_rad = wheel_turn_rad * max(0.0, 1.0 - covered_s / wheels.duration_s)
+            gap_share = max(0.0, 1.0 - covered_s / wheels.duration_s)
+            by_wheels_rad = wheel_turn_rad * gap_share
             return Turn(
                 angle_rad=angle_rad + by_wheels_rad,
                 source=YawSource.GYRO,
                 covered_s=covered_s,
                 by_wheels_rad=by_wheels_rad,
+                gap_error_rad=ESTIMATION.pose.gap_turn_error * wheels.both_ways_rad * gap_share,
                 unseen_rad2=unseen_rad2,
             )
         if not has_lost_motion:

@@ -42,6 +42,7 @@ class Turn:
         source: Source of the measurement.
         covered_s: The time over which the gyro's bias entered; 0 for the wheels.
         by_wheels_rad: Part of the angle that the wheels measured in a gap of the gyro; None without a gap.
+        gap_error_rad: Greatest error of this part.
         unseen_rad2: Variance of what the gyro did not see between its readings.
     """
 
@@ -49,6 +50,7 @@ class Turn:
     source: YawSource
     covered_s: float = 0.0
     by_wheels_rad: float | None = None
+    gap_error_rad: float = 0.0
     unseen_rad2: float = 0.0
 
 

@@ -1,5 +1,6 @@
 """The same turn of the rover by gyro and by wheels, side by side."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -22,6 +23,14 @@ class WheelTurn(NamedTuple):
     def turn_rad(self) -> float:
         """The turn, positive to the left."""
         return self.left_rad - self.right_rad
+
+    @property
+    def both_ways_rad(self) -> float:
+        """Root of the sum of squares of both parts: the scale of what uneven slip does to the turn.
+
+        A rover that drives straight ahead does not turn, but the wheels of its sides may slip differently.
+        """
+        return math.hypot(self.left_rad, self.right_rad)
 
     def with_increment(
         self, effects: Sequence[BodyMotion], turned_rad: Sequence[float], duration_s: float

@@ -94,7 +94,7 @@ class SimulatedRover:
     generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     noise: Noise = field(default_factory=Noise)
     mute: Callable[[Sample], Sample | None] = field(default=lambda sample: sample)
-    slip: float = 0.0
+    slip: float | NDArray[np.float64] = 0.0
     jammed: tuple[int, ...] = ()
     t_ns: int = START_NS
     place: complex = 0j

@@ -83,9 +83,23 @@ def test_after_a_pause_of_the_process_the_covariance_holds_the_error(paused_s: f
         run(loop, rover, 4.4 + 0.2 * seed)
         pause(rover, paused_s)
         outputs = run(loop, rover, 1.0)
-        # In a second the rover turns so far that the wheels alone do not give its yaw.
-        assert outputs[-1].mode is Mode.RUNNING or (paused_s == 1.0 and "yaw uncertain" in outputs[-1].reason)
+        # In half a second the wheels go so far that they alone do not give the yaw.
+        assert outputs[-1].mode is Mode.RUNNING or (paused_s > 0.5 and "yaw uncertain" in outputs[-1].reason)
         assert nees(rover, outputs[-1]) < GREATEST_NEES
+
+
+@pytest.mark.parametrize("slipping", [0, 2])
+def test_after_a_pause_on_a_straight_line_the_covariance_holds_the_slip_of_one_wheel(slipping: int) -> None:
+    rover = omni_rover(noise=Noise())
+    loop = ControlLoop(make_settings(mission=LONG_WAY), NO_COMPASS)
+    run(loop, rover, 2.0)
+    # The gyro sees nothing of this second, and the wheels add up to almost no turn.
+    rover.slip = np.where(np.arange(3) == slipping, 0.5, 0.0)
+    pause(rover, 1.0)
+    rover.slip = 0.0
+    outputs = run(loop, rover, 1.0)
+    assert abs(outputs[-1].estimate.yaw_rad - rover.yaw_rad) > 0.05
+    assert nees(rover, outputs[-1]) < GREATEST_NEES
 
 
 def buffered(rover: SimulatedRover, duration_s: float, held_s: float) -> list[Sample]:
