@@ -2,7 +2,7 @@
 
 Run `python -m benchmarks.robotino.turn_without_gyro [--missions 6]`. Each second of simulated missions in
 which the wheels turned counts: the true turn less that of rolling wheels, as a share of the root of the sum
-of squares of what each wheel adds to the turn. Prints JSON: standard deviation, percentiles and greatest value.
+of squares of what each wheel adds to the turn. Prints JSON: standard deviation, percentiles, greatest value.
 """
 
 import argparse

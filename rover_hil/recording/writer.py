@@ -1,7 +1,7 @@
 """Write a run to one MCAP file that can be read even when the program was killed in the middle.
 
 What is noted is turned into text, compressed and written by a thread of the log, in chunks of less than a
-second. The loop only keeps what it hands over, and never waits for the disk unless that hangs for seconds.
+second. The loop only keeps what it hands over, and does not wait for the disk unless that hangs for seconds.
 The layout is described in `docs/reference/log_format.md`.
 """
 
@@ -52,11 +52,11 @@ Mirror: TypeAlias = Callable[[str, int, bytes], None]
 WAKE_S = 0.02
 """The log's thread wakes this often; work in small portions never keeps the loop waiting."""
 LONGEST_PAUSE_NS = 2 * NANOSECONDS_PER_SECOND
-"""When nothing could be written for so long, the loop waits too, and the watchdog stops the drive: the rover
-does not drive on without its log. Shorter pauses of a disk cost nothing."""
+"""When nothing could be written for so long, the loop waits between two cycles, and the watchdog stops the
+drive: the rover does not drive on without its log. Shorter pauses of a disk cost nothing."""
 MOST_ITEMS = 20_000
 MOST_PICTURES = 64
-"""When more records or pictures wait to be written, the loop waits too, for the memory."""
+"""When more records or pictures wait to be written, whoever notes one waits too, for the memory."""
 MOST_PAYLOAD_CHARACTERS = 500_000
 """Of one record; a record of a log has a limit."""
 
@@ -85,7 +85,6 @@ class LogWriter:
 
     When the file cannot be written, every method that writes raises LogError within a second and from then
     on: a run must not go on without its log. What was written before can be read as after a crash.
-    While the disk hangs they return at once for two seconds, and then wait until it writes again.
 
     Args:
         path: The file; must not exist.
@@ -176,6 +175,15 @@ class LogWriter:
             if self._failure and not had_failed:
                 raise LogError(self._failure)
 
+    def wait_while_disk_hangs(self) -> None:
+        """Return at once while the file is written; else, after two seconds, not before it is again.
+
+        For the loop, between two cycles: what the watchdog notes meanwhile must not wait.
+        """
+        while stopwatch_ns() - self._alive_ns > LONGEST_PAUSE_NS and self._thread.is_alive():
+            self._has_room.clear()
+            self._has_room.wait(WAKE_S)
+
     @property
     def longest_pause_s(self) -> float:
         """Longest time in which nothing could be written, in s, of those that made the loop wait; else 0."""
@@ -245,12 +253,9 @@ class LogWriter:
         if self._stream.closed:
             return
         self._items.append(item)
-        while self._is_behind() and self._thread.is_alive():
+        while len(self._items) > MOST_ITEMS and self._thread.is_alive():
             self._has_room.clear()
             self._has_room.wait(WAKE_S)
-
-    def _is_behind(self) -> bool:
-        return len(self._items) > MOST_ITEMS or stopwatch_ns() - self._alive_ns > LONGEST_PAUSE_NS
 
     def _wait_for_pictures(self) -> None:
         while not self._picture_room.acquire(timeout=WAKE_S):

@@ -178,6 +178,7 @@ class Executive:
                     self._check_health(now_ns)
                 work_ns = stopwatch_ns() - woke_ns
                 self._log.write_json(CYCLE, now_ns, {"late_ns": late_ns, "work_ns": work_ns})
+                self._log.wait_while_disk_hangs()
                 result.cycles += 1
                 if self._operator is not None:
                     self._operator.show(

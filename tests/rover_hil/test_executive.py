@@ -157,3 +157,15 @@ def test_a_device_in_a_role_that_is_given_up_ends_the_run(bench: Bench) -> None:
     assert result.end is End.DEVICE_FAILED
     assert result.reason == "device 'imu' has failed: unplugged"
     assert result.cycles < 200
+
+
+def test_the_loop_asks_the_log_between_two_cycles_whether_the_disk_hangs(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent_before: list[int] = []
+    monkeypatch.setattr(
+        bench.log, "wait_while_disk_hangs", lambda: sent_before.append(len(bench.wheels.sent))
+    )
+    result = bench.executive.run(0.1)
+    assert len(sent_before) == result.cycles > 3
+    assert all(count % len(SET_POINTS) == 0 for count in sent_before)
