@@ -58,6 +58,38 @@ def test_a_time_chosen_on_one_chart_is_shown_on_all_and_on_the_path(page: Path) 
         browser.wait(lambda: entry.get_attribute("aria-pressed") == "false", "the curve is not hidden")
 
 
+def test_on_a_phone_two_fingers_zoom_and_one_moves(page: Path) -> None:
+    with Page(page.as_uri()) as browser:
+        driver = browser.driver
+        phone = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", phone)
+        driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+        canvas = driver.find_elements("css selector", "#viewer canvas")[2]
+        driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", canvas)
+        middle_y = driver.execute_script(
+            "const box = arguments[0].getBoundingClientRect(); return box.top + box.height / 2", canvas
+        )
+
+        def touch(kind: str, *places_x: float) -> None:
+            points = [{"x": x, "y": middle_y, "id": number} for number, x in enumerate(places_x)]
+            driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+        whole_s = driver.execute_script("return span[1] - span[0]")
+        touch("touchStart", 180.0, 240.0)
+        for step in range(1, 7):
+            touch("touchMove", 180.0 - 10 * step, 240.0 + 10 * step)
+        touch("touchEnd")
+        first_s, last_s = driver.execute_script("return span")
+        assert last_s - first_s == pytest.approx(whole_s * 60 / 180, rel=0.1)
+        touch("touchStart", 200.0)
+        for step in range(1, 7):
+            touch("touchMove", 200.0 - 10 * step)
+        touch("touchEnd")
+        moved = driver.execute_script("return span")
+        assert moved[0] > first_s + 0.05 * whole_s
+        assert moved[1] - moved[0] == pytest.approx(last_s - first_s)
+
+
 @pytest.mark.parametrize(("scheme", "is_dark"), [("light", False), ("dark", True)])
 def test_the_page_is_light_or_dark_and_fits_a_phone(page: Path, scheme: str, is_dark: bool) -> None:
     with Page(page.as_uri()) as browser:
