@@ -16,8 +16,10 @@ import math
 import os
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from typer.testing import CliRunner
@@ -40,6 +42,7 @@ ROW_MS = 20
 LEG_S, CHANGE_S, DURATION_S = 4.0, 0.5, 24.0
 POSE_NOISE_M, POSE_NOISE_RAD, GYRO_NOISE_RAD_S = 0.0003, 0.0005, 0.002
 START_NS = 1_000_000_000
+HEADER = "| truth | verdict | root mean square on locked runs, before and after |\n|---|---|---|"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +70,7 @@ class Hidden:
 TRUTHS = (
     Hidden(name="none"),
     Hidden(name="rolling_resistance", drag=0.06),
+    Hidden(name="rolling_resistance", drag=0.3),
     Hidden(name="contact_stiffness", stiffness=0.5),
     Hidden(name="contact_stiffness", stiffness=0.2),
     Hidden(name="steering_offset", offset_deg=3.0),
@@ -178,20 +182,26 @@ def write_drive(path: Path, config: Config, hidden: Hidden, rng: np.random.Gener
                 log.samples(t_ns, [*samples, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=rate)])
 
 
-def verdict_on(hidden: Hidden, drives: int, seed: int) -> dict[str, object]:
+def verdict_on(hidden: Hidden, drives: int, seed: int) -> dict[str, Any]:
     """Return the verdict on drives of one truth."""
     config, rng = configuration(), np.random.default_rng(seed)
+    text = (ROOT / CONFIG).read_text("utf-8")
+    site = f'site = {{ floor = "{FLOOR}", roughness = 0.0 }}'
+    text = text.replace('site = "floor_table"', site)
+    return verdict_of(text, lambda path: write_drive(path, config, hidden, rng), drives)
+
+
+def verdict_of(config_text: str, write: Callable[[Path], None], drives: int) -> dict[str, Any]:
+    """Return the verdict of `rover-hil gap --config` on drives that `write` writes as logs."""
     with tempfile.TemporaryDirectory() as folder:
         runs, out, file = Path(folder) / "runs", Path(folder) / "gap", Path(folder) / "rover.toml"
         for number in range(drives):
-            write_drive(runs / str(number) / "run.mcap", config, hidden, rng)
-        text = (ROOT / CONFIG).read_text("utf-8")
-        site = f'site = {{ floor = "{FLOOR}", roughness = 0.0 }}'
-        file.write_text(text.replace('site = "floor_table"', site), "utf-8")
+            write(runs / str(number) / "run.mcap")
+        file.write_text(config_text, "utf-8")
         found = CliRunner().invoke(app, ["gap", "--config", str(file), str(runs), "--out", str(out)])
         if not (out / "verdict.json").exists():
             raise SystemExit(f"gap failed: {found.output}{found.exception}")
-        verdict: dict[str, object] = json.loads((out / "verdict.json").read_text("utf-8"))
+        verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text("utf-8"))
     return verdict
 
 
@@ -206,31 +216,26 @@ def main() -> int:
     arguments = parser.parse_args()
     os.chdir(ROOT)
     is_right = True
-    print(
-        "| truth | verdict | root mean square on locked runs, before and after |\n|---|---|---|", flush=True
-    )
+    print(HEADER, flush=True)
     for hidden in TRUTHS:
         if arguments.only in (None, hidden.name):
             verdict = verdict_on(hidden, arguments.drives, arguments.seed)
-            effects = verdict["effects"]
-            assert isinstance(effects, list)
-            names = [one["name"] for one in effects]
+            names = [one["name"] for one in verdict["effects"]]
             is_right &= names == ([] if hidden.name == "none" else [hidden.name])
-            print(_row(hidden, verdict), flush=True)
+            print(row(f"{hidden.name} {hidden.size}", verdict), flush=True)
     return 0 if is_right else 1
 
 
-def _row(hidden: Hidden, verdict: dict[str, object]) -> str:
-    effects, gap = verdict["effects"], verdict["gap"]
-    assert isinstance(effects, list)
-    assert isinstance(gap, dict)
+def row(truth: str, verdict: dict[str, Any]) -> str:
+    """Return a row of the table."""
     named = "; ".join(
         f"{one['name']} "
         + ", ".join(f"{name} {number['value']:.3g}" for name, number in one["parameters"].items())
-        for one in effects
+        for one in verdict["effects"]
     )
-    errors = "; ".join(f"{name} {one['before']:.3g}, {one['after']:.3g}" for name, one in gap.items())
-    return f"| {hidden.name} {hidden.size} | {verdict['verdict']} {named} | {errors} |"
+    gap = verdict["gap"].items()
+    errors = "; ".join(f"{name} {one['before']:.3g}, {one['after']:.3g}" for name, one in gap)
+    return f"| {truth} | {verdict['verdict']} {named} | {errors} |"
 
 
 if __name__ == "__main__":

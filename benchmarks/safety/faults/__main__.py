@@ -10,7 +10,6 @@ sense in real time, over pseudo-terminals and slcan. Exit code 1 where a bar is 
 import argparse
 import json
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -18,10 +17,9 @@ from rich.console import Console
 
 from benchmarks.cluster_option import add_cluster_option
 from benchmarks.safety.faults.cases import Case, all_cases
-from benchmarks.safety.faults.measures import Row, add_truth, check_replay, judge, read_story
+from benchmarks.safety.faults.measures import Row, measure
 from benchmarks.safety.faults.process_cases import real_time_cases
 from benchmarks.safety.faults.processes import measure_processes
-from benchmarks.safety.faults.runs import rover_config, run_case
 from rover_hil.parallel.executor import open_executor
 
 COLUMNS = (
@@ -29,19 +27,6 @@ COLUMNS = (
     "error deg | NEES then | NEES later | sigma m | sigma deg | unseen m | added/unseen | unseen deg | "
     "added/unseen | outcome | replay | verdict | message"
 )
-
-
-def measure(title: str) -> Row:
-    """Run the case with this title on simulated time; return its row."""
-    case = next(case for case in all_cases() if case.title == title)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "run.mcap"
-        _, window = run_case(case, path)
-        story = read_story(path, case.device)
-        add_truth(story)
-        row = judge(case, story, rover_config(case), window.begin_ns)
-        check_replay(row, path)
-    return row
 
 
 def markdown(rows: Sequence[Row]) -> str:

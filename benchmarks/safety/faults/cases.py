@@ -26,11 +26,13 @@ from benchmarks.safety.faults.injection import (
     flood,
     frozen,
     frozen_with_new_stamps,
+    hunting,
     late,
     mirrored,
     old_stamps,
     silence,
     stall,
+    turned,
     with_old_stamp,
 )
 from benchmarks.safety.faults.wires import (
@@ -297,6 +299,8 @@ def _cameras() -> Iterator[Case]:
         "old stamps": lambda _: Painted(with_old_stamp),
         "garbage": lambda rng: Painted(Noise(rng)),
         "mirrored": lambda _: Painted(mirrored),
+        "turned 10 deg": lambda _: Painted(turned),
+        "exposure hunts": lambda _: Painted(hunting),
     }
     common = {"rover": "el-dorado", "device": "camera", "duty": Duty.HONEST, "duration_s": 2.0}
     yield Case(fault="unplug", is_unplug=True, **common)  # type: ignore[arg-type]

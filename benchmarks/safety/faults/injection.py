@@ -1,9 +1,11 @@
 """Faults between emulator and driver: of single payloads, of their numbers, of the plug."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol
 
+import cv2
 import numpy as np
 
 from benchmarks.safety.faults.wires import Change, Reading, Wire
@@ -297,6 +299,21 @@ def with_old_stamp(first: CameraImage, present: CameraImage) -> CameraImage:
 def mirrored(first: CameraImage, present: CameraImage) -> CameraImage:
     """Return the frame with left and right exchanged: a camera that is mounted the wrong way."""
     return CameraImage(np.ascontiguousarray(present.image[:, ::-1]), present.t_capture_ns)
+
+
+def turned(first: CameraImage, present: CameraImage) -> CameraImage:
+    """Return the frame turned by 10 degrees about its centre: a camera that has slipped in its mount."""
+    height, width = present.image.shape[:2]
+    turn = cv2.getRotationMatrix2D((0.5 * width, 0.5 * height), 10.0, 1.0)
+    image = np.asarray(cv2.warpAffine(present.image, turn, (width, height)), np.uint8)
+    return CameraImage(image, present.t_capture_ns)
+
+
+def hunting(first: CameraImage, present: CameraImage) -> CameraImage:
+    """Return the frame with an exposure that swings between a third and three times every 0.8 s."""
+    at_s = (present.t_capture_ns or 0) / NANOSECONDS_PER_SECOND
+    gain = 3.0 ** math.sin(math.tau * at_s / 0.8)
+    return CameraImage(np.clip(gain * present.image, 0.0, 255.0).astype(np.uint8), present.t_capture_ns)
 
 
 @dataclass(slots=True)

@@ -4,6 +4,7 @@ The truth is the plant's. Only the log is read, never a filter or a rule.
 """
 
 import math
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
@@ -13,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.safety.faults.cases import FOR_EVER_S, Case, Duty
-from benchmarks.safety.faults.runs import WATCHED_S
+from benchmarks.safety.faults.cases import FOR_EVER_S, Case, Duty, all_cases
+from benchmarks.safety.faults.runs import WATCHED_S, rover_config, run_case
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds
 from drivers.errors import LogError
@@ -182,6 +183,22 @@ def add_truth(story: Story) -> None:
     poses = zip(*(np.interp(at_ns, t_ns, column) for column in columns), strict=True)
     for moment, (x, y, yaw) in zip(story.moments, poses, strict=True):
         moment.truth = (float(x), float(y), float(yaw))
+
+
+def measure(title: str) -> Row:
+    """Run the case with this title on simulated time; return its row.
+
+    A worker process finds it here: it cannot import the module of the command.
+    """
+    case = next(case for case in all_cases() if case.title == title)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        _, window = run_case(case, path)
+        story = read_story(path, case.device)
+        add_truth(story)
+        row = judge(case, story, rover_config(case), window.begin_ns)
+        check_replay(row, path)
+    return row
 
 
 def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "virtual") -> Row:
