@@ -18,6 +18,7 @@ from benchmarks.gap_machines.models import MODELS
 from benchmarks.gap_machines.record import Record, judge_case
 from benchmarks.gap_machines.summary import print_summary, read_records
 from rover_hil.parallel.executor import open_executor
+from tests.nature.machines.make import SHARES, kind_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         (family, number)
         for number in range(options.first, options.first + options.cases)
         for family in options.families.split(",")
-        if (family, number) not in done
+        if (family, number) not in done and options.kind in ("", kind_of(family, number))
     ]
     options.results.parent.mkdir(parents=True, exist_ok=True)
     with options.results.open("a", encoding="utf-8") as file:
@@ -62,6 +63,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="number of the first case of each family")
     parser.add_argument("--cases", type=int, default=10, help="cases of each family")
     parser.add_argument("--families", default=",".join(MODELS), help="separated by commas")
+    parser.add_argument("--kind", default="", choices=("", *SHARES), help="only cases of one kind")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--version", default="", help="of the code; by default the commit")
     add_cluster_option(parser)

@@ -1,11 +1,13 @@
 """The table of a file of results."""
 
+import itertools
 import json
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.gap_machines.record import Record
+from benchmarks.gap_machines.truth import mentioned, variables
 
 NAMED = ("NAMED", "NAMED_SET", "PARTLY_NAMED")
 LEAST_SNR = 3.0
@@ -55,6 +57,7 @@ def _rows(records: Sequence[Record]) -> list[tuple[str, str]]:
         ("outside or broad, refit >= 3: UNNAMED", _share(unknown, _is_unnamed)),
         ("outside or broad, refit >= 3: draft form", _share(unknown, _has_draft)),
         ("outside, refit >= 3: draft in right variable", _share(_of(unknown, "outside"), _is_right_draft)),
+        ("... in exactly its variables", _share(_of(unknown, "outside"), _is_exact_draft)),
         ("single, snr >= 3: coverage of sizes", _share(sizes, lambda one: one["is_covered"])),
         ("single, snr >= 3: median error of size", _median([one["error"] for one in sizes])),
         ("single, snr >= 3: median interval / size", _median([one["width"] for one in sizes])),
@@ -123,8 +126,18 @@ def _has_draft(record: Record) -> bool:
 
 def _is_right_draft(record: Record) -> bool:
     """Return True where a draft mentions every variable of the hidden term."""
-    texts = [str(one.get("term", "")) for one in record["draft"]]
-    return any(all(name in text for name in term["variables"]) for term in record["terms"] for text in texts)
+    return any(hidden <= found for hidden, found in _hidden_and_found(record))
+
+
+def _is_exact_draft(record: Record) -> bool:
+    """Return True where a draft mentions every variable of the hidden term, and no other."""
+    return any(hidden == found for hidden, found in _hidden_and_found(record))
+
+
+def _hidden_and_found(record: Record) -> Iterator[tuple[set[str], set[str]]]:
+    hidden = [variables(term["variables"]) for term in record["terms"]]
+    found = [mentioned(record["family"], str(one["term"])) for one in record["draft"]]
+    return itertools.product(hidden, found)
 
 
 def _sizes(record: Record) -> Iterator[Record]:

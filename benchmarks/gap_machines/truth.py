@@ -1,7 +1,9 @@
 """What the hidden effects are called in the models, and their parameters there."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 
+from benchmarks.gap_machines.models import MODELS
 from tests.nature.machines.case import Case
 
 Cards = Mapping[str, Mapping[str, float]]
@@ -22,6 +24,9 @@ FIRST_PARAMETERS = {
     "gain_error": ("share", "gain_error"),
 }
 """Effects with one size: its name on the card, and how its name begins in the truth."""
+
+STATES = {"load_angle_rad": "motor_angle_rad"}
+"""Variables of the truth that have another name among the states of the models, up to a factor."""
 
 
 def hidden_cards(case: Case) -> dict[str, dict[str, float]]:
@@ -57,3 +62,14 @@ def _cards(name: str, values: Mapping[str, float]) -> dict[str, dict[str, float]
         limit = next(value for key, value in values.items() if key.startswith(("rim", "limit")))
         return {name: {"limit": limit, "share": 1.0}}
     raise KeyError(name)
+
+
+def variables(names: Iterable[str]) -> set[str]:
+    """Return variables of the truth as states and inputs of the models."""
+    return {STATES.get(name, name) for name in names}
+
+
+def mentioned(family: str, equation: str) -> set[str]:
+    """Return the states and inputs in the equation of a draft."""
+    model = MODELS[family]()
+    return set(re.findall(r"\w+", equation.partition("+= c")[2])) & {*model.states, *model.inputs}

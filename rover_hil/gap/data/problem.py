@@ -24,6 +24,8 @@ Indices: TypeAlias = NDArray[np.intp]
 Key: TypeAlias = tuple[str, str]
 """Effect ("" for the base model) and parameter."""
 Point: TypeAlias = Mapping[Key, float]
+LARGEST = 1e150
+"""Derivatives from here on are those of a machine that runs away; they cannot be squared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -325,8 +327,11 @@ class DerivativeRequest:
         columns = np.zeros((observations.values.size, len(self._free)))
         for index, item in enumerate(self._free):
             place = 2 * self._order[_shared_name(item.key)]
-            change = (rows[place + 1] - rows[place]) / self._widths[index]
-            here = np.isfinite(change) & (self._problem.rows_of(item.key) if run_of(item.key) else True)
+            with np.errstate(over="ignore", invalid="ignore"):  # of a machine that runs away
+                change = (rows[place + 1] - rows[place]) / self._widths[index]
+            here = (np.abs(change) < LARGEST) & (
+                self._problem.rows_of(item.key) if run_of(item.key) else True
+            )
             columns[here, index] = change[here]
         return columns
 

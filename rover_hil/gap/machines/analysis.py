@@ -8,9 +8,10 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.descent import residual_of
+from rover_hil.gap.machines.drafts import DraftTerm, find_drafts
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
 from rover_hil.gap.machines.first_answer import first_answer
-from rover_hil.gap.machines.free_terms import DraftTerm, FittedTerm, free_terms, search_terms, strength_of
+from rover_hil.gap.machines.free_terms import FittedTerm, free_terms, search_terms, strength_of
 from rover_hil.gap.machines.gap_tests import gap_p
 from rover_hil.gap.machines.holdout import Holdout, hold_out
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
@@ -145,7 +146,7 @@ def analyse_machine(
     findings = _followed(findings, fits)
     if findings.p_remaining <= MACHINES.tests.alpha:
         advance("searching a missing term")
-        findings = _with_drafts(findings)
+        findings = _with_drafts(findings, locked)
     return findings
 
 
@@ -228,34 +229,14 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     return replace(findings, tracked=tracked, other_weighting=moved)
 
 
-def _with_drafts(findings: MachineFindings) -> MachineFindings:
+def _with_drafts(findings: MachineFindings, locked: Sequence[Run]) -> MachineFindings:
     """Add the free-form terms that explain what is left."""
     machine = findings.machine
     if not _has_ports(machine):
         return findings
-    terms = free_terms(machine, findings.problem, findings.best)
-    found = [
-        one for one in search_terms(machine, findings.problem, terms, findings.best) if not one.objection
-    ]
-    drafts = found[: MACHINES.terms.most_drafts]
+    found = find_drafts(machine, findings.problem, locked, findings.best)
     return replace(
         findings,
-        drafts=tuple(_draft(machine, one) for one in drafts),
-        unlisted=(*findings.unlisted, *_with_terms(machine, drafts)),
-    )
-
-
-def _draft(machine: StateModel, found: FittedTerm) -> DraftTerm:
-    name, coefficient = strength_of(machine, found.term)
-    size = size_of(found.fit, (name, coefficient.name))
-    return DraftTerm(
-        equation=name,
-        port=found.term.effect.port,
-        coefficient=size.value,
-        low=size.low,
-        high=size.high,
-        unit=coefficient.unit,
-        code=found.term.code,
-        closest=found.closest,
-        cosine=found.cosine,
+        drafts=tuple(draft for draft, _ in found),
+        unlisted=(*findings.unlisted, *_with_terms(machine, [term for _, term in found])),
     )

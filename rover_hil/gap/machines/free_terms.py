@@ -13,38 +13,11 @@ from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import MachineSearch, best_shapes, score_effects
 from rover_hil.gap.statistics.score import Score, cosine, one_sided_z
 from sim_backends.models.interface import Array, Parameter
-from sim_backends.state_model.effects.terms import FORMS, product, term, threshold
+from sim_backends.state_model.effects.terms import FORMS, MINUS, product, term, threshold
 from sim_backends.state_model.model import StateModel
 from sim_backends.state_model.port_effect import PortEffect
 
 STILL = 1e-9
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DraftTerm:
-    """A term that is missing in the equations.
-
-    Attributes:
-        equation: As text, its coefficient called c.
-        port: Where it is added.
-        coefficient: Fitted.
-        low: Lower end of the 95 % interval.
-        high: Upper end.
-        unit: Of the coefficient.
-        code: Line that adds it to a model as an effect.
-        closest: The most similar effect of the model; empty where it has none.
-        cosine: Their similarity, 0..1, in what they change and the base parameters do not.
-    """
-
-    equation: str
-    port: str
-    coefficient: float
-    low: float
-    high: float
-    unit: str
-    code: str
-    closest: str
-    cosine: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,29 +47,37 @@ class FittedTerm:
     cosine: float
 
 
-def free_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[FreeTerm]:
+def free_terms(
+    machine: StateModel, problem: Problem, at: MachineFit, *, is_wide: bool = False
+) -> list[FreeTerm]:
     """Return the candidates: every form of every state and input at every port, and products of two.
 
     Args:
         machine: The model.
         problem: Its runs.
         at: Fit whose trajectories give the usual size of each source.
+        is_wide: Also differences of two in the same unit, and products with a square or a cube.
     """
-    series = machine.trajectories(problem.sites, *split_point(at.fit.point))
-    sources = {
-        name: np.concatenate([one[name] for one in series]) for name in (*machine.states, *machine.inputs)
-    }
-    sources = {name: values for name, values in sources.items() if _moves(values)}
+    sources = usual_sources(machine, problem, at)
+    products: list[tuple[str, ...]] = list(itertools.combinations(sources, 2))
+    if is_wide:
+        units = {**machine.states, **machine.inputs}
+        for one, other in itertools.combinations(list(sources), 2):
+            values = sources[one] - sources[other]
+            if units[one] == units[other] and _moves(values):
+                sources[f"{one} - {other}"] = values
+        products = _wide_products(list(sources))
     found: list[FreeTerm] = []
     for port in machine.ports:
         for name, values in sources.items():
             found += _of_source(port.name, port.force_sd, name, values)
-        for one, other in itertools.combinations(sources, 2):
-            size = port.force_sd / max(rms(sources[one] * sources[other]), 1e-300)
+        for chosen in products:
+            size = port.force_sd / max(rms(np.prod([sources[one] for one in chosen], axis=0)), 1e-300)
+            text = ", ".join(f'"{one}"' for one in chosen)
             found.append(
                 FreeTerm(
-                    effect=product(port.name, sources=(one, other), size=size),
-                    code=f'effects.product("{port.name}", sources=("{one}", "{other}"), size={size:.3g})',
+                    effect=product(port.name, sources=chosen, size=size),
+                    code=f'effects.product("{port.name}", sources=({text}), size={size:.3g})',
                 )
             )
     unique: dict[str, FreeTerm] = {}
@@ -104,6 +85,29 @@ def free_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[Fr
         # Every source has the same constant.
         unique.setdefault(strength_of(machine, candidate)[0], candidate)
     return list(unique.values())
+
+
+def usual_sources(machine: StateModel, problem: Problem, at: MachineFit) -> dict[str, Array]:
+    """Return all values of each state and input that moves, in the runs at a fit."""
+    series = machine.trajectories(problem.sites, *split_point(at.fit.point))
+    found = {
+        name: np.concatenate([one[name] for one in series]) for name in (*machine.states, *machine.inputs)
+    }
+    return {name: values for name, values in found.items() if _moves(values)}
+
+
+def _wide_products(sources: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return the products of two sources that have no state or input in common, with powers up to 3."""
+    pairs = [
+        (one, other)
+        for one, other in itertools.combinations(sources, 2)
+        if not set(one.split(MINUS)) & set(other.split(MINUS))
+    ]
+    return [
+        (one,) * power + (other,) * other_power
+        for one, other in pairs
+        for power, other_power in ((1, 1), (1, 2), (2, 1), (1, 3), (3, 1))
+    ]
 
 
 def _of_source(port: str, force_sd: float, name: str, values: Array) -> list[FreeTerm]:

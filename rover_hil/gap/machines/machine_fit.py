@@ -266,16 +266,15 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner:
         declared_sd: Declared noise by channel.
         owner: Number of the run, or of the unit under test, of each row with a value.
     """
-    shared = [index for index, item in enumerate(found.free) if not run_of(item.key)]
-    runs = np.unique(owner)
-    parts = [_without_own(found, owner == run, shared) for run in runs]
+    shared = shared_parameters(found)
+    runs, parts = zip(*parts_of_runs(found, owner), strict=True)
     normal = np.eye(len(shared)) + sum(matrix.T @ matrix for _, matrix, _ in parts)
     # Derivatives of very different size leave rounding errors in the normal matrix.
     normal += np.diag(np.full(len(shared), RIDGE * float(np.diag(normal).max(initial=1.0))))
     covariance = np.linalg.inv(normal)
     scale = (noise.channel_sd / declared_sd)[noise.channel]
     # A bound that holds a parameter with all runs holds it without one of them too.
-    is_free = np.array([not _is_held(found, index) for index in shared], dtype=np.float64)
+    is_free = 1.0 - held_parameters(found)
     moved, squares, informed = [], [], []
     for run, (error, matrix, rows) in zip(runs, parts, strict=True):
         without = normal - MACHINES.fit.left_out * matrix.T @ matrix
@@ -293,6 +292,30 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner:
         informed=np.array(informed),
         keys=tuple(found.free[index].key for index in shared),
     )
+
+
+def shared_parameters(found: Fit) -> list[int]:
+    """Return the places of the parameters of all runs."""
+    return [index for index, item in enumerate(found.free) if not run_of(item.key)]
+
+
+def held_parameters(found: Fit) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+    """Return which parameters of all runs a bound keeps from a better value."""
+    return np.array([_is_held(found, index) for index in shared_parameters(found)], dtype=np.bool_)
+
+
+def parts_of_runs(found: Fit, owner: Indices) -> list[tuple[int, tuple[Array, Array, int]]]:
+    """Return each run with its errors and derivatives, without what its own unknowns can absorb.
+
+    Args:
+        found: With derivatives at the fitted point.
+        owner: Number of the run, or of the unit under test, of each row with a value.
+
+    Returns:
+        Number; errors, derivatives by the parameters of all runs, and how many of their rows are samples.
+    """
+    shared = shared_parameters(found)
+    return [(int(run), _without_own(found, owner == run, shared)) for run in np.unique(owner)]
 
 
 def _is_held(found: Fit, index: int) -> bool:

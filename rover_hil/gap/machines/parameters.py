@@ -183,6 +183,11 @@ class HypothesisParameters:
     # Effects to take as explanations where the search accepted none, the best to first order.
     top_scores: int = 3
     least_weight: float = 0.02  # of an explanation
+    # Of a cause in no list: laws that are drawn, besides a random force; the share of these laws that are
+    # powers of a state and not thresholds; the range of exponents. Conventions.
+    laws: int = 12
+    law_powers: float = 0.75
+    law_exponents: tuple[float, float] = (0.2, 4.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

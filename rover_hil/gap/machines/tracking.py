@@ -71,7 +71,7 @@ def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: 
         start: Fitted parameters to begin from.
     """
     point: Point = start
-    basis = _basis(problem, machine, point)
+    basis = basis_of(problem, machine, point)
     width = basis.knots * len(basis.ports)
     forces = tuple(np.zeros(width) for _ in problem.sites)
     here, step = problem, None
@@ -99,7 +99,8 @@ def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: 
     )
 
 
-def _basis(problem: Problem, machine: MachineModel, point: Point) -> ForceBasis:
+def basis_of(problem: Problem, machine: MachineModel, point: Point) -> ForceBasis:
+    """Return the responses of the runs of a machine to forces at its ports, linearised at some parameters."""
     keep = np.flatnonzero(np.isfinite(problem.observations.values)).astype(np.intp)
     scale = 1.0 / declared_noise(problem.observations).row_sd[keep]
     return force_basis(problem, machine, point, keep, scale)
@@ -127,7 +128,7 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
     machine = here.model
     if not isinstance(machine, MachineModel):
         raise AssertionError("a forced machine is a machine")
-    basis = _basis(here, machine, point)
+    basis = basis_of(here, machine, point)
     observations = here.observations
     residual = observations.values - here.predict(point)
     keep = np.flatnonzero(np.isfinite(observations.values)).astype(np.intp)

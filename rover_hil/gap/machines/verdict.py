@@ -47,6 +47,9 @@ def decide_machine(findings: MachineFindings) -> Verdict:
                 "high": one.high,
                 "unit": one.unit,
                 "code": one.code,
+                "force_before": one.force_before,
+                "force_after": one.force_after,
+                "force_unit": one.force_unit,
             }
             for one in findings.drafts
         ],

@@ -1,5 +1,9 @@
-"""Free-form terms of an equation: what a draft of a new effect consists of."""
+"""Free-form terms of an equation: what a draft of a new effect consists of.
 
+A source is a state or an input, or the difference of two in the same unit: `"room - body"`.
+"""
+
+from collections import Counter
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 
@@ -25,13 +29,16 @@ FORMS: Mapping[str, tuple[str, float, Callable[[Array, float], Array]]] = {
 }
 """Form to its text, the power of the unit of its argument, and its value."""
 
+MINUS = " - "
+"""Between the names of a difference."""
+
 
 def term(port: str, *, source: str, form: str, size: float, scale: float, name: str = "") -> PortEffect:
     """Return a term added to the signal at a port.
 
     Args:
         port: The signal.
-        source: State or input that the term depends on.
+        source: State or input that the term depends on, or a difference.
         form: A key of `FORMS`.
         size: Natural size of the coefficient.
         scale: Usual size of the source, in its unit.
@@ -41,11 +48,12 @@ def term(port: str, *, source: str, form: str, size: float, scale: float, name: 
     text, order, function = FORMS[form]
 
     def build(units: Mapping[str, str]) -> EffectCard:
-        unit = units[source]
+        unit = _unit(units, source)
         below = "1" if order == 0 else unit if order == 1 else f"({unit})^{order:g}"
+        formula = text.format(x=_text(source)).replace("|(", "|").replace(")|", "|")
         return card(
-            name or f"{port} += c {text.format(x=source)}",
-            f"A term {text.format(x=source)} is missing in {port}.",
+            name or f"{port} += c {formula}",
+            f"A term {formula} is missing in {port}.",
             port,
             (strength("coefficient", per(units[port], below), size, is_signed=True),),
             (),
@@ -54,10 +62,10 @@ def term(port: str, *, source: str, form: str, size: float, scale: float, name: 
         )
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        changed: Array = value + v.coefficient * function(state(x, source), scale)
+        changed: Array = value + v.coefficient * function(_value(x, source), scale)
         return changed
 
-    return PortEffect(port=port, build=build, change=change, states=(source,))
+    return PortEffect(port=port, build=build, change=change, states=_names(source))
 
 
 def threshold(port: str, *, source: str, place: float, size: float, name: str = "") -> PortEffect:
@@ -67,46 +75,75 @@ def threshold(port: str, *, source: str, place: float, size: float, name: str = 
     def build(units: Mapping[str, str]) -> EffectCard:
         above = ">" if place > 0.0 else "<"
         return card(
-            name or f"{port} += c max({source} {above} {place:.3g})",
-            f"A term beyond {source} {above} {place:.3g} {units[source]} is missing in {port}.",
+            name or f"{port} += c max({_text(source)} {above} {place:.3g})",
+            f"A term beyond {_text(source)} {above} {place:.3g} {_unit(units, source)} is missing in {port}.",
             port,
-            (strength("coefficient", per(units[port], units[source]), size, is_signed=True),),
+            (strength("coefficient", per(units[port], _unit(units, source)), size, is_signed=True),),
             (),
             "",
             "residual of the runs",
         )
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        source_value = state(x, source) - place
+        source_value = _value(x, source) - place
         beyond = np.maximum(source_value, 0.0) if place > 0.0 else np.minimum(source_value, 0.0)
         changed: Array = value + v.coefficient * beyond
         return changed
 
-    return PortEffect(port=port, build=build, change=change, states=(source,))
+    return PortEffect(port=port, build=build, change=change, states=_names(source))
 
 
-def product(port: str, *, sources: tuple[str, str], size: float, name: str = "") -> PortEffect:
-    """Return a product of two states or inputs added to the signal at a port; see `term`."""
+def product(port: str, *, sources: tuple[str, ...], size: float, name: str = "") -> PortEffect:
+    """Return a product of sources added to the signal at a port; see `term`. A source may appear again."""
     require_positive(f"effect {name or 'product'}", size=size)
-    one, other = sources
+    powers = Counter(sources)
+    text = " ".join(_power(_text(one), power) for one, power in powers.items())
 
     def build(units: Mapping[str, str]) -> EffectCard:
+        below = " ".join(
+            _power(_unit(units, one) if power == 1 else f"({_unit(units, one)})", power)
+            for one, power in powers.items()
+        )
         return card(
-            name or f"{port} += c {one} {other}",
-            f"A term {one} {other} is missing in {port}.",
+            name or f"{port} += c {text}",
+            f"A term {text} is missing in {port}.",
             port,
-            (
-                strength(
-                    "coefficient", per(units[port], f"{units[one]} {units[other]}"), size, is_signed=True
-                ),
-            ),
+            (strength("coefficient", per(units[port], below), size, is_signed=True),),
             (),
             "",
             "residual of the runs",
         )
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        changed: Array = value + v.coefficient * state(x, one) * state(x, other)
-        return changed
+        changed: Array = v.coefficient * _value(x, sources[0])
+        for one in sources[1:]:
+            changed = changed * _value(x, one)
+        return value + changed
 
-    return PortEffect(port=port, build=build, change=change, states=sources)
+    return PortEffect(
+        port=port, build=build, change=change, states=tuple(name for one in powers for name in _names(one))
+    )
+
+
+def _names(source: str) -> tuple[str, ...]:
+    return tuple(source.split(MINUS))
+
+
+def _value(x: SimpleNamespace, source: str) -> Array:
+    one, *others = _names(source)
+    value = state(x, one)
+    for other in others:
+        value = value - state(x, other)
+    return value
+
+
+def _unit(units: Mapping[str, str], source: str) -> str:
+    return units[_names(source)[0]]
+
+
+def _text(source: str) -> str:
+    return f"({source})" if MINUS in source else source
+
+
+def _power(text: str, power: int) -> str:
+    return text if power == 1 else f"{text}^{power}"

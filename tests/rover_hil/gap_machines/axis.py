@@ -17,6 +17,7 @@ def measured_runs(
     samples: int = 150,
     dry: float = 0.0,
     cube: float = 0.0,
+    wear: float = 0.0,
     disturbance: float = 0.0,
     seed: int = SEED,
 ) -> list[Run]:
@@ -27,6 +28,7 @@ def measured_runs(
         samples: Of each run.
         dry: Level of a friction that sticks, rad/s^2.
         cube: Coefficient of a drag with the cube of speed, 1/(rad^2 s).
+        wear: Coefficient of a drag with speed times the square of the voltage, 1/(V^2 s).
         disturbance: Size of a slow random force that differs between runs, rad/s^2.
         seed: Of inputs, starts and noise.
     """
@@ -36,7 +38,7 @@ def measured_runs(
         voltage = np.repeat(rng.uniform(-6.0, 6.0, samples // 25 + 1), 25)[:samples]
         start = float(rng.normal(0.0, 2.0))
         force = _slow(rng, samples) * disturbance
-        speed = _simulate(voltage, start, dry, cube, force)
+        speed = _simulate(voltage, start, dry, (cube, wear), force)
         noisy = speed + SENSOR_RAD_S * rng.standard_normal(samples)
         runs.append(
             Run(
@@ -55,14 +57,16 @@ def _slow(rng: np.random.Generator, samples: int) -> Array:
     return values
 
 
-def _simulate(voltage: Array, start: float, dry: float, cube: float, force: Array) -> Array:
+def _simulate(voltage: Array, start: float, dry: float, drags: tuple[float, float], force: Array) -> Array:
     parts = 40
     width_s = STEP_S / parts
+    cube, wear = drags
     speed, found = start, np.empty(voltage.size)
     for sample, volts in enumerate(voltage):
         found[sample] = speed
         for _ in range(parts):
-            push = 8.0 * volts - 4.0 * speed - cube * speed**3 + float(force[sample])
+            drag = (4.0 + cube * speed**2 + wear * volts**2) * speed
+            push = 8.0 * volts - drag + float(force[sample])
             if abs(speed) < 1e-12 and abs(push) <= dry:
                 speed = 0.0
                 continue

@@ -134,10 +134,12 @@ def test_without_a_gap_there_is_no_next_run() -> None:
 def _prediction(mean: float, spread: float = 0.0) -> Prediction:
     return Prediction(
         mean=np.array([mean, 0.0]),
+        slopes=np.zeros((2, 1)),
         shared=np.array([[spread], [0.0]]),
         starts=np.zeros((2, 0)),
         errors=np.zeros((2, 0)),
         excess=1.0,
+        channel=np.zeros(2, dtype=np.intp),
         mean_rows=np.zeros(2),
         sd_rows=np.ones(2),
     )

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from drivers.errors import ConfigError
 from rover_hil.gap import Array, Port, effects
@@ -75,6 +76,17 @@ def test_refining_ends_where_the_error_is_small_and_not_before() -> None:
 def test_a_stiff_model_is_refused_with_advice() -> None:
     with pytest.raises(ConfigError, match=r"32 integration steps per sample are not enough.*stiff"):
         mass(damping=2e5).refined([run_of(WAVE)])
+
+
+def test_a_run_at_a_tipping_point_of_an_effect_is_not_stiff() -> None:
+    # With this ratio of push to cogging the mass comes to rest just on top of the first cog.
+    ratio = brentq(lambda r: r * (np.pi - np.arcsin(r)) - 1.0 - np.sqrt(1.0 - r * r), 0.5, 0.99)
+    model = mass(effects.cogging("force", position="position", period=0.1, size=1.0 / ratio))
+    pushes = (1.0, 0.5, 0.6, 0.4)
+    runs = [run_of(np.full(400, push), name=f"run{index}") for index, push in enumerate(pushes)]
+    with pytest.raises(ConfigError, match="32 integration steps per sample are not enough with cogging"):
+        model.refined(runs[:1])
+    assert 1 <= model.refined(runs).effect_substeps["cogging"] <= 8
 
 
 def test_refining_looks_at_each_effect_by_itself() -> None:

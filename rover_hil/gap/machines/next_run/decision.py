@@ -3,17 +3,21 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from rover_hil.gap.data.problem import Key, predict_points
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
-from rover_hil.gap.machines.next_run.prediction import Planning, Prediction
+from rover_hil.gap.machines.next_run.prediction import Planning, Prediction, clipped
+from rover_hil.gap.machines.next_run.refit import NewRun
 from rover_hil.gap.machines.next_run.rules import Flags, kept_by_search
 from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array
 
 POINTS_AT_ONCE = 100
+Data: TypeAlias = tuple[Array, Array]
+"""Draws x blocks of a new run, and the squared noise inside the blocks of each draw."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,43 +37,105 @@ class Outcome:
     by_hypothesis: tuple[float, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Laws:
+    """Drawn laws that nobody listed, as causes of "something else".
+
+    Attributes:
+        planning: Planned runs under each law.
+        predictions: Of each run, by law.
+    """
+
+    planning: Planning
+    predictions: Sequence[Sequence[Prediction]]
+
+    def draws(self) -> list[int]:
+        """Return how many decisions are simulated with each law."""
+        ends = np.cumsum([0.0, *(one.weight for one in self.planning.hypotheses)]) * MACHINES.decision.draws
+        return [int(one) for one in np.diff(np.round(ends))]
+
+
 def without_run(hypotheses: Sequence[Hypothesis]) -> Outcome:
     """Return the probabilities as they are now."""
-    nothing = np.zeros((len(hypotheses), 1, 0))
-    return _outcome(hypotheses, [nothing for _ in hypotheses], np.zeros(0), room=0.0)
+    now = np.stack([one.fit.left_out.squares for one in hypotheses])[:, None, :]
+    return _outcome(hypotheses, [now for _ in hypotheses], [], room=0.0)
 
 
 def simulate_runs(
-    planning: Planning, predictions: Sequence[Sequence[Prediction]], rng: np.random.Generator
+    planning: Planning,
+    predictions: Sequence[Sequence[Prediction]],
+    laws: Laws | None,
+    rng: np.random.Generator,
 ) -> list[Outcome]:
     """Return the probabilities after each planned run.
 
     An explanation is drawn by its weight, its parameters from their posterior, the unknowns of the run from
-    their prior; the machine is integrated with them; model error and noise are added. The errors of the run
-    under each explanation, linearised, decide with those of the measured runs by the rules of the search.
+    their prior; the machine is integrated with them; model error and noise are added. The errors of all runs
+    under each explanation, fitted again by linearisation, decide by the rules of the search.
 
     Args:
         planning: The runs.
         predictions: Of each run, by explanation.
+        laws: Laws that nobody listed, for "something else".
         rng: For the draws.
     """
-    squares: list[list[Array]] = [[] for _ in planning.planned]
-    for index, _ in enumerate(planning.hypotheses):
-        rows = _drawn_rows(planning, index, rng)
-        for site, blocks in enumerate(planning.blocks):
-            prediction = predictions[site][index]
-            means = np.stack([blocks.of(one) for one in rows])
-            means[~np.isfinite(means).all(axis=1)] = prediction.mean
-            errors = rng.standard_normal((len(rows), prediction.errors.shape[1])) @ prediction.errors.T
-            noise = prediction.excess * rng.standard_normal(means.shape)
-            rest = _rest(prediction, len(rows), rng)
-            data = means + errors + noise
-            found = [_left_out_squares(one, data) + rest for one in predictions[site]]
-            squares[site].append(np.stack(found)[..., None])
+    tables: list[list[Array]] = [[] for _ in planning.planned]
+    for index, hypothesis in enumerate(planning.hypotheses):
+        unlisted = laws.draws() if laws is not None and hypothesis.is_else else []
+        count = MACHINES.decision.draws - sum(unlisted)
+        parts = [_integrated(planning, predictions, index, count, rng)] if count else []
+        if laws is not None:
+            parts += [
+                _integrated(laws.planning, laws.predictions, law, draws, rng)
+                for law, draws in enumerate(unlisted)
+                if draws
+            ]
+        for site, by_part in enumerate(zip(*parts, strict=True)):
+            tables[site].append(_table(planning.hypotheses, predictions[site], [_joined(by_part)]))
     return [
-        _outcome(planning.hypotheses, own, np.array([float(some[0].mean_rows.size)]))
-        for own, some in zip(squares, predictions, strict=True)
+        _outcome(planning.hypotheses, own, [float(some[0].mean_rows.size)])
+        for own, some in zip(tables, predictions, strict=True)
     ]
+
+
+def _integrated(
+    planning: Planning,
+    predictions: Sequence[Sequence[Prediction]],
+    index: int,
+    draws: int,
+    rng: np.random.Generator,
+) -> list[Data]:
+    """Return simulated outcomes of each planned run under one explanation."""
+    rows = _drawn_rows(planning, index, draws, rng)
+    found = []
+    for site, blocks in enumerate(planning.blocks):
+        prediction = predictions[site][index]
+        means = np.stack([blocks.of(one) for one in rows])
+        means[~np.isfinite(means).all(axis=1)] = prediction.mean
+        errors = rng.standard_normal((draws, prediction.errors.shape[1])) @ prediction.errors.T
+        noise = prediction.excess * rng.standard_normal(means.shape)
+        found.append((means + errors + noise, _rest(prediction, draws, rng)))
+    return found
+
+
+def _joined(parts: Sequence[Data]) -> Data:
+    return np.concatenate([data for data, _ in parts]), np.concatenate([rest for _, rest in parts])
+
+
+def _table(hypotheses: Sequence[Hypothesis], predictions: Sequence[Prediction], new: Sequence[Data]) -> Array:
+    """Return the squared errors of all runs when they are left out: explanation x draw x run."""
+    found = []
+    for hypothesis, one in zip(hypotheses, predictions, strict=True):
+        runs = [
+            NewRun(
+                errors=clipped(data - one.mean).T, slopes=one.slopes, starts=one.starts, channel=one.channel
+            )
+            for data, _ in new
+        ]
+        squares = hypothesis.refit.squares(runs)
+        squares[:, -len(new) :] += np.stack([rest for _, rest in new], axis=1)
+        found.append(squares)
+    return np.stack(found)
 
 
 def _rest(prediction: Prediction, draws: int, rng: np.random.Generator) -> Array:
@@ -80,29 +146,13 @@ def _rest(prediction: Prediction, draws: int, rng: np.random.Generator) -> Array
     return prediction.excess**2 * rng.chisquare(inside, draws)
 
 
-def _left_out_squares(prediction: Prediction, data: Array) -> Array:
-    """Return the squared errors of a run that is predicted by the others, its own unknowns fitted.
-
-    As in the search, a left-out run keeps a small share of its information.
-    """
-    starts, shared = prediction.starts, prediction.shared
-    root = np.linalg.cholesky(np.eye(prediction.mean.size) + starts @ starts.T)
-    errors = np.linalg.solve(root, (data - prediction.mean).T)
-    known = np.linalg.solve(root, shared)
-    share = 1.0 - MACHINES.fit.left_out
-    inner = np.eye(known.shape[1]) + share * known.T @ known
-    left = errors - known @ np.linalg.solve(inner, share * known.T @ errors)
-    found: Array = np.maximum((left**2).sum(axis=0), 1e-9)
-    return found
-
-
-def _drawn_rows(planning: Planning, index: int, rng: np.random.Generator) -> list[Array]:
+def _drawn_rows(planning: Planning, index: int, draws: int, rng: np.random.Generator) -> list[Array]:
     """Return predictions of all rows with parameters from their posterior."""
     hypothesis, problem = planning.hypotheses[index], planning.problems[index]
     own, begin = planning.own_free(index), planning.points()[index]
     root = np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(hypothesis.shared)))
     points: list[dict[Key, float]] = []
-    for _ in range(MACHINES.decision.draws):
+    for _ in range(draws):
         pulls = hypothesis.pulls + root @ rng.standard_normal(len(hypothesis.shared))
         values = {
             item.key: float(np.clip(item.mean + item.sd * pull, item.lower, item.upper))
@@ -120,25 +170,25 @@ def _drawn_rows(planning: Planning, index: int, rng: np.random.Generator) -> lis
 
 
 def _outcome(
-    hypotheses: Sequence[Hypothesis], squares: Sequence[Array], counts: Array, room: float = 1.0
+    hypotheses: Sequence[Hypothesis], tables: Sequence[Array], counts: Sequence[float], room: float = 1.0
 ) -> Outcome:
     """Return the shares of right and wrong decisions.
 
     Args:
         hypotheses: The explanations.
-        squares: By true explanation: squared errors, explanation x draw x new run.
+        tables: By true explanation: squared errors of all runs, explanation x draw x run.
         counts: Values of each new run.
         room: Right and wrong decisions to add: a share of few draws is never 0 or 1.
     """
+    number = np.concatenate((hypotheses[0].fit.left_out.counts, counts))
+    is_listed = np.array([one.machine is hypotheses[-1].machine for one in hypotheses[:-1]])
     right, wrong, variance = [], 0.0, 0.0
-    for truth, own in enumerate(squares):
-        kept = kept_by_search(hypotheses, own, counts)
+    for truth, own in enumerate(tables):
+        kept = kept_by_search(hypotheses, own, number)
         draws = own.shape[1]
-        alone = kept.is_alone if hypotheses[truth].is_else else np.delete(kept.is_alone, truth, axis=0)
-        is_wrong: Flags = np.asarray(alone.any(axis=0))
-        is_right: Flags = ~kept.is_within_noise if hypotheses[truth].is_else else kept.is_alone[truth]
-        if hypotheses[truth].is_else:
-            is_wrong = is_wrong & kept.is_within_noise
+        others = is_listed & (np.arange(is_listed.size) != truth)
+        is_wrong: Flags = kept.is_alone[others].any(axis=0) & kept.is_whole
+        is_right: Flags = kept.is_alone[truth] if truth < is_listed.size else ~kept.is_whole
         share = (float(is_right.sum()) + room) / (draws + 2.0 * room)
         weight = hypotheses[truth].weight
         right.append(share)
@@ -157,18 +207,36 @@ def simulate_repeats(
     hypotheses: Sequence[Hypothesis],
     predictions: Sequence[Prediction],
     times: int,
+    laws: Sequence[tuple[int, Prediction]],
     rng: np.random.Generator,
 ) -> Outcome:
-    """Return the probabilities after making a run several times, all linearised."""
-    squares = []
-    for truth in predictions:
-        pulls = rng.standard_normal((MACHINES.decision.draws, truth.shared.shape[1])) @ truth.shared.T
-        columns = []
-        for _ in range(times):
-            factor = np.hstack((truth.starts, truth.errors))
-            errors = rng.standard_normal((MACHINES.decision.draws, factor.shape[1])) @ factor.T
-            data = truth.mean + pulls + errors + truth.excess * rng.standard_normal(pulls.shape)
-            rest = _rest(truth, MACHINES.decision.draws, rng)
-            columns.append(np.stack([_left_out_squares(one, data) + rest for one in predictions]))
-        squares.append(np.stack(columns, axis=2))
-    return _outcome(hypotheses, squares, np.full(times, float(predictions[0].mean_rows.size)))
+    """Return the probabilities after making a run several times, all linearised.
+
+    Args:
+        hypotheses: The explanations.
+        predictions: Of the run, by explanation.
+        times: How often it is made.
+        laws: Laws that nobody listed: how many decisions to simulate with each, and its prediction.
+        rng: For the draws.
+    """
+    tables = []
+    for hypothesis, truth in zip(hypotheses, predictions, strict=True):
+        unlisted = laws if hypothesis.is_else else ()
+        count = MACHINES.decision.draws - sum(draws for draws, _ in unlisted)
+        parts = [_linear(truth, count, times, rng)] if count else []
+        parts += [_linear(prediction, draws, times, rng) for draws, prediction in unlisted if draws]
+        runs = [_joined([part[time] for part in parts]) for time in range(times)]
+        tables.append(_table(hypotheses, predictions, runs))
+    return _outcome(hypotheses, tables, [float(predictions[0].mean_rows.size)] * times)
+
+
+def _linear(truth: Prediction, draws: int, times: int, rng: np.random.Generator) -> list[Data]:
+    """Return simulated outcomes of a run that is made several times."""
+    pulls = rng.standard_normal((draws, truth.shared.shape[1])) @ truth.shared.T
+    found = []
+    for _ in range(times):
+        factor = np.hstack((truth.starts, truth.errors))
+        errors = rng.standard_normal((draws, factor.shape[1])) @ factor.T
+        data = truth.mean + pulls + errors + truth.excess * rng.standard_normal(pulls.shape)
+        found.append((data, _rest(truth, draws, rng)))
+    return found

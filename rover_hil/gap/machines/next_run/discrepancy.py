@@ -13,13 +13,12 @@ import numpy as np
 from rover_hil.gap.data.problem import Observations, Point, Problem, cells
 from rover_hil.gap.machines.descent import residual_of
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.tracking import basis_of
 from rover_hil.gap.statistics.random_force import (
     ForceBasis,
-    force_basis,
     prior_covariance,
     random_force_noise,
 )
-from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, MachineModel
 
 
@@ -65,9 +64,7 @@ def measured_basis(problem: Problem, point: Point) -> ForceBasis | None:
     machine = problem.model
     if not isinstance(machine, MachineModel) or not machine.ports:
         return None
-    keep = np.flatnonzero(np.isfinite(problem.observations.values)).astype(np.intp)
-    scale = 1.0 / declared_noise(problem.observations).row_sd[keep]
-    return force_basis(problem, machine, point, keep, scale)
+    return basis_of(problem, machine, point)
 
 
 def _channel_errors(observations: Observations, residual: Array) -> tuple[tuple[float, float], ...]:

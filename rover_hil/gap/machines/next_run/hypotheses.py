@@ -10,6 +10,8 @@ from rover_hil.gap.data.problem import Free, Key, Problem, run_of
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, jackknife_error
 from rover_hil.gap.machines.next_run.discrepancy import Discrepancy, learn_discrepancy, measured_basis
+from rover_hil.gap.machines.next_run.refit import Refit
+from rover_hil.gap.machines.next_run.unlisted_laws import draw_laws
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.jackknife import scatter_of_runs
@@ -39,6 +41,7 @@ class Hypothesis:
         pulls: Their values, in prior deviations.
         covariance: Of the pulls, with the scatter between runs.
         discrepancy: Model error that it leaves.
+        refit: Errors of the measured runs once there are new ones.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Hypothesis:
     pulls: Array
     covariance: Array
     discrepancy: Discrepancy
+    refit: Refit
 
     def point(self) -> dict[Key, float]:
         """Return its parameters without those of single runs."""
@@ -82,6 +86,29 @@ def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypot
     ]
     base = (SOMETHING_ELSE, findings.machine, findings.base)
     return [*found, _hypothesis(findings, base, unknown, basis, is_else=True)], basis
+
+
+def unlisted_of(
+    findings: MachineFindings, basis: ForceBasis | None, rng: np.random.Generator
+) -> list[Hypothesis]:
+    """Return drawn laws that the measured runs do not exclude.
+
+    The sum of their weights is the greatest odds of a law against the best explanation: where a law explains
+    the runs as well, "something else" is a law, and not a force that follows no state.
+
+    Args:
+        findings: Of the machine.
+        basis: Of `hypotheses_of`.
+        rng: For the draws.
+    """
+    best = _named(findings)[0][2]
+    laws = draw_laws(findings, rng)
+    odds = np.array([odds_of(fit, best) for _, _, fit in laws])
+    kept = np.flatnonzero(odds >= MACHINES.hypotheses.least_weight)
+    return [
+        _hypothesis(findings, laws[index], float(odds.max() * odds[index] / odds[kept].sum()), basis)
+        for index in kept
+    ]
 
 
 def _else_weight(answer: Answer) -> float:
@@ -171,6 +198,7 @@ def _hypothesis(
         pulls=pulls,
         covariance=covariance,
         discrepancy=learn_discrepancy(problem, fit.fit.point, basis),
+        refit=Refit(fit, problem.owner[fit.noise.keep]),
     )
 
 

@@ -50,19 +50,23 @@ class Prediction:
 
     Attributes:
         mean: Of each block, in units of its noise.
-        shared: Factor of the covariance by parameters of all runs: blocks x directions.
+        slopes: Derivatives by the parameters of all runs, per prior deviation: blocks x parameters.
+        shared: Factor of the covariance by these parameters: blocks x directions.
         starts: The same by the unknowns of this run.
         errors: The same by the model error.
         excess: Factor on the noise.
+        channel: Of each block.
         mean_rows: Prediction of each row, in the unit of its channel.
         sd_rows: Standard deviation of a reading of each row, in that unit.
     """
 
     mean: Array
+    slopes: Array
     shared: Array
     starts: Array
     errors: Array
     excess: float
+    channel: Indices
     mean_rows: Array
     sd_rows: Array
 
@@ -133,7 +137,8 @@ class Planning:
         mean = problem.predict(point)
         change = problem.derivatives(point, free) * np.array([item.sd for item in free])
         count = len(hypothesis.shared)
-        known = change[:, :count] @ _root(hypothesis.covariance)
+        slopes = change[:, :count]
+        known = slopes @ _root(hypothesis.covariance)
         forces = self._forces(hypothesis, point)
         found = []
         for site, blocks in enumerate(self.blocks):
@@ -143,10 +148,12 @@ class Planning:
             found.append(
                 Prediction(
                     mean=blocks.of(np.nan_to_num(mean)),
-                    shared=_clipped(blocks.of(known)),
-                    starts=_clipped(blocks.of(mine)),
-                    errors=_clipped(np.hstack((blocks.of(forces), _channel_errors(hypothesis, blocks)))),
+                    slopes=clipped(blocks.of(slopes)),
+                    shared=clipped(blocks.of(known)),
+                    starts=clipped(blocks.of(mine)),
+                    errors=clipped(np.hstack((blocks.of(forces), _channel_errors(hypothesis, blocks)))),
                     excess=hypothesis.discrepancy.excess,
+                    channel=blocks.channel,
                     mean_rows=mean[here],
                     sd_rows=self._deviation(hypothesis, columns, site),
                 )
@@ -194,7 +201,7 @@ def _root(covariance: Array) -> Array:
     return np.asarray(np.linalg.cholesky(covariance + 1e-12 * np.eye(covariance.shape[0])))
 
 
-def _clipped(factor: Array) -> Array:
+def clipped(factor: Array) -> Array:
     """Return a factor without numbers whose squares would be lost."""
     found: Array = np.clip(np.nan_to_num(factor), -FAR_NOISES, FAR_NOISES)
     return found

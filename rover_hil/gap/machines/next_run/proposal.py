@@ -10,11 +10,18 @@ import numpy as np
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.next_run.allowed import Allowed
 from rover_hil.gap.machines.next_run.criterion import Separation, separation_of
-from rover_hil.gap.machines.next_run.decision import Outcome, simulate_repeats, simulate_runs, without_run
-from rover_hil.gap.machines.next_run.hypotheses import Hypothesis, hypotheses_of, starts_of
+from rover_hil.gap.machines.next_run.decision import (
+    Laws,
+    Outcome,
+    simulate_repeats,
+    simulate_runs,
+    without_run,
+)
+from rover_hil.gap.machines.next_run.hypotheses import Hypothesis, hypotheses_of, starts_of, unlisted_of
 from rover_hil.gap.machines.next_run.planned import PlannedRun, planned_runs, with_names
 from rover_hil.gap.machines.next_run.prediction import Planning, Prediction
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.statistics.random_force import ForceBasis
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Array
 from sim_backends.state_model.model import StateModel
@@ -44,12 +51,14 @@ class NextRun:
     Attributes:
         planned: What to do.
         predictions: Of each explanation.
+        unlisted: Laws that nobody listed: decisions that were simulated with each, and its prediction.
         separation: Of the explanations.
         outcome: Of the verdict after it.
     """
 
     planned: PlannedRun
     predictions: tuple[Prediction, ...]
+    unlisted: tuple[tuple[int, Prediction], ...]
     separation: Separation
     outcome: Outcome
 
@@ -121,7 +130,9 @@ def propose_run(
     separations = [separation_of(one, weights) for one in predictions]
     chosen = _shortlist(shortened, separations)
     rng = np.random.default_rng(seed)
-    options = _judged(Planning(hypotheses, [shortened[one] for one in chosen], basis), effort, rng)
+    runs = [shortened[one] for one in chosen]
+    laws = _laws(unlisted_of(findings, basis, rng), runs, basis)
+    options = _judged(Planning(hypotheses, runs, basis), laws, effort, rng)
     best, *others = sorted(options, key=_rank, reverse=True)
     repeated = [one for one in others if one.planned.is_repeat][:1]
     more = others[:1] if not others or others[0] in repeated else [*others[:1], *repeated]
@@ -181,21 +192,31 @@ def _shortlist(planned: Sequence[PlannedRun], separations: Sequence[Separation])
     return [*changed, *(index for index in ranked if planned[index].is_repeat)]
 
 
-def _judged(planning: Planning, effort: Effort, rng: np.random.Generator) -> list[NextRun]:
+def _laws(
+    unlisted: Sequence[Hypothesis], planned: Sequence[PlannedRun], basis: ForceBasis | None
+) -> Laws | None:
+    if not unlisted:
+        return None
+    planning = Planning(unlisted, planned, basis)
+    return Laws(planning=planning, predictions=planning.predictions())
+
+
+def _judged(planning: Planning, laws: Laws | None, effort: Effort, rng: np.random.Generator) -> list[NextRun]:
     predictions = planning.predictions()
     weights = [one.weight for one in planning.hypotheses]
     if effort.is_nonlinear:
-        outcomes = simulate_runs(planning, predictions, rng)
+        outcomes = simulate_runs(planning, predictions, laws, rng)
     else:
-        outcomes = [simulate_repeats(planning.hypotheses, own, 1, rng) for own in predictions]
+        outcomes = [simulate_repeats(planning.hypotheses, own, 1, (), rng) for own in predictions]
     return [
         NextRun(
             planned=one,
             predictions=tuple(own),
+            unlisted=() if laws is None else tuple(zip(laws.draws(), laws.predictions[place], strict=True)),
             separation=separation_of(own, weights),
             outcome=outcome,
         )
-        for one, own, outcome in zip(planning.planned, predictions, outcomes, strict=True)
+        for place, (one, own, outcome) in enumerate(zip(planning.planned, predictions, outcomes, strict=True))
     ]
 
 
@@ -206,7 +227,7 @@ def _times(best: NextRun, hypotheses: Sequence[Hypothesis], rng: np.random.Gener
         return 1, best.outcome
     after = best.outcome
     for times in MACHINES.proposal.repeats:
-        after = simulate_repeats(hypotheses, best.predictions, times, rng)
+        after = simulate_repeats(hypotheses, best.predictions, times, best.unlisted, rng)
         if _is_settled(after, weights):
             return times, after
     return 0, after

@@ -1,13 +1,14 @@
 """Which explanations the search would keep, given the squared errors of left-out runs.
 
 The rules compare left-out runs as `MachineSearch` does, for many simulated outcomes of new runs at once.
-They are simpler in four ways:
+They are simpler in five ways:
 
 - The best explanation is the one with the smallest merit; no effects are added, dropped or swapped.
 - The evidence for each effect (its share of the error, agreeing runs, scatter of its strength, bounds) is not
   examined, so that neither the best nor an alternative is rejected by an objection.
 - Alternatives are those of the list only; the search also fits similar effects.
-- Explanations are not fitted again with the new runs: measured runs keep their left-out errors.
+- Explanations are fitted again with the new runs by linearisation only.
+- Closure is that of left-out runs, not of locked ones; the tolerance is the default one, over all channels.
 """
 
 import math
@@ -32,27 +33,23 @@ class Kept:
     Attributes:
         best: Index of the best named explanation.
         is_alone: By named explanation and outcome: only this one is left.
-        is_within_noise: The best leaves only the noise of the sensors.
+        is_whole: The best leaves the noise of the sensors, or closes the gap but for a tolerable rest.
     """
 
     best: NDArray[np.intp]
     is_alone: Flags
-    is_within_noise: Flags
+    is_whole: Flags
 
 
-def kept_by_search(hypotheses: Sequence[Hypothesis], squares: Array, counts: Array) -> Kept:
+def kept_by_search(hypotheses: Sequence[Hypothesis], table: Array, number: Array) -> Kept:
     """Return which explanations would be left with new runs.
 
     Args:
         hypotheses: The explanations; the last, "something else", has the fit without effects.
-        squares: Squared errors of the new runs when they are left out: explanation x outcome x new run.
-        counts: Values of each new run.
+        table: Squared errors of all runs when they are left out: explanation x outcome x run.
+        number: Values of each run.
     """
-    measured = hypotheses[0].fit.left_out.counts
-    outcomes = squares.shape[1]
-    old = np.stack([one.fit.left_out.squares for one in hypotheses])[:, None, :]
-    table = np.concatenate((np.repeat(old, outcomes, axis=1), squares), axis=2)
-    number = np.concatenate((measured, counts))
+    outcomes = table.shape[1]
     merits = np.sum(number * np.log(table / number), axis=2)
     total = float(number.sum())
     within = table.sum(axis=2) <= total * (1.0 + 3.0 * math.sqrt(2.0 / total))
@@ -67,7 +64,26 @@ def kept_by_search(hypotheses: Sequence[Hypothesis], squares: Array, counts: Arr
                 is_as_good = gains[0] >= MACHINES.search.set_share * gains[1]
                 stays |= within[other] | (is_as_good & _are_equal(table[other], table[index], number))
         alone[index] = (best == index) & ~stays
-    return Kept(best=best, is_alone=alone, is_within_noise=within[best, np.arange(outcomes)])
+    each = np.arange(outcomes)
+    excess = np.maximum(table.sum(axis=2) - total, 1e-9)
+    is_closed = 1.0 - excess[best, each] / excess[-1] >= MACHINES.verdict.whole
+    is_whole = within[best, each] | (is_closed & _is_rest_small(table[best, each] / number - 1.0))
+    return Kept(best=best, is_alone=alone, is_whole=is_whole)
+
+
+def _is_rest_small(squares: Array) -> Flags:
+    """Return where the bound of the model error over runs is below the tolerance.
+
+    Args:
+        squares: Squared model errors in units of the sensor noise: outcome x run.
+    """
+    runs = squares.shape[1]
+    if runs < 2:
+        return np.zeros(squares.shape[0], dtype=np.bool_)
+    error = np.std(squares, axis=1, ddof=1) / math.sqrt(runs)
+    upper = squares.mean(axis=1) + float(stats.t.ppf(MACHINES.budget.level, runs - 1)) * error
+    found: Flags = upper <= MACHINES.budget.tolerance**2
+    return found
 
 
 def _are_equal(one: Array, other: Array, counts: Array) -> Flags:

@@ -42,4 +42,8 @@ def draft_text(verdict: Verdict) -> str:
 def _comment(draft: Mapping[str, float | str]) -> str:
     unit = "" if draft["unit"] == "1" else f" {draft['unit']}"
     size = f"c = {draft['coefficient']:.3g}{unit}, 95 % interval {draft['low']:.3g} to {draft['high']:.3g}"
-    return f"{draft['term']}; {size}"
+    force = "" if draft["force_unit"] == "1" else f" {draft['force_unit']}"
+    return (
+        f"{draft['term']}; {size}; force left on the locked runs {draft['force_after']:.3g} of "
+        f"{draft['force_before']:.3g}{force}"
+    )

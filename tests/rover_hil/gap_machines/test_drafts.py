@@ -1,0 +1,62 @@
+"""Drafts of a missing law: the form that is found, and what the locked runs say about it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_hil.gap import Array, effects
+from rover_hil.gap.machines.analysis import MachineFindings, analyse_machine
+from sim_backends.state_model.port_effect import PortEffect
+from tests.rover_hil.gap_machines.axis import axis_model, measured_runs
+
+WEAR = 0.08
+UNITS = {"heat": "W", "body": "degC", "room": "degC", "speed": "m/s"}
+
+
+def findings(*, locked_wear: float = WEAR) -> MachineFindings:
+    runs = measured_runs(6, wear=WEAR)
+    locked = measured_runs(2, wear=locked_wear, seed=5)
+    return analyse_machine(axis_model(has_friction=False), runs, locked, 0, lambda _: None)
+
+
+def added(effect: PortEffect, signals: SimpleNamespace, coefficient: float) -> Array:
+    assert effect.change is not None
+    before = np.ones(signals.body.size)
+    return effect.change(before, signals, SimpleNamespace(coefficient=coefficient), None) - before
+
+
+def test_a_product_with_a_square_is_found_and_the_locked_runs_need_less_force() -> None:
+    draft = findings().drafts[0]
+    assert draft.equation == "acceleration += c speed voltage^2"
+    assert draft.coefficient == pytest.approx(-WEAR, rel=0.1)
+    assert draft.low <= -WEAR <= draft.high
+    assert draft.force_before > 0.5
+    assert draft.force_after < 0.2 * draft.force_before
+    assert draft.force_unit == "rad/s^2"
+
+
+def test_a_term_with_which_the_locked_runs_need_no_smaller_force_is_no_draft() -> None:
+    assert not findings(locked_wear=-WEAR).drafts
+
+
+def test_a_source_may_be_a_difference() -> None:
+    wave = np.array([-2.0, 0.0, 3.0])
+    signals = SimpleNamespace(body=10.0 + wave, room=np.full(3, 10.0), speed=np.array([1.0, 2.0, 3.0]))
+    square = effects.term("heat", source="body - room", form="signed_square", size=1.0, scale=1.0)
+    assert square.states == ("body", "room")
+    card = square.build(UNITS)
+    assert card.name == "heat += c (body - room) |body - room|"
+    assert card.parameters[0].unit == "W/(degC)^2"
+    np.testing.assert_allclose(added(square, signals, 2.0), 2.0 * wave * abs(wave))
+    beyond = effects.threshold("heat", source="body - room", place=1.0, size=1.0)
+    np.testing.assert_allclose(added(beyond, signals, 2.0), [0.0, 0.0, 4.0])
+
+
+def test_a_source_that_appears_twice_is_squared() -> None:
+    signals = SimpleNamespace(body=np.array([12.0]), room=np.array([10.0]), speed=np.array([3.0]))
+    effect = effects.product("heat", sources=("speed", "speed", "body - room"), size=1.0)
+    card = effect.build(UNITS)
+    assert card.name == "heat += c speed^2 (body - room)"
+    assert card.parameters[0].unit == "W/((m/s)^2 degC)"
+    np.testing.assert_allclose(added(effect, signals, 0.5), 0.5 * 9.0 * 2.0)
