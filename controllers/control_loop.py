@@ -262,7 +262,7 @@ class ControlLoop:
         return guidance
 
     def _set_points(self, now_ns: int, guidance: Guidance | None) -> tuple[tuple[float, ...], Limit]:
-        if guidance is None or guidance.finished:
+        if guidance is None or guidance.finished or guidance.waits:
             self._limiter.stop()
             held_rad = self._estimator.steering.hold()
             self._steering_rad = self._kinematics.set_points(0.0, 0.0, 0.0, held_rad).steering_rad

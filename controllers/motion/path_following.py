@@ -33,6 +33,7 @@ class Guidance:
     Attributes:
         cross_track_m: Distance from the line, positive to its left.
         finished: The end is reached; the velocities are zero.
+        waits: The rover stops at a corner; the velocities are zero.
     """
 
     velocity_x_m_s: float
@@ -40,6 +41,7 @@ class Guidance:
     yaw_rate_rad_s: float
     cross_track_m: float
     finished: bool
+    waits: bool = False
 
 
 class PathFollower:
@@ -205,7 +207,12 @@ def find_mission_conflicts(
 
 def _at_rest(cross_m: float, *, finished: bool) -> Guidance:
     return Guidance(
-        velocity_x_m_s=0.0, velocity_y_m_s=0.0, yaw_rate_rad_s=0.0, cross_track_m=cross_m, finished=finished
+        velocity_x_m_s=0.0,
+        velocity_y_m_s=0.0,
+        yaw_rate_rad_s=0.0,
+        cross_track_m=cross_m,
+        finished=finished,
+        waits=not finished,
     )
 
 

@@ -269,6 +269,43 @@ def check(
 
 
 @app.command()
+def commission(
+    config: ConfigArgument,
+    out: Annotated[Path, out_option("Folder for logs, marks and report.")] = Path("commissioning"),
+    virtual: Annotated[bool, typer.Option("--virtual", help="Drive the simulated rover.")] = False,
+    side: Annotated[
+        float, number_option("Side of the squares, length of the line, m.", "m", 0.4, 20.0)
+    ] = 1.0,
+    laps: Annotated[int, number_option("Squares in each sense.", "squares", 1, 20)] = 3,
+    tape_sd: Annotated[
+        float, number_option("Accuracy of a measured position, standard deviation, m.", "m", 0.0005, 0.5)
+    ] = 0.005,
+    again: Annotated[
+        bool, typer.Option("--again", help="Drive nothing: use the logs and marks in the folder.")
+    ] = False,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Find out what odometry, slip estimator and covariance are worth on a ground, without a camera.
+
+    The rover drives a line and closed squares in both senses, and stops at marks that you measure by hand.
+    After each drive the command asks for them. Exit code 1: the slip estimator did not pass; the report says
+    why.
+
+    Example: `rover-hil commission robotino --virtual`
+
+    Data: your rover, chalk and a tape measure; docs/how-to/commission_a_rover.md.
+    """
+    from rover_hil.app.commission import Plan
+    from rover_hil.app.commission import commission as commission_rover
+
+    plan = Plan(side_m=side, laps=laps, tape_sd_m=tape_sd)
+    sys.exit(
+        commission_rover(config, plan=plan, virtual=virtual, again=again, out=out, as_json=json, force=force)
+    )
+
+
+@app.command()
 def bench(
     config: ConfigArgument,
     port: Annotated[int, number_option("Port of the page; 0 for any free one.", "", 0, 65535)] = 8484,

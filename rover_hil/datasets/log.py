@@ -13,6 +13,7 @@ from drivers.errors import LogError
 from drivers.samples import PoseFixSample, RateSample
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array, Times
+from rover_hil.datasets.marks import marks_beside, read_marks
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
@@ -135,10 +136,12 @@ class LogRows:
     def true_poses(self, log: LogReader) -> TruePoses:
         """Return the poses on `/truth`, else those of the camera in `roles.fixes` that gave most fixes.
 
-        A fix counts from when its picture was taken; one that is not newer than the last is left out.
+        Without both, the marks measured by hand in the file beside the log (`rover_hil.datasets.marks`),
+        those that have a yaw. A fix counts from when its picture was taken; one that is not newer than the
+        last is left out.
 
         Raises:
-            LogError: There is neither.
+            LogError: There is none of them.
         """
         if POSE[0] in self._rows:
             x, y, yaw = (self[name] for name in POSE)
@@ -152,7 +155,7 @@ class LogRows:
                 position_sd_m=exact,
                 yaw_sd_rad=exact,
             )
-        fixes = self.fixes()
+        fixes = self.fixes() or _marks_of(log)
         if fixes is None:
             raise LogError(
                 f"log {log.path} holds no true pose, neither on /truth nor as pose fixes of a device in "
@@ -245,6 +248,25 @@ class LogRows:
         if "velocity_x_m_s" in truth and "velocity_y_m_s" in truth:
             self._rows["true_forward_m_s"].append((t_ns, truth["velocity_x_m_s"]))
             self._rows["true_left_m_s"].append((t_ns, truth["velocity_y_m_s"]))
+
+
+def _marks_of(log: LogReader) -> TruePoses | None:
+    path = marks_beside(log.path)
+    if not path.is_file():
+        return None
+    marks = read_marks(path)
+    use = np.isfinite(marks.yaw_deg)
+    if not use.any():
+        return None
+    return TruePoses(
+        source=f"marks measured by hand in {path.name}",
+        t_ns=log.start_ns + np.round(1e9 * marks.t_s[use]).astype(np.int64),
+        x_m=marks.x_m[use],
+        y_m=marks.y_m[use],
+        yaw_rad=np.unwrap(np.radians(marks.yaw_deg[use])),
+        position_sd_m=marks.sigma_m[use],
+        yaw_sd_rad=marks.yaw_sd_rad[use],
+    )
 
 
 @dataclass(frozen=True, slots=True)

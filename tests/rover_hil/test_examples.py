@@ -31,7 +31,15 @@ NEEDS_NOTHING = {
         "terrain papers",
     )
 }
-OF_A_ROVER = {"init", "tune", "calibrate imu", "calibrate compass", "calibrate wheels", "calibrate time"}
+OF_A_ROVER = {
+    "init",
+    "commission",
+    "tune",
+    "calibrate imu",
+    "calibrate compass",
+    "calibrate wheels",
+    "calibrate time",
+}
 """Their data are drives of a rover, also a simulated one, or of another example."""
 QUICK_ON_SAMPLES = {"replay", "compare", "export", "calibrate camera", "import robotino"}
 """`python -m benchmarks.program.examples` runs the others."""

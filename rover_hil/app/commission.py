@@ -1,0 +1,284 @@
+"""`rover-hil commission`: a line and squares, marks measured by hand, what the estimate is worth there."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from controllers.control_loop import StepOutput
+from controllers.motion.settings import MissionSettings, WaypointsMission
+from controllers.slip.effort.settings import YAW_PROBE
+from drivers.errors import ConfigError, LogError
+from rover_hil.app.ask import ask, ask_number
+from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.run import require_finished, run_real, run_virtual
+from rover_hil.app.steps import show_steps
+from rover_hil.commissioning.drive import Poses, read_poses
+from rover_hil.commissioning.figures import draw_drives, draw_errors
+from rover_hil.commissioning.worth import Worth, find_worth
+from rover_hil.config import Config, load_config
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.log import read_drive
+from rover_hil.datasets.marks import Marks, marks_beside, marks_text, read_marks
+from rover_hil.pages.atomic_write import refuse_overwrite, write_file
+from rover_hil.pages.picture import Drawing, draw_pictures
+from rover_hil.pages.render import render
+from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
+
+PAGE_NAME = "commissioning.html"
+LINE = "line"
+LINE_STOPS = 2
+WAIT_S = 4.0
+SPARE_S = 30.0
+SLOWNESS = 4.0
+"""Longest time of a drive over that of the mission: a slipping rover is slower."""
+SEED = 1
+
+Drive = tuple[str, Poses, Marks]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What is driven.
+
+    Attributes:
+        side_m: Side of the squares, and length of the line.
+        laps: Squares in each sense.
+        tape_sd_m: Standard deviation of a measured position.
+    """
+
+    side_m: float
+    laps: int
+    tape_sd_m: float
+
+    def names(self) -> list[str]:
+        """Return the names of the drives in order."""
+        squares = [f"square-{sense}-{lap + 1}" for lap in range(self.laps) for sense in ("left", "right")]
+        return [LINE, *squares]
+
+    def mission(self, name: str, speed_m_s: float) -> MissionSettings:
+        """Return the mission of a drive: every corner is a stop."""
+        side_m = self.side_m
+        if name == LINE:
+            points = [(side_m * (stop + 1) / (LINE_STOPS + 1), 0.0) for stop in range(LINE_STOPS + 1)]
+        else:
+            left_m = side_m if "left" in name else -side_m
+            points = [(side_m, 0.0), (side_m, left_m), (0.0, left_m), (0.0, 0.0)]
+        return WaypointsMission(
+            type="waypoints",
+            points=tuple(points),
+            speed_m_s=speed_m_s,
+            heading="along_path",
+            wait_s=WAIT_S,
+        )
+
+
+def commission(
+    source: str, *, plan: Plan, virtual: bool, again: bool, out: Path, as_json: bool, force: bool
+) -> int:
+    """Drive, ask for the measured marks, and write the report; returns the exit code: 1 if it did not pass.
+
+    Args:
+        source: The configuration.
+        plan: What is driven.
+        virtual: Drive the simulated rover; its true pose plays the tape measure.
+        again: Drive nothing: use the logs and marks that are in the folder.
+        out: Folder for logs, marks and report.
+        as_json: Print JSON instead of text.
+        force: Replace earlier files.
+
+    Raises:
+        ConfigError: The configuration cannot be used, or a file exists.
+        LogError: A log or a file of marks is missing or damaged.
+    """
+    config = load_config(source, VIRTUAL_RUN_CHECKS[-1:] if virtual else ROVER_CHECKS)
+    page = out / PAGE_NAME
+    refuse_overwrite(page, force=force or again)
+    names = plan.names()
+    if again:
+        names = [name for name in names if (out / f"{name}.mcap").is_file()]
+        if not names:
+            raise ConfigError(f"{out} holds no drive of a commissioning: leave --again out")
+    else:
+        refuse_overwrite(*(out / f"{name}.mcap" for name in names), force=force)
+        rng = np.random.default_rng(SEED)
+        for name in names:
+            _drive(config, plan, name, out, rng, virtual=virtual)
+    drives = [_read(out / f"{name}.mcap", name) for name in names]
+    worth = find_worth(drives)
+    facts = _facts(config, worth, is_virtual=virtual)
+    write_file(page, _page(source, drives, worth, facts))
+    if as_json:
+        record = {
+            "odometry_rms_m": worth.odometry_rms_m,
+            "estimate_rms_m": worth.estimate_rms_m,
+            "umbmark_systematic_m": worth.systematic_m,
+            "slip": worth.odometry_slip,
+            "estimated_slip": worth.estimate_slip,
+            "marks_inside_95": worth.inside,
+            "covariance_factor": worth.growth,
+            "doubts": list(worth.doubts),
+            "report": str(page),
+        }
+        finite = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in record.items()}
+        print(json.dumps(finite, indent=2))  # noqa: T201 - read by scripts
+    else:
+        console = Console(highlight=False, markup=False, soft_wrap=True)
+        for name, value in facts:
+            console.print(f"{name}: {value}")
+        console.print(f"report: {page}")
+    return EXIT_NO if worth.doubts else EXIT_OK
+
+
+def _drive(
+    config: Config, plan: Plan, name: str, out: Path, rng: np.random.Generator, *, virtual: bool
+) -> None:
+    """Drive once, and write the marks that were measured."""
+    speed_m_s = 0.15 if config.mission is None else config.mission.speed_m_s
+    mission = plan.mission(name, speed_m_s)
+    if config.mission is not None:
+        gains = config.mission.model_dump(
+            include={"heading_gain_per_s", "yaw_rate_limit_rad_s", "lookahead_m"}
+        )
+        mission = mission.model_copy(update=gains)
+    limit_s = SLOWNESS * 4.0 * plan.side_m / speed_m_s + 5.0 * WAIT_S + SPARE_S
+    driven = config.model_copy(update={"mission": mission})
+    log = out / f"{name}.mcap"
+    if not virtual:
+        ask(f"{name}: put the rover on its start mark, nose along the line, and press Enter", "ready")
+    with show_steps(f"driving {name}") as step:
+
+        def show(output: StepOutput) -> None:
+            pose = output.estimate
+            step(f"{name}: x {pose.x_m:+.2f} m  y {pose.y_m:+.2f} m  {output.reason}")
+
+        if virtual:
+            result = run_virtual(driven, log, limit_s, show)
+        else:
+            result = run_real(driven, log, limit_s, show, realtime=False)
+    require_finished(result, name)
+    stops_s = read_poses(log).stops_s
+    marks = _true_marks(log, stops_s, plan.tape_sd_m, rng) if virtual else _asked_marks(name, stops_s, plan)
+    write_file(marks_beside(log), marks_text(marks))
+
+
+def _true_marks(log: Path, stops_s: Array, sd_m: float, rng: np.random.Generator) -> Marks:
+    """Return what a tape measure would give of a simulated drive: the true poses, with its errors."""
+    drive = read_drive(log)
+    true = drive.true_poses()
+    t_s = drive.seconds(true.t_ns)
+    times = stops_s
+    x_m, y_m, yaw = (np.interp(times, t_s, values) for values in (true.x_m, true.y_m, true.yaw_rad))
+    cos, sin = math.cos(true.yaw_rad[0]), math.sin(true.yaw_rad[0])
+    ahead_m, left_m = x_m - true.x_m[0], y_m - true.y_m[0]
+    exact = Marks(times, x_m, y_m, yaw, np.full(len(times), sd_m))
+    noise = rng.standard_normal((3, len(times)))
+    return Marks(
+        times,
+        cos * ahead_m + sin * left_m + sd_m * noise[0],
+        cos * left_m - sin * ahead_m + sd_m * noise[1],
+        np.degrees(yaw - true.yaw_rad[0] + exact.yaw_sd_rad * noise[2]),
+        exact.sigma_m,
+    )
+
+
+def _asked_marks(name: str, stops_s: Array, plan: Plan) -> Marks:
+    """Ask for the position of each stop; one that was not measured is left out."""
+    rows = []
+    for number, t_s in enumerate(stops_s.tolist(), start=1):
+        question = f"{name}, stop {number} at {t_s:.0f} s: was it measured? (yes/no)"
+        if ask(question, "yes").lower().startswith("n"):
+            continue
+        x_m = ask_number("  x from the start, along its nose, m", -500.0, 500.0)
+        y_m = ask_number("  y to the left of it, m", -500.0, 500.0)
+        yaw = ask("  yaw, counter-clockwise, deg (empty: not measured)", "nan")
+        try:
+            yaw_deg = float(yaw)
+        except ValueError:
+            raise ConfigError(
+                f"'{yaw}' is not a number: enter the marks into the CSV file, use --again"
+            ) from None
+        rows.append((t_s, x_m, y_m, yaw_deg, plan.tape_sd_m))
+    if not rows:
+        raise ConfigError(f"{name}: no stop was measured: mark the places where the rover stops")
+    return Marks(*np.array(rows).T)
+
+
+def _read(log: Path, name: str) -> Drive:
+    path = marks_beside(log)
+    if not path.is_file():
+        raise LogError(f"no file {path}: write the measured marks, t_s,x_m,y_m,yaw_deg,sigma_m")
+    return name, read_poses(log), read_marks(path)
+
+
+def _facts(config: Config, worth: Worth, *, is_virtual: bool) -> tuple[tuple[str, str], ...]:
+    facts = [
+        ("marks", f"{len(worth.marks)}, {worth.distance_m:.1f} m between them"),
+        ("wheels alone", f"{1e3 * worth.odometry_rms_m:.0f} mm off the marks (rms)"),
+        ("estimate", f"{1e3 * worth.estimate_rms_m:.0f} mm off the marks (rms)"),
+    ]
+    if math.isfinite(worth.systematic_m):
+        facts.append(
+            (
+                "squares (UMBmark)",
+                f"systematic error at the end {1e3 * worth.systematic_m:.0f} mm by the wheels, "
+                f"{1e3 * worth.estimate_systematic_m:.0f} mm by the estimate; scatter "
+                f"{1e3 * worth.scatter_m:.0f} mm",
+            )
+        )
+    facts += [
+        (
+            "slip",
+            f"{100 * worth.odometry_slip:.1f} % of the wheels' distance, estimated "
+            f"{100 * worth.estimate_slip:.1f} %",
+        ),
+        ("covariance", worth.covariance_words),
+        (
+            "slip estimator",
+            _passed_words(worth.doubts),
+        ),
+    ]
+    if config.slip is not None and config.slip.use == YAW_PROBE:
+        facts.append(("yaw excitation", _excitation_words(worth, is_virtual=is_virtual)))
+    return tuple(facts)
+
+
+def _passed_words(doubts: Sequence[str]) -> str:
+    return f"not passed: {'; '.join(doubts)}" if doubts else "passed on this ground"
+
+
+def _excitation_words(worth: Worth, *, is_virtual: bool) -> str:
+    if worth.doubts:
+        return 'it must not be used on this ground: set use = "surfaces" in [slip], or leave [slip] out'
+    if is_virtual:
+        return (
+            "it passed on the simulated ground. On a real rover it is not the default: use it there only "
+            "after a commissioning without --virtual has passed"
+        )
+    return "it passed here; on another ground commission again before you use it"
+
+
+def _page(source: str, drives: Sequence[Drive], worth: Worth, facts: Sequence[tuple[str, str]]) -> str:
+    drawings = [
+        Drawing(
+            "Drives seen from above",
+            "See whether the blue lines pass through the crosses, which were measured by hand.",
+            lambda: draw_drives(drives),
+        ),
+        Drawing(
+            "Errors at the marks",
+            "See whether the blue dots lie below the bars, two of their own standard deviations.",
+            lambda: draw_errors(worth),
+        ),
+    ]
+    return render(
+        "identify/report.html",
+        grade="attention" if worth.doubts else "good",
+        title=f"Commissioning of {source}: {'not passed' if worth.doubts else 'passed'}",
+        facts=facts,
+        pictures=draw_pictures(drawings),
+    )

@@ -1,0 +1,1 @@
+"""What odometry, slip estimator and covariance are worth on a ground, by positions measured by hand."""

@@ -1,0 +1,233 @@
+"""`rover-hil commission` on drives whose odometry, estimate and marks are known."""
+
+import io
+import json
+import math
+import sys
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from controllers.motion.mission import corner_points
+from rover_hil.app import commission as commission_module
+from rover_hil.app.commission import Plan
+from rover_hil.commissioning.drive import read_poses
+from rover_hil.config import Config, load_config
+from rover_hil.datasets.log import read_drive
+from rover_hil.datasets.marks import marks_beside, read_marks
+from rover_hil.recording.schema import ESTIMATE
+from rover_hil.recording.writer import LogWriter
+from rover_hil.run.executive import End
+from tests.rover_hil.command import Command, assert_one_sentence
+
+START_NS = 1_000_000_000
+STEP_S = 0.1
+SCALE = 1.25
+"""The wheels count this much more than the rover moves: a slip of 20 %."""
+SD_M = 0.02
+PLAN = Plan(side_m=1.0, laps=2, tape_sd_m=0.005)
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return load_config("robotino")
+
+
+def write_drive(
+    path: Path,
+    config: Config,
+    name: str,
+    *,
+    estimate_scale: float = 1.0,
+    reason: str = "",
+    sd_m: float = SD_M,
+) -> None:
+    """Write a drive along its mission, true at every corner, with stops of 4 s."""
+    corners = corner_points(PLAN.mission(name, 0.2))
+    path.parent.mkdir(exist_ok=True)
+    config_json = config.model_dump_json(by_alias=True).encode()
+    with LogWriter(path, START_NS, config_json, {}, "real") as log:
+        t_ns = START_NS
+        for begin, end in pairwise(corners):
+            yaw = math.atan2(end[1] - begin[1], end[0] - begin[0])
+            for step in range(100):
+                share = min(1.0, step / 49)
+                x, y = (a + share * (b - a) for a, b in zip(begin, end, strict=True))
+                record = _record(t_ns, x, y, yaw, estimate_scale, sd_m, reason, moves=step < 50)
+                log.write_json(ESTIMATE, t_ns, record)
+                t_ns += round(1e9 * STEP_S)
+
+
+def _record(
+    t_ns: int, x: float, y: float, yaw: float, scale: float, sd_m: float, reason: str, *, moves: bool
+) -> dict[str, object]:
+    velocity = {"velocity_x_m_s": 0.0, "velocity_y_m_s": 0.0, "yaw_rate_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
+    covariance = [sd_m**2, 0.0, 0.0, sd_m**2, 0.0, 0.01**2]
+    rover = {"slip": 0.2, "sd": 0.01, "source": "excitation", "reason": reason, "gyro_lag_s": None}
+    return {
+        "t_ns": t_ns, "mode": "running", "reason": "",
+        "odometry": {"x_m": SCALE * x, "y_m": SCALE * y, "yaw_rad": yaw}, "odometry_rebases": 0,
+        "estimate": {
+            "t_ns": t_ns, "x_m": scale * x, "y_m": scale * y, "yaw_rad": yaw, **velocity,
+            "covariance": covariance, "yaw_source": "gyro",
+        },
+        "innovations": [], "limit": "", "cross_track_m": None,
+        "command": {"t_ns": t_ns, "expires_ns": t_ns, "speed_rad_s": [1.0 if moves else 0.0] * 3},
+        "slip": {"map": "probe", "surface": None, "drift_rad": 0.0, "wheels": [], "rover": rover},
+    }  # fmt: skip
+
+
+def write_marks(path: Path, name: str, sigma_m: float = 0.005) -> None:
+    """Write the true corners as marks."""
+    corners = corner_points(PLAN.mission(name, 0.2))
+    stops_s = read_poses(path).stops_s
+    assert len(stops_s) == len(corners) - 1
+    lines = ["t_s,x_m,y_m,yaw_deg,sigma_m"]
+    for t_s, (begin, (x, y)) in zip(stops_s, pairwise(corners), strict=True):
+        yaw = math.degrees(math.atan2(y - begin[1], x - begin[0]))
+        lines.append(f"{t_s:.3f},{x},{y},{yaw},{sigma_m}")
+    marks_beside(path).write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def write_all(config: Config, **options: object) -> None:
+    for name in PLAN.names():
+        path = Path("runs") / f"{name}.mcap"
+        write_drive(path, config, name, **options)  # type: ignore[arg-type]
+        write_marks(path, name)
+
+
+def again(command: Command, *options: str) -> int:
+    return command(
+        "commission", "robotino", "--again", "--out", "runs", "--side", "1", "--laps", "2", *options
+    )
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_errors_slip_and_covariance_are_those_of_the_drives(command: Command, config: Config) -> None:
+    write_all(config)
+    assert again(command, "--json") == 0, command.error
+    found = json.loads(command.out)
+    # The line has marks at 1/3, 2/3 and 1 m, each of four squares at (1, 0), (1, 1), (0, 1) and (0, 0).
+    distances = [1 / 3, 2 / 3, 1.0, *[1.0, math.sqrt(2.0), 1.0, 0.0] * 4]
+    assert found["odometry_rms_m"] == pytest.approx(0.25 * math.sqrt(np.mean(np.square(distances))), rel=1e-6)
+    assert found["estimate_rms_m"] == pytest.approx(0.0, abs=1e-9)
+    assert found["umbmark_systematic_m"] == pytest.approx(0.0, abs=1e-9)
+    assert found["slip"] == pytest.approx(0.2)
+    assert found["estimated_slip"] == pytest.approx(0.2)
+    assert found["marks_inside_95"] == 1.0
+    assert found["doubts"] == []
+    assert again(command) == 0
+    assert "passed on this ground" in command.out
+    assert "it passed here; on another ground commission again" in command.out
+
+
+@pytest.mark.usefixtures("unrendered")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"estimate_scale": 1.2}, "estimated slip is wrong by -16.0 %"),
+        ({"estimate_scale": 1.04, "sd_m": 0.002}, "covariance is too small"),
+        ({"reason": "gyro in doubt"}, "valid for 0 % of the driven time"),
+        ({"estimate_scale": 1.3}, "farther off than the wheels alone"),
+    ],
+)
+def test_an_estimator_that_does_not_pass_is_named_with_its_reason(
+    command: Command, config: Config, options: dict[str, object], words: str
+) -> None:
+    write_all(config, **options)
+    assert again(command) == 1
+    assert words in command.out
+    assert 'yaw excitation: it must not be used on this ground: set use = "surfaces"' in command.out
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_umbmark_is_the_centre_of_the_ends_of_each_sense(command: Command, config: Config) -> None:
+    write_all(config)
+    for name, (x, y) in {"square-left-1": (0.03, 0.0), "square-left-2": (0.05, 0.0)}.items():
+        path = marks_beside(Path("runs") / f"{name}.mcap")
+        lines = path.read_text("utf-8").splitlines()
+        cells = lines[-1].split(",")
+        lines[-1] = ",".join([cells[0], str(x), str(y), *cells[3:]])
+        path.write_text("\n".join(lines) + "\n", "utf-8")
+    again(command, "--json")
+    assert json.loads(command.out)["umbmark_systematic_m"] == pytest.approx(0.04)
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_measured_positions_are_asked_for_and_kept(
+    command: Command, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drive(driven: Config, log: Path, *rest: object, realtime: bool) -> object:
+        write_drive(log, config, log.stem)
+        return SimpleNamespace(end=End.FINISHED, reason="")
+
+    monkeypatch.setattr(commission_module, "run_real", drive)
+    monkeypatch.setattr("rover_hil.app.commission.LINE_STOPS", 2)
+    line = "\nyes\n0.33\n0.01\n1.5\nno\nyes\n1.0\n0.02\n\n"
+    square = "\n" + "no\n" * 3 + "yes\n0.01\n0.02\n-88\n"
+    monkeypatch.setattr(sys, "stdin", io.StringIO(line + square * 2))
+    assert command("commission", "robotino", "--laps", "1", "--side", "1", "--out", "runs") == 1
+    assert "5 marks" not in command.out
+    assert "4 marks were measured, 6 are needed" in command.out
+    marks = read_marks(Path("runs/line.marks.csv"))
+    assert marks.x_m == pytest.approx([0.33, 1.0])
+    assert marks.yaw_deg[0] == 1.5
+    assert math.isnan(marks.yaw_deg[1])
+    assert marks.t_s == pytest.approx(read_poses(Path("runs/line.mcap")).stops_s[[0, 2]], abs=1e-3)
+    assert command("commission", "robotino", "--laps", "1", "--out", "runs") == 2
+    assert_one_sentence(command.error, "--force")
+
+
+def test_marks_beside_a_log_are_its_pose_fixes(command: Command, config: Config) -> None:
+    path = Path("runs/line.mcap")
+    write_drive(path, config, "line")
+    write_marks(path, "line", sigma_m=0.01)
+    true = read_drive(path).true_poses()
+    assert true.source == "marks measured by hand in line.marks.csv"
+    assert true.x_m == pytest.approx([1 / 3, 2 / 3, 1.0])
+    assert true.position_sd_m == pytest.approx(0.01)
+    assert not true.is_exact
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t_s,x_m,y_m,yaw_deg\n1,0,0,0\n", "sigma_m"),
+        ("t_s,x_m,y_m,yaw_deg,sigma_m\n1,0,0,0,0\n", "above 0"),
+        ("t_s,x_m,y_m,yaw_deg,sigma_m\n2,0,0,0,0.01\n1,0,0,0,0.01\n", "do not rise"),
+        ("t_s,x_m,y_m,yaw_deg,sigma_m\n1,,0,0,0.01\n", "x_m"),
+    ],
+)
+def test_wrong_marks_are_one_sentence(command: Command, config: Config, text: str, words: str) -> None:
+    write_drive(Path("runs/line.mcap"), config, "line")
+    marks_beside(Path("runs/line.mcap")).write_text(text, "utf-8")
+    assert again(command) == 2
+    assert_one_sentence(command.error, "line.marks.csv", words)
+
+
+def test_nothing_to_look_at_again_is_one_sentence(command: Command, config: Config) -> None:
+    assert again(command) == 2
+    assert_one_sentence(command.error, "--again")
+    write_drive(Path("runs/line.mcap"), config, "line")
+    assert again(command) == 2
+    assert_one_sentence(command.error, "line.marks.csv", "t_s,x_m,y_m,yaw_deg,sigma_m")
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_a_simulated_drive_is_measured_with_the_error_of_the_tape(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Plan, "names", lambda plan: ["line"])
+    assert command("commission", "robotino", "--virtual", "--side", "0.6", "--out", "try", "--json") == 1
+    found = json.loads(command.out)
+    assert found["doubts"] == ["3 marks were measured, 6 are needed"]
+    assert found["odometry_rms_m"] > found["estimate_rms_m"]
+    # The marks are the truth with the error of the tape.
+    true = read_drive(Path("try/line.mcap"))
+    marks = read_marks(Path("try/line.marks.csv"))
+    poses = true.true_poses()
+    at_marks = np.interp(marks.t_s, true.seconds(poses.t_ns), poses.x_m)
+    assert 0.0 < np.abs(at_marks - marks.x_m).max() < 0.02
