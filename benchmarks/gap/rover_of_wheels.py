@@ -70,6 +70,7 @@ class Hidden:
 TRUTHS = (
     Hidden(name="none"),
     Hidden(name="rolling_resistance", drag=0.06),
+    Hidden(name="rolling_resistance", drag=0.15),
     Hidden(name="rolling_resistance", drag=0.3),
     Hidden(name="contact_stiffness", stiffness=0.5),
     Hidden(name="contact_stiffness", stiffness=0.2),
