@@ -1,7 +1,7 @@
 """Drafts of a missing law: free-form terms of the equations that explain what is left.
 
-A draft passes the rules of effects, and the variance of the random force that the machine needs to follow the
-locked runs falls by the same share.
+A draft passes the rules of effects. The locked runs confirm it where the variance of the random force that the
+machine needs to follow them falls by the share that the rules require; such drafts come first.
 """
 
 import math
@@ -57,11 +57,16 @@ class DraftTerm:
     force_after: float
     force_unit: str
 
+    @property
+    def is_confirmed(self) -> bool:
+        """True where the locked runs need a clearly smaller force with it."""
+        return self.force_after**2 < (1.0 - MACHINES.search.share) * self.force_before**2
+
 
 def find_drafts(
     machine: StateModel, problem: Problem, locked: Sequence[Run], at: MachineFit
 ) -> list[tuple[DraftTerm, FittedTerm]]:
-    """Return the terms that explain most of what is left, the best first.
+    """Return the terms that explain most of what is left, the best first; those that are not confirmed last.
 
     Args:
         machine: The model with the effects that are taken as known.
@@ -78,11 +83,9 @@ def find_drafts(
     for one in fitted:
         effect = one.term.effect
         after = _force_rms(machine.with_effects([*machine.port_effects, effect]), locked, one.fit.fit.point)
-        if after[effect.port] ** 2 < (1.0 - MACHINES.search.share) * before[effect.port] ** 2:
-            found.append((_draft(machine, one, before[effect.port], after[effect.port]), one))
-        if len(found) == MACHINES.terms.most_drafts:
-            break
-    return found
+        found.append((_draft(machine, one, before[effect.port], after[effect.port]), one))
+    found.sort(key=lambda pair: not pair[0].is_confirmed)
+    return found[: MACHINES.terms.most_drafts]
 
 
 def _force_rms(machine: StateModel, locked: Sequence[Run], point: Point) -> dict[str, float]:

@@ -50,6 +50,7 @@ def decide_machine(findings: MachineFindings) -> Verdict:
                 "force_before": one.force_before,
                 "force_after": one.force_after,
                 "force_unit": one.force_unit,
+                "is_confirmed": one.is_confirmed,
             }
             for one in findings.drafts
         ],

@@ -34,10 +34,13 @@ def test_a_product_with_a_square_is_found_and_the_locked_runs_need_less_force() 
     assert draft.force_before > 0.5
     assert draft.force_after < 0.2 * draft.force_before
     assert draft.force_unit == "rad/s^2"
+    assert draft.is_confirmed
 
 
-def test_a_term_with_which_the_locked_runs_need_no_smaller_force_is_no_draft() -> None:
-    assert not findings(locked_wear=-WEAR).drafts
+def test_a_term_with_which_the_locked_runs_need_no_smaller_force_is_not_confirmed() -> None:
+    drafts = findings(locked_wear=-WEAR).drafts
+    assert "acceleration += c speed voltage^2" in [one.equation for one in drafts]
+    assert not any(one.is_confirmed for one in drafts)
 
 
 def test_a_source_may_be_a_difference() -> None:

@@ -45,5 +45,5 @@ def _comment(draft: Mapping[str, float | str]) -> str:
     force = "" if draft["force_unit"] == "1" else f" {draft['force_unit']}"
     return (
         f"{draft['term']}; {size}; force left on the locked runs {draft['force_after']:.3g} of "
-        f"{draft['force_before']:.3g}{force}"
+        f"{draft['force_before']:.3g}{force}{'' if draft['is_confirmed'] else ', not confirmed by them'}"
     )
