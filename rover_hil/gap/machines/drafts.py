@@ -1,7 +1,7 @@
 """Drafts of a missing law: free-form terms of the equations that explain what is left.
 
-A draft passes the rules of effects. The locked runs confirm it where the variance of the random force that the
-machine needs to follow them falls by the share that the rules require; such drafts come first.
+A draft passes the rules of effects. The locked runs confirm it where the variance of the random force that
+the machine needs to follow them falls by the share that the rules require; such drafts come first.
 """
 
 import math
@@ -66,7 +66,7 @@ class DraftTerm:
 def find_drafts(
     machine: StateModel, problem: Problem, locked: Sequence[Run], at: MachineFit
 ) -> list[tuple[DraftTerm, FittedTerm]]:
-    """Return the terms that explain most of what is left, the best first; those that are not confirmed last.
+    """Return the terms that explain most of what is left, the best first and unconfirmed ones last.
 
     Args:
         machine: The model with the effects that are taken as known.
