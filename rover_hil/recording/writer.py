@@ -54,6 +54,8 @@ WAKE_S = 0.02
 LONGEST_PAUSE_NS = 2 * NANOSECONDS_PER_SECOND
 """When nothing could be written for so long, the loop waits between two cycles, and the watchdog stops the
 drive: the rover does not drive on without its log. Shorter pauses of a disk cost nothing."""
+AWAKE_AFTER_WAITS = 20
+"""Where the program itself was stopped, the thread of the log wakes within so many `WAKE_S`: no disk hung."""
 MOST_ITEMS = 20_000
 MOST_PICTURES = 64
 """When more records or pictures wait to be written, whoever notes one waits too, for the memory."""
@@ -123,6 +125,7 @@ class LogWriter:
         self._payload_ns = 0
         self._items: deque[_Item] = deque()
         self._alive_ns = stopwatch_ns()
+        self._is_awaited = False
         self._pause_ns = 0
         self._longest_pause_ns = 0
         self._is_ending = threading.Event()
@@ -180,7 +183,10 @@ class LogWriter:
 
         For the loop, between two cycles: what the watchdog notes meanwhile must not wait.
         """
+        waits = 0
         while stopwatch_ns() - self._alive_ns > LONGEST_PAUSE_NS and self._thread.is_alive():
+            waits += 1
+            self._is_awaited = waits > AWAKE_AFTER_WAITS
             self._has_room.clear()
             self._has_room.wait(WAKE_S)
 
@@ -306,7 +312,8 @@ class LogWriter:
         """Note that the thread works, and a pause that was too long."""
         now_ns = stopwatch_ns()
         pause_ns, self._alive_ns = now_ns - self._alive_ns, now_ns
-        if pause_ns > LONGEST_PAUSE_NS:
+        if pause_ns > LONGEST_PAUSE_NS and self._is_awaited:
+            self._is_awaited = False
             self._pause_ns = pause_ns
             self._longest_pause_ns = max(self._longest_pause_ns, pause_ns)
 

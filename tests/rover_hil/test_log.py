@@ -22,7 +22,7 @@ from rover_hil.recording import writer
 from rover_hil.recording.chunked_file import CHUNK_NS, ChunkedFile
 from rover_hil.recording.images import decode_image, picture_payload, picture_record
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.writer import LONGEST_PAUSE_NS, LogWriter
+from rover_hil.recording.writer import AWAKE_AFTER_WAITS, LONGEST_PAUSE_NS, LogWriter
 
 START_NS = 1_000_000_000
 CONFIG = b'{"a": 1}'
@@ -222,7 +222,12 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
 ) -> None:
     is_hanging, may_go_on = threading.Event(), threading.Event()
     add_message = ChunkedFile.add_message
-    now_ns = 0
+    now_ns = looks = 0
+
+    def look() -> int:
+        nonlocal looks
+        looks += 1
+        return now_ns
 
     def hang(file: ChunkedFile, channel: int, time_ns: int, data: bytes) -> None:
         is_hanging.set()
@@ -230,7 +235,7 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
         add_message(file, channel, time_ns, data)
 
     monkeypatch.setattr(ChunkedFile, "add_message", hang)
-    monkeypatch.setattr(writer, "stopwatch_ns", lambda: now_ns)
+    monkeypatch.setattr(writer, "stopwatch_ns", look)
     log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
     loop = threading.Thread(target=log.wait_while_disk_hangs)
     try:
@@ -240,8 +245,10 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
         log.wait_while_disk_hangs()
         now_ns += 10**8
         log.write_json("/cycle", START_NS, {"index": 2})  # as the watchdog does
+        looks = 0
         loop.start()
-        loop.join(0.1)
+        while looks < 2 * AWAKE_AFTER_WAITS and loop.is_alive():
+            loop.join(0.01)
         assert loop.is_alive()
     finally:
         may_go_on.set()
@@ -254,6 +261,17 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
     assert b"nothing could be written for 2.1 s" in b"".join(
         message.data for message in LogReader(tmp_path / "run.mcap").stored_messages()
     )
+
+
+def test_a_program_that_was_stopped_itself_does_not_blame_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_ns = 0
+    monkeypatch.setattr(writer, "stopwatch_ns", lambda: now_ns)
+    with LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual") as log:
+        now_ns = 3 * LONGEST_PAUSE_NS
+        log.wait_while_disk_hangs()
+        assert log.longest_pause_s == 0.0
 
 
 def test_the_index_of_a_long_log_takes_little_memory() -> None:
