@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from cmaes import CMA
 from scipy.stats import norm, qmc
 from sklearn.exceptions import ConvergenceWarning  # type: ignore[import-untyped]
 from sklearn.gaussian_process import GaussianProcessRegressor  # type: ignore[import-untyped]
@@ -33,35 +34,32 @@ def expected_costs(told: Sequence[Attempt]) -> list[float]:
     ]
 
 
-def tpe(
+def cma_es(
     parameters: Parameters, start: Mapping[str, float], told: Sequence[Attempt], count: int
 ) -> list[dict[str, float]]:
-    """Optuna's TPE, the batch by constant liar."""
-    import optuna
-    from optuna.distributions import BaseDistribution, FloatDistribution
-    from optuna.trial import TrialState, create_trial
+    """CMA-ES (Hansen 2016, arXiv:1604.00772) from the start; a batch is a generation, told as ranks."""
+    optimiser = CMA(
+        mean=np.clip(to_unit(parameters, start), 0.02, 0.98),
+        sigma=0.25,
+        bounds=np.tile((0.0, 1.0), (len(parameters), 1)),
+        n_max_resampling=1000,
+        seed=1,
+        population_size=count,
+    )
+    trials = [attempt for attempt in told if not attempt.is_start]
+    for first in range(0, len(trials), count):
+        generation = trials[first : first + count]
+        points = [optimiser.ask() for _ in generation]
+        order = sorted(range(count), key=lambda index, of=generation: _rank(of[index]))  # type: ignore[misc]
+        optimiser.tell([(points[index], float(place)) for place, index in enumerate(order)])
+    return [from_unit(parameters, optimiser.ask()) for _ in range(count)]
 
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
-    warnings.simplefilter("ignore")
-    distributions: dict[str, BaseDistribution] = {
-        key: FloatDistribution(each.low, each.high, log=each.scale == "log")
-        for key, each in parameters.items()
-    }
-    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=len(told), constant_liar=True))
-    for attempt in told:
-        is_known = attempt.cost is not None
-        study.add_trial(
-            create_trial(
-                params=attempt.values,
-                distributions=distributions,
-                value=attempt.cost,
-                state=TrialState.COMPLETE if is_known else TrialState.PRUNED,
-                intermediate_values={}
-                if is_known
-                else {0 if attempt.refused else len(attempt.case_costs): attempt.at_least},
-            )
-        )
-    return [study.ask(distributions).params for _ in range(count)]
+
+def _rank(attempt: Attempt) -> tuple[int, float]:
+    """Return what sorts trials: acceptable ones by cost, then those given up, then rejected ones."""
+    if attempt.refused:
+        return 2, -float(len(attempt.case_costs))
+    return (1, attempt.at_least) if attempt.cost is None else (0, attempt.cost)
 
 
 def gaussian_process(

@@ -27,9 +27,10 @@ from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
 from rover_hil.tune.study import Study
 
 SEARCHES: dict[str, tuple[Proposer, bool]] = {
-    "TPE": (proposers.tpe, False),
-    "CMA-ES": (propose, False),
-    "CMA-ES, raced": (propose, True),
+    "TPE": (propose, False),
+    "TPE, raced": (propose, True),
+    "CMA-ES": (proposers.cma_es, False),
+    "CMA-ES, raced": (proposers.cma_es, True),
     "Gaussian process": (proposers.gaussian_process, False),
     "Gaussian process, raced": (proposers.gaussian_process, True),
     "Gaussian process, raced, warm start": (proposers.warm_started, True),

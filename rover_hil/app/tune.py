@@ -20,7 +20,7 @@ from rover_hil.tune.comparison import Comparison, Verdict, compare
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import MissionRunner
 from rover_hil.tune.parallel_missions import open_missions
-from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values
+from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values, with_values
 from rover_hil.tune.results import (
     CONFIG_NAME,
     REPORT_NAME,
@@ -30,6 +30,7 @@ from rover_hil.tune.results import (
     summarise,
     write_results,
 )
+from rover_hil.tune.robustness import try_changed_rovers
 from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import Study
 from rover_hil.tune.tuned_config import tuned_text
@@ -73,7 +74,13 @@ def tune(
         _search(trial_store, settings, drive, trials, minutes, messages)
         attempts = trial_store.attempts()
         comparison = _compare(config, settings, trial_store.candidates(), drive, messages)
-    result = summarise(study, config_name, wall_time_text(), config, attempts, comparison)
+        tuned = with_values(config, comparison.values)
+        changed_rovers = (
+            try_changed_rovers(config, tuned, settings, drive)
+            if comparison.verdict is Verdict.IMPROVED
+            else ()
+        )
+    result = summarise(study, config_name, wall_time_text(), config, attempts, comparison, changed_rovers)
     result_json = write_results(folder, text, config, attempts, comparison, result)
     if as_json:
         Console().out(result_json)

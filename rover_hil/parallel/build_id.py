@@ -1,4 +1,7 @@
-"""What the numbers of a run depend on: the source of this program and the packages that compute."""
+"""What the numbers of a run depend on: the source of this program, the packages that compute, and BLAS.
+
+OpenBLAS has another kernel for each family of processors; the last bits of a product depend on it.
+"""
 
 import hashlib
 import platform
@@ -6,6 +9,17 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
+
+# Loaded here so that `threadpoolctl` finds the libraries of both.
+import numpy as np  # noqa: F401
+import scipy.linalg  # noqa: F401
+
+from drivers.errors import ConfigError
+
+try:
+    from threadpoolctl import threadpool_info
+except ModuleNotFoundError as missing:
+    raise ConfigError("--cluster needs threadpoolctl: install rover-hil[cluster]") from missing
 
 OWN_PACKAGES = ("controllers", "drivers", "rover_hil", "sim_backends")
 NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "filterpy")
@@ -24,7 +38,12 @@ def build_id() -> str:
             digest.update(path.read_bytes())
     numerics = ", ".join(f"{package} {_version(package)}" for package in NUMERIC_PACKAGES)
     source = f"rover-hil {_version('rover-hil')} (source {digest.hexdigest()[:DIGITS]})"
-    return f"{source}, Python {platform.python_version()}, {numerics}"
+    return f"{source}, Python {platform.python_version()}, {numerics}, BLAS kernel {_blas_kernel()}"
+
+
+def _blas_kernel() -> str:
+    kernels = {str(library.get("architecture", "unknown")) for library in threadpool_info()}
+    return " and ".join(sorted(kernels)) or "unknown"
 
 
 def _folder(package: str) -> Path:

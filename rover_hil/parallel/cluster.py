@@ -138,7 +138,8 @@ def find_refusal(expected: str, dask_worker: Worker | None = None) -> str:
     if found != expected:
         return (
             f"worker {worker.address} is refused, as its results could differ: it has {found}, this machine "
-            f"has {expected}; install the same there"
+            f"has {expected}; install the same there; for another BLAS "
+            "kernel start all of them, and this command, with OPENBLAS_CORETYPE=Haswell"
         )
     if worker.state.nthreads != 1:
         return (

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from controllers.motion.mission import Point
 from rover_hil.config.tune_settings import TuneSettings
+from rover_hil.datasets.arrays import Array
 from rover_hil.pages import style
 from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 from rover_hil.tune.comparison import Comparison, Verdict
@@ -115,6 +116,30 @@ def _draw_parameters(data: TuningData) -> Figure:
     return _with_legend(figure, figure.axes[0])
 
 
+def _draw_trade_off(data: TuningData) -> Figure:
+    figure, axes = _plot(3.2, "effort (rad/s2)", "path error, rms (mm)")
+    known = [attempt for attempt in data.attempts if attempt.cost is not None and attempt.terms]
+    if not known:
+        return figure
+    effort, path_m, duration_s = np.array(
+        [[each.terms[name] for name in ("effort_rad_s2", "path_rms_m", "duration_s")] for each in known]
+    ).T
+    dots = axes.scatter(effort, 1000.0 * path_m, c=duration_s, s=16, cmap="viridis", label="trials")
+    figure.colorbar(dots, ax=axes, label="duration (s)")
+    order = np.lexsort((path_m, effort))
+    front = [
+        index for index, best in zip(order, _least_before(path_m[order]), strict=True) if path_m[index] < best
+    ]
+    axes.step(effort[front], 1000.0 * path_m[front], where="post", color=style.TRUTH, label="best trade-offs")
+    return _with_legend(figure, axes)
+
+
+def _least_before(values: Array) -> Array:
+    """Return the least of all values before each one; infinity for the first."""
+    least: Array = np.minimum.accumulate(np.concatenate(([np.inf], values[:-1])))
+    return least
+
+
 def _sides(comparison: Comparison) -> list[tuple[str, str, Sequence[SimulatedMission]]]:
     old = ("old values", BEFORE, comparison.start.missions)
     new = ("new values", AFTER, comparison.tuned.missions)
@@ -166,6 +191,12 @@ PICTURES: tuple[tuple[str, str, Callable[[TuningData], Figure]], ...] = (
         "Search",
         "More trials help while the line still falls at its end.",
         _draw_search,
+    ),
+    (
+        "Trade-off",
+        "Quantiles over the training scenarios of every trial that drove all of them. On the line no trial "
+        "has a smaller path error with less effort.",
+        _draw_trade_off,
     ),
     (
         "Parameters",

@@ -16,9 +16,11 @@ from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.render import render
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_report
+from rover_hil.tune.importance import importance
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
+from rover_hil.tune.robustness import ChangedRover
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
 from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.tuned_config import tuned_text
@@ -59,6 +61,8 @@ class TuningResult:
         held_out: Measured values on the held-out cases, by the objective's names.
         declined: Candidates that were driven on the held-out cases and not taken: their cost in the search
             and that of the start, and the reason.
+        importance: See `importance`.
+        changed_rovers: Costs on rovers that are not quite the simulated one.
     """
 
     study: str
@@ -79,10 +83,18 @@ class TuningResult:
     values: dict[str, ChangeRecord]
     held_out: dict[str, Change]
     declined: tuple[str, ...]
+    importance: dict[str, float]
+    changed_rovers: tuple[ChangedRover, ...]
 
 
 def summarise(
-    study: str, start: str, date: str, config: Config, attempts: Sequence[Attempt], comparison: Comparison
+    study: str,
+    start: str,
+    date: str,
+    config: Config,
+    attempts: Sequence[Attempt],
+    comparison: Comparison,
+    changed_rovers: tuple[ChangedRover, ...] = (),
 ) -> TuningResult:
     """Return the numbers of a tuning."""
     tune = config.tune
@@ -122,6 +134,8 @@ def summarise(
             f"trial {attempt.number}: cost {_cost(attempt)} in the search, start {_cost(first)}: {reason}"
             for attempt, reason in comparison.declined
         ),
+        importance=importance(attempts, tune),
+        changed_rovers=changed_rovers,
     )
 
 

@@ -103,9 +103,10 @@ def test_the_page_is_complete_and_needs_nothing_else(
     write_config(tmp_path)
     assert run(trials=25) == 0
     html = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
-    titles = ["Values", "Held-out comparison", "Held-out scenarios", "True paths", "Search", "Parameters"]
+    titles = ["Values", "Held-out comparison", "Other rovers", "Held-out scenarios", "True paths", "Search"]
+    titles += ["Trade-off", "Parameters"]
     assert re.findall(r"<h2>(.*?)</h2>", html) == titles
-    assert html.count('<img class="drawn" src="data:image/svg+xml;base64,') == 4
+    assert html.count('<img class="drawn" src="data:image/svg+xml;base64,') == 5
     assert not re.search(r"""(src|href)=["'](?!data:)""", html)
     assert "6 scenarios that the search did not use: seeds" in html
 
@@ -130,7 +131,7 @@ def test_the_count_goes_on_and_a_finished_study_is_not_searched_again(
 def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
     parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path
 ) -> None:
-    write_config(tmp_path)
+    write_config(tmp_path, TUNE.replace("low = 0.02", "low = 0.05"))  # rejects nothing
 
     def interrupt() -> None:
         if len(parallel_runs.driven) == 9:  # in the third trial of four cases each
