@@ -7,6 +7,7 @@ from rich.console import Console
 
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
 from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import SystemClock
 from drivers.device_settings import CanDeviceSettings, DriveSettings
 from drivers.errors import ConfigError, NotConnectedError
@@ -23,6 +24,7 @@ from rover_hil.doctor.finding import SystemPaths
 from rover_hil.pages.atomic_write import check_file, unfinished, write_file
 from rover_hil.setting_up.config_text import Answers, config_text
 from rover_hil.setting_up.drives import (
+    canopen_nodes,
     guess_mapping,
     read_messages,
     reordered_text,
@@ -31,7 +33,7 @@ from rover_hil.setting_up.drives import (
     write_mapping,
 )
 from rover_hil.setting_up.places import find_places
-from rover_hil.setting_up.probing import Found, probe_camera, probe_can, probe_serial
+from rover_hil.setting_up.probing import BUSY, Found, busy_factor, probe_camera, probe_can, probe_serial
 from rover_hil.setting_up.turning import Turner
 
 TURN_SPEED_RAD_S = 1.0
@@ -134,6 +136,13 @@ def _look(ports: Path | None, console: Console) -> list[Found]:
         results += [(name, probe_can("socketcan", name, clock, step)) for name in places.can]
         for path in places.cameras:
             results.append((path, probe_camera(path, clock, is_folder=Path(path).is_dir(), step=step)))
+    if any(isinstance(result, str) for _, result in results):
+        factor = busy_factor(clock)
+        if factor > BUSY:
+            console.print(
+                f"this machine is too busy to listen: a wait of 10 ms took {10.0 * factor:.0f} ms, "
+                f"{factor:.1f} times as long. Devices may have been missed: end other programs and try again"
+            )
     for place, result in results:
         console.print(readable_line(f"{place}: {result if isinstance(result, str) else result.what}"))
         if isinstance(result, Found):
@@ -168,6 +177,15 @@ def _drive_of(
                 "gear_ratio": ask_number("Turns of the motor per turn of the wheel", 0.01, 1000, 1.0),
             }
         )
+    nodes = canopen_nodes(found.frames)
+    if (
+        nodes
+        and dbc is None
+        and ask_yes(
+            f"Nodes {', '.join(map(str, nodes))} send CANopen heartbeats. Are these the drives?", default=True
+        )
+    ):
+        return _canopen(bus, nodes)
     if dbc is None:
         answer = ask("DBC file of these messages (empty for none)")
         if not answer:
@@ -192,6 +210,24 @@ def _drive_of(
     write_mapping(path, dbc, guess, found.frames, gear_ratio=gear)
     console.print(f"mapping written: {path}")
     return bus.model_copy(update={"mapping": str(path)})
+
+
+def _canopen(bus: CanWheelsSettings, nodes: Sequence[int]) -> AnyDeviceSettings:
+    """Ask what CANopen drives do not say by themselves."""
+    return CanopenWheelsSettings.model_validate(
+        {
+            "type": "canopen_wheels",
+            "interface": bus.interface,
+            "channel": bus.channel,
+            "bit_rate": bus.bit_rate,
+            "wheel": [{"node": node} for node in nodes],
+            "counts_per_motor_turn": int(
+                ask_number("Counts of the position per turn of the motor", 1, 1e8, 4096)
+            ),
+            "gear_ratio": ask_number("Turns of the motor per turn of the wheel", 0.01, 1000, 1.0),
+            "rpm_limit": int(ask_number("Largest speed of the motors, rpm", 1, 100_000, 3000)),
+        }
+    )
 
 
 def _rover(wheel_count: int, console: Console) -> tuple[str, dict[str, object]]:
@@ -274,7 +310,7 @@ def _check_encoders(wheel: int, turned: Sequence[float], console: Console) -> No
 def _reordered(
     settings: AnyDeviceSettings, wheels: list[int], signs: list[int], made: list[Path], console: Console
 ) -> AnyDeviceSettings:
-    if isinstance(settings, VescSettings):
+    if isinstance(settings, VescSettings | CanopenWheelsSettings):
         entries = [
             settings.wheel[wheel].model_copy(update={"sign": sign})
             for wheel, sign in zip(wheels, signs, strict=True)

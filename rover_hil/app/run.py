@@ -36,6 +36,8 @@ from sim_backends.world.plant import Truth
 
 CONNECT_TIMEOUT_S = 2.0
 REALTIME_SPIN_S = 0.0006
+SLOW_SHARE = 0.02
+"""Of the cycles of a real run; with more skipped the user is told."""
 
 StatusDisplay = Callable[[StepOutput], None]
 
@@ -107,6 +109,7 @@ def run_rover(
         console = Console(highlight=False, soft_wrap=True)
         console.print(f"report: {folder / 'report.html'}")
         console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
+    _tell_slowness(result, config.loop.rate_hz, messages, virtual=virtual)
     return EXIT_OK if _went_well(result, duration_s) else EXIT_NO
 
 
@@ -302,6 +305,24 @@ def _result_line(result: RunResult, stops: int) -> str:
     if result.skipped:
         parts.append(f"{result.skipped} of {result.cycles + result.skipped} cycles skipped")
     return ", ".join(parts)
+
+
+def _tell_slowness(result: RunResult, rate_hz: float, messages: Console, *, virtual: bool) -> None:
+    words = "" if virtual else too_slow(result, rate_hz)
+    if words:
+        messages.print(words, highlight=False, soft_wrap=True)
+
+
+def too_slow(result: RunResult, rate_hz: float) -> str:
+    """Return what to tell a user whose machine does not keep up with the loop; "" where it does."""
+    due = result.cycles + result.skipped
+    if result.skipped <= SLOW_SHARE * due:
+        return ""
+    return (
+        f"this machine is too slow for loop.rate_hz = {rate_hz:g}, by a factor of {due / result.cycles:.2f}: "
+        f"{result.skipped} of {due} cycles were skipped. Lower the rate, end other programs, or use "
+        "--realtime"
+    )
 
 
 def _went_well(result: RunResult, duration_s: float | None) -> bool:

@@ -18,6 +18,10 @@ from sim_backends.serving.server import Server, put_on_ports
 from sim_backends.settings import SimulationSettings
 
 STATUS_PERIOD_S = 0.25
+FIRST_WORD_S = 3.0
+"""The first cycles compile and load; later the machine should keep up."""
+SLOW_FACTOR = 2.0
+"""Due cycles over those that were run; a simulated camera alone takes a third of them."""
 
 
 def simulate(config_name: str, duration_s: float | None, model: Path | None = None) -> int:
@@ -70,10 +74,28 @@ def _announce(console: Console, server: Server, config_name: str, simulation: Si
 
 def _serve(console: Console, server: Server, clock: Clock, duration_s: float) -> None:
     start_ns = clock.now_ns()
+    is_told = False
     with Live(console=console, auto_refresh=False) as live:
         while (time_s := seconds(clock.now_ns() - start_ns)) < duration_s:
             server.run(min(STATUS_PERIOD_S, duration_s - time_s))
+            words = "" if is_told or time_s < FIRST_WORD_S else too_slow(server.skipped_cycles, time_s)
+            if words:
+                is_told = True
+                live.console.print(words)
             live.update(_status(server, time_s), refresh=True)
+
+
+def too_slow(skipped_cycles: int, time_s: float) -> str:
+    """Return what to tell a user whose machine does not keep up with the simulation; "" where it does."""
+    due = 1000.0 * time_s
+    factor = due / max(1.0, due - skipped_cycles)
+    if factor < SLOW_FACTOR:
+        return ""
+    return (
+        f"this machine is too slow to simulate in real time, by a factor of {factor:.1f}: {skipped_cycles} "
+        f"of {due:.0f} cycles were skipped, and the devices send late and in bursts. End other programs, "
+        "leave a camera out, or use `rover-hil run --virtual`, which needs no real time"
+    )
 
 
 def _status(server: Server, time_s: float) -> Text:

@@ -20,6 +20,9 @@ from drivers.link import Received
 from drivers.samples import WheelSample
 from rover_hil.datasets.toml_text import toml_text
 
+HEARTBEAT, LAST_NODE = 0x700, 127
+HEARTBEAT_STATES = (0x00, 0x04, 0x05, 0x7F)
+"""Boot-up, stopped, operational and pre-operational; CiA 301."""
 VESC_STATUS = {9: "status 1", 27: "status 5"}
 POSITION = re.compile(r"pos|enc|tick|count|angle", re.IGNORECASE)
 SPEED = re.compile(r"speed|vel|rpm", re.IGNORECASE)
@@ -84,6 +87,20 @@ def vesc_nodes(frames: Sequence[CanFrame]) -> list[int]:
         if frame.is_extended and frame.can_id >> 8 in VESC_STATUS:
             seen[frame.can_id & 0xFF].add(frame.can_id >> 8)
     return sorted(node for node, kinds in seen.items() if kinds == set(VESC_STATUS))
+
+
+def canopen_nodes(frames: Sequence[CanFrame]) -> list[int]:
+    """Return the numbers of the CANopen nodes that send heartbeats, which carry one byte, the state."""
+    return sorted(
+        {
+            frame.can_id - HEARTBEAT
+            for frame in frames
+            if not frame.is_extended
+            and HEARTBEAT < frame.can_id <= HEARTBEAT + LAST_NODE
+            and len(frame.data) == 1
+            and frame.data[0] in HEARTBEAT_STATES
+        }
+    )
 
 
 def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:

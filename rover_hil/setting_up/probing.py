@@ -42,6 +42,9 @@ MOST_REJECTED = 0.2
 """Of all frames; others of the same protocol do not count."""
 CLOSE_CHANNEL = b"\rC\r"
 POLL_NS = 10_000_000
+BUSY_WAITS = 20
+BUSY = 1.5
+"""Waits that take longer than this, over the time wanted, may miss a device."""
 REQUEST_RATE_HZ = 20.0
 AGE_PERIODS = 2.5
 """Age limit of a device over the period of its samples: one lost sample is no alarm."""
@@ -158,6 +161,14 @@ def probe_camera(path: str, clock: Clock, *, is_folder: bool, step: Callable[[st
                 rate_hz=rate_hz,
             )
     return problem
+
+
+def busy_factor(clock: Clock) -> float:
+    """Return how much longer than wanted the waits of a listener take; 1 on an idle machine."""
+    begin_ns = clock.now_ns()
+    for _ in range(BUSY_WAITS):
+        clock.sleep_until(clock.now_ns() + POLL_NS)
+    return (clock.now_ns() - begin_ns) / (BUSY_WAITS * POLL_NS)
 
 
 def max_age_s(rate_hz: float) -> float:

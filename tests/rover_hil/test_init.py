@@ -1,27 +1,34 @@
 """`rover-hil init` sets up a simulated rover that it knows nothing of, from answers on the standard input."""
 
+import io
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from rich.console import Console
 
 from drivers.can_frame import CanFrame, unpack_can_frame
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
-from drivers.clock import SystemClock, nanoseconds
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.canopen_wheels.settings import CanopenWheelsSettings
+from drivers.clock import SystemClock, VirtualClock, nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.nmea_compass.codec import encode_sentence
 from drivers.serial_link import SerialLink
+from rover_hil.app import init
 from rover_hil.app.ask import ask_choice
 from rover_hil.app.init import POSITIONS
 from rover_hil.config import load_config
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.setting_up import probing, turning
 from rover_hil.setting_up.drives import (
+    canopen_nodes,
     guess_mapping,
     reordered_text,
     shipped_mapping,
@@ -255,3 +262,53 @@ def test_every_kind_of_rover_has_names_for_its_wheels() -> None:
     }
     assert max_age_s(50.0) == 0.15
     assert max_age_s(10.0) == 0.25
+
+
+def test_canopen_nodes_are_those_with_heartbeats() -> None:
+    frames = [
+        CanFrame(0x701, b"\x7f"), CanFrame(0x703, b"\x05"), CanFrame(0x703, b"\x05"),
+        CanFrame(0x702, b"\x05\x00"), CanFrame(0x704, b"\x11"), CanFrame(0x700, b"\x05"),
+        CanFrame(0x705, b"\x05", is_extended=True), CanFrame(0x181, b"\x00" * 8),
+    ]  # fmt: skip
+    assert canopen_nodes(frames) == [1, 3]
+
+
+def test_canopen_drives_are_proposed_and_put_in_order(answers: list[str]) -> None:
+    bus = CanWheelsSettings(interface="socketcan", channel="can0", mapping="generic_wheel")
+    frames = tuple(CanFrame(0x700 + node, b"\x05") for node in (1, 2))
+    found = probing.Found(settings=bus, what="", kinds=frozenset({"can"}), rate_hz=1.0, frames=frames)
+    answers += ["yes", "2000", "30", "4000"]
+    console = Console(file=io.StringIO())
+    drive = init._drive_of(found, None, Path("rover.toml"), [], console, force=False)
+    assert isinstance(drive, CanopenWheelsSettings)
+    assert [wheel.node for wheel in drive.wheel] == [1, 2]
+    assert (drive.counts_per_motor_turn, drive.gear_ratio, drive.rpm_limit) == (2000, 30.0, 4000)
+    turned = init._reordered(drive, [1, 0], [-1, 1], [], console)
+    assert isinstance(turned, CanopenWheelsSettings)
+    assert [(wheel.node, wheel.sign) for wheel in turned.wheel] == [(2, -1), (1, 1)]
+
+
+class SlowClock(VirtualClock):
+    """A clock of a loaded machine: every wait takes four times as long."""
+
+    def sleep_until(self, t_ns: int) -> None:
+        super().sleep_until(t_ns + 3 * max(0, t_ns - self.now_ns()))
+
+
+@pytest.mark.parametrize(("clock", "factor"), [(VirtualClock(), 1.0), (SlowClock(), 4.0)])
+def test_a_busy_machine_is_measured(clock: VirtualClock, factor: float) -> None:
+    assert probing.busy_factor(clock) == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(("factor", "is_told"), [(1.2, False), (5.3, True)])
+def test_nothing_found_on_a_busy_machine_says_so(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, factor: float, is_told: bool
+) -> None:
+    places = SimpleNamespace(serial=["/dev/ttyUSB7"], can=[], cameras=[])
+    monkeypatch.setattr("rover_hil.app.init.find_places", lambda system, ports: places)
+    monkeypatch.setattr("rover_hil.app.init.probe_serial", lambda port, clock, step: "silent")
+    monkeypatch.setattr("rover_hil.app.init.busy_factor", lambda clock: factor)
+    assert command("init", "rover.toml") == 1
+    words = "this machine is too busy to listen: a wait of 10 ms took 53 ms, 5.3 times as long"
+    assert (words in command.error) is is_told
+    assert "/dev/ttyUSB7: silent" in command.error

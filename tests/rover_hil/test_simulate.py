@@ -16,8 +16,10 @@ from drivers.driver import WheelDrive
 from drivers.errors import ConfigError, NotConnectedError
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import WheelCommand, WheelSample
-from rover_hil.app.simulate import simulate
+from rover_hil.app.run import too_slow as run_too_slow
+from rover_hil.app.simulate import simulate, too_slow
 from rover_hil.config import read_config_text
+from rover_hil.run.executive import RunResult
 
 START_LIMIT_S = 60.0
 COMMAND = "from rover_hil.app.app import main; main()"
@@ -131,3 +133,19 @@ def test_a_configuration_without_a_simulation_is_refused(tmp_path: Path) -> None
     path.write_text(read_config_text("robotino").split("[simulation]")[0])
     with pytest.raises(ConfigError, match="simulation: this key is missing"):
         simulate(str(path), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("skipped", "words"), [(300, ""), (4900, ""), (7500, "by a factor of 4.0: 7500 of 10000 cycles")]
+)
+def test_a_machine_that_does_not_keep_up_is_told_with_its_factor(skipped: int, words: str) -> None:
+    told = too_slow(skipped, 10.0)
+    assert bool(told) is bool(words)
+    assert words in told
+
+
+@pytest.mark.parametrize(("skipped", "words"), [(0, ""), (10, ""), (250, "by a factor of 1.33: 250 of 1000")])
+def test_a_run_on_a_slow_machine_says_so_with_its_factor(skipped: int, words: str) -> None:
+    told = run_too_slow(RunResult(cycles=1000 - skipped, skipped=skipped), 50.0)
+    assert bool(told) is bool(words)
+    assert words in told
