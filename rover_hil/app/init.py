@@ -33,7 +33,7 @@ from rover_hil.setting_up.drives import (
     write_mapping,
 )
 from rover_hil.setting_up.places import find_places
-from rover_hil.setting_up.probing import BUSY, Found, busy_factor, probe_camera, probe_can, probe_serial
+from rover_hil.setting_up.probing import Found, busy_words, probe_camera, probe_can, probe_serial
 from rover_hil.setting_up.turning import Turner
 
 TURN_SPEED_RAD_S = 1.0
@@ -137,12 +137,9 @@ def _look(ports: Path | None, console: Console) -> list[Found]:
         for path in places.cameras:
             results.append((path, probe_camera(path, clock, is_folder=Path(path).is_dir(), step=step)))
     if any(isinstance(result, str) for _, result in results):
-        factor = busy_factor(clock)
-        if factor > BUSY:
-            console.print(
-                f"this machine is too busy to listen: a wait of 10 ms took {10.0 * factor:.0f} ms, "
-                f"{factor:.1f} times as long. Devices may have been missed: end other programs and try again"
-            )
+        busy = busy_words(clock)
+        if busy:
+            console.print(busy)
     for place, result in results:
         console.print(readable_line(f"{place}: {result if isinstance(result, str) else result.what}"))
         if isinstance(result, Found):

@@ -74,14 +74,20 @@ def _announce(console: Console, server: Server, config_name: str, simulation: Si
 
 def _serve(console: Console, server: Server, clock: Clock, duration_s: float) -> None:
     start_ns = clock.now_ns()
+    time_s = 0.0
+    counted_from: tuple[float, int] | None = None
     is_told = False
     with Live(console=console, auto_refresh=False) as live:
-        while (time_s := seconds(clock.now_ns() - start_ns)) < duration_s:
+        while time_s < duration_s:
             server.run(min(STATUS_PERIOD_S, duration_s - time_s))
-            words = "" if is_told or time_s < FIRST_WORD_S else too_slow(server.skipped_cycles, time_s)
-            if words:
-                is_told = True
-                live.console.print(words)
+            time_s = seconds(clock.now_ns() - start_ns)
+            if counted_from is None and time_s >= FIRST_WORD_S:
+                counted_from = time_s, server.skipped_cycles
+            if counted_from is not None and not is_told and time_s >= counted_from[0] + FIRST_WORD_S:
+                words = too_slow(server.skipped_cycles - counted_from[1], time_s - counted_from[0])
+                if words:
+                    live.console.print(words)
+                    is_told = True
             live.update(_status(server, time_s), refresh=True)
 
 

@@ -4,6 +4,7 @@ A port that talks by itself is only listened to. A silent one is asked: whether 
 close the channel), then whether it is the board of a Robotino (a request with zero speeds).
 """
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -44,7 +45,7 @@ CLOSE_CHANNEL = b"\rC\r"
 POLL_NS = 10_000_000
 BUSY_WAITS = 20
 BUSY = 1.5
-"""Waits that take longer than this, over the time wanted, may miss a device."""
+"""Waits over the time wanted, and running programs over processors, from which on devices may be missed."""
 REQUEST_RATE_HZ = 20.0
 AGE_PERIODS = 2.5
 """Age limit of a device over the period of its samples: one lost sample is no alarm."""
@@ -163,12 +164,20 @@ def probe_camera(path: str, clock: Clock, *, is_folder: bool, step: Callable[[st
     return problem
 
 
-def busy_factor(clock: Clock) -> float:
-    """Return how much longer than wanted the waits of a listener take; 1 on an idle machine."""
+def busy_words(clock: Clock) -> str:
+    """Return why this machine may have missed devices; "" where it is not busy."""
     begin_ns = clock.now_ns()
     for _ in range(BUSY_WAITS):
         clock.sleep_until(clock.now_ns() + POLL_NS)
-    return (clock.now_ns() - begin_ns) / (BUSY_WAITS * POLL_NS)
+    wait_ms = (clock.now_ns() - begin_ns) / BUSY_WAITS / 1e6
+    load, processors = os.getloadavg()[0], os.cpu_count() or 1
+    if wait_ms < 1e-6 * BUSY * POLL_NS and load < BUSY * processors:
+        return ""
+    return (
+        f"this machine is too busy: {load:.0f} programs want its {processors} processors, and a wait of "
+        f"{POLL_NS / 1e6:.0f} ms took {wait_ms:.0f} ms. Devices may have been missed, simulated ones above "
+        "all: end other programs and try again"
+    )
 
 
 def max_age_s(rate_hz: float) -> float:
