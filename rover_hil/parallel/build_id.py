@@ -42,7 +42,13 @@ def build_id() -> str:
 
 
 def _blas_kernel() -> str:
-    kernels = {str(library.get("architecture", "unknown")) for library in threadpool_info()}
+    """Return the kernels of numpy and scipy; OpenCV, where it is loaded, has a library of its own."""
+    libraries = [
+        library
+        for library in threadpool_info()
+        if not any(part.startswith("opencv") for part in Path(library["filepath"]).parts)
+    ]
+    kernels = {str(library.get("architecture", "unknown")) for library in libraries}
     return " and ".join(sorted(kernels)) or "unknown"
 
 
