@@ -17,8 +17,8 @@ MAPPING = str(Path(__file__).parents[2] / "docs" / "examples" / "can" / "differe
 WHEEL_STATES = (0x210, 0x211)
 RECOVERY_S = 1.0
 CARRIER_S = 1.3
-"""The kernel looks after changes of the carrier once in a second (net/core/link_watch.c): until then it goes on
-sending on an interface that has lost it, though a real controller that is off the bus puts nothing on the wire."""
+"""The kernel looks after changes of the carrier once in a second (net/core/link_watch.c). Until then it goes
+on sending; a real controller that is off the bus puts nothing on the wire."""
 SET_POINT_LINE = "t200"
 BUS_OFF = 0x40
 
