@@ -72,9 +72,8 @@ class DisplacedFixRule(StopRule):
                 if innovation.name.endswith(end) and (innovation.residual or 0.0) > limit:
                     device = innovation.name.removesuffix(end)
                     text = f"{device}: fixes{end} by {innovation.residual:.2f} {unit} against the estimate"
-                    yield StopReason(
-                        f"{device} displaced", f"{text}: rover carried, device moved, or wheels slipped"
-                    )
+                    cause = "rover carried, device moved, or wheels slipped more than [filter] expects"
+                    yield StopReason(f"{device} displaced", f"{text}: {cause}")
 
 
 class MotionRule(StopRule):

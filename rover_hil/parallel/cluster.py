@@ -114,10 +114,13 @@ class ClusterExecutor(Executor):
         try:
             result = inner.result()
         except (OSError, RuntimeError, CancelledError, FutureCancelledError):
-            if starts > 1 and self._client.status == "running":
-                self._start(call, outer, starts - 1)
-            else:
-                _finish(outer, self._lost())
+            try:
+                if starts > 1 and self._client.status == "running":
+                    self._start(call, outer, starts - 1)
+                else:
+                    _finish(outer, self._lost())
+            except ConfigError as error:  # in this thread of Dask nobody would see it
+                _finish(outer, error)
         else:
             if outer.set_running_or_notify_cancel():
                 outer.set_result(result)

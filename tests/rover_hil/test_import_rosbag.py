@@ -367,3 +367,15 @@ def test_the_limit_of_memory_ends_with_the_import() -> None:
     with bounded_memory():
         assert resource.getrlimit(resource.RLIMIT_AS) != before
     assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+def test_a_lower_limit_of_memory_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bag_module, "MOST_MEMORY_BYTES", 2**45)
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    lower = (2**44, before[1])
+    resource.setrlimit(resource.RLIMIT_AS, lower)
+    try:
+        with bounded_memory():
+            assert resource.getrlimit(resource.RLIMIT_AS) == lower
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -11,7 +11,7 @@ const byId = (id) => document.getElementById(id);
 
 function begin(run) {
   Object.assign(live, { run, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} });
-  padAtRest = false;
+  padsThatCount.clear();
 }
 
 function put(chart, name, t, value) {
@@ -287,27 +287,29 @@ const KEYS = { ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0],
 const SIDES = { KeyQ: 1, KeyE: -1 };
 const held = new Set();
 const DEAD_ZONE = 0.12;
-let stick = null, wasDriving = false, padAtRest = false;
+const padsThatCount = new Set();
+let stick = null, wasDriving = false;
 
-// Forward, left and turn of the gamepads, by their standard mapping. One counts only after it was at rest in this
-// run: a stick that hangs or lies on its side does not start the rover.
-function gamepad() {
-  if (!document.hasFocus()) return [0, 0, 0];
+// Forward, left and turn of the gamepads, by their standard mapping. Each counts only after it was at rest: in this
+// run, since it was connected, and since the page has the focus. A stick that hangs or lies on its side does not
+// start the rover.
+function gamepads() {
   const total = [0, 0, 0];
-  for (const pad of navigator.getGamepads ? navigator.getGamepads() : []) {
-    if (!pad || !pad.connected) continue;
+  if (!document.hasFocus() || !navigator.getGamepads) { padsThatCount.clear(); return total; }
+  for (const [index, pad] of [...navigator.getGamepads()].entries()) {
+    if (!pad || !pad.connected) { padsThatCount.delete(index); continue; }
     const [side, ahead, right] = [0, 1, 2].map((axis) => {
       const value = Number(pad.axes[axis]) || 0;
       return Math.abs(value) < DEAD_ZONE ? 0 : value;
     });
-    total[0] -= ahead; total[1] -= right; total[2] -= side;
+    if (!side && !ahead && !right) padsThatCount.add(index);
+    if (padsThatCount.has(index)) { total[0] -= ahead; total[1] -= right; total[2] -= side; }
   }
-  if (total.every((share) => share === 0)) padAtRest = true;
-  return padAtRest ? total : [0, 0, 0];
+  return total;
 }
 
 function driving() {
-  let [forward, left, turn] = gamepad();
+  let [forward, left, turn] = gamepads();
   for (const code of held) {
     if (KEYS[code]) { forward += KEYS[code][0]; turn += KEYS[code][1]; }
     left += SIDES[code] || 0;

@@ -171,11 +171,9 @@ def bounded_memory() -> Iterator[None]:
     """Limit the memory of this program to what it has and `MOST_MEMORY_BYTES` more."""
     pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
     before = resource.getrlimit(resource.RLIMIT_AS)
-    limit = pages * resource.getpagesize() + MOST_MEMORY_BYTES
-    hard = before[1]
-    if hard != resource.RLIM_INFINITY:
-        limit = min(limit, hard)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+    allowed = [limit for limit in before if limit != resource.RLIM_INFINITY]
+    limit = min([pages * resource.getpagesize() + MOST_MEMORY_BYTES, *allowed])
+    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
     try:
         yield
     finally:

@@ -130,6 +130,10 @@ def test_a_gamepad_and_the_stick_drive_but_not_a_gamepad_that_was_never_at_rest(
         page.wait(lambda: not page.driver.execute_script(AT_REST), "the gamepad does not drive")
         page.driver.execute_script("pad.connected = false")
         page.wait(lambda: bool(page.driver.execute_script(AT_REST)), "a lost gamepad does not stop the rover")
+        page.driver.execute_script("pad.connected = true")
+        page.driver.execute_async_script("setTimeout(arguments[0], 400)")
+        assert page.driver.execute_script(AT_REST)  # its stick was not let go since it came back
+        page.driver.execute_script("pad.connected = false")
         stick = page.driver.find_element("id", "bench-stick")
         held = ActionChains(page.driver).move_to_element(stick).click_and_hold()
         held.move_by_offset(0, -60).perform()

@@ -3,6 +3,7 @@
 import signal
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
@@ -128,6 +129,19 @@ def test_a_cluster_that_is_lost_is_said_so_and_the_study_is_kept(tmp_path: Path)
             study.search(drive, TRIALS, lambda: False, kill)
     found = Study(tmp_path / "study", "name", config, check_parameters(config)).attempts()
     assert [attempt.number for attempt in found[:3]] == [0, 1, 2]
+
+
+def test_a_call_that_cannot_be_made_again_ends_with_an_error_and_not_never() -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError
+
+    executor = object.__new__(cluster.ClusterExecutor)
+    executor._address = "tcp://there:1"
+    executor._client = SimpleNamespace(status="running", submit=refuse)  # type: ignore[assignment]
+    outer: Future[None] = Future()
+    executor._settle(refuse, outer, 3, SimpleNamespace(status="lost", result=refuse))  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="connection to the cluster at tcp://there:1 was lost"):
+        outer.result(timeout=0.0)
 
 
 def test_an_unreachable_cluster_ends_the_command_with_2(
