@@ -115,7 +115,9 @@ class Worth:
             found.append(f"{len(self.marks)} marks were measured, {LEAST_MARKS} are needed")
         if self.slip_share < LEAST_SLIP_SHARE:
             found.append(f"the slip was valid for {100 * self.slip_share:.0f} % of the driven time only")
-        if abs(self.slip_error) > GREATEST_SLIP_ERROR:
+        if math.isnan(self.slip_error):
+            found.append(f"no slip was measured: two marks in succession must be {LEAST_LEG_M:g} m apart")
+        elif abs(self.slip_error) > GREATEST_SLIP_ERROR:
             found.append(f"the estimated slip is wrong by {100 * self.slip_error:+.1f} % of the distance")
         if self.estimate_rms_m > self.odometry_rms_m:
             found.append("the estimate is farther off than the wheels alone")

@@ -157,6 +157,18 @@ def test_umbmark_is_the_centre_of_the_ends_of_each_sense(command: Command, confi
 
 
 @pytest.mark.usefixtures("unrendered")
+def test_marks_at_the_start_alone_measure_no_slip(command: Command, config: Config) -> None:
+    """The ends of the squares are enough marks, but no distance."""
+    write_all(config)
+    for path in [marks_beside(log) for log in Path("runs").glob("*.mcap")]:
+        head, *rows = path.read_text("utf-8").splitlines()
+        kept = rows[-1:] if path.name.startswith("square") else []
+        path.write_text("\n".join([head, "0.1,0,0,,0.005", *kept]) + "\n", "utf-8")
+    assert again(command) == 1
+    assert "no slip was measured: two marks in succession must be 0.2 m apart" in command.out
+
+
+@pytest.mark.usefixtures("unrendered")
 def test_measured_positions_are_asked_for_and_kept(
     command: Command, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
