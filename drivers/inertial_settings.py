@@ -20,8 +20,8 @@ class InertialSettings(SerialDeviceSettings):
     Attributes:
         mounting_yaw_deg: Direction of the sensor's x axis, counter-clockwise from the rover's forward axis,
             once roll and pitch have levelled it: 0 where x points forward.
-        mounting_roll_deg: Turn about the sensor's x axis that levels it: 0 where its z axis points up (that of
-            a VectorNav down), 180 where the sensor is upside down.
+        mounting_roll_deg: Turn about the sensor's x axis that levels it: 0 where its z axis points up (of a
+            VectorNav, down), 180 where the sensor is upside down.
         mounting_pitch_deg: Turn about the y axis after that: 90 for a sensor whose x axis points down.
         gyro_scale: True yaw rate over the reading.
         gyro_bias_deg_s: Reading of the yaw rate at rest, after scaling; it is subtracted. The filter finds
