@@ -6,7 +6,12 @@ from dataclasses import dataclass, field
 from annotated_types import Ge, Le
 
 from controllers.motion.body_motion import BodyMotion
-from controllers.motion.settings import PathSettings, SmallTurnsMission, WholeTurnsMission
+from controllers.motion.settings import (
+    PathSettings,
+    SmallTurnsMission,
+    WaypointsMission,
+    WholeTurnsMission,
+)
 from controllers.settings import ControlSettings
 from drivers.errors import ConfigError
 
@@ -45,6 +50,8 @@ def gain_ranges(settings: ControlSettings) -> dict[str, tuple[float, float]]:
     low_m_s, high_m_s = ranges["speed_m_s"]
     stall_m_s = settings.safety.stall_set_point_rad_s * settings.rover.wheel_radius_m
     ranges["speed_m_s"] = (max(low_m_s, stall_m_s), high_m_s)
+    if isinstance(mission, WaypointsMission) and mission.speeds_m_s:
+        del ranges["speed_m_s"]  # no leg is driven with it: a slower speed would not slow the rover
     return ranges
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from controllers.motion.settings import WaypointsMission
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.safety import Mode
 from drivers.clock import seconds
@@ -99,3 +100,14 @@ def test_a_gain_outside_its_range_is_refused_with_one_sentence() -> None:
         check_gains(ranges, {"length_m": 1.0})
     low_m_s, _ = ranges["speed_m_s"]
     assert low_m_s == pytest.approx(0.5 * 0.04)  # slower, no stall could be noticed
+
+
+def test_a_speed_that_no_leg_is_driven_with_cannot_be_changed() -> None:
+    """Else someone would lower it, and the rover would not slow down."""
+    config = load_config("robotino")
+    legs = {"type": "waypoints", "points": ((1.0, 0.0),)}
+    for speeds_m_s, is_allowed in (((), True), ((0.15,), False)):
+        mission = WaypointsMission.model_validate({**legs, "speeds_m_s": speeds_m_s})
+        ranges = gain_ranges(config.model_copy(update={"mission": mission}))
+        assert ("speed_m_s" in ranges) == is_allowed
+        assert "lookahead_m" in ranges
