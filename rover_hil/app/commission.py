@@ -105,6 +105,7 @@ def commission(
             raise ConfigError(f"{out} holds no drive of a commissioning: leave --again out")
     else:
         refuse_overwrite(*(out / f"{name}.mcap" for name in names), force=force)
+        _require_room(config, plan)
         rng = np.random.default_rng(SEED)
         for name in names:
             _drive(config, plan, name, out, rng, virtual=virtual)
@@ -132,6 +133,19 @@ def commission(
             console.print(f"{name}: {value}")
         console.print(f"report: {page}")
     return EXIT_NO if worth.doubts else EXIT_OK
+
+
+def _require_room(config: Config, plan: Plan) -> None:
+    """Check that all drives stay in the free place that the configuration names."""
+    area = None if config.mission is None else config.mission.area
+    if area is None:
+        return
+    side_m = plan.side_m
+    if not (area.holds(0.0, -side_m) and area.holds(side_m, side_m)):
+        raise ConfigError(
+            f"the drives need x 0 to {side_m:g} m and y {-side_m:g} to {side_m:g} m, more than mission.area: "
+            "lower --side, or correct the area"
+        )
 
 
 def _drive(

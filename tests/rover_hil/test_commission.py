@@ -15,7 +15,7 @@ from controllers.motion.mission import corner_points
 from rover_hil.app import commission as commission_module
 from rover_hil.app.commission import Plan
 from rover_hil.commissioning.drive import read_poses
-from rover_hil.config import Config, load_config
+from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import marks_beside, read_marks
 from rover_hil.recording.schema import ESTIMATE
@@ -243,3 +243,12 @@ def test_a_simulated_drive_is_measured_with_the_error_of_the_tape(
     poses = true.true_poses()
     at_marks = np.interp(marks.t_s, true.seconds(poses.t_ns), poses.x_m)
     assert 0.0 < np.abs(at_marks - marks.x_m).max() < 0.02
+
+
+def test_nothing_is_driven_outside_the_free_place(command: Command) -> None:
+    text = read_config_text("robotino").replace(
+        "[mission]\n", "[mission]\narea = { x_min_m = -1, x_max_m = 3, y_min_m = -1, y_max_m = 3 }\n"
+    )
+    Path("rover.toml").write_text(text, "utf-8")
+    assert command("commission", "rover.toml", "--virtual", "--side", "2", "--out", "runs") == 2
+    assert_one_sentence(command.error, "mission.area", "--side")
