@@ -80,9 +80,11 @@ class StateModel(Equations):
     ) -> list[dict[str, Array]]:
         """Return states and inputs of each run over its samples."""
         found: list[dict[str, Array]] = [{} for _ in runs]
+        point = Point(parameters, effects)
+        model = replace(self, substeps=self._needed_substeps(point))
         for step_s, members in self._by_step(runs).items():
             chosen = [runs[index] for index in members]
-            series = Simulation(self, chosen, [Point(parameters, effects)], step_s).trajectories()
+            series = Simulation(model, chosen, [point], step_s).trajectories()
             for index, one in zip(members, series, strict=True):
                 found[index] = one
         return found
@@ -208,10 +210,13 @@ class StateModel(Equations):
         """
         groups: dict[tuple[int, frozenset[str]], list[int]] = {}
         for place, point in enumerate(points):
-            needed = [self.effect_substeps.get(name, self.substeps) for name in point.effects]
             acting = frozenset(self._acting(point)) if self._is_recordable else frozenset[str]()
-            groups.setdefault((max([self.substeps, *needed]), acting), []).append(place)
+            groups.setdefault((self._needed_substeps(point), acting), []).append(place)
         return groups
+
+    def _needed_substeps(self, point: Point) -> int:
+        needed = [self.effect_substeps.get(name, self.substeps) for name in point.effects]
+        return max([self.substeps, *needed])
 
     def _acting(self, point: Point) -> list[str]:
         """Return the effects that are not at their null."""

@@ -206,3 +206,15 @@ def test_a_wrong_parameter_stays_inside_its_bounds() -> None:
         released.lower - released.nominal,
         released.upper - released.nominal,
     )
+
+
+def test_trajectories_take_the_steps_that_their_effects_need() -> None:
+    friction = effects.coulomb_friction("force", velocity="speed", size=20.0, slow=0.01)
+    run = run_of(5.0 * WAVE)
+    model = mass(friction, noise=1e-3).refined([run])
+    (name,) = model.effect_substeps
+    point = {name: {card.name: card.natural for card in model.effects[0].parameters}}
+    assert model.substeps < model.effect_substeps[name]
+    channels = simulated(model, run, point)
+    series = model.trajectories([run], {f"first_speed@{run.name}": 0.0}, point)[0]
+    np.testing.assert_array_equal(series["speed"], channels["seen_speed"])
