@@ -42,14 +42,16 @@ def build_id() -> str:
 
 
 def _blas_kernel() -> str:
-    """Return the kernels of numpy and scipy; OpenCV, where it is loaded, has a library of its own."""
-    libraries = [
-        library
-        for library in threadpool_info()
-        if not any(part.startswith("opencv") for part in Path(library["filepath"]).parts)
-    ]
-    kernels = {str(library.get("architecture", "unknown")) for library in libraries}
+    """Return the kernels of numpy and scipy; other packages bring libraries of their own."""
+    libraries = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    own = [library for library in libraries if _is_of_numpy(Path(library["filepath"]))]
+    kernels = {str(library["architecture"]) for library in own or libraries if "architecture" in library}
     return " and ".join(sorted(kernels)) or "unknown"
+
+
+def _is_of_numpy(library: Path) -> bool:
+    """Return whether a wheel of numpy or scipy brought a library; distributions keep BLAS elsewhere."""
+    return any(part.startswith(("numpy", "scipy")) for part in library.parts)
 
 
 def _folder(package: str) -> Path:

@@ -16,9 +16,9 @@ def test_a_machine_that_runs_away_beside_the_fit_is_not_followed() -> None:
     """The smallest change of a parameter moves the prediction beyond all numbers, so that no step exists."""
 
     def output(x: SimpleNamespace, _: SimpleNamespace, p: SimpleNamespace, __: Signal) -> dict[str, Array]:
-        return {"reading": x.warmth + np.where(p.loss != 0.5, 1e200, 0.0)}
+        return {"reading": x.warmth + 1e147 * np.sign(p.loss - 0.5)}
 
-    machine = replace(MODEL, output=output)
+    machine = replace(MODEL, output=output, channels=(replace(MODEL.channels[0], sigma=1e-8),))
     runs = small_runs(samples=60, count=3)
     problem = Problem(machine, observe(machine, runs))
     assert track(problem, machine, problem.base_free(), {}) is None
