@@ -15,6 +15,7 @@ from controllers.slip.effort.settings import YAW_PROBE
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.ask import ask, ask_number
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.room import require_room
 from rover_hil.app.run import require_finished, run_real, run_virtual
 from rover_hil.app.steps import show_steps
 from rover_hil.commissioning.drive import Poses, read_poses
@@ -37,6 +38,7 @@ SPARE_S = 30.0
 SLOWNESS = 4.0
 """Longest time of a drive over that of the mission: a slipping rover is slower."""
 SEED = 1
+DEFAULT_SPEED_M_S = 0.15
 
 Drive = tuple[str, Poses, Marks]
 
@@ -105,7 +107,7 @@ def commission(
             raise ConfigError(f"{out} holds no drive of a commissioning: leave --again out")
     else:
         refuse_overwrite(*(out / f"{name}.mcap" for name in names), force=force)
-        _require_room(config, plan)
+        require_room(config, [plan.mission(name, DEFAULT_SPEED_M_S) for name in names], "lower --side")
         rng = np.random.default_rng(SEED)
         for name in names:
             _drive(config, plan, name, out, rng, virtual=virtual)
@@ -135,24 +137,11 @@ def commission(
     return EXIT_NO if worth.doubts else EXIT_OK
 
 
-def _require_room(config: Config, plan: Plan) -> None:
-    """Check that all drives stay in the free place that the configuration names."""
-    area = None if config.mission is None else config.mission.area
-    if area is None:
-        return
-    side_m = plan.side_m
-    if not (area.holds(0.0, -side_m) and area.holds(side_m, side_m)):
-        raise ConfigError(
-            f"the drives need x 0 to {side_m:g} m and y {-side_m:g} to {side_m:g} m, more than mission.area: "
-            "lower --side, or correct the area"
-        )
-
-
 def _drive(
     config: Config, plan: Plan, name: str, out: Path, rng: np.random.Generator, *, virtual: bool
 ) -> None:
     """Drive once, and write the marks that were measured."""
-    speed_m_s = 0.15 if config.mission is None else config.mission.speed_m_s
+    speed_m_s = DEFAULT_SPEED_M_S if config.mission is None else config.mission.speed_m_s
     mission = plan.mission(name, speed_m_s)
     if config.mission is not None:
         gains = config.mission.model_dump(

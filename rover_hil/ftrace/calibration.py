@@ -1,6 +1,7 @@
 """Calibration of a camera: lens from pictures of a board, pose from a picture of it on the ground."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,10 +17,14 @@ from drivers.files import parse_json, read_text
 from drivers.samples import Image
 from rover_hil.config import validated
 from rover_hil.ftrace.frames import FrameSource
+from rover_hil.ftrace.log_frames import LogFrames
 
 Floats = NDArray[np.float64]
 
 LEAST_PICTURES = 5
+MOST_PICTURES = 60
+"""Of a video or a log, evenly spaced: more cost time and show nothing new."""
+LOG_SUFFIX = ".mcap"
 LEAST_CORNERS = 8
 MARKER_SHARE = 0.75
 """Side of a ChArUco marker as a share of a square's, as board generators print it by default."""
@@ -57,17 +62,46 @@ class GroundTarget:
     yaw_rad: float
 
 
+@dataclass(frozen=True, slots=True)
+class View:
+    """Corners of the board in one picture.
+
+    Attributes:
+        pixels: Where they are, (n, 2).
+        error: Where the calibrated camera would see them, less where they are, pixels, (n, 2).
+    """
+
+    pixels: Floats
+    error: Floats
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the distance of a corner from where it should be."""
+        return float(np.sqrt((self.error**2).sum(axis=1).mean()))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """Lens and pose, with the rms reprojection errors in pixels of both steps."""
+    """Lens and pose of a camera.
+
+    Attributes:
+        camera_matrix: Of OpenCV, (3, 3).
+        distortion: k1, k2, p1, p2, k3 of OpenCV.
+        rotation: Camera to vehicle, (3, 3).
+        position_m: Of the camera in the vehicle frame, (3,).
+        lens_rms_px: Reprojection error of the lens, over all pictures.
+        views: The pictures that showed the board.
+        ground: The picture of the board on the ground.
+        size: Width and height of the pictures.
+    """
 
     camera_matrix: Floats
     distortion: Floats
     rotation: Floats
     position_m: Floats
     lens_rms_px: float
-    ground_rms_px: float
-    pictures: int
+    views: tuple[View, ...]
+    ground: View
     size: tuple[int, int]
 
 
@@ -75,15 +109,16 @@ def calibrate(pictures: Path, ground: Path, board: Board, target: GroundTarget) 
     """Return the calibration of a camera.
 
     Args:
-        pictures: Folder or video with the board in many poses; pictures without the board are skipped.
-        ground: Picture of the board on the ground.
+        pictures: Folder, video or log with the board in many poses; pictures without the board are skipped.
+        ground: Picture of the board on the ground, or a log, whose last frame is taken.
         board: The board.
         target: Its place on the ground.
 
     Raises:
         ConfigError: Fewer than 5 pictures show the board, they differ in size, or `ground` does not.
+        LogError: A log cannot be read, or holds no frames.
     """
-    views = [frame.image for frame in FrameSource(pictures) if frame.image.size]
+    views = list(_pictures(pictures))
     sizes = {view.shape[:2] for view in views}
     if len(sizes) != 1:
         raise ConfigError(f"{pictures} holds pictures of {len(sizes)} sizes: all must come from one camera")
@@ -96,22 +131,49 @@ def calibrate(pictures: Path, ground: Path, board: Board, target: GroundTarget) 
     height, width = sizes.pop()
     points = [flat.astype(np.float32) for flat, _ in found]
     corners = [pixels.astype(np.float32) for _, pixels in found]
-    rms, matrix, distortion, _, _ = cv2.calibrateCamera(
+    rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
         points, corners, (width, height), np.eye(3), np.zeros(5)
     )
     camera_matrix = np.asarray(matrix, np.float64)
     coefficients = np.asarray(distortion, np.float64).ravel()[:5]
-    rotation, position, ground_rms = _pose(ground, board, target, camera_matrix, coefficients)
+    rotation, position, on_ground = _pose(ground, board, target, camera_matrix, coefficients)
+    seen = [
+        _view(*pair, np.asarray(turn), np.asarray(shift), camera_matrix, coefficients)
+        for pair, turn, shift in zip(found, turns, shifts, strict=True)
+    ]
     return Calibration(
         camera_matrix=camera_matrix,
         distortion=coefficients,
         rotation=rotation,
         position_m=position,
         lens_rms_px=float(rms),
-        ground_rms_px=ground_rms,
-        pictures=len(found),
+        views=tuple(seen),
+        ground=on_ground,
         size=(width, height),
     )
+
+
+def _pictures(path: Path) -> Iterator[Image]:
+    """Yield the pictures that can be decoded; of many frames some, evenly spaced."""
+    source = LogFrames(path) if path.suffix == LOG_SUFFIX else FrameSource(path)
+    step = 1 if path.is_dir() else -(-source.count // MOST_PICTURES)
+    for number, frame in enumerate(source):
+        if number % step == 0 and frame.image.size:
+            yield frame.image
+
+
+def _ground_picture(path: Path) -> Image:
+    if path.suffix != LOG_SUFFIX:
+        return read_image(path)
+    *_, last = LogFrames(path)
+    return last.image
+
+
+def _view(
+    points: Floats, pixels: Floats, turn: Floats, shift: Floats, matrix: Floats, distortion: Floats
+) -> View:
+    projected, _ = cv2.projectPoints(points, turn, shift, matrix, distortion)
+    return View(pixels, np.asarray(projected, np.float64).reshape(-1, 2) - pixels)
 
 
 def find_corners(image: Image, board: Board) -> tuple[Floats, Floats] | None:
@@ -139,14 +201,14 @@ def find_corners(image: Image, board: Board) -> tuple[Floats, Floats] | None:
 
 def _pose(
     ground: Path, board: Board, target: GroundTarget, matrix: Floats, distortion: Floats
-) -> tuple[Floats, Floats, float]:
-    """Return rotation camera to vehicle, position in the vehicle frame, and rms error in pixels."""
-    image = read_image(ground)
+) -> tuple[Floats, Floats, View]:
+    """Return rotation camera to vehicle, position in the vehicle frame, and the corners on the ground."""
+    image = _ground_picture(ground)
     found = find_corners(image, board) if image.size else None
     if found is None:
         raise ConfigError(f"{ground} does not show the board on the ground: all of it must be in view")
     flat, pixels = found
-    best: tuple[Floats, Floats, float] | None = None
+    best: tuple[Floats, Floats, View] | None = None
     # A chessboard is symmetric to half a turn; the camera looks back, away from the vehicle's nose.
     for turned in (False, True) if board.kind == "chessboard" else (False,):
         points = _on_ground(flat[::-1] if turned else flat, target)
@@ -154,12 +216,10 @@ def _pose(
         if not ok:
             continue
         to_camera = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
-        seen, _ = cv2.projectPoints(points, turn, shift, matrix, distortion)
-        error = np.asarray(seen, np.float64).reshape(-1, 2) - pixels
-        rms = float(np.sqrt((error**2).sum(axis=1).mean()))
+        view = _view(points, pixels, np.asarray(turn), np.asarray(shift), matrix, distortion)
         rotation, position = to_camera.T, -to_camera.T @ np.asarray(shift, np.float64).ravel()
         if position[2] > 0 and (best is None or rotation[0, 2] < best[0][0, 2]):
-            best = rotation, position, rms
+            best = rotation, position, view
     if best is None:
         raise ConfigError(
             f"{ground}: the camera would be below the ground: check --ground-yaw and the board's direction"

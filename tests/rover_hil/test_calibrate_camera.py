@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from drivers.errors import ConfigError
+from drivers.link import CameraImage, Received
 from drivers.samples import Image
 from rover_hil.app.app import app
 from rover_hil.app.calibrate.camera import calibrate_camera
-from rover_hil.config import read_rig
+from rover_hil.config import load_config, read_rig
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, find_corners, rig_text
+from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.writer import LogWriter
 from tests.rear_scene.rig_file import CalibratedRig
 from tests.rover_hil.ftrace_files import rig_table
 from tests.sim_backends.rear_drives import rig
@@ -126,6 +129,51 @@ def test_the_camera_is_found(kind: Kind, request: pytest.FixtureRequest, tmp_pat
     assert found.camera_matrix[0, 0] == pytest.approx(camera.camera_matrix[0, 0], rel=0.01)
     assert found.distortion[0] == pytest.approx(camera.distortion[0], abs=0.03)
     assert found.wheel_width_m == camera.wheel.width_m
+    page = (tmp_path / "rig.html").read_text("utf-8")
+    assert page.count("<img") == 2
+    assert "Camera: lens and pose" in page
+
+
+def test_a_log_gives_the_same_as_its_pictures(charuco: Path, tmp_path: Path) -> None:
+    """Frames of the log are the pictures, and its last frame is that of the board on the ground."""
+    names = [f"{number}.png" for number in range(12)]
+    config = load_config("el-dorado")
+    files = collect_data_files(config)
+    with LogWriter(
+        tmp_path / "run.mcap", 0, config.model_dump_json(by_alias=True).encode(), files, "real"
+    ) as log:
+        for number, path in enumerate(
+            [*(charuco / "views" / name for name in names), charuco / "ground.png"]
+        ):
+            t_ns = 200_000_000 * (number + 1)
+            image = np.asarray(cv2.imread(str(path)), np.uint8)
+            log.received("camera", Received(t_ns, CameraImage(image, t_ns)))
+    arguments = options(charuco, "charuco", tmp_path / "by_log.json")
+    arguments[2] = arguments[4] = str(tmp_path / "run.mcap")
+
+    result = CliRunner().invoke(app, arguments)
+
+    assert result.exit_code == 0, result.output
+    found = read_rig(tmp_path / "by_log.json").geometry()
+    assert np.allclose(found.position_m, rig().camera_m, atol=0.004)
+
+
+def test_the_page_shows_a_board_that_does_not_fit(charuco: Path, tmp_path: Path) -> None:
+    """Pictures of two cameras have no common lens."""
+    views = tmp_path / "views"
+    shutil.copytree(charuco / "views", views)
+    for path in sorted(views.iterdir())[::2]:
+        picture = np.asarray(cv2.imread(str(path)), np.uint8)
+        cv2.imwrite(str(path), cv2.resize(picture[:, 80:560], picture.shape[1::-1]))
+    arguments = options(charuco, "charuco", tmp_path / "rig.json")
+    arguments[2] = str(views)
+
+    result = CliRunner().invoke(app, arguments)
+
+    assert result.exit_code == 1
+    assert "not written: worse than 1 px" in result.output
+    assert not (tmp_path / "rig.json").exists()
+    assert "Camera: not calibrated" in (tmp_path / "rig.html").read_text("utf-8")
 
 
 def test_corners_lie_where_the_board_is(charuco: Path) -> None:

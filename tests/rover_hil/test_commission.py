@@ -251,4 +251,4 @@ def test_nothing_is_driven_outside_the_free_place(command: Command) -> None:
     )
     Path("rover.toml").write_text(text, "utf-8")
     assert command("commission", "rover.toml", "--virtual", "--side", "2", "--out", "runs") == 2
-    assert_one_sentence(command.error, "mission.area", "--side")
+    assert_one_sentence(command.error, "x 0 to 2 m and y -2 to 2 m", "mission.area", "--side")

@@ -21,10 +21,13 @@ calibrate_app = typer.Typer(cls=Group, help="Calibrate sensors.")
 
 @calibrate_app.command("camera")
 def calibrate_camera(
-    pictures: Annotated[Path, typer.Argument(help="Folder or video of the board in many poses.")],
-    ground: Annotated[Path, typer.Option(help="Picture of the board lying on the ground behind the wheel.")],
+    pictures: Annotated[Path, typer.Argument(help="Folder, video or log of the board in many poses.")],
+    ground: Annotated[
+        Path,
+        typer.Option(help="Picture of the board on the ground behind the wheel, or a log: its last frame."),
+    ],
     rover: Annotated[Path, typer.Option(help="JSON with the rig's keys that are not the camera's.")],
-    out: Annotated[Path, out_option("Rig file to write.")],
+    out: Annotated[Path, out_option("Rig file to write, JSON; the page beside it has its name.")],
     columns: Annotated[int, number_option("Squares along the board's x axis.", "squares", 3, 100)],
     rows: Annotated[int, number_option("Squares along its y axis.", "squares", 3, 100)],
     square: Annotated[float, number_option("Side of a square, m.", "m", 0.001, 1.0)],
@@ -43,7 +46,8 @@ def calibrate_camera(
 ) -> None:
     """Make the rig file of a rearward camera: lens, and pose above the ground.
 
-    Exit code 1: the board fits worse than 1 pixel; nothing is written.
+    The page with the picture is written before the file. Exit code 1: the board fits worse than 1 pixel; the
+    file is not written.
 
     Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out my_rig.json
     --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`

@@ -20,6 +20,7 @@ from rover_hil.app.calibrate.by_hand import record_by_hand
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.room import require_room
 from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
@@ -169,6 +170,7 @@ def _record(config: Config, device: str, log_path: Path, *, virtual: bool, by_ha
             _record_by_hand(config, device, log_path, wanted, coverage, step)
         return
     driven = turning_config(config, device, turns)
+    require_room(config, [driven.mission], "turn it yourself with --by-hand")
     limit_s = driven.loop.time_limit_s
     with show_steps(f"turning the rover {turns} times in each sense") as step:
 

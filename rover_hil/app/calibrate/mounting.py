@@ -18,6 +18,7 @@ from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import LOG_SUFFIX, on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.room import require_room
 from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
@@ -161,6 +162,7 @@ def _record(config: Config, device: str, log_path: Path, *, virtual: bool, by_ha
     # The turns are driven by the wheels: a gyro whose mounting is not known may count the wrong way.
     roles = config.roles.model_copy(update={"gyro": None})
     driven = turning_config(config.model_copy(update={"roles": roles}), device, turns)
+    require_room(config, [driven.mission], "turn it yourself with --by-hand")
     with show_steps(f"turning the rover {turns} times in each sense") as step:
 
         def show(output: StepOutput) -> None:

@@ -14,7 +14,7 @@ def check_results(out: Path, logs: Sequence[Path] = (), *, force: bool) -> Path:
     repetition, nor do the logs beside it.
 
     Args:
-        out: File of the constants, TOML; the page has its name with `.html`.
+        out: File of the constants, TOML, or JSON of a rig; the page has its name with `.html`.
         logs: Logs of the drives that the calibration makes.
         force: Replace earlier files.
 
@@ -23,7 +23,7 @@ def check_results(out: Path, logs: Sequence[Path] = (), *, force: bool) -> Path:
     """
     page = out.with_suffix(".html")
     if out in (page, *logs):
-        raise ConfigError(f"--out {out}: name a file that ends with .toml")
+        raise ConfigError(f"--out {out}: name a file that ends with .toml, or .json for a rig")
     check_file(out, force=force)
     may_replace = force or page.is_file()
     for path in (page, *logs):

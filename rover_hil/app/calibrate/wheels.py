@@ -17,6 +17,7 @@ from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.room import require_room
 from rover_hil.app.run import require_finished, run_real, run_virtual
 from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
@@ -174,6 +175,7 @@ def _drive(
     if kinematics.turns_on_spot:
         spin = WholeTurnsMission(type="whole_turns", turns=turns, heading="along_path", senses="left")
         plan += [("spin1", spin), ("spin2", spin.model_copy(update={"senses": "right"}))]
+    require_room(config, [mission for _, mission in plan], "lower --length")
     paths = [out.with_name(f"{out.stem}-{name}.mcap") for name, _ in plan]
     check_results(out, paths, force=force)
     lines: list[Known] = []

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import tomllib
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from controllers.motion.settings import LineMission, WholeTurnsMission
 from rover_hil.app.ask import ask_number, ask_yes
 from rover_hil.app.calibrate import compass as calibrate_compass
 from rover_hil.app.calibrate import imu as calibrate_imu
+from rover_hil.app.calibrate import mounting as calibrate_mounting
 from rover_hil.app.calibrate import wheels as calibrate_wheels
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.identify.wheels.fit import fit_factor, proposal
@@ -221,3 +223,27 @@ def test_questions_are_asked_again_until_the_answer_is_right(
         assert ask_number("Distance, m", 0.1, 50.0) == 2.5
         assert ask_yes("Go on?", default=True)
     assert capsys.readouterr().err.count("Distance, m: ") == 3
+
+
+@pytest.mark.parametrize(
+    ("what", "rover", "words"),
+    [
+        ("wheels", "robotino", ("x 0 to 2 m", "lower --length")),
+        ("compass", "car", ("--by-hand",)),
+        ("imu --turns 2", "car", ("--by-hand",)),
+    ],
+)
+def test_nothing_is_driven_outside_the_free_place(
+    command: Command, monkeypatch: pytest.MonkeyPatch, what: str, rover: str, words: tuple[str, ...]
+) -> None:
+    """A rover that turns on the spot needs no room for that; one that cannot drives rings."""
+    for module in (calibrate_wheels, calibrate_mounting, calibrate_compass):
+        monkeypatch.setattr(module, "run_virtual", lambda *arguments: pytest.fail("driven"))
+    area = "area = { x_min_m = -1, x_max_m = 1, y_min_m = -1, y_max_m = 1 }"
+    text = read_config_text("robotino" if rover == "robotino" else "el-dorado-crab")
+    text = re.sub(r"length_m = [\d.]+", "length_m = 0.9", text).replace("[mission]\n", f"[mission]\n{area}\n")
+    if rover == "car":
+        text = text.replace("low_deg = -60, high_deg = 60", "low_deg = -20, high_deg = 20")
+    Path("rover.toml").write_text(text, "utf-8")
+    assert command("calibrate", *what.split(), "rover.toml", "--virtual", "--out", "out.toml") == 2
+    assert_one_sentence(command.error, "mission.area", *words)
