@@ -18,6 +18,7 @@ class DeviceRoles:
         fixes: Measure poses. They may be sparse, so they need not be required.
         camera: Looks back at the trace of the rear left wheel. Without it the estimate is less certain, not
             wrong, so it need not be required.
+        gyro_rate_hz: Yaw rates per second that the gyro is set to send; None where it is unknown.
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
     """
 
@@ -27,6 +28,7 @@ class DeviceRoles:
     headings: tuple[str, ...] = ()
     fixes: tuple[str, ...] = ()
     camera: str | None = None
+    gyro_rate_hz: float | None = None
     wheel_age_s: float | None = None
 
     @property

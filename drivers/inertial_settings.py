@@ -18,6 +18,8 @@ class InertialSettings(SerialDeviceSettings):
     imu --turns` finds roll, pitch, scale and bias.
 
     Attributes:
+        rate_hz: Yaw rates per second that the sensor is set to send. The rover stops where it sends others
+            (`gyro_rate_s` of `[safety]`). None: they are not counted.
         mounting_yaw_deg: Direction of the sensor's x axis, counter-clockwise from the rover's forward axis,
             once roll and pitch have levelled it: 0 where x points forward.
         mounting_roll_deg: Turn about the sensor's x axis that levels it: 0 where its z axis points up (of a
@@ -28,6 +30,7 @@ class InertialSettings(SerialDeviceSettings):
             what is left at each start.
     """
 
+    rate_hz: Annotated[float, Field(gt=0, le=2000)] | None = None
     mounting_yaw_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0

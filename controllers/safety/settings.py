@@ -21,6 +21,7 @@ from controllers.safety.gyro_reading_rules import (
     GyroRestRule,
     StuckGyroRule,
 )
+from controllers.safety.gyro_sample_rate_rule import GyroSampleRateRule, GyroSampleRateSettings
 from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
@@ -36,6 +37,7 @@ class SafetySettings(
     SteeringSettings,
     GyroTurnSettings,
     GyroReadingSettings,
+    GyroSampleRateSettings,
     HeadingTurnSettings,
     UnseenSettings,
     EntrapmentSettings,
@@ -79,6 +81,7 @@ def make_rules(
         GyroDifferenceRule(settings, roles),
         GyroFollowsRule(settings, roles),
         GyroRestRule(settings, roles),
+        GyroSampleRateRule(settings, roles),
         *(() if roles.gyro is None else (HeadingTurnRule(settings, roles, heading_lag_s),)),
         InnovationMonitor(settings),
         DisplacedFixRule(settings),

@@ -17,6 +17,7 @@ from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.device_settings import ByteDeviceSettings, DeviceSettings, DriveSettings
 from drivers.errors import ConfigError
+from drivers.inertial_settings import InertialSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import Settings
@@ -124,6 +125,7 @@ class Config(ControlSettings):
     def device_roles(self) -> DeviceRoles:
         """Return the roles as the controller needs them."""
         wheels = self.devices[self.roles.wheels]
+        gyro = None if self.roles.gyro is None else self.devices[self.roles.gyro]
         return DeviceRoles(
             wheels=self.roles.wheels,
             wheel_age_s=(
@@ -131,6 +133,7 @@ class Config(ControlSettings):
             ),
             required={name: self.devices[name].max_age_s for name in self.roles.names()},
             gyro=self.roles.gyro,
+            gyro_rate_hz=gyro.rate_hz if isinstance(gyro, InertialSettings) else None,
             headings=self.roles.headings,
             fixes=self.roles.fixes,
             camera=self.roles.camera,

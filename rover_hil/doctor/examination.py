@@ -20,6 +20,7 @@ from rover_hil.doctor.faults import check_faults
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem, warning
 from rover_hil.doctor.frames import check_frames
 from rover_hil.doctor.gyro_bandwidth import check_gyro_bandwidth
+from rover_hil.doctor.gyro_rate import check_gyro_rate
 from rover_hil.doctor.installation import DISTRIBUTION, check_installation
 from rover_hil.doctor.listening import OpenDevice, Reception, listen, open_device
 from rover_hil.doctor.no_data import check_no_data
@@ -92,6 +93,7 @@ def check_reception(reception: Reception, config: Config) -> list[Finding]:
         *check_faults(reception, bumper_stops=config.safety.bumper_stops),
         *check_device_clock(reception),
         *check_gyro_bandwidth(reception, config),
+        *check_gyro_rate(reception, config),
     ]
     if isinstance(settings, CanWheelsSettings):
         findings += check_traffic(reception, settings)

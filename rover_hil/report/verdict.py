@@ -18,6 +18,9 @@ from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import SlipSummary, Summary, TrackError
 from rover_hil.run.executive import End
 
+NAMED_BELOW = 0.5
+"""Below this valid share of the distance the most frequent cause stands beside the slip; chosen by hand."""
+
 
 class Grade(StrEnum):
     """How a run went, at a glance."""
@@ -113,7 +116,10 @@ def _slip_facts(slip: SlipSummary) -> list[Fact]:
     )
     if not slips:
         return []
-    detail = f"by {slip.map}, valid for {percent(fmean(valid))} of the distance"
+    share = fmean(valid)
+    detail = f"by {slip.map}, valid for {percent(share)} of the distance"
+    if share < NAMED_BELOW and slip.invalid_cycles:
+        detail += f"; mostly: {next(iter(slip.invalid_cycles))}"
     return [Fact("estimated slip", percent(fmean(slips)), detail)]
 
 

@@ -20,7 +20,7 @@ from controllers.slip.effort.gyro_watch import (
     NOT_COMPARED,
 )
 from controllers.slip.effort.parameters import EFFORT
-from controllers.slip.effort.yaw_excitation import SPRINGS
+from controllers.slip.effort.yaw_excitation import SPRINGS, TOO_FEW_READINGS
 from drivers.samples import WheelSample
 from tests.controllers.simulated import MS, ROLES
 from tests.controllers.slip_bench import (
@@ -429,7 +429,7 @@ def test_the_excitation_needs_a_gyro_and_no_currents() -> None:
     bench = compared()
     excite(bench, 0.2, 2.0)
     report = excite(bench, 0.2, 2.0, has_gyro=False)
-    assert {wheel.reason for wheel in report.wheels} == {"too few readings of the gyro"}
+    assert {wheel.reason for wheel in report.wheels} == {TOO_FEW_READINGS}
     assert rover_slip(report).source == "held"
     assert 0.2 < report.wheels[0].slip < 0.35
     report = excite(bench, 0.2, 20.0, has_gyro=False)

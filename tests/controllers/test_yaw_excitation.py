@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.yaw_excitation import (
+    TOO_FEW_READINGS,
     ExcitationResponse,
     YawExcitation,
     YawExcitationMap,
@@ -89,11 +90,11 @@ def test_other_changes_of_the_yaw_rate_give_no_loss() -> None:
 
 
 def test_few_readings_give_no_loss() -> None:
-    assert response(0.3, period_s=0.1).reason == "too few readings of the gyro"
+    assert response(0.3, period_s=0.1).reason == TOO_FEW_READINGS
     probe = YawExcitation(PROBE)
     found = [probe.step(PERIOD_S, math.sin(step), None) for step in range(26)]
     (only,) = [each for each in found if each is not None]
-    assert only.reason == "too few readings of the gyro"
+    assert only.reason == TOO_FEW_READINGS
 
 
 def test_a_window_begins_where_the_one_before_ended() -> None:

@@ -1,4 +1,4 @@
-"""The bandwidth that a WitMotion sensor states, against the yaw excitation."""
+"""Bandwidth and rate of the gyro, against the yaw excitation and the configuration."""
 
 from dataclasses import replace
 
@@ -6,10 +6,12 @@ import pytest
 
 from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.link import Received
+from drivers.samples import RateSample
 from drivers.witmotion.codec import REGISTERS, WitMotionCodec, encode_frame, encode_rate
 from rover_hil.config import Config, load_config
 from rover_hil.doctor.finding import Level
 from rover_hil.doctor.gyro_bandwidth import check_gyro_bandwidth, stated_bandwidth_hz
+from rover_hil.doctor.gyro_rate import check_gyro_rate
 from rover_hil.doctor.listening import Reception
 from tests.rover_hil.test_doctor_samples import reception as silent
 
@@ -61,3 +63,21 @@ def test_without_an_answer_or_the_yaw_probe_nothing_is_wrong() -> None:
     (finding,) = check_gyro_bandwidth(reception(encode_rate(0.0, 0.0, 0.0)), ROBOTINO)
     assert finding.level is Level.OK
     assert check_gyro_bandwidth(reception(), ROBOTINO.model_copy(update={"slip": None})) == []
+
+
+@pytest.mark.parametrize(("period_s", "is_named"), [(0.02, False), (0.03, False), (0.04, True), (0.01, True)])
+def test_a_gyro_with_another_rate_than_configured_is_named(period_s: float, is_named: bool) -> None:
+    times_ns = [round(1e9 * period_s * index) for index in range(round(2.0 / period_s))]
+    samples = [RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=0.0) for t_ns in times_ns]
+    received = replace(reception(), samples=tuple(samples), start_ns=0, end_ns=2_000_000_000)
+    found = check_gyro_rate(received, ROBOTINO)
+    assert [finding.what for finding in found] == (
+        [f"yaw rate: {1.0 / period_s:.1f} Hz, configured are 50 Hz"] if is_named else []
+    )
+
+
+def test_a_burst_from_a_buffer_has_no_rate() -> None:
+    samples = tuple(RateSample(device="imu", t_ns=index, rate_z_rad_s=0.0) for index in range(500))
+    received = replace(reception(), samples=samples, start_ns=-2_000_000_000, end_ns=1000)
+    assert check_gyro_rate(received, ROBOTINO) == []
+    assert check_gyro_rate(replace(received, samples=()), ROBOTINO) == []

@@ -108,7 +108,8 @@ class ExcitationParameters:
     window_s: float = 0.5  # the amplitudes are compared over this time, at least one period
     least_amplitude: float = 0.3  # of the wheels, over the commanded one
     least_distance_m: float = 0.02  # shorter travel in a window has no direction, and its slip hardly matters
-    least_readings: float = 4.0  # of the gyro in a period
+    # With four readings in a period the third harmonic of stick and slip looks like the excitation itself.
+    least_readings: float = 4.5  # of the gyro in a period, each counted once
     # Near the resonance of relaxation length and inertia the gyro follows the wheels with the wrong sign, and
     # the rule about a gyro that does not follow would stop the rover: so the excitation pauses.
     resonance: float = 1.35  # of the body over the wheels

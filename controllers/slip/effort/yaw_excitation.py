@@ -21,7 +21,10 @@ from controllers.slip.interpolation import check_rising, interpolate
 from drivers.settings import Settings
 
 SPRINGS = "the contact springs at the frequency of the excitation, which pauses"
+TOO_FEW_READINGS = "too few readings of the gyro for the frequency of the excitation"
 Array = NDArray[np.float64]
+SAME_READING_S = 0.005
+"""Readings this close are one reading: its time stamp comes from those of the wheels, which jitter."""
 SMALLEST_SHARE = 0.01
 """Of the excitation; below it the slip is that of a rover that does not follow at all."""
 
@@ -128,8 +131,8 @@ class YawExcitation:
 
     def _compare(self, rows: list[tuple[float, float, float, float, float]]) -> ExcitationResponse:
         parameters, frequency_hz = EFFORT.excitation, self._settings.frequency_hz
-        if len(rows) < parameters.least_readings * parameters.window_s * frequency_hz:
-            return NO_SHARE._replace(reason="too few readings of the gyro")
+        if _readings(rows) < parameters.least_readings * parameters.window_s * frequency_hz:
+            return NO_SHARE._replace(reason=TOO_FEW_READINGS)
         t_s, elapsed_s, wheels, gyro_s, gyro = np.array(rows).T
         # A mean over a time is the rate in the middle of that time, a little smaller than it.
         wheel_fit, wheel_rest = _fit_sinusoid(frequency_hz, t_s - 0.5 * elapsed_s, wheels)
@@ -147,6 +150,13 @@ class YawExcitation:
             return NO_SHARE._replace(reason="the yaw rate changes too much besides the shake")
         share = gyro_amplitude / wheel_amplitude / self._sensors
         return ExcitationResponse(1.0 - abs(share), share, float(wheel_fit[2]), float(gyro_fit[2]), "")
+
+
+def _readings(rows: list[tuple[float, float, float, float, float]]) -> int:
+    """Return how many readings of the gyro there are: a cycle without a new one repeats the last."""
+    if not rows:
+        return 0
+    return 1 + int(np.count_nonzero(np.diff(sorted(row[3] for row in rows)) > SAME_READING_S))
 
 
 def _fit_sinusoid(frequency_hz: float, t_s: Array, values: Array) -> tuple[Array, float]:
