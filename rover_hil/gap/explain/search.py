@@ -221,13 +221,14 @@ class Search:
         strength = candidate.card.parameters[0]
         shape = {(name, key): value for key, value in shapes[name].items()}
         sizes = [sign * share * strength.prior_sd for share in EXPLAIN.search.far for sign in (1.0, -1.0)]
-        values = [strength.nominal + size for size in (*sizes, self._strength(name, shapes[name]))]
+        wanted = [strength.nominal + size for size in (*sizes, self._strength(name, shapes[name]))]
+        values = {float(np.clip(value, strength.lower, strength.upper)) for value in wanted}
         imitator = ("", imitating_parameter(self._start, candidate.score))
         straight = {key: value for key, value in self._start.point.items() if key != imitator}
         return [
-            {**base, **shape, (name, strength.name): float(np.clip(value, strength.lower, strength.upper))}
+            {**base, **shape, (name, strength.name): value}
             for base in ({}, straight)
-            for value in values
+            for value in sorted(values - {strength.nominal})
         ]
 
     def _cost(self, free: Sequence[Free], point: Point) -> float:

@@ -1,0 +1,58 @@
+"""Effects that only one sign can have are found far from where base parameters imitate them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from rover_hil.config import load_config
+from rover_hil.gap.workflow import analyse
+from sim_backends.models.interface import Array, Run
+from sim_backends.plants.wheels.settings import WheelsPlantSettings
+from sim_backends.wheels_model.model import WheelsModel
+
+DRIVES, WINDOWS, WINDOW_S = 6, 60, 0.2
+NOISE = {"forward_m_s": 0.002, "left_m_s": 0.002, "turn_rad_s": 0.004, "gyro_rad_s": 0.002}
+
+
+def drives(model: WheelsModel, rng: np.random.Generator) -> list[Run]:
+    """Return straight drives and arcs, forwards and backwards, as wheel speeds only."""
+    found = []
+    for number in range(DRIVES):
+        legs = rng.uniform(0.8, 2.0, 6) * rng.choice((-1.0, 1.0), 6)
+        ahead = np.repeat(legs, WINDOWS // 6)
+        turning = np.repeat(rng.uniform(-0.3, 0.3, 6), WINDOWS // 6)
+        smooth = np.ones(5) / 5.0
+        sides = [
+            np.convolve(ahead * (1.0 + sign * turning), smooth, "same").astype(np.float64)
+            for sign in (-1.0, 1.0)
+        ]
+        inputs: dict[str, Array] = {
+            f"wheel_{wheel}_rad_s": sides[wheel % 2] for wheel in range(1, model.wheel_count + 1)
+        }
+        t_s = WINDOW_S * np.arange(WINDOWS)
+        found.append(
+            Run(
+                name=f"drive {number}",
+                conditions={"speed_m_s": float(np.mean(ahead))},
+                inputs={"t_s": t_s, "heading_rad": np.zeros(WINDOWS), **inputs},
+            )
+        )
+    return found
+
+
+def test_a_resistance_of_the_ground_is_no_smaller_wheel_only() -> None:
+    """Softer ground, a base parameter, imitates it near the start: the fit must begin at a great one."""
+    settings = load_config("docs/examples/differential.toml").require_simulation().plant
+    assert isinstance(settings, WheelsPlantSettings)
+    site = settings.site.model_copy(update={"floor": "gray", "roughness": 0.0, "patches": ()})
+    model, rng = WheelsModel(settings.model_copy(update={"site": site})), np.random.default_rng(5)
+    runs = drives(model, rng)
+    tables = model.predict(runs, {}, {"rolling_resistance": {"share": 0.15}})
+    measured = [
+        {name: values + rng.normal(0.0, NOISE[name], WINDOWS) for name, values in table.items()}
+        for table in tables
+    ]
+    verdict = analyse(
+        model, [replace(run, measured=one) for run, one in zip(runs, measured, strict=True)]
+    ).verdict
+    assert ("rolling_resistance",) in [tuple(one) for one in verdict.confidence_set], verdict.sentence
