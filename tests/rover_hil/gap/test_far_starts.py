@@ -29,7 +29,7 @@ def drives(model: WheelsModel, rng: np.random.Generator) -> list[Run]:
         inputs: dict[str, Array] = {
             f"wheel_{wheel}_rad_s": sides[wheel % 2] for wheel in range(1, model.wheel_count + 1)
         }
-        t_s = WINDOW_S * np.arange(WINDOWS)
+        t_s = WINDOW_S * np.arange(float(WINDOWS))
         found.append(
             Run(
                 name=f"drive {number}",
