@@ -124,9 +124,23 @@ def _answer(findings: Findings) -> Answer:
         if findings.prepared.problem.observations.is_steady
         else EXPLAIN.verdict.whole_share_of_series
     )
-    if share < whole or (is_single and findings.alternatives):
+    if share < whole or (is_single and findings.alternatives) or _far_base_parameters(findings):
         return Answer.PARTLY_NAMED
     return Answer.NAMED if is_single else Answer.NAMED_SET
+
+
+def _far_base_parameters(findings: Findings) -> list[tuple[str, float]]:
+    """Return the base parameters that contradict the best explanation, and how far they are from nominal."""
+    best = findings.best
+    if best is None:
+        return []
+    cards = findings.prepared.problem.model.effects
+    released = {card.releases for card in cards if card.name in best.names}
+    return [
+        (item.key[1], abs(float(pull)))
+        for item, pull in zip(best.fit.free, best.fit.pull, strict=True)
+        if not item.key[0] and abs(pull) > EXPLAIN.verdict.far_sd and item.key[1] not in released
+    ]
 
 
 def explained_share(findings: Findings) -> float:
@@ -236,6 +250,8 @@ def _unsure(findings: Findings) -> str:
     for name, alternative in findings.alternatives.items():
         channel, term = alternative.split(": ", 1)
         text += f"; a term {term} in {channel} explains as much as {name}"
+    for name, distance in _far_base_parameters(findings):
+        text += f"; {name} is {distance:.1f} prior deviations from its nominal value"
     return text
 
 

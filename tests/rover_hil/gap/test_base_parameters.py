@@ -1,12 +1,15 @@
-"""Effects that only one sign can have are found far from where base parameters imitate them."""
+"""Base parameters of a rover that imitate an effect, or contradict a name."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rover_hil.config import load_config
+from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.interface import Array, Run
+from sim_backends.models.interface import Array, Run, Values
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
 
@@ -40,19 +43,36 @@ def drives(model: WheelsModel, rng: np.random.Generator) -> list[Run]:
     return found
 
 
-def test_a_resistance_of_the_ground_is_no_smaller_wheel_only() -> None:
-    """Softer ground, a base parameter, imitates it near the start: the fit must begin at a great one."""
+@pytest.fixture(scope="module")
+def model() -> WheelsModel:
     settings = load_config("docs/examples/differential.toml").require_simulation().plant
     assert isinstance(settings, WheelsPlantSettings)
     site = settings.site.model_copy(update={"floor": "gray", "roughness": 0.0, "patches": ()})
-    model, rng = WheelsModel(settings.model_copy(update={"site": site})), np.random.default_rng(5)
+    return WheelsModel(settings.model_copy(update={"site": site}))
+
+
+def verdict_on(model: WheelsModel, base: Values, effects: Mapping[str, Values]) -> Verdict:
+    """Return the verdict on drives that the model itself made, with noise."""
+    rng = np.random.default_rng(5)
     runs = drives(model, rng)
-    tables = model.predict(runs, {}, {"rolling_resistance": {"share": 0.15}})
     measured = [
         {name: values + rng.normal(0.0, NOISE[name], WINDOWS) for name, values in table.items()}
-        for table in tables
+        for table in model.predict(runs, base, effects)
     ]
-    verdict = analyse(
+    return analyse(
         model, [replace(run, measured=one) for run, one in zip(runs, measured, strict=True)]
     ).verdict
-    assert ("rolling_resistance",) in [tuple(one) for one in verdict.confidence_set], verdict.sentence
+
+
+def test_a_resistance_of_the_ground_is_no_smaller_wheel_only(model: WheelsModel) -> None:
+    """Softer ground, a base parameter, imitates it near the start: the fit must begin at a great one."""
+    verdict = verdict_on(model, {}, {"rolling_resistance": {"share": 0.15}})
+    assert ["rolling_resistance"] in verdict.confidence_set, verdict.sentence
+
+
+def test_a_base_parameter_far_from_its_nominal_value_contradicts_a_name(model: WheelsModel) -> None:
+    """No effect explains a late gyro."""
+    verdict = verdict_on(model, {"gyro_age_s": 0.1}, {"wheel_radius": {"error": -0.05}})
+    assert verdict.verdict == "PARTLY_NAMED", verdict.sentence
+    assert "gyro_age_s is " in verdict.sentence
+    assert " prior deviations from its nominal value" in verdict.sentence
