@@ -24,7 +24,7 @@ from rover_hil.commissioning.worth import Worth, find_worth
 from rover_hil.config import Config, load_config
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import read_drive
-from rover_hil.datasets.marks import Marks, marks_beside, marks_text, read_marks
+from rover_hil.datasets.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
 from rover_hil.pages.atomic_write import refuse_overwrite, write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
@@ -166,7 +166,7 @@ def _drive(
     require_finished(result, name)
     stops_s = read_poses(log).stops_s
     marks = _true_marks(log, stops_s, plan.tape_sd_m, rng) if virtual else _asked_marks(name, stops_s, plan)
-    write_file(marks_beside(log), marks_text(marks))
+    write_file(marks_file(log), marks_text(marks))
 
 
 def _true_marks(log: Path, stops_s: Array, sd_m: float, rng: np.random.Generator) -> Marks:
@@ -213,8 +213,8 @@ def _asked_marks(name: str, stops_s: Array, plan: Plan) -> Marks:
 
 def _read(log: Path, name: str) -> Drive:
     path = marks_beside(log)
-    if not path.is_file():
-        raise LogError(f"no file {path}: write the measured marks, t_s,x_m,y_m,yaw_deg,sigma_m")
+    if path is None:
+        raise LogError(f"no file {marks_file(log)}: write the measured marks, {','.join(COLUMNS)}")
     return name, read_poses(log), read_marks(path)
 
 

@@ -252,7 +252,7 @@ class LogRows:
 
 def _marks_of(log: LogReader) -> TruePoses | None:
     path = marks_beside(log.path)
-    if not path.is_file():
+    if path is None:
         return None
     marks = read_marks(path)
     use = np.isfinite(marks.yaw_deg)

@@ -1,4 +1,4 @@
-"""Positions measured by hand at marks: a CSV file beside a log, which counts as its pose fixes."""
+"""Positions measured by hand at marks, as with a tape: the file `run.positions.csv` beside `run.mcap`."""
 
 import csv
 import io
@@ -12,7 +12,10 @@ from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.csv_table import read_csv
 
 COLUMNS = ("t_s", "x_m", "y_m", "yaw_deg", "sigma_m")
-ENDING = ".marks.csv"
+ENDING = ".positions.csv"
+FORMER_ENDING = ".marks.csv"
+TAPE_SD_M = 0.005
+"""Accuracy of a position in a file without `sigma_m`."""
 YAW_BASE_M = 0.3
 """The yaw is measured between two points of the rover this far apart, each with `sigma_m`."""
 LARGEST_M = 1000.0
@@ -42,29 +45,52 @@ class Marks:
         return sd
 
 
-def marks_beside(log: Path) -> Path:
-    """Return the path of the marks of a log."""
-    return log.with_name(f"{log.stem}{ENDING}")
+def marks_file(log: Path) -> Path:
+    """Return where the marks of a log would be: `run.positions.csv` beside `run.mcap`."""
+    return log.with_name(log.name.removesuffix(".mcap") + ENDING)
+
+
+def marks_beside(log: Path) -> Path | None:
+    """Return the file of the marks of a log; None without one.
+
+    Raises:
+        LogError: There is one with the ending of former versions.
+    """
+    path = marks_file(log)
+    former = path.with_name(path.name.removesuffix(ENDING) + FORMER_ENDING)
+    if path.is_file():
+        return path
+    if former.is_file():
+        raise LogError(
+            f"{former}: such files are now called {path.name}: rename it, the columns are the same"
+        )
+    return None
 
 
 def read_marks(path: Path) -> Marks:
-    """Return the marks in a file with the columns `COLUMNS`; cells of `yaw_deg` may be empty.
+    """Return the marks in a file with the columns `COLUMNS`.
+
+    Cells of `yaw_deg` may be empty. Without the column `sigma_m` it is `TAPE_SD_M`.
 
     Raises:
         LogError: The file cannot be read, a number is missing or out of range, or times do not rise.
     """
     table = read_csv(path)
-    fix = "write one row per mark under t_s,x_m,y_m,yaw_deg,sigma_m"
-    table.require(COLUMNS, fix)
-    columns = [table.numbers(name, fix=fix, is_needed=name != "yaw_deg") for name in COLUMNS]
-    marks = Marks(*columns)
-    wrong = ~((marks.sigma_m > 0.0) & (np.abs(marks.x_m) < LARGEST_M) & (np.abs(marks.y_m) < LARGEST_M))
+    fix = f"write one row per place where the rover stood under {','.join(COLUMNS)}"
+    table.require(COLUMNS[:-1], fix)
+    t_s, x_m, y_m, yaw_deg = (
+        table.numbers(name, fix=fix, is_needed=name != "yaw_deg") for name in COLUMNS[:-1]
+    )
+    sigma_m = np.full(len(t_s), TAPE_SD_M)
+    if COLUMNS[-1] in table.names:
+        sigma_m = table.numbers(COLUMNS[-1], fix=fix, is_needed=True)
+    wrong = ~((sigma_m > 0.0) & (np.abs(x_m) < LARGEST_M) & (np.abs(y_m) < LARGEST_M))
     if wrong.any():
         where = table.where(int(np.argmax(wrong)))
         raise LogError(f"{where}: sigma_m must be above 0 and positions below {LARGEST_M:g} m: correct it")
-    if (np.diff(marks.t_s) <= 0.0).any():
-        raise LogError(f"{path}: the times do not rise: sort the rows")
-    return marks
+    if (np.diff(t_s) <= 0.0).any():
+        raise LogError(f"{path}: the times t_s do not rise: sort the rows")
+    return Marks(t_s, x_m, y_m, yaw_deg, sigma_m)
 
 
 def marks_text(marks: Marks) -> str:

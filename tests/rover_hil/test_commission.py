@@ -17,7 +17,7 @@ from rover_hil.app.commission import Plan
 from rover_hil.commissioning.drive import read_poses
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.datasets.log import read_drive
-from rover_hil.datasets.marks import marks_beside, read_marks
+from rover_hil.datasets.marks import marks_file, read_marks
 from rover_hil.recording.schema import ESTIMATE
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.executive import End
@@ -89,7 +89,7 @@ def write_marks(path: Path, name: str, sigma_m: float = 0.005) -> None:
     for t_s, (begin, (x, y)) in zip(stops_s, pairwise(corners), strict=True):
         yaw = math.degrees(math.atan2(y - begin[1], x - begin[0]))
         lines.append(f"{t_s:.3f},{x},{y},{yaw},{sigma_m}")
-    marks_beside(path).write_text("\n".join(lines) + "\n", "utf-8")
+    marks_file(path).write_text("\n".join(lines) + "\n", "utf-8")
 
 
 def write_all(config: Config, **options: object) -> None:
@@ -147,7 +147,7 @@ def test_an_estimator_that_does_not_pass_is_named_with_its_reason(
 def test_umbmark_is_the_centre_of_the_ends_of_each_sense(command: Command, config: Config) -> None:
     write_all(config)
     for name, (x, y) in {"square-left-1": (0.03, 0.0), "square-left-2": (0.05, 0.0)}.items():
-        path = marks_beside(Path("runs") / f"{name}.mcap")
+        path = marks_file(Path("runs") / f"{name}.mcap")
         lines = path.read_text("utf-8").splitlines()
         cells = lines[-1].split(",")
         lines[-1] = ",".join([cells[0], str(x), str(y), *cells[3:]])
@@ -160,7 +160,7 @@ def test_umbmark_is_the_centre_of_the_ends_of_each_sense(command: Command, confi
 def test_marks_at_the_start_alone_measure_no_slip(command: Command, config: Config) -> None:
     """The ends of the squares are enough marks, but no distance."""
     write_all(config)
-    for path in [marks_beside(log) for log in Path("runs").glob("*.mcap")]:
+    for path in [marks_file(log) for log in Path("runs").glob("*.mcap")]:
         head, *rows = path.read_text("utf-8").splitlines()
         kept = rows[-1:] if path.name.startswith("square") else []
         path.write_text("\n".join([head, "0.1,0,0,,0.005", *kept]) + "\n", "utf-8")
@@ -184,7 +184,7 @@ def test_measured_positions_are_asked_for_and_kept(
     assert command("commission", "robotino", "--laps", "1", "--side", "1", "--out", "runs") == 1
     assert "5 marks" not in command.out
     assert "4 marks were measured, 6 are needed" in command.out
-    marks = read_marks(Path("runs/line.marks.csv"))
+    marks = read_marks(Path("runs/line.positions.csv"))
     assert marks.x_m == pytest.approx([0.33, 1.0])
     assert marks.yaw_deg[0] == 1.5
     assert math.isnan(marks.yaw_deg[1])
@@ -198,7 +198,7 @@ def test_marks_beside_a_log_are_its_pose_fixes(command: Command, config: Config)
     write_drive(path, config, "line")
     write_marks(path, "line", sigma_m=0.01)
     true = read_drive(path).true_poses()
-    assert true.source == "marks measured by hand in line.marks.csv"
+    assert true.source == "marks measured by hand in line.positions.csv"
     assert true.x_m == pytest.approx([1 / 3, 2 / 3, 1.0])
     assert true.position_sd_m == pytest.approx(0.01)
     assert not true.is_exact
@@ -207,7 +207,7 @@ def test_marks_beside_a_log_are_its_pose_fixes(command: Command, config: Config)
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("t_s,x_m,y_m,yaw_deg\n1,0,0,0\n", "sigma_m"),
+        ("t_s,x_m,y_m\n1,0,0\n", "yaw_deg"),
         ("t_s,x_m,y_m,yaw_deg,sigma_m\n1,0,0,0,0\n", "above 0"),
         ("t_s,x_m,y_m,yaw_deg,sigma_m\n2,0,0,0,0.01\n1,0,0,0,0.01\n", "do not rise"),
         ("t_s,x_m,y_m,yaw_deg,sigma_m\n1,,0,0,0.01\n", "x_m"),
@@ -215,9 +215,9 @@ def test_marks_beside_a_log_are_its_pose_fixes(command: Command, config: Config)
 )
 def test_wrong_marks_are_one_sentence(command: Command, config: Config, text: str, words: str) -> None:
     write_drive(Path("runs/line.mcap"), config, "line")
-    marks_beside(Path("runs/line.mcap")).write_text(text, "utf-8")
+    marks_file(Path("runs/line.mcap")).write_text(text, "utf-8")
     assert again(command) == 2
-    assert_one_sentence(command.error, "line.marks.csv", words)
+    assert_one_sentence(command.error, "line.positions.csv", words)
 
 
 def test_nothing_to_look_at_again_is_one_sentence(command: Command, config: Config) -> None:
@@ -225,7 +225,7 @@ def test_nothing_to_look_at_again_is_one_sentence(command: Command, config: Conf
     assert_one_sentence(command.error, "--again")
     write_drive(Path("runs/line.mcap"), config, "line")
     assert again(command) == 2
-    assert_one_sentence(command.error, "line.marks.csv", "t_s,x_m,y_m,yaw_deg,sigma_m")
+    assert_one_sentence(command.error, "line.positions.csv", "t_s,x_m,y_m,yaw_deg,sigma_m")
 
 
 @pytest.mark.usefixtures("unrendered")
@@ -239,7 +239,7 @@ def test_a_simulated_drive_is_measured_with_the_error_of_the_tape(
     assert found["odometry_rms_m"] > found["estimate_rms_m"]
     # The marks are the truth with the error of the tape.
     true = read_drive(Path("try/line.mcap"))
-    marks = read_marks(Path("try/line.marks.csv"))
+    marks = read_marks(Path("try/line.positions.csv"))
     poses = true.true_poses()
     at_marks = np.interp(marks.t_s, true.seconds(poses.t_ns), poses.x_m)
     assert 0.0 < np.abs(at_marks - marks.x_m).max() < 0.02

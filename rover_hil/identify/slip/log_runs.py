@@ -12,7 +12,8 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags
 from rover_hil.datasets.log import LogRows, RecordedDrive, read_drive
-from rover_hil.identify.slip.hand_positions import poses_between, positions_file, read_hand_positions
+from rover_hil.datasets.marks import marks_beside, read_marks
+from rover_hil.identify.slip.hand_positions import poses_between
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, to_wheels
 
@@ -39,9 +40,9 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
     position = [_series(rows, f"enc{wheel}_rad") for wheel in range(1, WHEELS + 1)]
     current = [_series(rows, f"current{wheel}_a") for wheel in range(1, WHEELS + 1)]
     gyro = _series(rows, "gyro_z_rad_s")
-    by_hand = positions_file(path)
+    by_hand = marks_beside(path)
     fix_sd_m: Array | None
-    if by_hand.exists():
+    if by_hand is not None:
         truth = _truth_by_hand(by_hand, drive, rover, position)
         # No noise makes a window longer, but one outside the legs has no pose near.
         source, fix_sd_m = f"positions in {by_hand.name}", np.zeros(len(truth))
@@ -85,7 +86,7 @@ def _truth_by_hand(
     turned = np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in position])
     moved = np.diff(turned, axis=0) @ np.linalg.inv(to_wheels(rover)).T
     way_m = np.concatenate(([0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]))))
-    poses = poses_between(read_hand_positions(path), path, t_s - drive.log.start_ns / 1e9, way_m)
+    poses = poses_between(read_marks(path), path, t_s - drive.log.start_ns / 1e9, way_m)
     known = np.isfinite(poses).all(axis=1)
     return np.column_stack((t_s, poses))[known]
 

@@ -83,9 +83,9 @@ class ProbeParameters:
 class HandParameters:
     """Positions that were measured by hand."""
 
-    tape_sd_m: float = 0.003  # of x and y
     rest_s: float = 0.2  # the rover stands for this long about the time of a position
     rest_m: float = 0.002  # and its wheels travel less
+    most_turn_rad: float = 0.2  # of the rover on a leg that is used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,15 +13,17 @@ from drivers.errors import LogError
 from drivers.files import resolved
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW
+from rover_hil.datasets.marks import ENDING, FORMER_ENDING
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
 from rover_hil.identify.slip.averages import read_average_runs
-from rover_hil.identify.slip.hand_positions import ENDING
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import MeasuredRun, RunWindows
 from rover_hil.identify.slip.windows import form_windows
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
+OF_A_LOG = (ENDING, FORMER_ENDING)
+"""Files beside a log that are no runs of their own."""
 SURFACE_ENDING = "_surface"
 
 
@@ -50,7 +52,7 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
         if not path.exists():
             raise LogError(f"{path} does not exist: give a file or a folder of runs")
         inside = [path] if path.is_file() else sorted(item for item in path.rglob("*") if item.is_file())
-        runs = [item for item in inside if item.name.endswith(SUFFIXES) and not item.name.endswith(ENDING)]
+        runs = [item for item in inside if item.name.endswith(SUFFIXES) and not item.name.endswith(OF_A_LOG)]
         if path.is_dir():
             runs = [item for item in runs if not _is_motor_record(item)]
         if not runs:

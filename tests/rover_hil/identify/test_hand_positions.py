@@ -57,7 +57,7 @@ def test_the_file_of_positions_is_no_run_of_its_own(tmp_path: Path) -> None:
     ("rows", "message"),
     [
         ([(0.5, 0, 0, 0)], "at least two places"),
-        ([(0.5, 0, 0, 0), (0.4, 1, 0, 0)], "increasing"),
+        ([(0.5, 0, 0, 0), (0.4, 1, 0, 0)], "do not rise"),
         ([(0.5, 0, 0, 0), (5.0, 1, 0, 0)], "the wheels turn at t_s = 5"),
         ([(0.5, 0, 0, 0), (99.0, 1, 0, 0)], "must be within the log"),
         ([(0.2, 0, 0, 0), (0.6, 1, 0, 0)], "too little for the error of a tape"),
@@ -77,7 +77,35 @@ def test_positions_that_cannot_be_used_are_refused_in_words(
 def test_a_file_without_its_columns_says_which(tmp_path: Path) -> None:
     log = drive_by_tape(tmp_path)
     (tmp_path / "run.positions.csv").write_text("t_s,x_m,y_m\n0,0,0\n")
-    with pytest.raises(LogError, match="no column 'yaw_deg'"):
+    with pytest.raises(LogError, match="names no column 'yaw_deg'"):
+        read(log)
+
+
+def test_a_file_of_a_former_version_is_refused_with_its_new_name(tmp_path: Path) -> None:
+    log = drive_by_tape(tmp_path)
+    (tmp_path / "run.positions.csv").rename(tmp_path / "run.marks.csv")
+    assert find_runs([tmp_path]).files == (log,)
+    with pytest.raises(LogError, match=r"now called run\.positions\.csv: rename it"):
+        read(log)
+
+
+def test_the_stated_accuracy_decides_how_short_a_leg_may_be(tmp_path: Path) -> None:
+    log = drive_by_tape(tmp_path)
+    path = tmp_path / "run.positions.csv"
+    rows = path.read_text("utf-8").split()
+    path.write_text("\n".join([f"{rows[0]},sigma_m", *(f"{row},0.1" for row in rows[1:])]), "utf-8")
+    with pytest.raises(LogError, match=r"a tape \(100 mm\): drive at least 2\.83 m"):
+        read(log)
+
+
+def test_a_leg_on_which_the_rover_turns_shows_no_slip(tmp_path: Path) -> None:
+    log = drive_by_tape(tmp_path)
+    rows = [row.split(",") for row in (tmp_path / "run.positions.csv").read_text("utf-8").split()[1:]]
+    places = [tuple(float(cell) for cell in row) for row in rows]
+    write_positions(tmp_path, places[0], (11.2, *places[1][1:3], math.nan), places[1])
+    assert read(log).truth == "positions in run.positions.csv"  # a place without a yaw is left out
+    write_positions(tmp_path, places[0], (*places[1][:3], 90.0))
+    with pytest.raises(LogError, match="the rover turns on every leg"):
         read(log)
 
 
