@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.estimation.motor_field import MotorFields
 from drivers.settings import Settings
 
 
@@ -32,6 +33,8 @@ class FilterSettings(Settings):
         heading_noise_rad: Standard deviation of one heading reading; larger where successive errors are
             correlated.
         heading_lag_s: Delay of the heading device behind the rover.
+        motor_fields: Field of the motors at a compass by `rover-hil calibrate compass --motors`: path of the
+            file. A heading for which a current is not known is then not used.
         standstill_s: Wheels that have not moved for this long mean that the rover is at rest.
         gate_probability: Share of consistent innovations that pass the gate.
     """
@@ -52,6 +55,7 @@ class FilterSettings(Settings):
     gyro_bias_walk_rad_s_sqrt_s: Annotated[float, Field(ge=1e-7, le=0.01)] = 1e-4
     heading_noise_rad: Annotated[float, Field(ge=1e-3, le=0.8)] = 0.05
     heading_lag_s: Annotated[float, Field(ge=0, le=2.0)] = 0.0
+    motor_fields: MotorFields | None = None
     standstill_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.3
     gate_probability: Annotated[float, Field(ge=0.5, lt=1.0)] = 0.9995
 

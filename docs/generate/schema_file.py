@@ -10,6 +10,7 @@ from typing import Any, Union, get_args, get_origin
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
+from controllers.estimation.motor_field import MotorFields
 from controllers.slip.effort.gyro_response import GyroResponse
 from docs.generate.configuration_page import FILES, attributes_of, is_tag, summary_of, unit_of
 from drivers.settings import Settings
@@ -18,7 +19,7 @@ from sim_backends.plants.wheels.settings import WheelsPlantSettings
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 PLACE = "#/definitions/"
-NAMED_FILES = (*FILES, GyroResponse)
+NAMED_FILES = (*FILES, GyroResponse, MotorFields)
 FILLED_IN: dict[type[Settings], str] = {WheelsPlantSettings: "wheels"}
 """Required keys that the loader fills in."""
 

@@ -174,6 +174,7 @@ def _inline_files(table: Table) -> dict[KeyPath, str]:
     """
     unreadable: dict[KeyPath, str] = {}
     for section, key, what, pattern in (
+        ("filter", "motor_fields", "motor fields", "motor_fields/{}.toml"),
         ("slip", "maps", "slip map", "slip_maps/{}.toml"),
         ("slip", "gyro_response", "gyro response", "gyro_responses/{}.toml"),
         ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),

@@ -89,6 +89,23 @@ def _find_steering_mistakes(draft: Draft) -> Iterator[str]:
             )
 
 
+def _find_motor_field_mistakes(draft: Draft) -> Iterator[str]:
+    fields = draft.config.filter.motor_fields
+    if fields is None:
+        return
+    if fields.device not in draft.config.roles.headings:
+        yield (
+            f"filter.motor_fields: it is of the compass '{fields.device}', which is not in roles.headings: "
+            "calibrate the compass of this rover with `rover-hil calibrate compass --motors`"
+        )
+    wheels = make_kinematics(draft.config.rover).wheel_count
+    if len(fields.per_ampere) != wheels:
+        yield (
+            f"filter.motor_fields: per_ampere has {len(fields.per_ampere)} motors, the rover has {wheels} "
+            "wheels: calibrate the compass of this rover with `rover-hil calibrate compass --motors`"
+        )
+
+
 def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
     mission = draft.config.mission
     if mission is not None:
@@ -146,6 +163,7 @@ ROVER_CHECKS = (
     Rule(("devices",), _find_data_file_mistakes),
     Rule(("rover", "roles", "devices"), _find_wheel_count_conflict),
     Rule(("rover", "roles", "devices"), _find_steering_mistakes),
+    Rule(("rover", "roles", "filter"), _find_motor_field_mistakes),
     Rule(("rover", "mission"), _find_mission_conflicts),
     Rule(("scomp",), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),

@@ -17,13 +17,14 @@ from drivers.nmea_compass.codec import encode_sentence
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.settings import Settings
 from sim_backends.world.line import Line, serial_bits
-from sim_backends.world.plant import Plant
+from sim_backends.world.plant import Plant, Truth
 from sim_backends.world.sensor_errors import DirectionLag, standard_normals
 from sim_backends.world.world import EmulatedDevice
 
 _BODY = {"HDG": "HCHDG,{:.1f},,,,", "HDM": "HCHDM,{:.1f},M"}
 
 Degrees = Annotated[float, Field(ge=-90, le=90)]
+Share = Annotated[float, Field(ge=-10, le=10)]
 
 
 class CompassEmulatorSettings(Settings):
@@ -34,6 +35,8 @@ class CompassEmulatorSettings(Settings):
     Attributes:
         rate_hz: Sentences per second.
         sentence: Sentence that the compass sends.
+        motor_field_per_a: Field of each motor per ampere of its current, ahead and to the left of the rover,
+            over the earth's horizontal field.
         lag_s: Time constant of the damping, first order.
         bias_deg: Constant error.
         deviation_error_deg: Factors of sin h, cos h, sin 2h, cos 2h of the lagged heading h. The nautical
@@ -44,6 +47,7 @@ class CompassEmulatorSettings(Settings):
     type: Literal["nmea_compass"] = "nmea_compass"
     rate_hz: Annotated[float, Field(gt=0, le=50)] = 10.0
     sentence: Literal["HDG", "HDM"] = "HDG"
+    motor_field_per_a: tuple[tuple[Share, Share], ...] = ()
     lag_s: Annotated[float, Field(ge=0, le=10)] = 0.45
     bias_deg: Degrees = 0.5
     deviation_error_deg: tuple[Degrees, Degrees, Degrees, Degrees] = (1.0, -0.6, 0.4, 0.3)
@@ -82,13 +86,23 @@ class CompassEmulator:
     def act(self, t_ns: int) -> None:
         """Take a reading and start to send it."""
         self.next_event_ns += self._period_ns
-        heading_deg = compass_deg_from_yaw(self._lag.step(self._plant.truth().yaw_rad))
+        heading_deg = compass_deg_from_yaw(self._lag.step(self._shown_rad(self._plant.truth())))
         noise_deg = self._settings.noise_deg * next(self._noise)
         reading_deg = heading_deg + self._error_deg(heading_deg) + noise_deg
         self._to_host.put(t_ns, encode_sentence(self._body.format(round(reading_deg * 10.0) % 3600 / 10.0)))
 
     def receive(self, t_ns: int, payload: bytes) -> None:
         """Ignore the payload."""
+
+    def _shown_rad(self, truth: Truth) -> float:
+        """Return the yaw by the sum of the earth's field and those of the motors."""
+        motors = self._settings.motor_field_per_a
+        if not motors:
+            return truth.yaw_rad
+        ahead, left = math.sin(truth.yaw_rad), math.cos(truth.yaw_rad)
+        for (x, y), current_a in zip(motors, truth.motor_current_a, strict=True):
+            ahead, left = ahead + x * current_a, left + y * current_a
+        return math.atan2(ahead, left)
 
     def _error_deg(self, heading_deg: float) -> float:
         heading_rad = math.radians(heading_deg)
@@ -113,8 +127,14 @@ def make_compass(
     """Build the emulated compass and its line.
 
     Raises:
-        ConfigError: The line is too slow for the rate.
+        ConfigError: The line is too slow for the rate, or the field is of another number of motors.
     """
+    motors = len(emulator.motor_field_per_a)
+    if motors not in (0, plant.wheel_count):
+        raise ConfigError(
+            f"simulated compass '{name}' has motor_field_per_a of {motors} motors, the rover has "
+            f"{plant.wheel_count}: give one pair for each"
+        )
     longest = encode_sentence(_BODY[emulator.sentence].format(359.9))
     required_bits_s = serial_bits(longest) * emulator.rate_hz
     if required_bits_s > device.baud_rate:

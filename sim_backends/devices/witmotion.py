@@ -1,8 +1,7 @@
 """A WitMotion inertial sensor on its serial line.
 
 Not modelled: temperature drift, scale and cross-axis errors, vibration, magnetic disturbances of the ground,
-fields of motor currents, coupling of tilt and turning in the x and y rates, and commands from the host, which
-are ignored.
+coupling of tilt and turning in the x and y rates, and commands from the host, which are ignored.
 """
 
 import math
@@ -23,7 +22,7 @@ from drivers.witmotion.codec import (
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
-from sim_backends.world.plant import Plant
+from sim_backends.world.plant import Plant, Truth
 from sim_backends.world.sensor_errors import standard_normals
 from sim_backends.world.world import EmulatedDevice
 
@@ -41,6 +40,7 @@ class ImuEmulatorSettings(InertialErrorSettings):
         dip_deg: Angle of the earth's field below the horizontal.
         hard_iron_counts: Field of the rover's magnets in the axes of the sensor.
         soft_iron: Rows of the matrix by which the rover's iron bends the earth's field.
+        motor_field_counts_per_a: Field of each motor per ampere of its current, in the axes of the sensor.
         magnetic_noise_counts: Standard deviation of the white noise of each axis.
     """
 
@@ -50,6 +50,7 @@ class ImuEmulatorSettings(InertialErrorSettings):
     dip_deg: Annotated[float, Field(ge=-85, le=85)] = 65.0
     hard_iron_counts: tuple[Counts, Counts, Counts] = (60.0, -40.0, 20.0)
     soft_iron: tuple[Row, Row, Row] = ((1.05, 0.02, 0.0), (0.02, 0.96, 0.0), (0.0, 0.0, 1.0))
+    motor_field_counts_per_a: tuple[tuple[Counts, Counts, Counts], ...] = ()
     magnetic_noise_counts: Annotated[float, Field(ge=0, le=1000)] = 4.0
 
 
@@ -98,20 +99,27 @@ class ImuEmulator:
         if "angle" in frames:
             burst += encode_angle(*sensor.angle(truth))
         if "magnetic" in frames:
-            burst += encode_magnetic(*self._magnetic(sensor.direction(truth, self._earth)))
+            burst += encode_magnetic(*self._magnetic(truth))
         self._to_host.put(t_ns, burst)
         sensor.remember(truth)
 
     def receive(self, t_ns: int, payload: bytes) -> None:
         """Ignore the payload."""
 
-    def _magnetic(self, field: Row) -> Row:
+    def _magnetic(self, truth: Truth) -> Row:
         settings, noise = self._settings, self._noise
+        field = self._sensor.direction(truth, self._earth)
+        motors = settings.motor_field_counts_per_a
         x, y, z = (
             offset
             + sum(part * value for part, value in zip(row, field, strict=True))
+            + sum(
+                motor[axis] * current for motor, current in zip(motors, truth.motor_current_a, strict=False)
+            )
             + settings.magnetic_noise_counts * next(noise)
-            for row, offset in zip(settings.soft_iron, settings.hard_iron_counts, strict=True)
+            for axis, (row, offset) in enumerate(
+                zip(settings.soft_iron, settings.hard_iron_counts, strict=True)
+            )
         )
         return x, y, z
 
@@ -127,13 +135,19 @@ def make_imu(
     """Build the emulated sensor and its line, mounted as in the device's settings.
 
     Raises:
-        ConfigError: The line is too slow for the rate.
+        ConfigError: The line is too slow for the rate, or the field is of another number of motors.
     """
     required_bits_s = 10.0 * FRAME_SIZE * len(emulator.frames) * emulator.rate_hz
     if required_bits_s > device.baud_rate:
         raise ConfigError(
             f"simulated sensor '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
             "raise baud_rate, lower rate_hz or send fewer frames"
+        )
+    motors = len(emulator.motor_field_counts_per_a)
+    if motors not in (0, plant.wheel_count):
+        raise ConfigError(
+            f"simulated sensor '{name}' has motor_field_counts_per_a of {motors} motors, the rover has "
+            f"{plant.wheel_count}: give one row for each"
         )
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)

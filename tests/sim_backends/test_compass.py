@@ -1,7 +1,9 @@
 """The simulated compass: statistics of its errors, its lag, its line."""
 
+import cmath
 import datetime as dt
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.samples import HeadingReference, HeadingSample
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
 from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.plant import Truth
 from sim_backends.world.sensor_errors import DirectionLag
 from sim_backends.world.world import World
 from tests.sim_backends.turning_plant import TurningPlant, decode, run
@@ -175,3 +178,25 @@ def test_driver_streams_from_it_in_lockstep() -> None:
         assert health.state is DeviceState.STREAMING
         assert health.rate_hz == pytest.approx(10.0, abs=0.5)
         assert not health.rejected
+
+
+class _Driven(TurningPlant):
+    """Two motors with a constant current."""
+
+    wheel_count = 2
+
+    def truth(self) -> Truth:
+        return replace(super().truth(), motor_current_a=(2.0, -1.0))
+
+
+@pytest.mark.parametrize("yaw_deg", [-120.0, 20.0, 75.0])
+def test_motor_currents_add_their_field_to_that_of_the_earth(yaw_deg: float) -> None:
+    settings = PERFECT.model_copy(update={"motor_field_per_a": ((0.1, 0.05), (0.0, 0.2))})
+    (first, *_) = sentences(settings, _Driven(yaw_rad=math.radians(yaw_deg)), 0.25)
+    # 0.2 ahead and 0.1 - 0.2 to the left, in the axes of the rover, beside the earth's field to the north.
+    total = 1j + complex(0.2, -0.1) * cmath.rect(1.0, math.radians(yaw_deg))
+    shown_yaw_deg = yaw_deg - (math.degrees(cmath.phase(total)) - 90.0)
+    expected = compass_deg_from_yaw(math.radians(shown_yaw_deg))
+    assert readings_deg([first])[0] == pytest.approx(expected, abs=0.051)
+    with pytest.raises(ConfigError, match="motor_field_per_a of 2 motors, the rover has 0"):
+        sentences(settings, TurningPlant(), 0.25)

@@ -1,7 +1,9 @@
 """The simulated WitMotion sensor: statistics of its errors, its mounting, its line."""
 
 import math
+import struct
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from drivers.witmotion.codec import ANGLE_STEP_RAD, RATE_STEP_RAD_S
 from drivers.witmotion.settings import WitMotionSettings
 from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
 from sim_backends.world.loopback import LoopbackLink
+from sim_backends.world.plant import Truth
 from sim_backends.world.world import World
 from tests.sim_backends.turning_plant import TurningPlant, decode, run
 
@@ -185,3 +188,28 @@ def test_driver_streams_from_it_in_lockstep() -> None:
         assert health.state is DeviceState.STREAMING
         assert health.rate_hz == pytest.approx(50.0, abs=1.0)
         assert not health.rejected
+
+
+class _Driven(TurningPlant):
+    """Two motors with a constant current."""
+
+    wheel_count = 2
+
+    def truth(self) -> Truth:
+        return replace(super().truth(), motor_current_a=(2.0, -1.0))
+
+
+def test_motor_currents_add_their_field_to_the_magnetic_frame() -> None:
+    def words(plant: TurningPlant, **changes: object) -> NDArray[np.float64]:
+        settings = ImuEmulatorSettings(frames=("magnetic",), magnetic_noise_counts=0).model_copy(
+            update=changes
+        )
+        device = make_imu("imu", DEVICE, settings, plant, np.random.default_rng(1), start_ns=0)
+        (first, *_) = run(plant, device, nanoseconds(0.05))
+        return np.array(struct.unpack("<hhh", first.payload[2:8]), np.float64)
+
+    rows = ((10.0, -20.0, 30.0), (5.0, 6.0, 0.0))
+    added = words(_Driven(yaw_rad=0.7), motor_field_counts_per_a=rows) - words(_Driven(yaw_rad=0.7))
+    assert added == pytest.approx([15.0, -46.0, 60.0], abs=1.0)
+    with pytest.raises(ConfigError, match="motor_field_counts_per_a of 2 motors, the rover has 0"):
+        words(TurningPlant(), motor_field_counts_per_a=rows)

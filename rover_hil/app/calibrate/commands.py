@@ -157,6 +157,11 @@ def calibrate_compass(
             "File to write, TOML; page and log beside it have its name [default: CONFIG-DEVICE.toml]."
         ),
     ] = None,
+    motors: Annotated[
+        bool,
+        typer.Option("--motors", help="Find the field of the motor currents instead, in two squares."),
+    ] = False,
+    side: Annotated[float, number_option("Side of the squares of --motors, m.", "m", 0.3, 50.0)] = 1.0,
     enter: Annotated[
         bool, typer.Option("--enter", help="Enter the file into the configuration; comments stay.")
     ] = False,
@@ -169,10 +174,34 @@ def calibrate_compass(
     calibration that did not see it. The page with the picture is written before the file. Exit code 1: the
     error on held-out turns is above 3 deg, or directions are missing; the file is not written.
 
+    With --motors a calibrated compass is compared with the gyro over the motor currents, on a square to the
+    left and one to the right, and the field of each motor per ampere is found; exit code 1 also where the
+    motors do not matter.
+
     Example: `rover-hil calibrate compass el-dorado --virtual --out compass.toml`
+
+    Motors: `rover-hil calibrate compass my_rover.toml --motors --enter`
 
     Data: turns of your rover, driven or by hand, or a log of them; docs/how-to/calibrate_the_compass.md.
     """
+    if motors:
+        if by_hand or dip is not None:
+            raise ConfigError("--motors drives the rover: leave --by-hand and --dip out")
+        from rover_hil.app.calibrate.motors import calibrate_motors
+
+        sys.exit(
+            calibrate_motors(
+                source,
+                log=log,
+                device=device,
+                virtual=virtual,
+                side_m=side,
+                out=out,
+                enter=enter,
+                as_json=as_json,
+                force=force,
+            )
+        )
     from rover_hil.app.calibrate.compass import calibrate_compass as calibrate
 
     sys.exit(

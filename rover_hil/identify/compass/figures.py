@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from drivers.heading_calibration import DeviationTable, MagnetometerCalibration
 from rover_hil.datasets.arrays import Array
 from rover_hil.identify.compass.fit import CompassFit
+from rover_hil.identify.compass.motors import MotorFieldFit
 from rover_hil.pages import style
 
 MOST_DOTS = 3000
@@ -59,6 +60,37 @@ def draw_errors(fit: CompassFit) -> Figure:
         ylabel="error (deg)",
         xticks=range(0, 361, 45),
     )
+    return figure
+
+
+def draw_motor_fields(fit: MotorFieldFit) -> Figure:
+    """Draw the field per ampere of each motor, with two standard deviations."""
+    figure = Figure(figsize=(style.WIDTH_IN, 3.6), layout="constrained")
+    axes = figure.add_subplot(aspect="equal", xlabel="ahead (per A)", ylabel="to the left (per A)")
+    axes.plot(0, 0, "+", color=style.COMMANDED, markersize=10)
+    field, sd = np.array(fit.fields.per_ampere), np.array(fit.fields.per_ampere_sd)
+    for number, ((x, y), (x_sd, y_sd)) in enumerate(zip(field.tolist(), sd.tolist(), strict=True), start=1):
+        axes.errorbar(x, y, xerr=2 * x_sd, yerr=2 * y_sd, color=style.ESTIMATE, fmt="o", markersize=4)
+        axes.annotate(f"motor {number}", (x, y), xytext=(6, 6), textcoords="offset points")
+    axes.set_adjustable("datalim")
+    axes.margins(0.2)
+    return figure
+
+
+def draw_motor_errors(fit: MotorFieldFit) -> Figure:
+    """Draw currents, and the errors of the held-out headings without and with them, over the time."""
+    figure = Figure(figsize=(style.WIDTH_IN, 5.0), layout="constrained")
+    currents, errors = figure.subplots(2, 1, sharex=True)
+    keep = _thin(len(fit.t_s))
+    currents.plot(fit.t_s[keep], fit.current_a[keep], linewidth=0.7)
+    currents.set(ylabel="motor currents (A)")
+    for values, colour, label in (
+        (fit.before_deg, style.TRUTH, "without the currents"),
+        (fit.after_deg, style.ESTIMATE, "with them"),
+    ):
+        errors.plot(fit.t_s[keep], values[keep], ".", color=colour, markersize=2, label=label)
+    errors.set(ylabel="error of the heading (deg)", xlabel="time (s)")
+    errors.legend()
     return figure
 
 

@@ -188,12 +188,12 @@ def _refined_vertical(
     step = COMPASS_FIT.vertical_step_counts
     base = headings(flat)
     slope = wrap_angles(headings(shifted(step)).yaw_rad - headings(shifted(-step)).yaw_rad) / (2.0 * step)
-    columns = np.column_stack((_reference(record, base.t_s), slope))[use]
+    columns = np.column_stack((reference_columns(record, base.t_s), slope))[use]
     values = base.yaw_rad[use]
-    solution = _solve(columns, values)
+    solution = solve_columns(columns, values)
     rest = values - columns @ solution
     others = columns[:, :4]
-    own = columns[:, 4] - others @ _solve(others, columns[:, 4])
+    own = columns[:, 4] - others @ solve_columns(others, columns[:, 4])
     sd = rms(rest) / math.sqrt(max(float(own @ own), 1e-30))
     # Consecutive readings tilt together: the noise is not white over the column.
     is_seen = abs(solution[4]) > COMPASS_FIT.vertical_sds * sd
@@ -217,7 +217,9 @@ def _fit_deviation(record: CompassRecord, source: str, date: dt.date) -> Compass
         for fold in folds:
             coefficients = _deviation(record, headings, headings.turn != fold, waves)
             corrected = _Headings(
-                headings.t_s, headings.yaw_rad - _waves(headings.yaw_rad, waves) @ coefficients, headings.turn
+                headings.t_s,
+                headings.yaw_rad - waves_of(headings.yaw_rad, waves) @ coefficients,
+                headings.turn,
             )
             held_out.append(_judge(record, corrected, fold))
         error = rms(np.concatenate([error for _, error in held_out]))
@@ -229,7 +231,7 @@ def _fit_deviation(record: CompassRecord, source: str, date: dt.date) -> Compass
     coefficients = _deviation(record, headings, np.ones(len(headings.t_s), np.bool_), waves)
     entries = np.arange(0, 360, COMPASS_FIT.table_step_deg)
     # A deviation is added to a clockwise heading, so its sign is that of the error of the yaw.
-    deviation_deg = np.degrees(_waves(np.radians(90.0 - entries), waves) @ coefficients)
+    deviation_deg = np.degrees(waves_of(np.radians(90.0 - entries), waves) @ coefficients)
     if np.abs(deviation_deg).max(initial=0.0) > 90.0:
         return _nothing(record, headings, folds, np.zeros((0, 3)), "the deviation exceeds 90 deg")
     table = DeviationTable.model_validate(
@@ -246,8 +248,8 @@ def _fit_deviation(record: CompassRecord, source: str, date: dt.date) -> Compass
 
 
 def _deviation_and_lag(record: CompassRecord, headings: _Headings, waves: int) -> tuple[Array, float]:
-    columns = np.hstack((_reference(record, headings.t_s), _waves(headings.yaw_rad, waves)))
-    solution = _solve(columns, headings.yaw_rad)
+    columns = np.hstack((reference_columns(record, headings.t_s), waves_of(headings.yaw_rad, waves)))
+    solution = solve_columns(columns, headings.yaw_rad)
     return solution[4:], float(solution[3])
 
 
@@ -296,14 +298,15 @@ def _folds(turn: Array) -> list[float]:
     return [float(each) for each in numbers[counts >= COMPASS_FIT.least_readings_per_turn]]
 
 
-def _reference(record: CompassRecord, t_s: Array) -> Array:
+def reference_columns(record: CompassRecord, t_s: Array) -> Array:
     """Return the columns of the reference: start, yaw, drift, lag; shape (n, 4)."""
     yaw = np.interp(t_s, record.t_s, record.yaw_rad)
     rate = np.interp(t_s, record.t_s, record.rate_rad_s)
     return np.column_stack((np.ones(len(t_s)), yaw, t_s, -rate))
 
 
-def _solve(columns: Array, values: Array) -> Array:
+def solve_columns(columns: Array, values: Array) -> Array:
+    """Return the least squares solution for columns of very different sizes."""
     scale = np.abs(columns).max(axis=0)
     scale[scale == 0.0] = 1.0
     found, *_ = np.linalg.lstsq(columns / scale, values, rcond=1e-6)
@@ -311,7 +314,7 @@ def _solve(columns: Array, values: Array) -> Array:
     return solution
 
 
-def _waves(yaw_rad: Array, waves: int) -> Array:
+def waves_of(yaw_rad: Array, waves: int) -> Array:
     """Return sine and cosine of the heading, once per turn and more often, shape (n, 2 waves)."""
     numbers = np.arange(1, waves + 1)
     angle = np.outer(math.pi / 2 - yaw_rad, numbers)
@@ -326,8 +329,8 @@ def _deviation(record: CompassRecord, headings: _Headings, use: Flags, waves: in
 
 def _judge(record: CompassRecord, headings: _Headings, fold: float) -> tuple[Array, Array]:
     """Return compass heading and clockwise error of a turn, in deg, by the reference of the other turns."""
-    columns, is_held = _reference(record, headings.t_s), headings.turn == fold
-    unknowns = _solve(columns[~is_held], headings.yaw_rad[~is_held])
+    columns, is_held = reference_columns(record, headings.t_s), headings.turn == fold
+    unknowns = solve_columns(columns[~is_held], headings.yaw_rad[~is_held])
     expected = columns[is_held] @ unknowns
     error = wrap_angles(headings.yaw_rad[is_held] - expected)
     mean = math.atan2(float(np.sin(error).sum()), float(np.cos(error).sum()))
@@ -365,7 +368,7 @@ def _result(
     raw: Array,
     strength: float,
 ) -> CompassFit:
-    unknowns = _solve(_reference(record, after.t_s), after.yaw_rad)
+    unknowns = solve_columns(reference_columns(record, after.t_s), after.yaw_rad)
     error_deg = np.concatenate([error for _, error in held_out]) if held_out else np.zeros(0)
     covered, scale = _covered(after.yaw_rad), float(unknowns[1] - 1.0)
     before_heading, before_error = _errors_of(record, before)
