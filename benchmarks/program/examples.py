@@ -66,15 +66,16 @@ def _is_good(line: str, sample: str, words: list[str], folder: Path) -> bool:
         print(f"not run: {line}")
         return True
     if sample:
-        _run(f"rover-hil sample {sample}", folder)
-    duration_s, code, error = _run(line, folder)
+        run_line(f"rover-hil sample {sample}", folder)
+    duration_s, code, error = run_line(line, folder)
     if "never overwritten" in error:  # another example has written the same file
-        duration_s, code, error = _run(f"{line} --force", folder)
+        duration_s, code, error = run_line(f"{line} --force", folder)
     print(f"{duration_s:6.1f} s  exit code {code}  {line}{'' if code == 0 else f'  {error}'}", flush=True)
     return code == 0
 
 
-def _run(line: str, folder: Path) -> tuple[float, int, str]:
+def run_line(line: str, folder: Path) -> tuple[float, int, str]:
+    """Run a command line in a folder; return its time in s, its exit code, and the end of its errors."""
     begin_ns = stopwatch_ns()
     program = "from rover_hil.app.program import main; main()"
     arguments = [part for word in shlex.split(line)[1:] for part in _globbed(word, folder)]

@@ -113,7 +113,7 @@ def commission(
             _drive(config, plan, name, out, rng, virtual=virtual)
     drives = [_read(out / f"{name}.mcap", name) for name in names]
     worth = find_worth(drives)
-    facts = _facts(config, worth, is_virtual=virtual)
+    facts = _facts(config, worth, is_virtual=any(poses.is_virtual for _, poses, _ in drives))
     write_file(page, _page(source, drives, worth, facts))
     if as_json:
         record = {

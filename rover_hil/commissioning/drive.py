@@ -20,6 +20,7 @@ class Poses:
 
     Attributes:
         path: The log.
+        is_virtual: The rover was simulated.
         t_s: Time since its start, (n,).
         odometry: x, y, yaw by the wheels, yaw not wrapped, (n, 3).
         estimate: The same by the estimate, (n, 3).
@@ -29,6 +30,7 @@ class Poses:
     """
 
     path: Path
+    is_virtual: bool
     t_s: Array
     odometry: Array
     estimate: Array
@@ -77,6 +79,7 @@ def read_poses(path: Path) -> Poses:
     odometry[:, 2], estimate[:, 2] = np.unwrap(odometry[:, 2]), np.unwrap(estimate[:, 2])
     return Poses(
         path=path,
+        is_virtual=log.origin == "virtual",
         t_s=table[:, 0],
         odometry=odometry,
         estimate=estimate,

@@ -44,12 +44,13 @@ def write_drive(
     estimate_scale: float = 1.0,
     reason: str = "",
     sd_m: float = SD_M,
+    origin: str = "real",
 ) -> None:
     """Write a drive along its mission, true at every corner, with stops of 4 s."""
     corners = corner_points(PLAN.mission(name, 0.2))
     path.parent.mkdir(exist_ok=True)
     config_json = config.model_dump_json(by_alias=True).encode()
-    with LogWriter(path, START_NS, config_json, {}, "real") as log:
+    with LogWriter(path, START_NS, config_json, {}, origin) as log:
         t_ns = START_NS
         for begin, end in pairwise(corners):
             yaw = math.atan2(end[1] - begin[1], end[0] - begin[0])
@@ -122,6 +123,10 @@ def test_errors_slip_and_covariance_are_those_of_the_drives(command: Command, co
     assert again(command) == 0
     assert "passed on this ground" in command.out
     assert "it passed here; on another ground commission again" in command.out
+    Path("runs/line.mcap").unlink()
+    write_drive(Path("runs/line.mcap"), config, "line", origin="virtual")
+    assert again(command) == 0
+    assert "it passed on the simulated ground. On a real rover it is not the default" in command.out
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -11,6 +11,7 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from benchmarks.program.how_tos import blocks_of
 from rover_hil.app.app import _spread, app
 from rover_hil.app.sample.catalogue import SAMPLES
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -168,3 +169,20 @@ def test_a_missing_folder_is_reported_as_such(command: Command, line: str) -> No
     assert command(*line.split()) == 2
     assert re.match("rover-hil: no (file or )?folder nowhere: ", command.error)
     assert_one_sentence(command.error)
+
+
+@pytest.mark.parametrize(
+    ("page", "word"),
+    [
+        ("calibrate_the_gyro", "calibrate imu"),
+        ("commission_a_rover", "commission"),
+        ("compensate_slip_while_driving", "run"),
+        ("correct_a_recorded_drive", "scomp"),
+        ("fit_slip_maps", "identify slip"),
+        ("measure_a_wheel_trace", "ftrace"),
+    ],
+)
+def test_a_how_to_can_be_tried_without_a_rover(page: str, word: str) -> None:
+    """`python -m benchmarks.program.how_tos` runs these blocks."""
+    blocks = blocks_of((ROOT / f"docs/how-to/{page}.md").read_text("utf-8"))
+    assert any(line.startswith(f"rover-hil {word} ") for block in blocks for line in block)
