@@ -287,7 +287,8 @@ class Estimator:
         angle_rad, covered_s, variance_rad2 = self._gyro.turn
         if covered_s > 0.0:
             return angle_rad - self._filter.gyro_bias_rad_s * covered_s, variance_rad2
-        return self._wheel_turn_rad, (ESTIMATION.pose.gap_turn_error * self._wheel_turn_rad) ** 2 / 3.0
+        error_rad = ESTIMATION.pose.gap_turn_error * self._wheel_turn.both_ways_rad
+        return self._wheel_turn_rad, error_rad**2 / 3.0
 
     @property
     def unseen_m(self) -> float:

@@ -22,9 +22,10 @@ from rich.table import Table
 from benchmarks.cluster_option import add_cluster_option
 from benchmarks.safety.missions import ROVERS, Driven, Falsify, drive
 from controllers.safety import Mode
-from drivers.samples import RateSample, Sample, WheelSample
+from drivers.samples import RateSample, Sample
 from rover_hil.config import Config
 from rover_hil.parallel.executor import open_executor
+from tests.controllers.wrong_encoders import WrongEncoders
 
 START_S = 8.0
 LIMIT_S = 30.0
@@ -45,27 +46,10 @@ def gyro(change: ChangeRate) -> Falsify:
     return falsify
 
 
-class Encoders:
-    """Positions that go on with a factor: -1 for reversed, 0 for stuck.
-
-    Args:
-        factor: Of the angle turned since the begin of the fault.
-        wheels: Which wheels; None for all.
-    """
-
-    def __init__(self, factor: float, wheels: tuple[int, ...] | None = None) -> None:
-        self._factor = factor
-        self._wheels = wheels
-        self._begin_rad: dict[int, float] = {}
-
-    def __call__(self, t_s: float, sample: Sample) -> Sample | None:
-        """Return the falsified sample."""
-        if not isinstance(sample, WheelSample) or sample.position_rad is None or t_s < START_S:
-            return sample
-        if self._wheels is not None and sample.wheel not in self._wheels:
-            return sample
-        begin_rad = self._begin_rad.setdefault(sample.wheel, sample.position_rad)
-        return replace(sample, position_rad=begin_rad + self._factor * (sample.position_rad - begin_rad))
+def encoders(factor: float, wheels: tuple[int, ...] | None = None) -> Falsify:
+    """Return a fault of the encoders."""
+    wrong = WrongEncoders(factor, wheels)
+    return lambda t_s, sample: wrong(sample) if t_s >= START_S else sample
 
 
 class StuckGyro:
@@ -112,11 +96,11 @@ FAULTS: Mapping[str, Fault] = {
     "gyro scaled by 0.5": Fault(
         lambda: gyro(lambda _, sample: 0.5 * sample.rate_z_rad_s), must_be_noticed=False
     ),
-    "encoders reversed": Fault(lambda: Encoders(-1.0)),
-    "encoder 0 reversed": Fault(lambda: Encoders(-1.0, (0,))),
-    "encoders stuck": Fault(lambda: Encoders(0.0)),
-    "encoder 0 stuck": Fault(lambda: Encoders(0.0, (0,))),
-    "encoders scaled by 1.1": Fault(lambda: Encoders(1.1), must_be_noticed=False),
+    "encoders reversed": Fault(lambda: encoders(-1.0)),
+    "encoder 0 reversed": Fault(lambda: encoders(-1.0, (0,))),
+    "encoders stuck": Fault(lambda: encoders(0.0)),
+    "encoder 0 stuck": Fault(lambda: encoders(0.0, (0,))),
+    "encoders scaled by 1.1": Fault(lambda: encoders(1.1), must_be_noticed=False),
     "process paused 0.5 s": Fault(paused_s=0.5, must_be_noticed=False),
     "process paused 2 s": Fault(paused_s=2.0, must_be_noticed=False),
     "wheels unplugged 1 s": Fault(unplugged=("wheels",)),

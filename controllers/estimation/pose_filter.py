@@ -335,6 +335,7 @@ class PoseFilter:
         self._rejections[fix.device] += 1
         if self._rejections[fix.device] <= ESTIMATION.pose.most_rejections:
             return innovations
+        self._rejections[fix.device] = 0
         # The axes of the floor are not those of the local frame: widen both by the distance.
         distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2
         for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, residuals[YAW] ** 2)):

@@ -43,7 +43,7 @@ class FilterSettings(Settings):
     unsure_position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.2
     slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     slip_sd_share: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
-    unsure_slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    unsure_slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.3
     cross_slip_ratio: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
     slip_distance_m: Annotated[float, Field(ge=0.01, le=100.0)] = 0.5
     wheel_yaw_noise_rad_sqrt_rad: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.1

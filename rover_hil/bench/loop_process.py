@@ -13,7 +13,7 @@ from drivers.clock import PacedClock
 from drivers.errors import RoverHilError
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
 from rover_hil.bench.page_operator import PageOperator
-from rover_hil.bench.views import Notice, Order, RunOrder
+from rover_hil.bench.views import Notice, Order, Picture, RunOrder
 from rover_hil.config import Config
 from rover_hil.run.executive import Operator, RunResult
 
@@ -117,7 +117,15 @@ class NoticeSender:
     def _send(self) -> None:
         with suppress(OSError):
             while (notice := self._waiting.get()) is not None:
-                self._pipe.send(pack(notice) if isinstance(notice, CameraFrame) else notice)
+                self._pipe.send(_picture(notice) if isinstance(notice, CameraFrame) else notice)
+
+
+def _picture(frame: CameraFrame) -> Picture:
+    try:
+        return pack(frame)
+    except Exception as error:  # noqa: BLE001 - a frame that cannot be drawn must not end all views of the run
+        words = f"this frame cannot be drawn: {error}"
+        return {"kind": "picture", "camera": frame.camera, "words": words, "jpeg": b""}
 
 
 def _serve(run: RunFunction, report: ReportFunction, orders: PipeEnd, notices: PipeEnd) -> None:

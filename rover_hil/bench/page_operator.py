@@ -54,6 +54,7 @@ class PageOperator:
         self._frames = frames
         self._first_truth: Truth | None = None
         self._end: tuple[End, str] | None = None
+        self._wanted: OperatorInput | None = None
         self._is_connected = True
         self._start_ns: int | None = None
         self._next_ns = 0
@@ -67,18 +68,15 @@ class PageOperator:
 
     def wanted(self) -> OperatorInput | None:
         """Return what the page has ordered since the last call, as one input; None for nothing."""
-        merged: OperatorInput | None = None
-        for order in self._arrived():
-            if isinstance(order, EndOrder):
-                self._end = self._end or (order.end, order.reason)
-            else:
-                merged = order if merged is None else _merge(merged, order)
-        if merged is not None:
-            self._gains.update(merged.gains)
-        return merged
+        self._take_orders()
+        wanted, self._wanted = self._wanted, None
+        if wanted is not None:
+            self._gains.update(wanted.gains)
+        return wanted
 
     def end(self) -> tuple[End, str] | None:
         """Return how and why the page ends the run; None to go on."""
+        self._take_orders()
         return self._end
 
     def show(self, view: CycleView) -> None:
@@ -111,6 +109,13 @@ class PageOperator:
             self._notices.put_nowait(notice)
         except queue.Full:
             self._dropped += 1
+
+    def _take_orders(self) -> None:
+        for order in self._arrived():
+            if isinstance(order, EndOrder):
+                self._end = self._end or (order.end, order.reason)
+            else:
+                self._wanted = order if self._wanted is None else _merge(self._wanted, order)
 
     def _arrived(self) -> Iterator[Order]:
         try:

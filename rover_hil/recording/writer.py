@@ -178,13 +178,19 @@ class LogWriter:
             if self._failure and not had_failed:
                 raise LogError(self._failure)
 
-    def wait_while_disk_hangs(self) -> None:
+    def wait_while_disk_hangs(self, is_ended: Callable[[], bool]) -> None:
         """Return at once while the file is written; else, after two seconds, not before it is again.
 
         For the loop, between two cycles: what the watchdog notes meanwhile must not wait.
+
+        Args:
+            is_ended: Asked again and again whether someone has ended the run meanwhile: then nothing waits.
         """
         waits = 0
-        while stopwatch_ns() - self._alive_ns > LONGEST_PAUSE_NS and self._thread.is_alive():
+        while (pause_ns := stopwatch_ns() - self._alive_ns) > LONGEST_PAUSE_NS and self._thread.is_alive():
+            if is_ended():
+                self._longest_pause_ns = max(self._longest_pause_ns, pause_ns)
+                return
             waits += 1
             self._is_awaited = waits > AWAKE_AFTER_WAITS
             self._has_room.clear()

@@ -178,13 +178,12 @@ class Executive:
                     self._check_health(now_ns)
                 work_ns = stopwatch_ns() - woke_ns
                 self._log.write_json(CYCLE, now_ns, {"late_ns": late_ns, "work_ns": work_ns})
-                self._log.wait_while_disk_hangs()
+                self._log.wait_while_disk_hangs(lambda: self._wanted_end() is not None)
                 result.cycles += 1
                 if self._operator is not None:
                     self._operator.show(
                         CycleView(samples, output, sent, self._healths, late_ns, work_ns, self._truth)
                     )
-                    self._stop_request = self._operator.end() or self._stop_request
                 if self._on_status is not None and woke_ns >= next_status_ns:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
                     self._on_status(output)
@@ -226,13 +225,18 @@ class Executive:
                     f"device '{health.device}' has failed: {health.last_link_reason}",
                 )
 
+    def _wanted_end(self) -> tuple[End, str] | None:
+        if self._operator is not None:
+            self._stop_request = self._operator.end() or self._stop_request
+        return self._stop_request
+
     def _is_over(self, output: StepOutput, now_ns: int, end_ns: int, result: RunResult) -> bool:
         if output.mode is Mode.FINISHED:
             result.end, result.reason = End.FINISHED, "mission finished"
         elif output.mode is Mode.EMERGENCY_STOP:
             result.end, result.reason = End.EMERGENCY_STOP, output.reason
-        elif self._stop_request is not None:
-            result.end, result.reason = self._stop_request
+        elif (wanted := self._wanted_end()) is not None:
+            result.end, result.reason = wanted
         elif now_ns >= end_ns:
             result.end = End.TIME_OVER
             mode = output.mode.value.replace("_", " ")

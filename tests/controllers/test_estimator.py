@@ -37,7 +37,8 @@ from tests.controllers.simulated import (
 
 
 def test_slip_shortens_the_true_path_and_the_filter_says_how_unsure_it_is() -> None:
-    loop = ControlLoop(make_settings(mission=LONG_WAY), ROLES)
+    noise = FilterSettings(unsure_slip_sd=0.0)
+    loop = ControlLoop(make_settings(mission=LONG_WAY, filter_settings=noise), ROLES)
     simulated = omni_rover()
     simulated.slip = 0.1
     last = run(loop, simulated, 11.0)[-1]
@@ -84,14 +85,16 @@ def test_when_the_gyro_pauses_no_turn_is_lost_or_counted_twice(gyro_gap_s: float
     assert after.estimate.yaw_rad == pytest.approx(simulated.yaw_rad, abs=0.5 * 0.02)
 
 
-def observe_turning(lost: type[Sample], lost_s: float) -> tuple[StepOutput, SimulatedRover]:
+def observe_turning(
+    lost: type[Sample], lost_s: float, turn_rad_s: float = 0.5
+) -> tuple[StepOutput, SimulatedRover]:
     """Return the last cycle of a turn ahead; one kind of sample was lost in its last part."""
     loop = ControlLoop(make_settings(), DeviceRoles(wheels="wheels", gyro="gyro", required={}))
     simulated = omni_rover(noise=Noise())
     for cycle in range(50 + round(lost_s / 0.02)):
         if cycle == 50:
             simulated.mute = lambda sample: None if isinstance(sample, lost) else sample
-        simulated.set_point_rad_s = simulated.geometry.wheel_speeds(0.2 + 0j, 0.5)
+        simulated.set_point_rad_s = simulated.geometry.wheel_speeds(0.2 + 0j, turn_rad_s)
         output = loop.step(simulated.t_ns, simulated.advance(simulated.t_ns + PERIOD_NS))
     return output, simulated
 
@@ -103,6 +106,17 @@ def test_the_yaw_goes_on_with_the_gyro_while_wheels_are_lost_and_the_other_way_r
     output, simulated = observe_turning(lost, 0.1)
     assert output.estimate.yaw_source is YawSource.GYRO
     assert output.estimate.yaw_rad == pytest.approx(simulated.yaw_rad, abs=0.5 * 0.025)
+
+
+def test_on_a_straight_line_too_the_yaw_is_uncertain_by_uneven_slip_while_the_gyro_is_lost() -> None:
+    variances = [
+        observe_turning(RateSample, lost_s, turn_rad_s=0.0)[0].estimate.covariance[5] for lost_s in (0.0, 0.1)
+    ]
+    # Two wheels at 30 deg to the line turn the rover by cos(30 deg) v / (3 r) each, one to either side.
+    both_ways_rad = math.sqrt(2.0) * math.cos(math.pi / 6) * 0.2 * 0.1 / (3 * 0.125)
+    assert math.sqrt(variances[1] - variances[0]) == pytest.approx(
+        0.3 * both_ways_rad / math.sqrt(3.0), rel=0.2
+    )
 
 
 def test_the_covariance_contains_the_travel_since_the_last_positions() -> None:

@@ -140,6 +140,13 @@ def test_a_rover_that_was_carried_away_is_found_again_by_the_third_fix() -> None
     assert pose_filter.pose.yaw_rad == pytest.approx(0.2, abs=0.01)
 
 
+def test_directly_after_a_displaced_fix_was_taken_a_wild_one_is_refused() -> None:
+    pose_filter = settled()
+    for _ in range(3):
+        pose_filter.correct_pose(on_floor(0.4 + 0.3j, 0.2), HERE)
+    assert not pose_filter.correct_pose(on_floor(-2.0 + 0.3j, 0.2), HERE)[0].accepted
+
+
 @pytest.mark.parametrize(("place", "stops"), [(0.4 + 0.3j, True), (0.1 + 0j, False)])
 def test_a_rover_that_follows_displaced_fixes_stops_and_names_their_device(
     place: complex, stops: bool
@@ -181,7 +188,9 @@ class NoisyDrive:
 
     def __init__(self, seed: int, settling_fixes: int) -> None:
         self.rng = np.random.default_rng(seed)
-        self.settings = FilterSettings(position_noise_m_sqrt_m=0.05, gyro_noise_rad_sqrt_s=0.01)
+        self.settings = FilterSettings(
+            position_noise_m_sqrt_m=0.05, unsure_slip_sd=0.0, gyro_noise_rad_sqrt_s=0.01
+        )
         self.floor = Pose(x_m=self.rng.uniform(-3, 3), y_m=1.0, yaw_rad=self.rng.uniform(-math.pi, math.pi))
         self.bias_rad_s = self.settings.gyro_bias_rad_s * self.rng.normal()
         self.filter = PoseFilter(self.settings, (), ("overhead",))
@@ -305,6 +314,16 @@ def test_in_the_loop_fixes_hold_a_slipping_rover_on_its_estimate() -> None:
     assert errors_m["overhead",] < 0.04
 
 
+@pytest.mark.parametrize("slip", [0.3, 0.7, 0.9])
+def test_with_the_default_filter_slippery_ground_does_not_look_like_displaced_fixes(slip: float) -> None:
+    rover = omni_rover()
+    rover.slip = slip
+    loop = ControlLoop(make_settings(mission=LONG_WAY), FIX_ROLES)
+    innovations = drive(loop, rover, 20.0, period=100)
+    assert loop.step(rover.t_ns, []).mode is Mode.RUNNING
+    assert not [innovation for innovation in innovations if innovation.name.endswith("displaced")]
+
+
 def test_fixes_need_not_be_required() -> None:
     rover = omni_rover()
     loop = ControlLoop(make_settings(mission=LONG_WAY), FIX_ROLES)
@@ -327,6 +346,8 @@ def test_a_fix_too_old_to_be_used_is_reported_by_name() -> None:
     assert (innovation.name, innovation.accepted) == ("overhead too late", False)
 
 
-def test_without_fixes_the_state_is_as_before() -> None:
-    assert len(PoseFilter(FilterSettings(), ("compass",))._filter.state) == 6
-    assert len(PoseFilter(FilterSettings(), ("compass",), ("overhead",))._filter.state) == 9
+def test_fixes_and_slip_have_states_only_where_they_are_used() -> None:
+    without_slip = FilterSettings(unsure_slip_sd=0.0)
+    assert len(PoseFilter(without_slip, ("compass",))._filter.state) == 6
+    assert len(PoseFilter(without_slip, ("compass",), ("overhead",))._filter.state) == 9
+    assert len(PoseFilter(FilterSettings(), ("compass",), ("overhead",))._filter.state) == 11

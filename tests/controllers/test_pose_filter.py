@@ -16,7 +16,11 @@ from controllers.motion.planar import wrap_angle
 from drivers.samples import HeadingReference
 
 SETTINGS = FilterSettings(
-    position_noise_m_sqrt_m=0.05, gyro_noise_rad_sqrt_s=0.01, gyro_bias_rad_s=0.02, heading_noise_rad=0.05
+    unsure_slip_sd=0.0,
+    position_noise_m_sqrt_m=0.05,
+    gyro_noise_rad_sqrt_s=0.01,
+    gyro_bias_rad_s=0.02,
+    heading_noise_rad=0.05,
 )
 MAGNETIC, TRUE = HeadingReference.MAGNETIC, HeadingReference.TRUE
 DT_S = 0.02

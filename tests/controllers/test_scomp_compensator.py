@@ -34,8 +34,10 @@ ROVER = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.092, 
 WITH_CAMERA = DeviceRoles(wheels="wheels", required={}, gyro="imu", camera="camera")
 RIM_M_S = 0.08
 UPHILL = math.radians(8.0)
-DEFAULTS = FilterSettings()
-QUIET = FilterSettings(position_noise_m_sqrt_m=1e-3, gyro_noise_rad_sqrt_s=1e-4, gyro_bias_rad_s=1e-4)
+PLAIN = FilterSettings(unsure_slip_sd=0.0)
+QUIET = FilterSettings(
+    position_noise_m_sqrt_m=1e-3, unsure_slip_sd=0.0, gyro_noise_rad_sqrt_s=1e-4, gyro_bias_rad_s=1e-4
+)
 
 
 @dataclass
@@ -72,7 +74,7 @@ class Bench:
         finder: SeenTrace | None,
         pitch_rad: float = UPHILL,
         settings: ScompSettings | None = None,
-        filter_settings: FilterSettings = DEFAULTS,
+        filter_settings: FilterSettings = PLAIN,
     ) -> None:
         self.told = ScompCompensator(
             settings or ScompSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder

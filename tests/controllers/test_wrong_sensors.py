@@ -3,15 +3,16 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from benchmarks.safety.sensor_faults import Encoders
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.motion.settings import WaypointsMission
 from controllers.safety import Mode
-from drivers.samples import RateSample, Sample
+from drivers.samples import RateSample, Sample, WheelSample
 from tests.controllers.simulated import (
     LONG_WAY,
+    MS,
     SECOND_NS,
     START_NS,
     Noise,
@@ -22,6 +23,7 @@ from tests.controllers.simulated import (
     run,
 )
 from tests.controllers.test_unseen_motion import GREATEST_NEES, NO_COMPASS, nees
+from tests.controllers.wrong_encoders import WrongEncoders
 
 ZIGZAG = WaypointsMission(
     type="waypoints",
@@ -78,14 +80,28 @@ def test_a_wrong_gyro_is_named_within_the_bar(change: str) -> None:
         assert nees(rover, outputs[-1]) < GREATEST_NEES
 
 
+def test_a_gyro_that_repeats_one_reading_is_named_among_wrong_time_stamps_too() -> None:
+    loop, rover, begin_ns = start(LONG_WAY, seed=1)
+    generator = np.random.default_rng(1)
+
+    def disturb(sample: Sample) -> Sample:
+        if isinstance(sample, WheelSample):
+            return replace(sample, t_ns=sample.t_ns - round(5 * MS * abs(generator.normal())))
+        return replace(sample, rate_z_rad_s=0.0123) if isinstance(sample, RateSample) else sample
+
+    rover.mute = disturb
+    stop = first_stop(run(loop, rover, 1.5))
+    assert stop.reason == "gyro: yaw rate stuck at 0.0123 rad/s for 1 s while the wheels turned"
+    assert (stop.t_ns - begin_ns) / SECOND_NS <= 1.1
+
+
 @pytest.mark.parametrize("wheels", [None, (0,), (2,)])
 @pytest.mark.parametrize("speed_m_s", [0.03, 0.2])
 def test_reversed_encoders_are_named_within_the_bar(wheels: tuple[int, ...] | None, speed_m_s: float) -> None:
     # 0.03 m/s are 0.65 rad/s of 12: 5 % of the limit.
     loop, rover, begin_ns = start(LONG_WAY.model_copy(update={"speed_m_s": speed_m_s}), seed=1)
     place = rover.place
-    encoders = Encoders(-1.0, wheels)
-    rover.mute = lambda sample: encoders(1e9, sample)
+    rover.mute = WrongEncoders(-1.0, wheels)
     stop = first_stop(run(loop, rover, 0.7))
     assert stop.mode is Mode.SAFE_STOP
     assert (stop.t_ns - begin_ns) / SECOND_NS <= 0.7
@@ -97,8 +113,7 @@ def test_reversed_encoders_are_named_within_the_bar(wheels: tuple[int, ...] | No
 
 def test_stuck_encoders_are_not_taken_for_rest() -> None:
     loop, rover, _ = start(LONG_WAY, seed=2)
-    encoders = Encoders(0.0)
-    rover.mute = lambda sample: encoders(1e9, sample)
+    rover.mute = WrongEncoders(0.0)
     outputs = run(loop, rover, 1.4)
     assert first_stop(outputs).reason.startswith("wheel ")
     assert "gyro standstill" not in {

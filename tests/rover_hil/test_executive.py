@@ -164,8 +164,21 @@ def test_the_loop_asks_the_log_between_two_cycles_whether_the_disk_hangs(
 ) -> None:
     sent_before: list[int] = []
     monkeypatch.setattr(
-        bench.log, "wait_while_disk_hangs", lambda: sent_before.append(len(bench.wheels.sent))
+        bench.log, "wait_while_disk_hangs", lambda _: sent_before.append(len(bench.wheels.sent))
     )
     result = bench.executive.run(0.1)
     assert len(sent_before) == result.cycles > 3
     assert all(count % len(SET_POINTS) == 0 for count in sent_before)
+
+
+def test_ctrl_c_while_the_disk_hangs_ends_the_run(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers: list[bool] = []
+
+    def wait(is_ended: Callable[[], bool]) -> None:
+        answers.append(is_ended())
+        bench.executive.request_stop(signal.SIGINT)
+        answers.append(is_ended())
+
+    monkeypatch.setattr(bench.log, "wait_while_disk_hangs", wait)
+    result = bench.executive.run(5.0)
+    assert (result.end, result.cycles, answers) == (End.STOPPED_BY_USER, 1, [False, True])

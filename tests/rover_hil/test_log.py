@@ -237,12 +237,12 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
     monkeypatch.setattr(ChunkedFile, "add_message", hang)
     monkeypatch.setattr(writer, "stopwatch_ns", look)
     log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
-    loop = threading.Thread(target=log.wait_while_disk_hangs)
+    loop = threading.Thread(target=log.wait_while_disk_hangs, args=(lambda: False,))
     try:
         log.write_json("/cycle", START_NS, {"index": 1})
         assert is_hanging.wait(PATIENCE_S)
         now_ns = LONGEST_PAUSE_NS
-        log.wait_while_disk_hangs()
+        log.wait_while_disk_hangs(lambda: False)
         now_ns += 10**8
         log.write_json("/cycle", START_NS, {"index": 2})  # as the watchdog does
         looks = 0
@@ -263,6 +263,32 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
     )
 
 
+def test_a_run_that_someone_ends_does_not_wait_for_a_log_that_hangs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_hanging, may_go_on = threading.Event(), threading.Event()
+    now_ns = 0
+
+    def hang(*_: object) -> None:
+        is_hanging.set()
+        assert may_go_on.wait(PATIENCE_S)
+
+    monkeypatch.setattr(ChunkedFile, "add_message", hang)
+    monkeypatch.setattr(writer, "stopwatch_ns", lambda: now_ns)
+    log = LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual")
+    try:
+        log.write_json("/cycle", START_NS, {"index": 1})
+        assert is_hanging.wait(PATIENCE_S)
+        now_ns = LONGEST_PAUSE_NS + 10**8
+        answers = [False, False, True]
+        log.wait_while_disk_hangs(lambda: answers.pop(0))
+        assert not answers
+        assert log.longest_pause_s == pytest.approx(2.1)
+    finally:
+        may_go_on.set()
+        log.close()
+
+
 def test_a_program_that_was_stopped_itself_does_not_blame_the_disk(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -270,7 +296,7 @@ def test_a_program_that_was_stopped_itself_does_not_blame_the_disk(
     monkeypatch.setattr(writer, "stopwatch_ns", lambda: now_ns)
     with LogWriter(tmp_path / "run.mcap", START_NS, CONFIG, {}, "virtual") as log:
         now_ns = 3 * LONGEST_PAUSE_NS
-        log.wait_while_disk_hangs()
+        log.wait_while_disk_hangs(lambda: False)
         assert log.longest_pause_s == 0.0
 
 

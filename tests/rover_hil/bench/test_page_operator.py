@@ -3,18 +3,22 @@
 from multiprocessing import Pipe
 from typing import cast
 
+import numpy as np
 import pytest
 
 from controllers.operator import OperatorInput
 from drivers.clock import VirtualClock, stopwatch_ns
 from drivers.link import NoTap
+from rover_hil.bench.camera_frames import CameraFrame
 from rover_hil.bench.loop_process import MOST_NOTICES, NoticeSender
 from rover_hil.bench.page_operator import PageOperator
-from rover_hil.bench.views import EndOrder, View
+from rover_hil.bench.views import EndOrder, Picture, View
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import CycleView, End
 from tests.rover_hil.bench.kept import Kept
 from tests.rover_hil.bench.rovers import quick
+
+PATIENCE_S = 20.0
 
 
 def cycles(count: int) -> list[CycleView]:
@@ -58,6 +62,30 @@ def test_orders_of_one_cycle_are_one_input_and_the_newest_wins() -> None:
     ours.send(EndOrder(end=End.EMERGENCY_STOP, reason="pressed"))
     assert operator.wanted() is None
     assert operator.end() == (End.EMERGENCY_STOP, "pressed")
+
+
+def test_an_end_is_seen_between_two_cycles_and_no_order_is_lost_by_looking() -> None:
+    theirs, ours = Pipe(duplex=False)
+    operator = PageOperator(theirs, Kept(9), 3, None)
+    ours.send(OperatorInput(is_paused=True))
+    ours.send(EndOrder(end=End.STOPPED_BY_USER, reason="stopped on the page"))
+    assert operator.end() == (End.STOPPED_BY_USER, "stopped on the page")
+    assert operator.wanted() == OperatorInput(is_paused=True)
+    assert operator.wanted() is None
+
+
+def test_a_frame_that_cannot_be_drawn_is_told_and_does_not_end_the_views() -> None:
+    ours, notices = Pipe(duplex=False)
+    sender = NoticeSender(notices)
+    sender.put_nowait(CameraFrame("rear", np.zeros((0, 0), np.uint8), None, None))
+    sender.put({"kind": "reported"})
+    assert ours.poll(PATIENCE_S)
+    picture = cast("Picture", ours.recv())
+    assert (picture["camera"], picture["jpeg"]) == ("rear", b"")
+    assert picture["words"].startswith("this frame cannot be drawn: ")
+    assert ours.poll(PATIENCE_S)
+    assert ours.recv() == {"kind": "reported"}
+    sender.close()
 
 
 def test_a_run_ends_when_the_page_s_program_is_gone() -> None:
