@@ -3,7 +3,6 @@
 import math
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.parameters import ESTIMATION
@@ -30,10 +29,11 @@ from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
+from drivers.record import record
 from drivers.samples import HeadingSample, PoseFixSample, Sample, WheelCommand
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class StepOutput:
     """Output of one cycle.
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeAlias, TypeVar
 
+from drivers.record import record
 from drivers.samples import Image
 
 
@@ -25,7 +26,7 @@ class CameraImage:
 PayloadT = TypeVar("PayloadT", bytes, CameraImage)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Received(Generic[PayloadT]):
     """A payload and the host monotonic time at which its last byte arrived."""
 

@@ -6,17 +6,18 @@ its codec. `t_ns` is host monotonic time at the arrival of the last byte; `t_dev
 time where it has one and is never compared with `t_ns`.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.record import record
+
 Image: TypeAlias = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class Sample:
     """Common part of all samples.
 
@@ -31,7 +32,7 @@ class Sample:
     t_device_ns: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class WheelSample(Sample):
     """Measurements of one wheel in one message; None for what the message does not contain.
 
@@ -54,7 +55,7 @@ class WheelSample(Sample):
     steering_rad: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class PowerSample(Sample):
     """Supply of the rover: bus or battery voltage in V and current in A."""
 
@@ -62,7 +63,7 @@ class PowerSample(Sample):
     current_a: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class BumperSample(Sample):
     """State of a bumper or emergency-stop contact."""
 
@@ -76,7 +77,7 @@ class HeadingReference(StrEnum):
     TRUE = "true"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class HeadingSample(Sample):
     """Yaw in rad, counter-clockwise from east, in [-pi, pi), and what it is measured against."""
 
@@ -84,7 +85,7 @@ class HeadingSample(Sample):
     reference: HeadingReference
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class AttitudeSample(Sample):
     """Roll (left side up positive) and pitch (nose down positive) in rad; None where not measured."""
 
@@ -92,7 +93,7 @@ class AttitudeSample(Sample):
     pitch_rad: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class RateSample(Sample):
     """Angular rates in rad/s about the body axes; None where the device has no such axis."""
 
@@ -101,7 +102,7 @@ class RateSample(Sample):
     rate_y_rad_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class AccelerationSample(Sample):
     """Specific force in m/s2 along the body axes; at rest on level ground z reads +9.81."""
 
@@ -110,7 +111,7 @@ class AccelerationSample(Sample):
     z_m_s2: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class FrameSample(Sample):
     """One camera frame.
 
@@ -125,7 +126,7 @@ class FrameSample(Sample):
     index: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class PoseFixSample(Sample):
     """Pose of the rover measured from outside: position in m and yaw in rad in [-pi, pi) on the floor.
 
@@ -145,7 +146,7 @@ class PoseFixSample(Sample):
     t_capture_ns: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class FaultSample(Sample):
     """An error that the device or its bus reports.
 
@@ -160,7 +161,7 @@ class FaultSample(Sample):
     text: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class LinkSample(Sample):
     """The link to the device came up or went down."""
 
@@ -168,7 +169,7 @@ class LinkSample(Sample):
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class WheelCommand:
     """Wheel speed set-points in rad/s at the wheel, one per wheel, and until when they hold.
 
@@ -182,7 +183,7 @@ class WheelCommand:
     steering_rad: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class SentCommand:
     """The set-points that a drive really got.
 

@@ -6,7 +6,6 @@ it. This is the only module that uses it.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Protocol
 
@@ -14,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.motion.planar import wrap_angle
+from drivers.record import record
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class Innovation:
     """Innovation of one measurement.
 
@@ -42,11 +42,6 @@ class _ExtendedKalmanFilter(Protocol):
 
     x: Array
     P: Array
-    F: Array
-    Q: Array
-    predict_x: Callable[[float], None]
-
-    def predict(self) -> None: ...
 
     def update(
         self, z: Array, h_jacobian: Callable[[Array], Array], h: Callable[[Array], Array], r: Array, /
@@ -56,7 +51,8 @@ class _ExtendedKalmanFilter(Protocol):
 class GuardedFilter:
     """An extended Kalman filter for measurements with independent errors.
 
-    The update is filterpy's, in Joseph form.
+    The update is filterpy's, in Joseph form. The prediction is its equation for the covariance, without the
+    copies that filterpy keeps.
 
     Args:
         state: First estimate.
@@ -80,8 +76,6 @@ class GuardedFilter:
         self._filter: _ExtendedKalmanFilter = ExtendedKalmanFilter(dim_x=len(state), dim_z=1)
         self._filter.x = np.array(state, dtype=float)
         self._filter.P = np.diag(np.array(variances, dtype=float))
-        # F x is right for a linear model only; `predict` is given the state.
-        self._filter.predict_x = lambda _: None
         self._angles = tuple(angles)
         self._gate_probability = gate_probability
         # With one degree of freedom the chi-square quantile is that of a normal deviate, squared.
@@ -92,6 +86,10 @@ class GuardedFilter:
         """The estimate, as a copy."""
         values: list[float] = self._filter.x.tolist()
         return values
+
+    def value(self, index: int) -> float:
+        """Return one state of the estimate."""
+        return self._filter.x.item(index)
 
     @property
     def covariance(self) -> list[list[float]]:
@@ -114,9 +112,9 @@ class GuardedFilter:
         if not 0.0 <= dt_s < math.inf:
             return False
         before = (self._filter.x, self._filter.P)
-        self._filter.x, self._filter.F, self._filter.Q = np.array(state, dtype=float), transition, noise
+        self._filter.x = np.array(state, dtype=float)
         with np.errstate(all="ignore"):
-            self._filter.predict()
+            self._filter.P = transition.dot(self._filter.P).dot(transition.T) + noise
         return self._settle(before)
 
     def update(self, name: str, residual: float, row: Array, variance: float) -> Innovation:

@@ -7,9 +7,10 @@ from controllers.estimation.parameters import ESTIMATION
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.planar import Pose, move
 from drivers.clock import nanoseconds, seconds
+from drivers.record import record
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class BodyIncrement:
     """Motion of the wheels since the last increment, in the body frame: m, m, rad, s.
 

@@ -3,7 +3,6 @@
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -16,6 +15,7 @@ from controllers.estimation.pose_fixes import Step, WayBack, displaced
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipStates, SlipStep
 from controllers.motion.planar import Pose, move, wrap_angle
+from drivers.record import record
 from drivers.samples import HeadingReference, PoseFixSample
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class YawSource(StrEnum):
     WHEELS = "wheels"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class Turn:
     """Measured turn of the rover.
 
@@ -54,7 +54,7 @@ class Turn:
     unseen_rad2: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class PoseEstimate:
     """The estimated motion in the local frame: origin and x axis are the pose at start, y to the left.
 
@@ -160,6 +160,11 @@ class PoseFilter:
         )
         self._transition = np.eye(size)
         self._noise = np.zeros((size, size))
+        remaining = slice(first_slip, first_state)
+        self._slip_slopes = self._transition[:YAW, remaining]
+        # Views of the diagonals.
+        self._slip_keeps = np.einsum("ii->i", self._transition)[remaining]
+        self._slip_noises = np.einsum("ii->i", self._noise)[remaining]
         self._bias_row = np.eye(size)[BIAS]
         self._heading_rows = {
             source: np.eye(size)[YAW] + np.eye(size)[i] for source, i in self._offset_index.items()
@@ -174,7 +179,7 @@ class PoseFilter:
     @property
     def gyro_bias_rad_s(self) -> float:
         """The estimated bias of the gyro."""
-        return self._filter.state[BIAS]
+        return self._filter.value(BIAS)
 
     @property
     def covariance(self) -> tuple[float, float, float, float, float, float]:
@@ -259,7 +264,7 @@ class PoseFilter:
             y_m: The same to the left or right.
             yaw_rad: It may have turned by this at most.
         """
-        direction = cmath.rect(1.0, self._filter.state[YAW])
+        direction = cmath.rect(1.0, self._filter.value(YAW))
         noise = np.zeros_like(self._noise)
         for axis, greatest_m in ((direction, x_m), (1j * direction, y_m)):
             column = np.array([axis.real, axis.imag])
@@ -285,7 +290,7 @@ class PoseFilter:
         """Correct by a gyro reading at standstill: it is the bias."""
         return self._filter.update(
             f"{device} standstill",
-            rate_rad_s - self._filter.state[BIAS],
+            rate_rad_s - self._filter.value(BIAS),
             self._bias_row,
             self._settings.gyro_rate_noise_rad_s**2,
         )
@@ -397,10 +402,10 @@ class PoseFilter:
         rover stays where it is, it is the same.
         """
         keep = math.exp(-ground_m / self._settings.slip_distance_m)
+        self._slip_slopes[:] = 0.0
+        self._slip_keeps[:] = keep
+        self._slip_noises[:] = 1.0 - keep * keep
         for index in range(self._first_slip, self._first_slip + 2 * self._slip_pairs):
-            self._transition[X, index] = self._transition[Y, index] = 0.0
-            self._transition[index, index] = keep
-            self._noise[index, index] = 1.0 - keep * keep
             state[index] *= keep
 
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
@@ -421,9 +426,10 @@ class PoseFilter:
                 + settings.wheel_yaw_noise_rad_sqrt_m**2 * distance_m
             )
         bias_rad2_s2 = settings.gyro_bias_walk_rad_s_sqrt_s**2 * increment.duration_s
-        self._noise[X, Y] = self._noise[Y, X] = 0.0
-        for index, variance in enumerate((position_m2, position_m2, yaw_rad2, bias_rad2_s2)):
-            self._noise[index, index] = variance
+        noise = self._noise
+        noise[X, Y] = noise[Y, X] = 0.0
+        noise[X, X] = noise[Y, Y] = position_m2
+        noise[YAW, YAW], noise[BIAS, BIAS] = yaw_rad2, bias_rad2_s2
 
 
 def _greatest_variance(covariance: Array) -> float:

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from controllers.estimation.guarded_filter import Innovation
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
+from drivers.record import record
 from drivers.samples import PoseFixSample
 
 HISTORY_NS = 2 * NANOSECONDS_PER_SECOND
 MOST_WAITING = 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class Step:
     """One step of the motion model: an increment in the body frame and the variances it adds.
 

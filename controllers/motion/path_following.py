@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 from controllers.motion.mission import Point, corner_points, mission_legs
@@ -14,6 +13,7 @@ from controllers.motion.settings import (
     WholeTurnsMission,
 )
 from drivers.errors import ConfigError
+from drivers.record import record
 
 NO_TURN_ON_SPOT = (
     "mission.type: these are turns on the spot, for which the steering of this rover does not reach, "
@@ -26,7 +26,7 @@ SPOT_TURN_RAD = 0.5
 """With a greater course error a rover that cannot move sideways turns on the spot."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class Guidance:
     """The body velocity that leads along the path.
 

@@ -1,7 +1,8 @@
 """Angles and poses in the plane."""
 
 import math
-from dataclasses import dataclass
+
+from drivers.record import record
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -10,7 +11,7 @@ def wrap_angle(angle_rad: float) -> float:
     return -math.pi if wrapped_rad >= math.pi else wrapped_rad  # slightly below -pi is rounded up to pi
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class Pose:
     """Position in m and yaw in rad within [-pi, pi), in the local frame: the pose at start is zero."""
 

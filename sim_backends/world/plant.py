@@ -1,11 +1,12 @@
 """Interface between a simulated rover and its device emulators: the true state, without sensor errors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from drivers.record import record
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@record(frozen=True, slots=True, kw_only=True)
 class Truth:
     """The true state of the rover at one instant.
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filterpy.kalman import ExtendedKalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
@@ -141,3 +142,17 @@ def test_the_covariance_stays_symmetric_and_positive(
         scale = np.sqrt(np.diag(covariance))
         assert (scale > 0.0).all()
         assert np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() > -1e-12
+
+
+def test_a_prediction_spreads_the_covariance_as_filterpy_does() -> None:
+    generator = np.random.default_rng(4)
+    start = [1e-6, 1.0, 4.0, 0.3]
+    guarded, peer = GuardedFilter([0.0] * 4, start, (), 0.9995), ExtendedKalmanFilter(4, 1)
+    peer.P = np.diag(start)
+    for _ in range(20):
+        peer.F = np.eye(4) + 0.3 * generator.standard_normal((4, 4))
+        root = generator.standard_normal((4, 4))
+        peer.Q = root @ root.T
+        peer.predict()
+        assert guarded.predict(0.1, [0.0] * 4, peer.F, peer.Q)
+        assert np.array(guarded.covariance) == pytest.approx(peer.P, rel=1e-12, abs=1e-12 * peer.P.max())

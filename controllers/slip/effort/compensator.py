@@ -4,7 +4,7 @@ import cmath
 import math
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from controllers.estimation.odometry import BodyIncrement
@@ -27,10 +27,11 @@ from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Trave
 from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
 from drivers.clock import seconds
+from drivers.record import record
 from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class WheelSlip:
     """Effort and slip of one wheel.
 
@@ -51,7 +52,7 @@ class WheelSlip:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class SlipReport:
     """Slip of all wheels.
 

@@ -29,6 +29,7 @@ from controllers.slip.scomp.parameters import SCOMP
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.states import ScompStates
 from drivers.clock import nanoseconds, seconds
+from drivers.record import record
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
 
 Rates = tuple[float, float, float]
@@ -75,7 +76,7 @@ class TraceFinder(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class ScompReport:
     """Slip of the rover.
 
