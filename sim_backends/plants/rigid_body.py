@@ -1,7 +1,5 @@
 """Plane motion of a rigid body in its own frame: momentum of a step, and the equations for the next twist."""
 
-import numpy as np
-
 from sim_backends.arrays import Array
 from sim_backends.jit import compiled
 
@@ -9,25 +7,21 @@ _compiled = compiled()
 
 
 @_compiled
-def momentum_over_step(twist: Array, mass: Array, step_s: float) -> Array:
-    """Return the momentum over the length of a step, with the terms of the rotating frame.
+def momentum_over_step(twist: Array, mass: Array, step_s: float, result: Array) -> None:
+    """Compute the momentum over the length of a step, with the terms of the rotating frame.
 
     Args:
         twist: Velocity x, y in m/s and yaw rate in rad/s, shape (3,).
         mass: Mass matrix in kg, kg m and kg m^2, (3, 3).
         step_s: Length of the step.
-
-    Returns:
-        Forces in N and a yaw moment in N m, (3,). Source: Newton and Euler in a rotating frame.
+        result: Forces in N and a yaw moment in N m, (3,). Source: Newton and Euler in a rotating frame.
     """
-    momentum = np.empty(3)
-    for i in range(3):
-        momentum[i] = mass[i, 0] * twist[0] + mass[i, 1] * twist[1] + mass[i, 2] * twist[2]
-    result = momentum / step_s
-    result[0] += twist[2] * momentum[1]
-    result[1] -= twist[2] * momentum[0]
-    result[2] -= twist[0] * momentum[1] - twist[1] * momentum[0]
-    return result
+    x = mass[0, 0] * twist[0] + mass[0, 1] * twist[1] + mass[0, 2] * twist[2]
+    y = mass[1, 0] * twist[0] + mass[1, 1] * twist[1] + mass[1, 2] * twist[2]
+    turn = mass[2, 0] * twist[0] + mass[2, 1] * twist[1] + mass[2, 2] * twist[2]
+    result[0] = x / step_s + twist[2] * y
+    result[1] = y / step_s - twist[2] * x
+    result[2] = turn / step_s - (twist[0] * y - twist[1] * x)
 
 
 @_compiled

@@ -145,14 +145,15 @@ def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:
     gear = motor.gear_ratio
     friction_nm = gear * motor.gear_efficiency * motor.friction_nm
     mean_load_n = mass_kg * STANDARD_GRAVITY_M_S2 / 3.0
+    load_n = mean_load_n * (1.0 + 2.0 * np.cos(angles) * ahead_m / offset_m)
     inertia_kg_m2 = settings.yaw_inertia_kg_m2 + mass_kg * ahead_m**2
     return Rover(
         step_s=step_s,
         steps_per_control=loop.steps_per_period,
         direction=np.column_stack((-np.sin(angles), np.cos(angles), np.full(3, offset_m))),
         radial=np.column_stack((np.cos(angles), np.sin(angles), np.zeros(3))),
-        load_n=mean_load_n * (1.0 + 2.0 * np.cos(angles) * ahead_m / offset_m),
-        mean_load_n=mean_load_n,
+        load_n=load_n,
+        deeper=np.array([math.pow(load / mean_load_n, 1.0 / 3.0) for load in load_n.tolist()]),
         mass=np.array(
             [
                 [mass_kg, 0.0, 0.0],

@@ -184,7 +184,8 @@ def _step_body(state: State, rover: Rover, direction: Array, grip: Array, resist
     free = np.empty(count)
     follow = np.empty((count, 2))
     matrix = rover.mass / step_s
-    right = momentum_over_step(state.twist, rover.mass, step_s)
+    right = np.empty(3)
+    momentum_over_step(state.twist, rover.mass, step_s, right)
     for wheel in range(count):
         radius = rover.radius_m[wheel]
         dx = direction[wheel, 0]
