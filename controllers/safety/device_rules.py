@@ -36,6 +36,8 @@ class BumperSettings(Settings):
 class BumperRule(StopRule):
     """Stops for good when a bumper is pressed, of any device."""
 
+    observes = (BumperSample,)
+
     def __init__(self, settings: BumperSettings) -> None:
         self._settings = settings
         self._pressed: list[StopReason] = []
@@ -57,6 +59,8 @@ class LinkRule(StopRule):
 
     A link that is back within the same cycle may mean that the device has restarted.
     """
+
+    observes = (LinkSample,)
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
@@ -84,6 +88,8 @@ class LinkRule(StopRule):
 
 class FaultRule(StopRule):
     """Stops while a required device reports a fault, and for one cycle when it did so for less."""
+
+    observes = (FaultSample,)
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
@@ -117,12 +123,13 @@ class FreshnessRule(StopRule):
     """
 
     def __init__(self, roles: DeviceRoles, wheel_count: int) -> None:
+        self._devices = frozenset(roles.required)
         self._limits = _freshness_limits(roles, wheel_count)
         self._received_ns: dict[Part, int] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
-        if isinstance(sample, LinkSample | FaultSample):
+        if sample.device not in self._devices or isinstance(sample, LinkSample | FaultSample):
             return
         for part in _parts(sample):
             if part in self._limits:

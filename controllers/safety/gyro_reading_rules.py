@@ -65,6 +65,8 @@ class _Stuck:
 class StuckGyroRule(StopRule):
     """Stops when the gyro repeats one reading while the wheels turn: noise changes every reading."""
 
+    observes = (RateSample,)
+
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._gyro = roles.gyro
@@ -98,6 +100,8 @@ class GyroJumpRule(StopRule):
 
     Afterwards steering hides an offset: it turns the rover until the gyro reads what it should.
     """
+
+    observes = (RateSample,)
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
@@ -182,6 +186,8 @@ class GyroRestRule(StopRule):
     A change while driving is within what slip explains. At rest it is seen: the yaw is then wrong by the
     change times the time since the last rest, at most.
     """
+
+    observes = (RateSample,)
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings

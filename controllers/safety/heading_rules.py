@@ -76,6 +76,8 @@ class HeadingTurnRule(StopRule):
         heading_lag_s: Time constant of the heading devices.
     """
 
+    observes = (RateSample, HeadingSample)
+
     def __init__(self, settings: HeadingTurnSettings, roles: DeviceRoles, heading_lag_s: float) -> None:
         self._settings = settings
         self._roles = roles

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.turn_evidence import TurnEvidence
@@ -88,7 +88,12 @@ class StopRule(ABC):
     """One rule that may stop the rover.
 
     Every sample is observed before the cycle is checked; every cycle is checked, in every mode.
+
+    Attributes:
+        observes: Kinds of samples that `observe` takes.
     """
+
+    observes: ClassVar[tuple[type[Sample], ...]] = (Sample,)
 
     def observe(self, sample: Sample, t_ns: int) -> None:  # noqa: B027 (most rules need no samples)
         """Take one sample as of `t_ns`."""

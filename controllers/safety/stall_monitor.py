@@ -54,6 +54,17 @@ class _Wheel:
     creep_rad: float = 0.0
     missing_rad: float = 0.0
 
+    def clear(self, kept: float) -> None:
+        """Forget what the wheel has not done, except for a share of the missing angle."""
+        self.stalled_ns = self.reversed_ns = 0
+        self.creep_rad = 0.0
+        self.missing_rad *= kept
+
+    @property
+    def has_not_followed(self) -> bool:
+        """Whether it has not turned as commanded in any way."""
+        return bool(self.stalled_ns or self.reversed_ns or self.creep_rad)
+
 
 class StallMonitor(StopRule):
     """Measures for how long each wheel has not followed its set-points.
@@ -76,22 +87,24 @@ class StallMonitor(StopRule):
         # After a pause of the loop the set-points have expired: the pause is no stall.
         elapsed_ns = min(cycle.now_ns - checked_ns, self._longest_cycle_ns)
         self._checked_ns = cycle.now_ns
+        elapsed_s = seconds(elapsed_ns)
         is_at_rest = not any(cycle.commanded_rad_s)
+        kept = math.exp(-elapsed_s / self._settings.stall_s)
         pairs = tuple(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True))
-        for wheel, (commanded, measured) in enumerate(pairs):
+        for index, (commanded, measured) in enumerate(pairs):
+            wheel = self._wheels[index]
             # In the direction of the set-point.
             turning = math.copysign(1.0, commanded) * measured
-            missing_rad = self._wheels[wheel].missing_rad
             if is_at_rest:
-                self._wheels[wheel] = _Wheel()
+                self._wheels[index] = wheel = _Wheel()
             elif turning > self._least_speed(abs(commanded)):
-                kept = math.exp(-seconds(elapsed_ns) / self._settings.stall_s)
-                self._wheels[wheel] = _Wheel(missing_rad=kept * missing_rad)
+                wheel.clear(kept)
             else:
-                self._count(self._wheels[wheel], elapsed_ns, commanded, turning)
-            self._wheels[wheel].missing_rad += (commanded - measured) * seconds(elapsed_ns)
-        for wheel, (commanded, measured) in enumerate(pairs):
-            yield from self._judge(wheel, commanded, measured)
+                self._count(wheel, elapsed_ns, commanded, turning)
+            wheel.missing_rad += (commanded - measured) * elapsed_s
+        for index, (commanded, measured) in enumerate(pairs):
+            if self._wheels[index].has_not_followed:
+                yield from self._judge(index, commanded, measured)
 
     def _least_speed(self, set_point_rad_s: float) -> float:
         settings = self._settings

@@ -62,8 +62,7 @@ class SafetySupervisor:
     ) -> None:
         self._settings = settings
         self._rules = make_rules(settings, roles, wheel_count, heading_lag_s)
-        # Most rules need no samples, and there are many samples.
-        self._observers = [rule for rule in self._rules if type(rule).observe is not StopRule.observe]
+        self._observers: dict[type[Sample], list[StopRule]] = {}
         self._stops: dict[str, _Stops] = {}
         self._healthy_since_ns: int | None = None
         self._doubted_rad: dict[str, float] = {}
@@ -73,7 +72,16 @@ class SafetySupervisor:
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
-        for rule in self._observers:
+        kind = type(sample)
+        observers = self._observers.get(kind)
+        if observers is None:
+            # Most rules need no samples or only some, and there are many samples.
+            observers = self._observers[kind] = [
+                rule
+                for rule in self._rules
+                if type(rule).observe is not StopRule.observe and issubclass(kind, rule.observes)
+            ]
+        for rule in observers:
             rule.observe(sample, t_ns)
 
     def update(self, cycle: Cycle) -> None:
@@ -119,9 +127,11 @@ class SafetySupervisor:
         if self._healthy_since_ns is None:
             self._healthy_since_ns = now_ns
         healthy_ns = now_ns - self._healthy_since_ns
-        waits_s = {Mode.SETTLING: self._settings.settle_s, Mode.SAFE_STOP: self._settings.recover_s}
-        if self.mode in waits_s and healthy_ns >= nanoseconds(waits_s[self.mode]):
-            self.mode = Mode.RUNNING
+        if self.mode is Mode.SETTLING or self.mode is Mode.SAFE_STOP:
+            settings = self._settings
+            wait_s = settings.settle_s if self.mode is Mode.SETTLING else settings.recover_s
+            if healthy_ns >= nanoseconds(wait_s):
+                self.mode = Mode.RUNNING
         if self.mode is not Mode.SAFE_STOP:
             self.reason = ""
 

@@ -4,7 +4,6 @@ import cmath
 import math
 import operator
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from controllers.estimation.odometry import BodyIncrement
@@ -69,6 +68,9 @@ class SlipReport:
     drift_rad: float
     wheels: tuple[WheelSlip, ...]
     rover: RoverSlip | None = None
+
+
+KNOWN_BUT_FOR_SIGN = frozenset((None, *SIGN_UNKNOWN))
 
 
 class _WindowSlip(NamedTuple):
@@ -197,19 +199,20 @@ class EffortCompensator:
             found = self._by_fixes.take(sample)
             if found is not None:
                 self._ground.learn(found.slip, found.force_n)
-        if isinstance(sample, RateSample) and sample.device == self._gyro and self._is_newer(t_ns):
+        elif isinstance(sample, RateSample) and sample.device == self._gyro and self._is_newer(t_ns):
             self._gyro_ns = t_ns
-        if not isinstance(sample, WheelSample) or sample.device != self._device:
-            return
-        if not 0 <= sample.wheel < len(self._currents):
+        elif isinstance(sample, WheelSample) and sample.device == self._device:
+            self._feed_wheel(sample, t_ns)
+
+    def _feed_wheel(self, sample: WheelSample, t_ns: int) -> None:
+        wheel, current_a = sample.wheel, sample.current_a
+        if not 0 <= wheel < len(self._currents):
             return
         if sample.position_rad is not None:
-            self._wheel_ns[sample.wheel] = max(t_ns, self._wheel_ns[sample.wheel])
-        if t_ns <= self._current_ns[sample.wheel]:
-            return
-        if sample.current_a is not None and math.isfinite(sample.current_a):
-            self._currents[sample.wheel] = sample
-            self._current_ns[sample.wheel] = t_ns
+            self._wheel_ns[wheel] = max(t_ns, self._wheel_ns[wheel])
+        if t_ns > self._current_ns[wheel] and current_a is not None and math.isfinite(current_a):
+            self._currents[wheel] = sample
+            self._current_ns[wheel] = t_ns
 
     def _is_newer(self, gyro_ns: int) -> bool:
         return self._gyro_ns is None or gyro_ns > self._gyro_ns
@@ -245,7 +248,7 @@ class EffortCompensator:
         self._currents = [None] * len(self._currents)
         self._slips = [wheel.slip for wheel in wheels]
         x_m, y_m, turn_rad = self.body_motion(increment.turned_rad)
-        self._window_rad = [sum(pair) for pair in zip(self._window_rad, increment.turned_rad, strict=True)]
+        self._window_rad = list(map(operator.add, self._window_rad, increment.turned_rad))
         self._window_s += increment.duration_s
         self._add_window_work(increment)
         self._reported_m += complex(x_m, y_m)
@@ -258,15 +261,17 @@ class EffortCompensator:
                 self._rover_slip(wheels, increment.turned_rad) if self.excited is None else self.excited.slip
             ),
         )
-        return replace(
-            increment,
+        return BodyIncrement(
             x_m=x_m + correction_m.real,
             y_m=y_m + correction_m.imag,
             turn_rad=turn_rad,
+            duration_s=increment.duration_s,
+            turned_rad=increment.turned_rad,
             is_sure=all(
                 wheel.valid or self._is_at_rest(index, set_speed_rad_s[index])
                 for index, wheel in enumerate(wheels)
             ),
+            steering_rad=increment.steering_rad,
             rolled_m=complex(increment.x_m, increment.y_m),
             slip_sd=self._slip_sd(),
         )
@@ -357,9 +362,11 @@ class EffortCompensator:
         return complex(x_m, y_m) - reported_m
 
     def _add_window_work(self, increment: BodyIncrement) -> None:
-        if any(effort.unknown_torque not in (None, *SIGN_UNKNOWN) for effort in self.efforts):
+        if self._window_work_j is None:
+            return
+        if any(effort.unknown_torque not in KNOWN_BUT_FOR_SIGN for effort in self.efforts):
             self._window_work_j = None
-        if self._window_work_j is not None:
+        else:
             self._window_work_j += self._work_j(increment)
 
     def _move_between_fixes(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> None:
@@ -370,13 +377,11 @@ class EffortCompensator:
         self._by_fixes.move(min(self._wheel_ns), increment, turn_rad, work_j)
 
     def _work_j(self, increment: BodyIncrement) -> float:
-        return sum(
-            effort.wheel_torque_nm * turned_rad
-            for effort, turned_rad in zip(self.efforts, increment.turned_rad, strict=True)
-        )
+        torques_nm = [effort.wheel_torque_nm for effort in self.efforts]
+        return sum(map(operator.mul, torques_nm, increment.turned_rad))
 
     def _slip_by_surface(self, increment: BodyIncrement) -> _WindowSlip | None:
-        unknown = next((effort.unknown_work for effort in self.efforts if effort.unknown_work), None)
+        unknown = next(filter(None, [effort.unknown_work for effort in self.efforts]), None)
         if unknown is not None:
             self._tracker.interrupt()
             self._force_rad = self._rolled_rad = (0.0,) * self._kinematics.wheel_count

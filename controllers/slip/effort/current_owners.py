@@ -24,12 +24,12 @@ class CurrentOwners:
 
     def check(self, efforts: Sequence[WheelEffort], elapsed_s: float) -> None:
         """Take the efforts of one increment of `elapsed_s`; `reason` stays until the currents fit again."""
-        if any(EffortFlag.NO_CURRENT in effort.flags for effort in efforts):
+        numbers, standing_rad_s = EFFORT.owners, EFFORT.stuck.standing_rad_s
+        resting = [abs(one.speed_rad_s) < standing_rad_s for one in efforts]
+        if True not in resting or any(EffortFlag.NO_CURRENT in effort.flags for effort in efforts):
             return
-        numbers = EFFORT.owners
-        resting = [abs(one.speed_rad_s) < EFFORT.stuck.standing_rad_s for one in efforts]
         turning = [abs(one.speed_rad_s) > numbers.turning_rad_s for one in efforts]
-        if not (any(resting) and any(turning)):
+        if True not in turning:
             return
         current_a = [abs(effort.current_a) for effort in efforts]
         drawing = max(range(len(efforts)), key=lambda wheel: current_a[wheel] if resting[wheel] else -1.0)

@@ -130,6 +130,8 @@ class WheelEffort(NamedTuple):
     @property
     def unknown_torque(self) -> EffortFlag | None:
         """Why the torque is unknown; None where it is known."""
+        if not self.flags:
+            return None
         return next((flag for flag in self.flags if flag in TORQUE_UNKNOWN), None)
 
     @property
@@ -139,6 +141,8 @@ class WheelEffort(NamedTuple):
         That of a slow wheel is almost zero for either sign of its current. A wheel at rest trembles, so the
         sign of its current is hardly ever known.
         """
+        if not self.flags:
+            return None
         unknown = TORQUE_UNKNOWN - SIGN_UNKNOWN if EffortFlag.SLOW in self.flags else TORQUE_UNKNOWN
         return next((flag for flag in self.flags if flag in unknown), None)
 
@@ -207,17 +211,17 @@ class EffortObserver:
             self._direction = direction
 
     def _flags(self, current_a: float, set_speed_rad_s: float | None) -> tuple[EffortFlag, ...]:
-        flags: list[EffortFlag] = []
+        flags: tuple[EffortFlag, ...] = ()
         if abs(current_a) >= self._motor.current_full_scale_a:
-            flags.append(EffortFlag.SATURATED)
+            flags += (EffortFlag.SATURATED,)
         if abs(self._speed_rad_s) < EFFORT.motor.slowest_rad_s:
-            flags.append(EffortFlag.SLOW)
+            flags += (EffortFlag.SLOW,)
         if not self._is_signed:
             if set_speed_rad_s is not None and self._is_braking(set_speed_rad_s):
-                flags.append(EffortFlag.BRAKING)
+                flags += (EffortFlag.BRAKING,)
             if self._since_change_s < EFFORT.motor.sign_settle_s:
-                flags.append(EffortFlag.SIGN_CHANGE)
-        return tuple(flags)
+                flags += (EffortFlag.SIGN_CHANGE,)
+        return flags
 
     def _is_braking(self, set_speed_rad_s: float) -> bool:
         # One step of tolerance: the set-point is cut to whole steps inside the drive.
