@@ -234,7 +234,7 @@ class Driver(Generic[PayloadT]):
 
     def _newest(self, items: Sequence[LinkItem[PayloadT]]) -> Sequence[LinkItem[PayloadT]]:
         """Return the newest bytes that one poll takes, with every break; count the rest as lost."""
-        sizes = [_byte_count(item) for item in items]
+        sizes = list(map(_byte_count, items))
         surplus = sum(sizes) - MOST_BYTES_PER_POLL
         if surplus <= 0:
             return items
@@ -453,6 +453,8 @@ class WheelDrive(Driver[bytes]):
 
     def _needs_restart(self, now_ns: int, speeds: Sequence[float]) -> bool:
         """Return whether a fault is old enough, and the rover is at rest."""
+        if not self._fault_ns:
+            return False
         is_due = any(now_ns - t_ns >= RESTART_AFTER_NS for t_ns in self._fault_ns.values())
         return is_due and not any(speeds) and self._restarts < RESTARTS
 

@@ -100,23 +100,29 @@ class BoardReply(NamedTuple):
 
 def build_request(request: BoardRequest) -> bytes:
     """Return the 47 bytes of a request."""
+    gains = request.gains
     motors: list[int] = []
     for steps, brake_off in zip(request.speed_steps, request.brakes_off, strict=True):
         direction = _SET_FORWARD if steps >= 0 else 0
-        motors += (_BRAKE_OFF if brake_off else 0, direction, abs(steps), 0, *request.gains)
+        motors += (_BRAKE_OFF if brake_off else 0, direction, abs(steps), 0, *gains)
     return _REQUEST.pack(HEAD, _GAINS_ARE_MEANT, *motors, *_AUXILIARY_OUTPUT, TAIL)
 
 
 def parse_request(frame: bytes) -> BoardRequest:
     """Return the request in 47 bytes; the gains are those of the first motor. The markers are not checked."""
     fields = _REQUEST.unpack(frame)
-    flags, directions, magnitudes = fields[2:23:7], fields[3:23:7], fields[4:23:7]
-    s0, s1, s2 = (
-        magnitude if direction & _SET_FORWARD else -magnitude
-        for direction, magnitude in zip(directions, magnitudes, strict=True)
+    flag0, direction0, magnitude0 = fields[2:5]
+    flag1, direction1, magnitude1 = fields[9:12]
+    flag2, direction2, magnitude2 = fields[16:19]
+    return BoardRequest(
+        (
+            magnitude0 if direction0 & _SET_FORWARD else -magnitude0,
+            magnitude1 if direction1 & _SET_FORWARD else -magnitude1,
+            magnitude2 if direction2 & _SET_FORWARD else -magnitude2,
+        ),
+        (bool(flag0 & _BRAKE_OFF), bool(flag1 & _BRAKE_OFF), bool(flag2 & _BRAKE_OFF)),
+        fields[6:9],
     )
-    b0, b1, b2 = (bool(flag & _BRAKE_OFF) for flag in flags)
-    return BoardRequest((s0, s1, s2), (b0, b1, b2), fields[6:9])
 
 
 def build_reply(reply: BoardReply) -> bytes:
@@ -205,8 +211,8 @@ class FrameScanner:
 
 def _find_head(buffer: bytes, start: int) -> int:
     head = buffer.find(HEAD, start)
-    if head >= 0:
-        return head
+    if head >= 0 or start == len(buffer):
+        return max(head, start)
     begun = next((size for size in (2, 1) if buffer.endswith(HEAD[:size], start)), 0)
     return len(buffer) - begun
 
@@ -225,7 +231,10 @@ def _can_follow(before: _Counters, after: _Counters) -> bool:
         return False
     elapsed_ns = max(after.t_ns - before.t_ns, _LONGEST_BUNCHING_NS)
     limit = MAX_SPEED_STEPS * STEP_TICKS_PER_S * elapsed_ns / NANOSECONDS_PER_SECOND
-    return all(abs(_wrapped(new - old)) <= limit for new, old in zip(after.ticks, before.ticks, strict=True))
+    new0, new1, new2 = after.ticks
+    old0, old1, old2 = before.ticks
+    turned = max(abs(_wrapped(new0 - old0)), abs(_wrapped(new1 - old1)), abs(_wrapped(new2 - old2)))
+    return turned <= limit
 
 
 class RobotinoBoardCodec:
@@ -281,7 +290,7 @@ class RobotinoBoardCodec:
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[list[bytes], tuple[float, ...]]:
         """Return one request, and the speeds it means: whole steps of 27 rpm towards zero, 255 at most."""
         step_rad_s = self._scales.speed_rad_s
-        s0, s1, s2 = (_steps(speed / step_rad_s) for speed in speed_rad_s)
+        s0, s1, s2 = [_steps(speed / step_rad_s) for speed in speed_rad_s]
         request = build_request(BoardRequest((s0, s1, s2), (True, True, True), self._gains))
         return [request], (s0 * step_rad_s, s1 * step_rad_s, s2 * step_rad_s)
 
@@ -307,9 +316,8 @@ class RobotinoBoardCodec:
         if base is None:
             self._ticks = counters.ticks
         else:
-            turned = zip(self._ticks, counters.ticks, base.ticks, strict=True)
-            t0, t1, t2 = (ticks + _wrapped(new - old) for ticks, new, old in turned)
-            self._ticks = (t0, t1, t2)
+            (t0, t1, t2), (new0, new1, new2), (old0, old1, old2) = self._ticks, counters.ticks, base.ticks
+            self._ticks = (t0 + _wrapped(new0 - old0), t1 + _wrapped(new1 - old1), t2 + _wrapped(new2 - old2))
         self._accepted, self._suspect = counters, None
         return True
 

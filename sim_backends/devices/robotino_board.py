@@ -135,16 +135,16 @@ class RobotinoBoardEmulator:
         scale = self._scales
         phases = [next(self._uniforms) for _ in range(3)]
         ripples = [next(self._normals) for _ in range(3)]
-        t0, t1, t2 = (math.floor(angle / scale.position_rad) for angle in truth.wheel_position_rad)
-        s0, s1, s2 = (
+        t0, t1, t2 = [math.floor(angle / scale.position_rad) for angle in truth.wheel_position_rad]
+        s0, s1, s2 = [
             _ticks_in_window(speed / scale.speed_rad_s, phase)
             for speed, phase in zip(truth.wheel_speed_rad_s, phases, strict=True)
-        )
-        c0, c1, c2 = (
+        ]
+        c0, c1, c2 = [
             self._counts(abs(current + ripple * self._ripple_a * math.sqrt(abs(current))), scale.current_a)
             for current, ripple in zip(truth.motor_current_a, ripples, strict=True)
-        )
-        supply_a = sum(abs(current) for current in truth.motor_current_a)
+        ]
+        supply_a = sum(map(abs, truth.motor_current_a))
         return build_reply(
             BoardReply(
                 ticks=(t0, t1, t2),

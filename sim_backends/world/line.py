@@ -41,7 +41,10 @@ class Line(Generic[PayloadT]):
         start_ns = max(t_ns, self._busy_until_ns)
         self._busy_until_ns = start_ns + round(self._bits_of(payload) * self._ns_per_bit)
         for arrival in self.disturb(Received(self._busy_until_ns, payload)):
-            insort(self._queue, arrival, key=attrgetter("t_ns"))
+            if self._queue and self._queue[-1].t_ns > arrival.t_ns:
+                insort(self._queue, arrival, key=attrgetter("t_ns"))
+            else:
+                self._queue.append(arrival)
 
     def take(self, until_ns: int) -> list[Received[PayloadT]]:
         """Return what has arrived by `until_ns`, with its arrival times."""

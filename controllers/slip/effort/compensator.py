@@ -378,7 +378,8 @@ class EffortCompensator:
 
     def _work_j(self, increment: BodyIncrement) -> float:
         torques_nm = [effort.wheel_torque_nm for effort in self.efforts]
-        return sum(map(operator.mul, torques_nm, increment.turned_rad))
+        work_j: float = sum(map(operator.mul, torques_nm, increment.turned_rad))
+        return work_j
 
     def _slip_by_surface(self, increment: BodyIncrement) -> _WindowSlip | None:
         unknown = next(filter(None, [effort.unknown_work for effort in self.efforts]), None)

@@ -42,20 +42,28 @@ def rasterise(site: Site, wheel_radius_m: float, rng: np.random.Generator) -> Gr
         rng: Source of the roughness; two calls with the same generator state give the same ground.
     """
     (x_min, x_max), (y_min, y_max) = _extent(site)
-    columns = max(1, math.ceil((x_max - x_min) / site.cell_m))
-    lines = max(1, math.ceil((y_max - y_min) / site.cell_m))
-    x_m = _cell_centres(x_min, columns, site.cell_m)[:, None]
-    y_m = _cell_centres(y_min, lines, site.cell_m)[None, :]
+    column_count = max(1, math.ceil((x_max - x_min) / site.cell_m))
+    line_count = max(1, math.ceil((y_max - y_min) / site.cell_m))
+    x_m = _cell_centres(x_min, column_count, site.cell_m)[:, None]
+    y_m = _cell_centres(y_min, line_count, site.cell_m)[None, :]
     grounds = [(site.floor, 0.0)]
-    row = np.zeros((columns, lines), dtype=np.int16)
+    row = np.zeros((column_count, line_count), dtype=np.int16)
     for patch in site.patches:
         ground = (patch.surface, patch.sinkage_m if patch.inner == "soft" else 0.0)
         if ground not in grounds:
             grounds.append(ground)
-        row[patch.covers(x_m, y_m)] = grounds.index(ground)
+        columns = _near(x_m[:, 0], patch.x_range_m, site.cell_m)
+        lines = _near(y_m[0], patch.y_range_m, site.cell_m)
+        is_covered = patch.covers(x_m[columns], y_m[:, lines])
+        row[columns, lines][is_covered] = grounds.index(ground)
     rows = [_row(site, name, sinkage_m, wheel_radius_m) for name, sinkage_m in grounds]
     return Ground(
-        x_min, y_min, 1.0 / site.cell_m, row, _roughness(site, (columns, lines), rng), np.array(rows)
+        x_min,
+        y_min,
+        1.0 / site.cell_m,
+        row,
+        _roughness(site, (column_count, line_count), rng),
+        np.array(rows),
     )
 
 
@@ -63,21 +71,17 @@ def _cell_centres(first_edge_m: float, count: int, cell_m: float) -> Array:
     return np.array([first_edge_m + (index + 0.5) * cell_m for index in range(count)])
 
 
+def _near(centres_m: Array, range_m: tuple[float, float], cell_m: float) -> slice:
+    """Return the cells with their centres in a range, and one more at each end."""
+    least_m, greatest_m = range_m
+    first, last = np.searchsorted(centres_m, (least_m - cell_m, greatest_m + cell_m)).tolist()
+    return slice(first, last)
+
+
 def _extent(site: Site) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the least and largest x and y of all patches, with a margin."""
-    xs: list[float] = []
-    ys: list[float] = []
-    for patch in site.patches:
-        match patch.type:
-            case "rectangle":
-                xs += [patch.x_min_m, patch.x_max_m]
-                ys += [patch.y_min_m, patch.y_max_m]
-            case "circle":
-                xs += [patch.x_m - patch.radius_m, patch.x_m + patch.radius_m]
-                ys += [patch.y_m - patch.radius_m, patch.y_m + patch.radius_m]
-            case "polygon":
-                xs += [x for x, _ in patch.corners_m]
-                ys += [y for _, y in patch.corners_m]
+    xs = [x for patch in site.patches for x in patch.x_range_m]
+    ys = [y for patch in site.patches for y in patch.y_range_m]
     if not xs:
         return (0.0, 0.0), (0.0, 0.0)
     return (min(xs) - MARGIN_M, max(xs) + MARGIN_M), (min(ys) - MARGIN_M, max(ys) + MARGIN_M)

@@ -101,7 +101,14 @@ class RobotinoPlant:
         x_m, y_m, yaw = state.pose.tolist()
         velocity_x, velocity_y, yaw_rate = state.twist.tolist()
         speeds = state.speed_rad_s.tolist()
-        angles = zip(state.angle_rad.tolist(), self._encoder_zeros, speeds, strict=True)
+        positions_rad = [
+            angle - zero + since_s * speed
+            for angle, zero, speed in zip(state.angle_rad.tolist(), self._encoder_zeros, speeds, strict=True)
+        ]
+        slips = [
+            slip_ratio(self._radius_m * speed, x * velocity_x + y * velocity_y + turn * yaw_rate)
+            for speed, (x, y, turn) in zip(speeds, self._directions, strict=True)
+        ]
         cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
         x_m += since_s * (cos_yaw * velocity_x - sin_yaw * velocity_y)
         return Truth(
@@ -114,14 +121,11 @@ class RobotinoPlant:
             velocity_x_m_s=velocity_x,
             velocity_y_m_s=velocity_y,
             yaw_rate_rad_s=yaw_rate,
-            wheel_position_rad=tuple(angle - zero + since_s * speed for angle, zero, speed in angles),
+            wheel_position_rad=tuple(positions_rad),
             wheel_speed_rad_s=tuple(speeds),
             motor_current_a=tuple(state.current_a.tolist()),
-            slip=tuple(
-                slip_ratio(self._radius_m * speed, x * velocity_x + y * velocity_y + turn * yaw_rate)
-                for speed, (x, y, turn) in zip(speeds, self._directions, strict=True)
-            ),
-            battery_v=float(state.supply[0]),
+            slip=tuple(slips),
+            battery_v=state.supply.item(),
             bumper_pressed=settings.bumper_x_m is not None and x_m > settings.bumper_x_m,
         )
 
@@ -131,10 +135,10 @@ def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
 
     The divisor is the faster of the two speeds, at least `SLIP_FLOOR_M_S`.
     """
-    faster = max(abs(rim_m_s), abs(ground_m_s))
     forward = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
-    slip = math.copysign(rim_m_s - ground_m_s, (rim_m_s - ground_m_s) * forward)
-    return min(max(slip / max(faster, SLIP_FLOOR_M_S), -1.0), 1.0)
+    difference = rim_m_s - ground_m_s
+    slip = math.copysign(difference, difference * forward)
+    return min(max(slip / max(abs(forward), SLIP_FLOOR_M_S), -1.0), 1.0)
 
 
 def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:

@@ -56,6 +56,16 @@ class RectanglePatch(Patch):
             )
         return self
 
+    @property
+    def x_range_m(self) -> tuple[float, float]:
+        """Least and greatest x."""
+        return self.x_min_m, self.x_max_m
+
+    @property
+    def y_range_m(self) -> tuple[float, float]:
+        """Least and greatest y."""
+        return self.y_min_m, self.y_max_m
+
     def covers(self, x_m: Array, y_m: Array) -> Mask:
         """Return for each point whether it lies on the patch."""
         inside: Mask = (self.x_min_m <= x_m) & (x_m <= self.x_max_m)
@@ -69,6 +79,16 @@ class CirclePatch(Patch):
     x_m: float
     y_m: float
     radius_m: Annotated[float, Field(gt=0)]
+
+    @property
+    def x_range_m(self) -> tuple[float, float]:
+        """Least and greatest x."""
+        return self.x_m - self.radius_m, self.x_m + self.radius_m
+
+    @property
+    def y_range_m(self) -> tuple[float, float]:
+        """Least and greatest y."""
+        return self.y_m - self.radius_m, self.y_m + self.radius_m
 
     def covers(self, x_m: Array, y_m: Array) -> Mask:
         """Return for each point whether it lies on the patch."""
@@ -85,6 +105,16 @@ class PolygonPatch(Patch):
 
     type: Literal["polygon"]
     corners_m: Annotated[tuple[tuple[float, float], ...], Field(min_length=3)]
+
+    @property
+    def x_range_m(self) -> tuple[float, float]:
+        """Least and greatest x."""
+        return min(x for x, _ in self.corners_m), max(x for x, _ in self.corners_m)
+
+    @property
+    def y_range_m(self) -> tuple[float, float]:
+        """Least and greatest y."""
+        return min(y for _, y in self.corners_m), max(y for _, y in self.corners_m)
 
     def covers(self, x_m: Array, y_m: Array) -> Mask:
         """Return for each point whether it is inside: a ray from it crosses an odd number of sides."""
