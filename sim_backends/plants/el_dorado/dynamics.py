@@ -18,6 +18,7 @@ from sim_backends.plants.el_dorado.wheel_table import WheelTable
 
 REST_M_S = 1e-5
 """When every rim is slower, the soil holds the rover at rest."""
+FRICTION_SMOOTHING_RAD_S = 0.02
 LEAST_LOAD = 0.02
 """A wheel carries at least this share of the weight: the rover does not tip."""
 
@@ -66,6 +67,42 @@ class State(NamedTuple):
     twist: Array
     torque_nm: Array
     slip: Array
+
+
+class Drives(NamedTuple):
+    """Motors, gears and steering of the wheels.
+
+    Attributes:
+        speed_lag_s: Time constant of the speed loops.
+        steer_rate_rad_s: Speed of the steering.
+        no_load_current_a: Current of a motor that turns its gear only.
+        torque_per_ampere_nm: Torque at the wheel.
+        inertia_kg_m2: Of the rover at one wheel.
+    """
+
+    speed_lag_s: float
+    steer_rate_rad_s: float
+    no_load_current_a: float
+    torque_per_ampere_nm: float
+    inertia_kg_m2: float
+
+
+class WheelState(NamedTuple):
+    """State of the four wheels; arrays are updated in place.
+
+    Attributes:
+        set_rad_s, set_steer_rad: Set-points.
+        strength: Factor on the soil's horizontal forces at each wheel.
+        rim_m_s: Mean rim speeds in the newest step.
+    """
+
+    set_rad_s: Array
+    set_steer_rad: Array
+    speed_rad_s: Array
+    angle_rad: Array
+    steer_rad: Array
+    strength: Array
+    rim_m_s: Array
 
 
 class GroundContact(NamedTuple):
@@ -279,3 +316,40 @@ def _move(state: State, rover: Rover, ground: Ground, step_s: float) -> None:
     settle(state, rover, ground)
     # On curved ground a body that does not turn about its own normal still turns in plan view.
     state.pose[2] += turn + math.tan(roll) / math.cos(pitch) * (state.tilt[0] - pitch)
+
+
+@_compiled
+def advance(
+    state: State,
+    wheels: WheelState,
+    rover: Rover,
+    drives: Drives,
+    ground: Ground,
+    table: WheelTable,
+    step_s: float,
+) -> None:
+    """Integrate one step: the wheels' first-order lag is exact, the body moves at their mean speed."""
+    lag_s = drives.speed_lag_s
+    kept = math.exp(-step_s / lag_s)
+    most_rad = drives.steer_rate_rad_s * step_s
+    for wheel in range(4):
+        set_rad_s = wheels.set_rad_s[wheel]
+        error_rad_s = wheels.speed_rad_s[wheel] - set_rad_s
+        turned = set_rad_s * step_s + error_rad_s * (lag_s * (1.0 - kept))
+        wheels.angle_rad[wheel] += turned
+        wheels.speed_rad_s[wheel] = set_rad_s + error_rad_s * kept
+        missing_rad = wheels.set_steer_rad[wheel] - wheels.steer_rad[wheel]
+        wheels.steer_rad[wheel] += min(max(missing_rad, -most_rad), most_rad)
+        wheels.rim_m_s[wheel] = rover.radius_m * turned / step_s
+    step(state, rover, ground, table, wheels.rim_m_s, wheels.steer_rad, wheels.strength, step_s)
+
+
+@_compiled
+def write_currents(state: State, wheels: WheelState, drives: Drives, current_a: Array) -> None:
+    """Compute the signed currents for friction, soil and acceleration; the gears hold at rest."""
+    for wheel in range(4):
+        speed_rad_s = wheels.speed_rad_s[wheel]
+        turning = speed_rad_s / math.hypot(speed_rad_s, FRICTION_SMOOTHING_RAD_S)
+        inertia_nm = drives.inertia_kg_m2 * ((wheels.set_rad_s[wheel] - speed_rad_s) / drives.speed_lag_s)
+        load_nm = abs(turning) * state.torque_nm[wheel] + inertia_nm
+        current_a[wheel] = drives.no_load_current_a * turning + load_nm / drives.torque_per_ampere_nm

@@ -7,15 +7,25 @@ import numpy as np
 
 from drivers.clock import seconds
 from drivers.units import STANDARD_GRAVITY_M_S2
-from sim_backends.plants.el_dorado.dynamics import Ground, Rover, State, settle, step
+from sim_backends.jit import specialised
+from sim_backends.plants.el_dorado.dynamics import (
+    Drives,
+    Ground,
+    Rover,
+    State,
+    WheelState,
+    advance,
+    settle,
+    write_currents,
+)
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.el_dorado.wheel_table import WheelTable, load_table
 from sim_backends.terramechanics.soil.library import load_soil, load_wheel
 from sim_backends.world.coloured_noise import ColouredNoise
 from sim_backends.world.plant import Truth
 
-FRICTION_SMOOTHING_RAD_S = 0.02
 STEP_NS = 10_000_000
+LEAST_STRENGTH = 0.3
 
 
 class ElDoradoPlant:
@@ -56,24 +66,40 @@ class ElDoradoPlant:
             slip=np.zeros(4),
         )
         settle(self._state, self._rover, self._ground)
+        self._drives = Drives(
+            speed_lag_s=settings.speed_lag_s,
+            steer_rate_rad_s=settings.steer_rate_rad_s,
+            no_load_current_a=settings.no_load_current_a,
+            torque_per_ampere_nm=settings.torque_per_ampere_nm,
+            inertia_kg_m2=0.25 * settings.mass_kg * self._rover.radius_m**2,
+        )
+        self._wheels = WheelState(*(np.zeros(4) for _ in WheelState._fields))
+        self._current_a = np.zeros(4)
         self._noise = ColouredNoise(4, settings.fluctuation_time_s, rng, start_ns)
         self._now_ns = self._reached_ns = start_ns
-        self._set_rad_s, self._set_steer_rad = np.zeros(4), np.zeros(4)
-        self._speed_rad_s, self._angle_rad, self._steer_rad = np.zeros(4), np.zeros(4), np.zeros(4)
+        self._truth: Truth | None = None
+        self._constants = (self._rover, self._drives, self._ground, self._table)
+        self._advance = specialised(advance, self._state, self._wheels, *self._constants, 1.0)
+        self._write_currents = specialised(
+            write_currents, self._state, self._wheels, self._drives, self._current_a
+        )
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
         """Set the set-points of the inner speed loops: front left, front right, rear left, rear right."""
         self._catch_up()
-        self._set_rad_s = np.array(speed_rad_s, dtype=np.float64)
+        self._wheels.set_rad_s[:] = speed_rad_s
+        self._truth = None
 
     def set_steering(self, angle_rad: Sequence[float]) -> None:
         """Set the steering angles, counter-clockwise, in the order of the wheels."""
         self._catch_up()
-        self._set_steer_rad = np.array(angle_rad, dtype=np.float64)
+        self._wheels.set_steer_rad[:] = angle_rad
 
     def advance(self, t_ns: int) -> None:
         """Set the present time; does nothing for a time already reached. `truth` integrates on demand."""
-        self._now_ns = max(self._now_ns, t_ns)
+        if t_ns > self._now_ns:
+            self._now_ns = t_ns
+            self._truth = None
 
     def _catch_up(self) -> None:
         while self._reached_ns < self._now_ns:
@@ -82,37 +108,31 @@ class ElDoradoPlant:
             self._reached_ns += step_ns
 
     def _step(self, step_s: float) -> None:
-        """Integrate one step: the wheels' first-order lag is exact, the body moves at their mean speed."""
-        settings = self._settings
-        kept = math.exp(-step_s / settings.speed_lag_s)
-        speed_error = self._speed_rad_s - self._set_rad_s
-        turned = self._set_rad_s * step_s + speed_error * (settings.speed_lag_s * (1.0 - kept))
-        self._angle_rad += turned
-        self._speed_rad_s = self._set_rad_s + speed_error * kept
-        limit_rad = settings.steer_rate_rad_s * step_s
-        self._steer_rad += np.clip(self._set_steer_rad - self._steer_rad, -limit_rad, limit_rad)
-        strength = 1.0 + settings.force_fluctuation * np.array(self._noise.at(self._reached_ns))
-        step(
-            self._state,
-            self._rover,
-            self._ground,
-            self._table,
-            self._rover.radius_m * turned / step_s,
-            self._steer_rad,
-            np.maximum(strength, 0.3),
-            step_s,
-        )
+        share = self._settings.force_fluctuation
+        self._wheels.strength[:] = [
+            max(1.0 + share * noise, LEAST_STRENGTH) for noise in self._noise.at(self._reached_ns)
+        ]
+        self._advance(self._state, self._wheels, *self._constants, step_s)
 
     def truth(self) -> Truth:
         """Return the state at the time reached."""
-        self._catch_up()
-        settings, state = self._settings, self._state
+        if self._truth is None:
+            self._catch_up()
+            self._truth = self._state_now()
+        return self._truth
+
+    def _state_now(self) -> Truth:
+        settings, state, wheels = self._settings, self._state, self._wheels
         x_m, y_m, yaw = state.pose.tolist()
         velocity_x, velocity_y, yaw_rate = state.twist.tolist()
-        currents = self._currents_a()
+        pitch_rad, roll_rad = state.tilt.tolist()
+        self._write_currents(state, wheels, self._drives, self._current_a)
+        currents, speeds = self._current_a.tolist(), wheels.speed_rad_s.tolist()
         power_w = sum(
-            current * (settings.resistance_ohm * current + settings.torque_per_ampere_nm * speed)
-            for current, speed in zip(currents, self._speed_rad_s.tolist(), strict=True)
+            [
+                current * (settings.resistance_ohm * current + settings.torque_per_ampere_nm * speed)
+                for current, speed in zip(currents, speeds, strict=True)
+            ]
         )
         supply_a = settings.idle_current_a + max(0.0, power_w) / settings.battery_v
         return Truth(
@@ -120,31 +140,19 @@ class ElDoradoPlant:
             x_m=x_m,
             y_m=y_m,
             yaw_rad=yaw,
-            roll_rad=float(state.tilt[1]),
-            pitch_rad=float(state.tilt[0]),
+            roll_rad=roll_rad,
+            pitch_rad=pitch_rad,
             velocity_x_m_s=velocity_x,
             velocity_y_m_s=velocity_y,
             yaw_rate_rad_s=yaw_rate,
-            wheel_position_rad=tuple(self._angle_rad.tolist()),
-            wheel_speed_rad_s=tuple(self._speed_rad_s.tolist()),
+            wheel_position_rad=tuple(wheels.angle_rad.tolist()),
+            wheel_speed_rad_s=tuple(speeds),
             motor_current_a=tuple(currents),
             slip=tuple(state.slip.tolist()),
             battery_v=settings.battery_v - settings.battery_resistance_ohm * supply_a,
             bumper_pressed=False,
-            steering_rad=tuple(self._steer_rad.tolist()),
+            steering_rad=tuple(wheels.steer_rad.tolist()),
         )
-
-    def _currents_a(self) -> list[float]:
-        """Return the signed currents for friction, soil and acceleration; the gears hold at rest."""
-        settings = self._settings
-        turning = self._speed_rad_s / np.hypot(self._speed_rad_s, FRICTION_SMOOTHING_RAD_S)
-        acceleration = (self._set_rad_s - self._speed_rad_s) / settings.speed_lag_s
-        inertia_nm = 0.25 * settings.mass_kg * self._rover.radius_m**2 * acceleration
-        load_nm = np.abs(turning) * self._state.torque_nm + inertia_nm
-        currents: list[float] = (
-            settings.no_load_current_a * turning + load_nm / settings.torque_per_ampere_nm
-        ).tolist()
-        return currents
 
 
 def table_of(settings: ElDoradoPlantSettings) -> WheelTable:

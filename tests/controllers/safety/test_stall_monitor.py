@@ -233,3 +233,13 @@ def test_set_points_may_add_up_to_less_than_the_creep_angle() -> None:
     times_s = [0.5 * index for index in range(13)]
     assert reasons_at(times_s[:-1], 0.25, 0.0) == []
     assert reasons_at(times_s, 0.25, 0.0) != []
+
+
+@pytest.mark.parametrize("measured", [0.0, 2.8])
+def test_time_that_runs_back_counts_for_nothing(measured: float) -> None:
+    wheels = Wheels()
+    wheels.turn(0.5, (3.0,), (measured,))
+    before = wheels.monitor._wheels[0].stalled_ns
+    wheels.now_ns -= nanoseconds(1000.0)
+    assert not wheels.turn(0.02, (3.0,), (measured,))
+    assert wheels.monitor._wheels[0].stalled_ns == before
