@@ -1,8 +1,9 @@
 """One mission on the simulated rover, as fast as possible and without a log."""
 
+import gc
 import math
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,7 +112,7 @@ def drive(config: Config) -> DrivenMission:
     set_points: list[tuple[float, ...]] = []
     mode = Mode.SETTLING
     rig.connect(CONNECT_TIMEOUT_S)
-    with closing(rig):
+    with closing(rig), _no_search_for_cycles():
         while now_ns < end_ns and mode not in OVER:
             now_ns += period_ns
             clock.sleep_until(now_ns)
@@ -128,6 +129,18 @@ def drive(config: Config) -> DrivenMission:
         estimate=Track.of(np.array(estimates)),
         set_points_rad_s=_without_yaw_excitation(config, np.array(set_points)),
     )
+
+
+@contextmanager
+def _no_search_for_cycles() -> Iterator[None]:
+    """Stop Python's search for objects that refer to each other: a run makes hardly any, and it takes 5 %."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _without_yaw_excitation(config: Config, set_points_rad_s: Array) -> Array:
