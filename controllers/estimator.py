@@ -133,11 +133,13 @@ class Estimator:
 
     def _has_known_time(self, sample: Sample, t_ns: int) -> bool:
         silence = self._silences.get(sample.device)
-        if silence is not None and isinstance(sample, LinkSample):
-            silence.begin_anew()
-        if silence is None or not isinstance(sample, WheelSample | RateSample):
+        if silence is None:
             return True
-        return silence.take(t_ns)
+        if isinstance(sample, WheelSample | RateSample):
+            return silence.take(t_ns)
+        if isinstance(sample, LinkSample):
+            silence.begin_anew()
+        return True
 
     def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
         if sample.steering_rad is not None:

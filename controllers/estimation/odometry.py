@@ -1,6 +1,8 @@
 """Motion of the rover by its wheels."""
 
 import math
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.estimation.parameters import ESTIMATION
@@ -84,7 +86,8 @@ class WheelOdometry:
         self._kinematics = kinematics
         self._plausible_rad_s = ESTIMATION.odometry.plausible_speed * wheel_speed_limit_rad_s
         self._tracks: list[_Track | None] = [None] * count
-        self._missing = set(range(count))
+        self._all = frozenset(range(count))
+        self._missing = set(self._all)
         self._base_rad = [0.0] * count
         self._still_rad = [0.0] * count
         self._moved_ns = 0
@@ -125,16 +128,16 @@ class WheelOdometry:
         before_steering_rad = self._steering_rad or steering_rad
         self._steering_rad = steering_rad
         tracks = [track for track in self._tracks if track is not None]
-        before_ns, self.t_ns = self.t_ns, min(track.newest_ns for track in tracks)
+        before_ns, self.t_ns = self.t_ns, min([track.newest_ns for track in tracks])
         before_rad, self._base_rad = self._base_rad, [track.position_at(self.t_ns) for track in tracks]
-        self._missing.update(range(len(tracks)))
+        self._missing.update(self._all)
         self._watch_standstill(is_new_base=before_ns is None)
         if before_ns is None:
             if self._lost_ns is not None:
                 self.lost_s = max(0.0, seconds(self.t_ns - self._lost_ns))
             return None
-        turned_rad = [new - old for new, old in zip(self._base_rad, before_rad, strict=True)]
-        middle_rad = tuple(
+        turned_rad = list(map(operator.sub, self._base_rad, before_rad))
+        middle_rad = steering_rad and tuple(
             0.5 * (before + now) for before, now in zip(before_steering_rad, steering_rad, strict=True)
         )
         return self._integrate(turned_rad, seconds(self.t_ns - before_ns), middle_rad)
@@ -145,7 +148,7 @@ class WheelOdometry:
             self.rebases += 1
             self._lost_ns = self.t_ns
         self.t_ns = None
-        self._missing.update(range(len(self._tracks)))
+        self._missing.update(self._all)
         self.velocity = (0.0, 0.0, 0.0)
         self.wheel_speed_rad_s = (0.0,) * len(self._tracks)
 
@@ -169,16 +172,9 @@ class WheelOdometry:
     ) -> BodyIncrement:
         x_m, y_m, turn_rad = self._kinematics.body_motion(turned_rad, steering_rad)
         self.pose = move(self.pose, x_m, y_m, turn_rad)
-        velocity_x, velocity_y, yaw_rate = self.velocity
-        self.velocity = (
-            _smooth(velocity_x, x_m, elapsed_s),
-            _smooth(velocity_y, y_m, elapsed_s),
-            _smooth(yaw_rate, turn_rad, elapsed_s),
-        )
-        self.wheel_speed_rad_s = tuple(
-            _smooth(speed, turned, elapsed_s)
-            for speed, turned in zip(self.wheel_speed_rad_s, turned_rad, strict=True)
-        )
+        velocity_x, velocity_y, yaw_rate = _smoothed(self.velocity, (x_m, y_m, turn_rad), elapsed_s)
+        self.velocity = (velocity_x, velocity_y, yaw_rate)
+        self.wheel_speed_rad_s = tuple(_smoothed(self.wheel_speed_rad_s, turned_rad, elapsed_s))
         return BodyIncrement(
             x_m=x_m,
             y_m=y_m,
@@ -189,16 +185,15 @@ class WheelOdometry:
         )
 
     def _watch_standstill(self, is_new_base: bool) -> None:
-        if is_new_base or any(
-            abs(position - still) > ESTIMATION.odometry.still_rad
-            for position, still in zip(self._base_rad, self._still_rad, strict=True)
-        ):
+        moved_rad = max(map(abs, map(operator.sub, self._base_rad, self._still_rad)))
+        if is_new_base or moved_rad > ESTIMATION.odometry.still_rad:
             self._still_rad = self._base_rad
             self._moved_ns = self.t_ns or 0
 
 
-def _smooth(rate: float, increment: float, elapsed_s: float) -> float:
+def _smoothed(rates: Sequence[float], increments: Sequence[float], elapsed_s: float) -> list[float]:
     # Low-pass fed with the increment, not with increment / time: two messages that arrive in one burst
     # would otherwise divide by almost nothing.
     time_s = ESTIMATION.odometry.velocity_time_s
-    return (time_s * rate + increment) / (time_s + elapsed_s)
+    sum_s = time_s + elapsed_s
+    return [(time_s * rate + increment) / sum_s for rate, increment in zip(rates, increments, strict=True)]

@@ -84,7 +84,7 @@ class StallMonitor(StopRule):
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return a reason for every wheel that does not follow the set-points of the cycle before."""
         checked_ns = cycle.now_ns if self._checked_ns is None else self._checked_ns
-        # After a pause of the loop the set-points have expired: the pause is no stall. In a damaged log, times
+        # After a pause of the loop the set-points have expired: the pause is no stall. In a damaged log, time
         # may run back.
         elapsed_ns = max(0, min(cycle.now_ns - checked_ns, self._longest_cycle_ns))
         self._checked_ns = cycle.now_ns

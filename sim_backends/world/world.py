@@ -51,8 +51,7 @@ class EmulatedDevice(Generic[PayloadT]):
     @property
     def next_event_ns(self) -> int:
         """When the emulator must run or the plug moves next."""
-        event_ns, arrival_ns = self.emulator.next_event_ns, self.to_device.next_arrival_ns
-        next_ns = event_ns if event_ns < arrival_ns else arrival_ns
+        next_ns = min(self.emulator.next_event_ns, self.to_device.next_arrival_ns)
         return min(next_ns, self.plug_moves[0][0]) if self.plug_moves else next_ns
 
     def run_event(self, t_ns: int) -> None:
