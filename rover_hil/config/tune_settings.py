@@ -147,6 +147,7 @@ class TuneSettings(Settings):
         cases: Number of simulated scenarios.
         at_once: Number of trials that are proposed together. The result of a study depends on it, but not on
             the number of workers; with more workers than `at_once * cases.train` some have no work.
+        seed: Of the search. Another seed gives another study.
         provenance: Where the values come from; written by `rover-hil tune`.
     """
 
@@ -155,4 +156,5 @@ class TuneSettings(Settings):
     stability: StabilitySettings = StabilitySettings()
     cases: CaseSettings = CaseSettings()
     at_once: Annotated[int, Field(ge=1, le=1000)] = 8
+    seed: Annotated[int, Field(ge=0, le=4000)] = 0
     provenance: ProvenanceRecord | None = None

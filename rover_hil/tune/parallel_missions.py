@@ -17,7 +17,12 @@ from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
 def open_missions(cluster: str | None = None) -> Iterator[MissionRunner]:
     """Give what drives missions in parallel; see `open_executor`."""
     with open_executor(cluster) as executor:
-        yield partial(_drive, executor)
+        yield missions_on(executor)
+
+
+def missions_on(executor: Executor) -> MissionRunner:
+    """Return what drives missions on an executor."""
+    return partial(_drive, executor)
 
 
 def _drive(

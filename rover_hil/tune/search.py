@@ -19,6 +19,8 @@ try:
 except ModuleNotFoundError as missing:
     raise ConfigError("tuning needs optuna: install rover-hil[tune]") from missing
 
+MOST_TRIALS = 1_000_000
+
 Proposer = Callable[
     [Mapping[str, TunableSettings], Mapping[str, float], Sequence[Attempt], int], list[dict[str, float]]
 ]
@@ -30,10 +32,14 @@ def propose(
     start: Mapping[str, float],
     told: Sequence[Attempt],
     count: int,
+    *,
+    seed: int = 0,
 ) -> list[dict[str, float]]:
     """Return the values of the next batch, see `Proposer`.
 
     Those of one batch keep away from each other: each is taken as bad while the next is proposed.
+
+    Another `seed` gives other values.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     distributions: dict[str, BaseDistribution] = {
@@ -42,7 +48,7 @@ def propose(
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
-        sampler = optuna.samplers.TPESampler(seed=len(told), constant_liar=True)
+        sampler = optuna.samplers.TPESampler(seed=MOST_TRIALS * seed + len(told), constant_liar=True)
     study = optuna.create_study(sampler=sampler)
     study.add_trials([_as_trial(attempt, distributions) for attempt in told])
     return [study.ask(distributions).params for _ in range(count)]

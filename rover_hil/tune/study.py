@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
+from rover_hil.tune import search
 from rover_hil.tune.journal import Attempt, Journal
 from rover_hil.tune.objective import NO_RIVAL, Evaluation, MissionRunner, evaluate_results, quantile_terms
 from rover_hil.tune.parameters import rounded, start_values, with_values
 from rover_hil.tune.scenarios import train_seeds
-from rover_hil.tune.search import Proposer, propose
+from rover_hil.tune.search import Proposer
 
 CANDIDATES = 5
 
@@ -27,7 +29,7 @@ class Study:
         name: Of the study.
         config: The configuration to start from.
         tune: Its [tune].
-        propose: Finds the values of a batch.
+        propose: Finds the values of a batch; None for the search with the seed of `tune`.
         is_raced: Give a trial up, too, when it loses against the best ones on the cases driven so far.
 
     Raises:
@@ -40,13 +42,13 @@ class Study:
         name: str,
         config: Config,
         tune: TuneSettings,
-        propose: Proposer = propose,
+        propose: Proposer | None = None,
         *,
         is_raced: bool = True,
     ) -> None:
         self._config = config
         self._tune = tune
-        self._search = propose
+        self._search = propose or partial(search.propose, seed=tune.seed)
         self._is_raced = is_raced
         self._journal = Journal(path, name, _setting(config))
 
