@@ -159,6 +159,14 @@ class ControlLoop:
         if wanted.gains and isinstance(self._follower, PathFollower | ByHand):
             self._follower.mission = self._follower.mission.model_copy(update=dict(wanted.gains))
 
+    def follow_log(self, command: WheelCommand) -> None:
+        """Replace the set-points of the last `step` by those that the rover was given then.
+
+        For a replay with other parameters: the rover drove as it was commanded, not as it would have been.
+        """
+        self._commanded_rad_s = command.speed_rad_s
+        self._steering_rad = command.steering_rad or ()
+
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
         """Run one cycle at `now_ns` with the samples that arrived since the last one, in order of arrival."""
         are_stamps_known = self._pauses.begin_cycle(now_ns)

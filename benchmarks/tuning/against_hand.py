@@ -29,7 +29,7 @@ from rover_hil.tune.parallel_missions import missions_on
 from rover_hil.tune.parameters import check_parameters, start_values, with_values
 from rover_hil.tune.scenarios import held_out_seeds
 from rover_hil.tune.simulated_mission import SimulatedMission
-from rover_hil.tune.study import Study
+from rover_hil.tune.study import MissionStudy
 
 POOR = {
     "mission.lookahead_m": 1.0,
@@ -120,7 +120,7 @@ def run(task: str, seed: int, train: int, trials: int, drive: MissionRunner) -> 
     settings = check_parameters(start)
     counted = CountedRuns(drive)
     with tempfile.TemporaryDirectory() as folder:
-        study = Study(Path(folder) / "study", "benchmark", start, settings)
+        study = MissionStudy(Path(folder) / "study", "benchmark", start, settings)
         study.search(counted, trials, lambda: False, lambda: None)
         search_s, missions = counted.elapsed_s, counted.count
         attempts, best = study.attempts(), study.candidates()

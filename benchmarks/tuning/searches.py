@@ -24,7 +24,7 @@ from rover_hil.config import Config
 from rover_hil.tune.parameters import check_parameters, with_values
 from rover_hil.tune.search import Proposer, propose
 from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
-from rover_hil.tune.study import Study
+from rover_hil.tune.study import MissionStudy
 
 SEARCHES: dict[str, tuple[Proposer, bool]] = {
     "TPE": (propose, False),
@@ -53,7 +53,7 @@ def run(missions: int, job: tuple[str, str]) -> dict[str, object]:
             yield simulate_mission(config, seed)
 
     with tempfile.TemporaryDirectory() as folder:
-        study = Study(Path(folder) / "study", "search", config, settings, finder, is_raced=is_raced)
+        study = MissionStudy(Path(folder) / "study", "search", config, settings, finder, is_raced=is_raced)
         started_ns = stopwatch_ns()
         target = 1
         while driven < missions:

@@ -339,6 +339,16 @@ def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
 def tune(
     config: ConfigArgument,
     study: Annotated[str, typer.Option(help="Name of the study; an existing one is continued.")],
+    logs: Annotated[
+        list[Path] | None,
+        typer.Option(help="Tune filter noise by replay of these logs, without simulation.", metavar="LOG..."),
+    ] = None,
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Compare on these logs [default: every third of --logs, not searched].", metavar="LOG..."
+        ),
+    ] = None,
     trials: Annotated[int, number_option("Trials in all, earlier sessions included.", "trials", 1, 1e6)] = 60,
     minutes: Annotated[
         float | None, number_option("End the search after this time.", "min", 0.01, 1e5)
@@ -348,15 +358,33 @@ def tune(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Search for better gains on the simulated rover; compare them with the old on sites not searched.
+    """Search for better gains on the simulated rover, or for filter noise in logs; compare with the old.
 
-    Exit code 1: no values were acceptable, the old ones included.
+    The comparison is on sites or logs that the search did not use. Exit code 1: no values were acceptable,
+    the old ones included.
 
     Example: `rover-hil tune my_rover.toml --study gains`
 
     Data: `rover-hil sample rover` writes this configuration; yours needs `[tune]`;
-    docs/how-to/bench_tuning.md.
+    docs/how-to/bench_tuning.md. For logs `rover-hil sample noise`; docs/how-to/tune_from_logs.md.
     """
+    if logs is not None or held_out is not None:
+        from rover_hil.app.tune_logs import tune_by_logs
+
+        sys.exit(
+            tune_by_logs(
+                config,
+                logs=logs or [],
+                held_out=held_out or [],
+                study=study,
+                trials=trials,
+                minutes=minutes,
+                out=out,
+                force=force,
+                as_json=json,
+                cluster=cluster,
+            )
+        )
     from rover_hil.app.tune import tune as tune_rover
 
     sys.exit(
@@ -611,15 +639,15 @@ def import_rosbag(
     sys.exit(import_bag(bag, topics_path=topics, out=out, force=force, as_json=json))
 
 
-def _spread(arguments: list[str], option: str) -> list[str]:
+def _spread(arguments: list[str], options: tuple[str, ...]) -> list[str]:
     """Return arguments with `--test A --test B` for `--test A B`, which the library does not parse."""
     spread: list[str] = []
-    is_open = False
+    option = ""
     for argument in arguments:
-        if is_open and not argument.startswith("-") and spread[-1] != option:
+        if option and not argument.startswith("-") and spread[-1] != option:
             spread.append(option)
         if argument.startswith("-"):
-            is_open = argument == option
+            option = argument if argument in options else ""
         spread.append(argument)
     return spread
 
@@ -630,7 +658,7 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         check_name_lengths(sys.argv[1:])
-        app(_spread(sys.argv[1:], "--test"), prog_name="rover-hil")
+        app(_spread(sys.argv[1:], ("--test", "--logs", "--held-out")), prog_name="rover-hil")
     except RoverHilError as error:
         text = readable(f"rover-hil: {error}")
         print(text, file=sys.stderr)  # noqa: T201 - the one place that reports errors

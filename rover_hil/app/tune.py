@@ -18,7 +18,7 @@ from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.tune.comparison import Comparison, Verdict, compare
 from rover_hil.tune.journal import Attempt
-from rover_hil.tune.objective import MissionRunner
+from rover_hil.tune.objective import MissionRunner, Runner, RunT
 from rover_hil.tune.parallel_missions import open_missions
 from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters, start_values, with_values
 from rover_hil.tune.results import (
@@ -32,7 +32,7 @@ from rover_hil.tune.results import (
 )
 from rover_hil.tune.robustness import try_changed_rovers
 from rover_hil.tune.simulated_mission import SimulatedMission
-from rover_hil.tune.study import Study
+from rover_hil.tune.study import MissionStudy, Study
 from rover_hil.tune.tuned_config import tuned_text
 
 STUDY_NAME = "study.jsonl"
@@ -67,11 +67,11 @@ def tune(
     config, text = load_config(config_name, TUNE_CHECKS), read_config_text(config_name)
     settings = check_parameters(config)
     tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
-    folder = _prepare_folder(study, out, force=force)
-    trial_store = Study(folder / STUDY_NAME, study, config, settings)
+    folder = prepare_folder(study, out, force=force)
+    trial_store = MissionStudy(folder / STUDY_NAME, study, config, settings)
     messages = Console(stderr=True)
     with open_missions(cluster) as drive:
-        _search(trial_store, settings, drive, trials, minutes, messages)
+        search(trial_store, drive, trials, minutes, messages)
         attempts = trial_store.attempts()
         comparison = _compare(config, settings, trial_store.candidates(), drive, messages)
         tuned = with_values(config, comparison.values)
@@ -93,7 +93,12 @@ def tune(
     return EXIT_NO if result.verdict is Verdict.NONE_ACCEPTABLE else EXIT_OK
 
 
-def _prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:
+def prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:
+    """Make the folder of a study.
+
+    Raises:
+        ConfigError: Its name is none, it cannot be made, or it holds results of another study.
+    """
     if not re.fullmatch(r"\w[\w.-]*", study):
         raise ConfigError(f"--study '{study}' is no name for a folder: use letters, digits, _, - and .")
     folder = out or Path("tuning") / study
@@ -108,14 +113,14 @@ def _prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:
     return folder
 
 
-def _search(
-    study: Study,
-    settings: TuneSettings,
-    drive: MissionRunner,
+def search(
+    study: Study[RunT],
+    drive: Runner[RunT],
     trials: int,
     minutes: float | None,
     messages: Console,
 ) -> None:
+    """Search until a number of trials, a time in minutes, or ctrl-C; show the progress."""
     clock = SystemClock()
     end_ns = None if minutes is None else clock.now_ns() + nanoseconds(60.0 * minutes)
     with _progress(messages) as progress, _stop_by_signal(messages) as is_stopped:
@@ -138,7 +143,7 @@ def _compare(
     candidates: Sequence[Attempt],
     drive: MissionRunner,
     messages: Console,
-) -> Comparison:
+) -> Comparison[SimulatedMission]:
     with _progress(messages) as progress:
         task = progress.add_task("comparing on held-out scenarios", total=2 * settings.cases.held_out)
 

@@ -70,6 +70,52 @@ class ObjectiveSettings(Settings):
         return {name: float(value) for name, value in values.items()}
 
 
+class LogObjectiveSettings(Settings):
+    """The cost of values that are judged by logs: the sum of every measured value divided by its reference.
+
+    A term without a reference does not count. All terms are pooled over the logs.
+
+    Attributes:
+        position_m: Reference of the error of the estimated position, root mean square.
+        heading_deg: Reference of the error of the estimated heading, root mean square.
+        nees: Reference of the absolute logarithm of the mean NEES over its dimension, the mean of position
+            and yaw: 0 where the covariance is right, 0.7 where it is wrong by a factor of two.
+        nis: The same for the innovations of each kind of measurement, by their median; the mean of all kinds.
+        whiteness: Reference of the correlation of successive innovations, the mean of all kinds; 0 is white.
+    """
+
+    position_m: Reference | None = 0.05
+    heading_deg: Reference | None = 3.0
+    nees: Reference | None = 0.7
+    nis: Reference | None = 0.7
+    whiteness: Reference | None = 0.5
+
+    @model_validator(mode="after")
+    def _check_terms(self) -> Self:
+        if not self.references():
+            raise ValueError("has no term: add position_m, heading_deg, nees, nis or whiteness")
+        return self
+
+    def references(self) -> dict[str, float]:
+        """Return the terms that count, by name, with their references."""
+        return {name: float(value) for name, value in self.model_dump(exclude_none=True).items()}
+
+
+class LogTuneSettings(Settings):
+    """What `rover-hil tune --logs` may change, and what it minimises.
+
+    Attributes:
+        parameters: Ranges by dotted key, of [filter], [slip] and [scomp], e.g. "filter.heading_noise_rad".
+        objective: The cost that is minimised.
+        withheld_s: Where pose fixes are the only truth, the filter gets one in this time, and is judged by
+            how far its prediction is from that one.
+    """
+
+    parameters: Annotated[dict[str, TunableSettings], Field(min_length=1)]
+    objective: LogObjectiveSettings = LogObjectiveSettings()
+    withheld_s: Annotated[float, Field(ge=0.1, le=600.0)] = 5.0
+
+
 class StabilitySettings(Settings):
     """Which gains are rejected as oscillating, at any cost; unfinished missions are always rejected.
 
@@ -119,7 +165,8 @@ class ProvenanceRecord(Settings):
         start: The configuration that the study started from.
         trials: Number of sets of values tried.
         objective: The cost in words.
-        train_seeds, held_out_seeds: First and last seed.
+        train_seeds, held_out_seeds: First and last seed; none where logs were replayed.
+        train_logs, held_out_logs: Names of the logs; none where missions were simulated.
         held_out_cost_before: Cost on the held-out cases before tuning; none where the start was rejected.
         held_out_cost_after: Cost on the held-out cases after tuning.
         changes: Changes by dotted key; empty when the start was best.
@@ -130,8 +177,10 @@ class ProvenanceRecord(Settings):
     start: str
     trials: int
     objective: str
-    train_seeds: tuple[int, int]
-    held_out_seeds: tuple[int, int]
+    train_seeds: tuple[int, int] | None = None
+    held_out_seeds: tuple[int, int] | None = None
+    train_logs: tuple[str, ...] | None = None
+    held_out_logs: tuple[str, ...] | None = None
     held_out_cost_before: float | None = None
     held_out_cost_after: float
     changes: dict[str, ChangeRecord] = Field(default_factory=dict)
@@ -141,20 +190,22 @@ class TuneSettings(Settings):
     """What `rover-hil tune` may change, and what it minimises.
 
     Attributes:
-        parameters: Ranges by dotted key, e.g. "mission.lookahead_m".
+        parameters: Ranges by dotted key, e.g. "mission.lookahead_m"; none to tune by logs only.
         objective: The cost that is minimised.
         stability: Which gains are rejected as oscillating.
         cases: Number of simulated scenarios.
         at_once: Number of trials that are proposed together. The result of a study depends on it, but not on
             the number of workers; with more workers than `at_once * cases.train` some have no work.
         seed: Of the search. Another seed gives another study.
+        logs: What is tuned by replay of logs, without simulation; none for no such parameters.
         provenance: Where the values come from; written by `rover-hil tune`.
     """
 
-    parameters: Annotated[dict[str, TunableSettings], Field(min_length=1)]
-    objective: ObjectiveSettings
+    parameters: dict[str, TunableSettings] = Field(default_factory=dict)
+    objective: ObjectiveSettings = ObjectiveSettings(path_rms_m=0.05, closure_m=0.1, heading_deg=3)
     stability: StabilitySettings = StabilitySettings()
     cases: CaseSettings = CaseSettings()
     at_once: Annotated[int, Field(ge=1, le=1000)] = 8
     seed: Annotated[int, Field(ge=0, le=4000)] = 0
+    logs: LogTuneSettings | None = None
     provenance: ProvenanceRecord | None = None

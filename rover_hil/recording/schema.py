@@ -199,6 +199,12 @@ class TracesRecord(TypedDict):
     steering_rad: NotRequired[MaybeNumbers]
 
 
+class CommandRecord(TypedDict):
+    """What `ESTIMATE` holds of the set-points; the rest of the record may be that of another version."""
+
+    command: WheelCommandRecord
+
+
 class SetPointRecord(TypedDict):
     """Wheel set-points: sent ones on `COMMAND`, those of an imported run on `SET_POINT`."""
 
@@ -324,6 +330,7 @@ class SamplesRecord(BaseModel):
 SAMPLES_SHAPE = TypeAdapter(SamplesRecord)
 ESTIMATE_SHAPE = TypeAdapter(EstimateRecord)
 TRACES_SHAPE = TypeAdapter(TracesRecord)
+COMMAND_SHAPE = TypeAdapter(CommandRecord)
 SET_POINT_SHAPE = TypeAdapter(SetPointRecord)
 TRUTH_SHAPE = TypeAdapter(TruthRecord)
 CYCLE_SHAPE = TypeAdapter(CycleRecord)

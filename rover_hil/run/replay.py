@@ -1,20 +1,33 @@
-"""Run a log again with the same raw bytes at the same times, and compare estimates and commands."""
+"""Run a log again with the same raw bytes at the same times.
+
+Either as it was, to compare estimates and commands; or with other parameters, to see their estimates.
+"""
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from controllers.control_loop import StepOutput
 from controllers.operator import OperatorInput
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, NoTap, Received
+from drivers.samples import Sample, WheelCommand
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
-from rover_hil.recording.schema import COMMAND, LINK_SHAPE, OPERATOR_SHAPE, SENT
+from rover_hil.recording.schema import (
+    COMMAND,
+    COMMAND_SHAPE,
+    ESTIMATE,
+    LINK_SHAPE,
+    OPERATOR_SHAPE,
+    SENT,
+)
 from rover_hil.recording.text import Texts
-from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
+from rover_hil.run.composition import build_replay_rig
 from rover_hil.run.replay_link import ReplayLink
 
 PayloadT = TypeVar("PayloadT", bytes, CameraImage)
@@ -70,76 +83,87 @@ def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> Repl
     Raises:
         LogError: The log is damaged, or holds a device that its configuration does not have.
     """
-    rig, links = build_replay_rig(config, VirtualClock(log.start_ns), NoTap())
-    rig.connect(timeout_s=0.0)
-    replayer = _Replayer(rig, links, log.texts)
-    for message in _in_order(log.messages()):
-        if replayer.take(message, log):
-            on_cycle()
+    replayer = _Comparer(log, config)
+    for _ in replayer.cycles():
+        on_cycle()
     replayer.finish(is_complete=log.is_complete)
     return replayer.result
 
 
-class _Replayer:
-    """Collects the messages of one cycle, then runs it and compares."""
+def estimate_again(
+    log: LogReader, config: Config, is_used: Callable[[Sample], bool] = lambda _: True
+) -> Iterator[StepOutput]:
+    """Yield what each cycle of a log would have computed with other parameters.
 
-    def __init__(self, rig: Rig, links: ReplayLinks, texts: type[Texts]) -> None:
-        self.result = ReplayResult()
-        self._texts = texts
-        self._rig = rig
-        self._links = links
-        self._drive_link = links.bytes_links[rig.drive.name]
+    The rover moves as in the log: the set-points that the estimator knows are those of the log, not those
+    that the other parameters would have given.
+
+    Args:
+        log: The log.
+        config: Its devices, with the other parameters.
+        is_used: Says of each sample whether the controller gets it.
+
+    Raises:
+        LogError: The log is damaged, or holds a device that its configuration does not have.
+    """
+    replayer = _Estimates(log, config, is_used)
+    for _ in replayer.cycles():
+        if replayer.output is not None:
+            yield replayer.output
+
+
+class _Replayer(ABC):
+    """Collects the messages of one cycle, then runs it."""
+
+    def __init__(self, log: LogReader, config: Config) -> None:
+        self._log = log
+        self._rig, self._links = build_replay_rig(config, VirtualClock(log.start_ns), NoTap())
+        self._drive_link = self._links.bytes_links[self._rig.drive.name]
         self._expected: dict[str, LogMessage] = {}
         self._expected_sent: list[LogMessage] = []
         self._stops_ns: list[int] = []
-        self._has_commanded = False
 
-    def take(self, message: LogMessage, log: LogReader) -> bool:
-        """Take one message; returns True when it completed a cycle.
+    def cycles(self) -> Iterator[int]:
+        """Run all cycles of the log; yield the time of each.
 
         Raises:
-            LogError: It is damaged, or of a device that the configuration does not have.
+            LogError: The log is damaged, or of a device that the configuration does not have.
         """
-        kind, _, device = message.topic[1:].partition("/")
-        if device:
-            self._feed(kind, device, message, log)
-        elif kind == "cycle":
-            self._operate(message.t_ns, log)
-            self._run_cycle(message.t_ns)
-            return True
-        elif kind == "watchdog":
-            self._stops_ns.append(message.t_ns)
-        else:
-            self._expected[kind] = message
-        return False
+        self._rig.connect(timeout_s=0.0)
+        for message in _in_order(self._log.messages()):
+            kind, _, device = message.topic[1:].partition("/")
+            if device:
+                self._feed(kind, device, message)
+            elif kind == "cycle":
+                self._operate(message.t_ns)
+                self._run_cycle(message.t_ns)
+                self._expected.clear()
+                self._drive_link.sent.clear()
+                self._drive_link.outcomes.clear()
+                yield message.t_ns
+            elif kind == "watchdog":
+                self._stops_ns.append(message.t_ns)
+            else:
+                self._expected[kind] = message
 
-    def finish(self, *, is_complete: bool) -> None:
-        """Compare the stop after the last cycle, which ends every run that was not killed.
+    @abstractmethod
+    def _run_cycle(self, t_ns: int) -> None:
+        """Run one cycle."""
 
-        A log that was cut off may end anywhere in the stop, and a run that was interrupted twice in the
-        middle of a cycle: there it is not compared.
-        """
-        if not is_complete or not self._has_commanded or self._expected.keys() & {"samples", "estimate"}:
-            return
-        stop_ns = max((message.t_ns for message in self._expected_sent), default=0)
-        recorded = self._prepare_drive(max(stop_ns, *self._stops_ns, self._rig.clock.now_ns()))
-        self._rig.clock.sleep_until(stop_ns)
-        self._rig.drive.stop()
-        self._compare_sent(self._rig.clock.now_ns(), recorded, "bytes of the final stop")
-
-    def _feed(self, kind: str, device: str, message: LogMessage, log: LogReader) -> None:
+    def _feed(self, kind: str, device: str, message: LogMessage) -> None:
         if kind in ("sent", "unsent"):
             self._expected_sent.append(message)
         elif device in self._links.image_links:
-            image = decode_image(message.data) if kind == "raw" else _link_change(message, log)
+            image = decode_image(message.data) if kind == "raw" else _link_change(message, self._log)
             _feed_link(self._links.image_links[device], message.t_ns, image)
         elif device in self._links.bytes_links:
-            payload = message.data if kind == "raw" else _link_change(message, log)
+            payload = message.data if kind == "raw" else _link_change(message, self._log)
             _feed_link(self._links.bytes_links[device], message.t_ns, payload)
         else:
             raise LogError(f"the log holds data of a device '{device}' that its configuration does not have")
 
-    def _operate(self, t_ns: int, log: LogReader) -> None:
+    def _operate(self, t_ns: int) -> None:
+        log = self._log
         message = self._expected.pop("operator", None)
         if message is None:
             return
@@ -155,25 +179,6 @@ class _Replayer:
                 gains=record["gains"],
             ),
         )
-
-    def _run_cycle(self, t_ns: int) -> None:
-        rig = self._rig
-        rig.clock.sleep_until(t_ns)
-        samples = rig.poll()
-        output = rig.loop.step(t_ns, samples)
-        self._compare("samples", t_ns, self._texts.samples(samples))
-        self._compare("estimate", t_ns, self._texts.estimate(output))
-        command = self._expected.get("command")
-        if command is not None:
-            recorded_sent = self._prepare_drive(command.t_ns)
-            rig.clock.sleep_until(command.t_ns)
-            self._compare("command", t_ns, self._texts.command(rig.drive.command(output.command)))
-            self._compare_sent(t_ns, recorded_sent, "sent bytes")
-            self._has_commanded = True
-        self._expected.clear()
-        self._drive_link.sent.clear()
-        self._drive_link.outcomes.clear()
-        self.result.cycles += 1
 
     def _prepare_drive(self, until_ns: int) -> list[bytes]:
         """Stop the drive as the watchdog did before `until_ns`; return what was sent until then.
@@ -191,6 +196,46 @@ class _Replayer:
             self._rig.drive.stop()
         return [message.data for message in due]
 
+
+class _Comparer(_Replayer):
+    """Runs each cycle as it was, and compares."""
+
+    def __init__(self, log: LogReader, config: Config) -> None:
+        super().__init__(log, config)
+        self.result = ReplayResult()
+        self._texts: type[Texts] = log.texts
+        self._has_commanded = False
+
+    def _run_cycle(self, t_ns: int) -> None:
+        rig = self._rig
+        rig.clock.sleep_until(t_ns)
+        samples = rig.poll()
+        output = rig.loop.step(t_ns, samples)
+        self._compare("samples", t_ns, self._texts.samples(samples))
+        self._compare("estimate", t_ns, self._texts.estimate(output))
+        command = self._expected.get("command")
+        if command is not None:
+            recorded_sent = self._prepare_drive(command.t_ns)
+            rig.clock.sleep_until(command.t_ns)
+            self._compare("command", t_ns, self._texts.command(rig.drive.command(output.command)))
+            self._compare_sent(t_ns, recorded_sent, "sent bytes")
+            self._has_commanded = True
+        self.result.cycles += 1
+
+    def finish(self, *, is_complete: bool) -> None:
+        """Compare the stop after the last cycle, which ends every run that was not killed.
+
+        A log that was cut off may end anywhere in the stop, and a run that was interrupted twice in the
+        middle of a cycle: there it is not compared.
+        """
+        if not is_complete or not self._has_commanded or self._expected.keys() & {"samples", "estimate"}:
+            return
+        stop_ns = max((message.t_ns for message in self._expected_sent), default=0)
+        recorded = self._prepare_drive(max(stop_ns, *self._stops_ns, self._rig.clock.now_ns()))
+        self._rig.clock.sleep_until(stop_ns)
+        self._rig.drive.stop()
+        self._compare_sent(self._rig.clock.now_ns(), recorded, "bytes of the final stop")
+
     def _compare(self, topic: str, t_ns: int, replayed: bytes) -> None:
         expected = self._expected.get(topic)
         if replayed != (b"" if expected is None else expected.data):
@@ -203,6 +248,40 @@ class _Replayer:
         if sent != recorded:
             was, now = (b" ".join(payloads).hex(" ") for payloads in (recorded, sent))
             self.result.note(t_ns, name, was, now)
+
+
+class _Estimates(_Replayer):
+    """Runs each cycle with other parameters and the set-points of the log."""
+
+    def __init__(self, log: LogReader, config: Config, is_used: Callable[[Sample], bool]) -> None:
+        super().__init__(log, config)
+        self._is_used = is_used
+        self.output: StepOutput | None = None
+
+    def _run_cycle(self, t_ns: int) -> None:
+        rig = self._rig
+        rig.clock.sleep_until(t_ns)
+        self.output = rig.loop.step(t_ns, [sample for sample in rig.poll() if self._is_used(sample)])
+        estimate = self._expected.get(ESTIMATE[1:])
+        if estimate is None:
+            return
+        record = self._log.parse(estimate, COMMAND_SHAPE)["command"]
+        given = WheelCommand(
+            t_ns=record["t_ns"],
+            expires_ns=record["expires_ns"],
+            speed_rad_s=record["speed_rad_s"],
+            steering_rad=record.get("steering_rad"),
+        )
+        if len(given.speed_rad_s) != rig.drive.wheel_count:
+            raise LogError(
+                f"{self._log.path} is damaged: {ESTIMATE} at {t_ns} ns: set-points of other wheels"
+            )
+        rig.loop.follow_log(given)
+        command = self._expected.get(COMMAND[1:])
+        if command is not None:
+            self._prepare_drive(command.t_ns)
+            rig.clock.sleep_until(command.t_ns)
+            rig.drive.command(given)
 
 
 def _in_order(messages: Iterable[LogMessage]) -> Iterator[LogMessage]:

@@ -1,16 +1,18 @@
 """Comparison of old and new values on held-out scenarios."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Generic
 
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.journal import Attempt
-from rover_hil.tune.objective import Evaluation, MissionRunner, evaluate
+from rover_hil.tune.objective import Evaluation, MissionRunner, RunT, evaluate
 from rover_hil.tune.parameters import start_values, with_values
 from rover_hil.tune.scenarios import held_out_seeds
+from rover_hil.tune.simulated_mission import SimulatedMission
 
 
 class Verdict(StrEnum):
@@ -22,7 +24,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class Comparison(Generic[RunT]):
     """Old and new values on the held-out cases.
 
     Attributes:
@@ -33,35 +35,57 @@ class Comparison:
     """
 
     verdict: Verdict
-    start: Evaluation
-    tuned: Evaluation
+    start: Evaluation[RunT]
+    tuned: Evaluation[RunT]
     values: dict[str, float]
     declined: tuple[tuple[Attempt, str], ...]
 
 
 def compare(
     config: Config, tune: TuneSettings, candidates: Sequence[Attempt], drive: MissionRunner
-) -> Comparison:
-    """Accept the first candidate that no held-out case rejects and that costs less there than the start."""
+) -> Comparison[SimulatedMission]:
+    """Compare on the held-out scenarios, see `compare_by`."""
     seeds = held_out_seeds(tune.cases)
-    start = evaluate(drive, config, seeds, tune.objective)
-    limit = math.inf if start.cost is None else start.cost
+    return compare_by(
+        lambda values, limit: evaluate(drive, values, seeds, tune.objective, limit),
+        config,
+        start_values(config, tune),
+        candidates,
+    )
+
+
+def compare_by(
+    evaluate_held_out: Callable[[Config, float], Evaluation[RunT]],
+    config: Config,
+    start: dict[str, float],
+    candidates: Sequence[Attempt],
+) -> Comparison[RunT]:
+    """Accept the first candidate that no held-out case rejects and that costs less there than the start.
+
+    Args:
+        evaluate_held_out: Evaluates a configuration on the held-out cases, up to a cost that is too high.
+        config: The configuration of the start.
+        start: Its values.
+        candidates: In the order in which they are tried.
+    """
+    before = evaluate_held_out(config, math.inf)
+    limit = math.inf if before.cost is None else before.cost
     declined: list[tuple[Attempt, str]] = []
     for attempt in candidates:
-        tuned = evaluate(drive, with_values(config, attempt.values), seeds, tune.objective, limit)
+        tuned = evaluate_held_out(with_values(config, attempt.values), limit)
         if tuned.cost is not None and tuned.cost < limit:
             return Comparison(
                 verdict=Verdict.IMPROVED,
-                start=start,
+                start=before,
                 tuned=tuned,
                 values=attempt.values,
                 declined=tuple(declined),
             )
-        declined.append((attempt, tuned.refused or "not better than the start on held-out scenarios"))
+        declined.append((attempt, tuned.refused or "not better than the start on held-out cases"))
     return Comparison(
-        verdict=Verdict.NONE_ACCEPTABLE if start.cost is None else Verdict.CONFIRMED,
-        start=start,
-        tuned=start,
-        values=start_values(config, tune),
+        verdict=Verdict.NONE_ACCEPTABLE if before.cost is None else Verdict.CONFIRMED,
+        start=before,
+        tuned=before,
+        values=start,
         declined=tuple(declined),
     )

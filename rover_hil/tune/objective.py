@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -12,8 +13,11 @@ from rover_hil.config import Config
 from rover_hil.config.tune_settings import ObjectiveSettings
 from rover_hil.tune.simulated_mission import SimulatedMission
 
-MissionRunner = Callable[[Config, Sequence[int]], Generator[SimulatedMission, None, None]]
-"""Starts the mission on the scenarios of some seeds; yields the results in the order of the seeds."""
+RunT = TypeVar("RunT")
+Runner = Callable[[Config, Sequence[int]], Generator[RunT, None, None]]
+"""Starts the runs of some cases; yields their results in the order of the cases."""
+MissionRunner = Runner[SimulatedMission]
+"""Of missions, whose cases are the seeds of scenarios."""
 
 
 NO_RIVAL: Mapping[int, float] = MappingProxyType({})
@@ -22,22 +26,24 @@ MOST_ERRORS = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluation:
+class Evaluation(Generic[RunT]):
     """Result of one set of values over its cases.
 
     Attributes:
-        cost: The quantile of the cases' costs; None where the gains were refused or given up.
+        cost: None where the values were refused or given up.
         at_least: Lower bound of the cost, from the cases driven.
-        refused: Why the gains are rejected, and on which scenario; empty when they are acceptable.
-        missions: The cases driven: all, or up to where it was clear.
-        case_costs: The costs of those that were not rejected, by seed.
+        refused: Why the values are rejected, and on which case; empty when they are acceptable.
+        runs: The cases driven: all, or up to where it was clear.
+        case_costs: The costs of those that were not rejected, by case.
+        terms: Each measured value over the cases driven, by its name.
     """
 
     cost: float | None
     at_least: float
     refused: str
-    missions: tuple[SimulatedMission, ...]
+    runs: tuple[RunT, ...]
     case_costs: dict[int, float]
+    terms: dict[str, float]
 
 
 def evaluate(
@@ -46,7 +52,7 @@ def evaluate(
     seeds: Sequence[int],
     objective: ObjectiveSettings,
     limit: float = math.inf,
-) -> Evaluation:
+) -> Evaluation[SimulatedMission]:
     """Drive the cases until the cost is known or certain to exceed `limit`, or the gains are rejected."""
     with closing(drive(config, seeds)) as results:
         return evaluate_results(results, len(seeds), objective, limit)
@@ -58,7 +64,7 @@ def evaluate_results(
     objective: ObjectiveSettings,
     limit: float,
     rival_costs: Mapping[int, float] = NO_RIVAL,
-) -> Evaluation:
+) -> Evaluation[SimulatedMission]:
     """Take results of cases until the cost is known, or clear as for `evaluate`, or the race is lost.
 
     Args:
@@ -87,8 +93,9 @@ def evaluate_results(
         cost=at_least if len(costs) == count else None,
         at_least=at_least,
         refused=refused,
-        missions=tuple(missions),
+        runs=tuple(missions),
         case_costs=costs,
+        terms=quantile_terms(missions, objective.quantile),
     )
 
 

@@ -1,7 +1,7 @@
 """Simulated missions on all cores, or on a cluster."""
 
 from collections import deque
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from functools import partial
@@ -9,7 +9,7 @@ from functools import partial
 from rover_hil.config import Config
 from rover_hil.parallel.executor import open_executor
 from rover_hil.recording.data_files import PackedConfig
-from rover_hil.tune.objective import MissionRunner
+from rover_hil.tune.objective import MissionRunner, RunT
 from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
 
 
@@ -30,18 +30,17 @@ def _drive(
 ) -> Generator[SimulatedMission, None, None]:
     packed = PackedConfig.of(config)
     # All of them start now, not when the first result is asked for.
-    return _results(deque(executor.submit(_simulate, packed, seed) for seed in seeds))
+    return results_in_order([executor.submit(_simulate, packed, seed) for seed in seeds])
 
 
-def _results(
-    futures: deque[Future[SimulatedMission]],
-) -> Generator[SimulatedMission, None, None]:
+def results_in_order(futures: Iterable[Future[RunT]]) -> Generator[RunT, None, None]:
     """Yield the results in order; cancel those not started when the caller has seen enough."""
+    waiting = deque(futures)
     try:
-        while futures:
-            yield futures.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
     finally:
-        for future in futures:
+        for future in waiting:
             future.cancel()
 
 

@@ -9,8 +9,14 @@ from rover_hil.config import Config, Draft, Rule, validated
 from rover_hil.config.tune_settings import TunableSettings, TuneSettings
 from rover_hil.run.checks import ROVER_CHECKS
 
+REPLAYED = ("filter", "scomp", "slip")
+"""Sections that a replay of a log depends on."""
 FORBIDDEN = ("devices", "loop", "roles", "rover", "safety", "schema", "simulation", "tune")
 SIGNIFICANT_DIGITS = 4
+MISSING_LOGS = (
+    "tune.logs: the configuration marks nothing as tunable by logs: add [tune.logs.parameters], see "
+    "docs/how-to/tune_from_logs.md"
+)
 MISSING_TUNE = "tune: the configuration marks nothing as tunable: add [tune], see docs/how-to/bench_tuning.md"
 
 Values = Mapping[str, float]
@@ -24,20 +30,44 @@ def check_parameters(config: Config) -> TuneSettings:
         ConfigError: There is no [tune], no mission or no simulation; or parameters do not exist, are not
             gains, have ranges that their own limits forbid, or start outside their ranges: one line each.
     """
-    if config.tune is None:
+    if config.tune is None or not config.tune.parameters:
         raise ConfigError(MISSING_TUNE)
     if config.mission is None or config.simulation is None:
         raise ConfigError("tuning drives the mission on the simulated rover: add [mission] and [simulation]")
     ControlLoop(config, config.device_roles())  # to blame the mission itself rather than every range
+    _check_all(config, config.tune.parameters, "tune.parameters")
+    return config.tune
+
+
+def check_log_parameters(config: Config) -> TuneSettings:
+    """Check every parameter to tune by logs; return [tune] with these as its parameters.
+
+    Raises:
+        ConfigError: There is no [tune.logs]; or as for `check_parameters`.
+    """
+    if config.tune is None or config.tune.logs is None:
+        raise ConfigError(MISSING_LOGS)
+    ControlLoop(config, config.device_roles())
+    parameters = config.tune.logs.parameters
+    for key in parameters:
+        if key.partition(".")[0] not in REPLAYED:
+            raise ConfigError(
+                f"tune.logs.parameters.{key}: only values of [filter], [slip] and [scomp] show in a replay; "
+                "remove it, or move it to [tune.parameters]"
+            )
+    _check_all(config, parameters, "tune.logs.parameters")
+    return config.tune.model_copy(update={"parameters": parameters})
+
+
+def _check_all(config: Config, parameters: Mapping[str, TunableSettings], table: str) -> None:
     mistakes: list[str] = []
-    for key, parameter in config.tune.parameters.items():
+    for key, parameter in parameters.items():
         try:
-            _check(config, key, parameter)
+            _check(config, key, parameter, f"{table}.{key}")
         except ConfigError as error:
             mistakes.append(str(error))
     if mistakes:
         raise ConfigError("\n".join(mistakes))
-    return config.tune
 
 
 def _find_mistakes(draft: Draft) -> Iterator[str]:
@@ -54,7 +84,7 @@ TUNE_CHECKS = (*ROVER_CHECKS, Rule(tuple(Config.model_fields), _find_mistakes, i
 def start_values(config: Config, tune: TuneSettings) -> dict[str, float]:
     """Return the current values of all parameters."""
     table = config.model_dump(by_alias=True)
-    return {key: _number(table, key) for key in tune.parameters}
+    return {key: _number(table, key, key) for key in tune.parameters}
 
 
 def with_values(config: Config, values: Values) -> Config:
@@ -65,7 +95,7 @@ def with_values(config: Config, values: Values) -> Config:
     """
     table = config.model_dump(by_alias=True)
     for key, value in values.items():
-        _place(table, key)[key.rpartition(".")[2]] = value
+        _place(table, key, key)[key.rpartition(".")[2]] = value
     return validated(Config, table, "tuned values")
 
 
@@ -78,12 +108,11 @@ def rounded(values: Values, tune: TuneSettings) -> dict[str, float]:
     return result
 
 
-def _check(config: Config, key: str, parameter: TunableSettings) -> None:
-    where = f"tune.parameters.{key}"
+def _check(config: Config, key: str, parameter: TunableSettings, where: str) -> None:
     section = key.partition(".")[0]
     if section in FORBIDDEN:
         raise ConfigError(f"{where}: [{section}] cannot be tuned; remove the parameter")
-    start = _number(config.model_dump(by_alias=True), key)
+    start = _number(config.model_dump(by_alias=True), key, where)
     for value in (parameter.low, parameter.high):
         try:
             edge = with_values(config, {key: value})
@@ -106,26 +135,22 @@ def _path(config: Config) -> tuple[Point, ...]:
     return () if config.mission is None else corner_points(config.mission)
 
 
-def _number(table: Table, key: str) -> float:
-    value = _place(table, key)[key.rpartition(".")[2]]
+def _number(table: Table, key: str, where: str) -> float:
+    value = _place(table, key, where)[key.rpartition(".")[2]]
     if not isinstance(value, float):
-        raise ConfigError(f"tune.parameters.{key}: is not a float; only floats can be tuned: leave it out")
+        raise ConfigError(f"{where}: is not a float; only floats can be tuned: leave it out")
     return value
 
 
-def _place(table: Table, key: str) -> Table:
+def _place(table: Table, key: str, where: str) -> Table:
     """Return the table that holds the last part of a dotted key."""
     place = table
     *parents, last = key.split(".")
     for parent in parents:
         inner = place.get(parent)
         if not isinstance(inner, dict):
-            raise ConfigError(
-                f"tune.parameters.{key}: the configuration has no table '{parent}': check the key"
-            )
+            raise ConfigError(f"{where}: the configuration has no table '{parent}': check the key")
         place = inner
     if last not in place:
-        raise ConfigError(
-            f"tune.parameters.{key}: unknown key; the configuration has {', '.join(place)} there"
-        )
+        raise ConfigError(f"{where}: unknown key; the configuration has {', '.join(place)} there")
     return place

@@ -1,6 +1,6 @@
 """Result of a tuning: as JSON, as a page, and as a new configuration."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,7 +93,7 @@ def summarise(
     date: str,
     config: Config,
     attempts: Sequence[Attempt],
-    comparison: Comparison,
+    comparison: Comparison[SimulatedMission],
     changed_rovers: tuple[ChangedRover, ...] = (),
 ) -> TuningResult:
     """Return the numbers of a tuning."""
@@ -104,7 +104,7 @@ def summarise(
     train, held_out = train_seeds(tune.cases), held_out_seeds(tune.cases)
     first = next((attempt for attempt in attempts if attempt.is_start), None)
     old, new = (
-        _spreads(side.missions if side.cost is not None else (), quantile)
+        _spreads(side.runs if side.cost is not None else (), quantile)
         for side in (comparison.start, comparison.tuned)
     )
     return TuningResult(
@@ -144,7 +144,7 @@ def write_results(
     config_text: str,
     config: Config,
     attempts: Sequence[Attempt],
-    comparison: Comparison,
+    comparison: Comparison[SimulatedMission],
     result: TuningResult,
 ) -> str:
     """Write result, report, and, unless nothing was acceptable, the new configuration into `folder`.
@@ -162,13 +162,27 @@ def write_results(
     )
     result_json = to_json(result, indent=2).decode()
     texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}
-    provenance = _provenance(result)
-    if provenance is not None:
-        texts[CONFIG_NAME] = tuned_text(config_text, _changed(result), provenance)
-    write_files(folder, texts)
-    if provenance is None:
-        (folder / CONFIG_NAME).unlink(missing_ok=True)
+    write_files_of(folder, texts, config_text, _changed(result), _provenance(result))
     return result_json
+
+
+def write_files_of(
+    folder: Path,
+    texts: Mapping[str, str],
+    config_text: str,
+    changed: Mapping[str, float],
+    provenance: ProvenanceRecord | None,
+) -> None:
+    """Write result files, and the new configuration; without provenance there is none.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or the configuration's text cannot be edited.
+    """
+    if provenance is None:
+        write_files(folder, texts)
+        (folder / CONFIG_NAME).unlink(missing_ok=True)
+    else:
+        write_files(folder, {**texts, CONFIG_NAME: tuned_text(config_text, changed, provenance)})
 
 
 def study_of(folder: Path) -> str:

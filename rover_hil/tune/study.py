@@ -1,23 +1,26 @@
 """A study: batches of trials are proposed, driven and written down."""
 
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import Generic
 
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune import search
 from rover_hil.tune.journal import Attempt, Journal
-from rover_hil.tune.objective import NO_RIVAL, Evaluation, MissionRunner, evaluate_results, quantile_terms
+from rover_hil.tune.objective import NO_RIVAL, Evaluation, Runner, RunT, evaluate_results
 from rover_hil.tune.parameters import rounded, start_values, with_values
 from rover_hil.tune.scenarios import train_seeds
 from rover_hil.tune.search import Proposer
+from rover_hil.tune.simulated_mission import SimulatedMission
 
 CANDIDATES = 5
 
 
-class Study:
+class Study(ABC, Generic[RunT]):
     """A study in a file; opening it again continues where it ended.
 
     Trials are proposed in batches, the first of which is the start alone. A proposal, and the cost above
@@ -27,8 +30,9 @@ class Study:
     Args:
         path: The journal file.
         name: Of the study.
+        setting: Everything that costs and proposals depend on.
         config: The configuration to start from.
-        tune: Its [tune].
+        tune: Parameters, and how they are searched.
         propose: Finds the values of a batch; None for the search with the seed of `tune`.
         is_raced: Give a trial up, too, when it loses against the best ones on the cases driven so far.
 
@@ -40,6 +44,7 @@ class Study:
         self,
         path: Path,
         name: str,
+        setting: str,
         config: Config,
         tune: TuneSettings,
         propose: Proposer | None = None,
@@ -50,7 +55,18 @@ class Study:
         self._tune = tune
         self._search = propose or partial(search.propose, seed=tune.seed)
         self._is_raced = is_raced
-        self._journal = Journal(path, name, _setting(config))
+        self._journal = Journal(path, name, setting)
+
+    @property
+    @abstractmethod
+    def _cases(self) -> Sequence[int]:
+        """All cases of a trial."""
+
+    @abstractmethod
+    def _evaluate(
+        self, results: Iterable[RunT], count: int, limit: float, rival_costs: Mapping[int, float]
+    ) -> Evaluation[RunT]:
+        """Take results of `count` cases until the cost is known, or clear, see `evaluate_results`."""
 
     def attempts(self) -> list[Attempt]:
         """Return the finished trials in their order."""
@@ -62,7 +78,7 @@ class Study:
 
     def search(
         self,
-        drive: MissionRunner,
+        drive: Runner[RunT],
         trials: int,
         should_stop: Callable[[], bool],
         report_progress: Callable[[], None],
@@ -92,7 +108,7 @@ class Study:
 
     def _try_batch(
         self,
-        drive: MissionRunner,
+        drive: Runner[RunT],
         batch: range,
         wanted: Sequence[int],
         should_stop: Callable[[], bool],
@@ -100,15 +116,15 @@ class Study:
     ) -> None:
         told = [attempt for attempt in self.attempts() if attempt.number < batch.start]
         proposals = self._propose(told, batch)
-        seeds, limit = self._hardest_first(told), _hopeless_cost(told)
+        cases, limit = self._hardest_first(told), _hopeless_cost(told)
         rivals = _cheapest(told)
         rival_costs = rivals[-1].case_costs if self._is_raced and len(rivals) == CANDIDATES else NO_RIVAL
         runs = {
-            number: drive(self._with(number, proposals[number - batch.start]), seeds) for number in wanted
+            number: drive(self._with(number, proposals[number - batch.start]), cases) for number in wanted
         }
         for number, results in runs.items():
             with closing(results):
-                evaluation = evaluate_results(results, len(seeds), self._tune.objective, limit, rival_costs)
+                evaluation = self._evaluate(results, len(cases), limit, rival_costs)
             self._journal.add(self._attempt(number, proposals[number - batch.start], evaluation))
             report_progress()
             if should_stop():
@@ -128,7 +144,7 @@ class Study:
     def _with(self, number: int, values: dict[str, float]) -> Config:
         return with_values(self._config, values) if number else self._config
 
-    def _attempt(self, number: int, values: dict[str, float], evaluation: Evaluation) -> Attempt:
+    def _attempt(self, number: int, values: dict[str, float], evaluation: Evaluation[RunT]) -> Attempt:
         return Attempt(
             number=number,
             values=values,
@@ -137,14 +153,47 @@ class Study:
             refused=evaluation.refused,
             is_start=number == 0,
             case_costs=evaluation.case_costs,
-            terms=quantile_terms(evaluation.missions, self._tune.objective.quantile),
+            terms=evaluation.terms,
         )
 
     def _hardest_first(self, told: Sequence[Attempt]) -> list[int]:
-        """Return the training seeds, those with the highest cost of the start first."""
+        """Return the cases, those with the highest cost of the start first."""
         costs = told[0].case_costs if told else {}
-        known = sorted(costs, key=lambda seed: -costs[seed])
-        return [*known, *(seed for seed in train_seeds(self._tune.cases) if seed not in known)]
+        known = sorted(costs, key=lambda case: -costs[case])
+        return [*known, *(case for case in self._cases if case not in known)]
+
+
+class MissionStudy(Study[SimulatedMission]):
+    """A study whose cases are simulated missions.
+
+    Args:
+        path, name, config, tune, propose, is_raced: See `Study`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        name: str,
+        config: Config,
+        tune: TuneSettings,
+        propose: Proposer | None = None,
+        *,
+        is_raced: bool = True,
+    ) -> None:
+        super().__init__(path, name, setting_of(config), config, tune, propose, is_raced=is_raced)
+
+    @property
+    def _cases(self) -> Sequence[int]:
+        return train_seeds(self._tune.cases)
+
+    def _evaluate(
+        self,
+        results: Iterable[SimulatedMission],
+        count: int,
+        limit: float,
+        rival_costs: Mapping[int, float],
+    ) -> Evaluation[SimulatedMission]:
+        return evaluate_results(results, count, self._tune.objective, limit, rival_costs)
 
 
 def _hopeless_cost(told: Sequence[Attempt]) -> float:
@@ -163,6 +212,6 @@ def _cheapest(attempts: Sequence[Attempt]) -> list[Attempt]:
     return [attempt for _, _, attempt in sorted(known)[:CANDIDATES]]
 
 
-def _setting(config: Config) -> str:
+def setting_of(config: Config) -> str:
     """Return everything that the costs depend on."""
     return config.model_dump_json(by_alias=True, exclude={"tune": {"provenance"}})

@@ -41,6 +41,11 @@ SAMPLES: Mapping[str, Sample] = {
         ("my_wheels.toml", "drives"),
         runs.write_wheels,
     ),
+    "noise": Sample(
+        "drives of a rover whose sensors have less noise than its configuration states",
+        ("noisy.toml", "noise"),
+        runs.write_noise,
+    ),
     "robotino": Sample(
         "a drive in the format of a measured Robotino run", ("exp00.csv",), drives.write_robotino
     ),

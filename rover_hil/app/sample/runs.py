@@ -20,6 +20,9 @@ FLOOR_S = 12.0
 PROBE_S = 40.0
 PROBE_FLOORS = ("table", "brown", "gray", "green")
 WHEELS_S = 20.0
+NOISE_S = 45.0
+NOISE_LOGS = 6
+FIRST_NOISE_SEED = 100
 SCHEMA_LINE = "#:schema"
 FLOORS = ("brown", "gray")
 WHEELS_SPEEDS_M_S = (0.12, 0.16, 0.2, 0.24)
@@ -93,6 +96,20 @@ def write_wheels(folder: Path) -> None:
         true = simulation.model_copy(update={"seed": number, "plant": plant})
         driven = config.model_copy(update={"mission": mission, "simulation": true})
         run_virtual(driven, folder / "drives" / f"{number}.mcap", WHEELS_S, None)
+
+
+def write_noise(folder: Path) -> None:
+    """Write a configuration whose filter noise was guessed, and logs of this rover."""
+    path = folder / "noisy.toml"
+    path.write_text(resources.files(__package__).joinpath(path.name).read_text("utf-8"), "utf-8")
+    config = load_config(str(path))
+    simulation = config.require_simulation()
+    (folder / "noise").mkdir()
+    for number in range(NOISE_LOGS):
+        here = simulation.model_copy(update={"seed": FIRST_NOISE_SEED + number})
+        run_virtual(
+            config.model_copy(update={"simulation": here}), folder / "noise" / f"{number}.mcap", NOISE_S, None
+        )
 
 
 def _with_larger_wheel(plant: PlantSettings) -> PlantSettings:

@@ -19,7 +19,7 @@ from rover_hil.parallel.build_id import build_id
 from rover_hil.parallel.executor import open_executor
 from rover_hil.tune.parameters import check_parameters
 from rover_hil.tune.simulated_mission import SimulatedMission
-from rover_hil.tune.study import Study
+from rover_hil.tune.study import MissionStudy
 from tests.rover_hil.parallel.cluster import running_scheduler, running_worker, slow_answer
 from tests.rover_hil.tune.tuning import FakeRuns, make_config, write_config
 
@@ -51,9 +51,9 @@ def wait_for_no_worker(address: str) -> None:
 
 def test_one_worker_killed_one_slow_and_one_late_change_nothing(address: str, tmp_path: Path) -> None:
     config = make_config(tmp_path)
-    alone = Study(tmp_path / "alone", "name", config, check_parameters(config))
+    alone = MissionStudy(tmp_path / "alone", "name", config, check_parameters(config))
     alone.search(FakeRuns().drive, TRIALS, lambda: False, lambda: None)
-    study = Study(tmp_path / "cluster", "name", config, check_parameters(config))
+    study = MissionStudy(tmp_path / "cluster", "name", config, check_parameters(config))
     with ExitStack() as stack:
         dying = stack.enter_context(running_worker(address, delay_s=0.02))
         stack.enter_context(running_worker(address, delay_s=0.05))
@@ -109,7 +109,7 @@ def test_another_version_is_refused() -> None:
 
 def test_a_cluster_that_is_lost_is_said_so_and_the_study_is_kept(tmp_path: Path) -> None:
     config = make_config(tmp_path)
-    study = Study(tmp_path / "study", "name", config, check_parameters(config))
+    study = MissionStudy(tmp_path / "study", "name", config, check_parameters(config))
     with ExitStack() as stack:
         scheduler = stack.enter_context(ExitStack())
         address = scheduler.enter_context(running_scheduler())
@@ -127,7 +127,7 @@ def test_a_cluster_that_is_lost_is_said_so_and_the_study_is_kept(tmp_path: Path)
 
         with pytest.raises(ConfigError, match="was lost: what is finished is kept"):
             study.search(drive, TRIALS, lambda: False, kill)
-    found = Study(tmp_path / "study", "name", config, check_parameters(config)).attempts()
+    found = MissionStudy(tmp_path / "study", "name", config, check_parameters(config)).attempts()
     assert [attempt.number for attempt in found[:3]] == [0, 1, 2]
 
 

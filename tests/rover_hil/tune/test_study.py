@@ -15,7 +15,7 @@ from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import case_cost, describe, evaluate
 from rover_hil.tune.parameters import check_parameters
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
-from rover_hil.tune.study import CANDIDATES, Study
+from rover_hil.tune.study import CANDIDATES, MissionStudy
 from tests.rover_hil.tune.tuning import (
     MISSION,
     TUNE,
@@ -31,11 +31,11 @@ class Killed(BaseException):
     """The process dies here."""
 
 
-def open_study(path: Path, config: Config) -> Study:
-    return Study(path, "name", config, check_parameters(config))
+def open_study(path: Path, config: Config) -> MissionStudy:
+    return MissionStudy(path, "name", config, check_parameters(config))
 
 
-def search(path: Path, config: Config, trials: int, parallel_runs: FakeRuns | None = None) -> Study:
+def search(path: Path, config: Config, trials: int, parallel_runs: FakeRuns | None = None) -> MissionStudy:
     study = open_study(path, config)
     study.search((parallel_runs or FakeRuns()).drive, trials, lambda: False, lambda: None)
     return study

@@ -1,0 +1,1 @@
+"""Tuning of filter noise by replay of logs."""

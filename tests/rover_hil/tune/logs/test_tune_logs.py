@@ -1,0 +1,166 @@
+"""`rover-hil tune --logs` as a user meets it."""
+
+import json
+import shutil
+import tomllib
+from collections.abc import Generator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from rover_hil.config import load_config
+from rover_hil.datasets.marks import marks_beside
+from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs, split
+from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.tune.logs.drives import COMPASS_RAD, GUESSED_RAD, PARAMETERS, write_config, write_drives
+
+HEADING = "filter.heading_noise_rad"
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recorded")
+    write_drives(folder, range(20, 23))
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replay in this process; tests/rover_hil/parallel has the others."""
+
+    @contextmanager
+    def open_executor(cluster: str | None) -> Generator[Executor, None, None]:
+        assert cluster is None
+        with ThreadPoolExecutor(1) as executor:
+            yield executor
+
+    monkeypatch.setattr("rover_hil.app.tune_logs.open_executor", open_executor)
+
+
+@pytest.fixture
+def logs(recorded: Path, tmp_path: Path) -> list[str]:
+    """The names of three logs in the current folder, with the configuration beside them."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    return [f"{seed}.mcap" for seed in (20, 21, 22)]
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_the_true_noise_is_found_and_better_on_the_held_out_log(
+    command: Command, logs: list[str], tmp_path: Path
+) -> None:
+    assert command("tune", "rover.toml", "--logs", *logs, "--study", "noise", "--trials", "9") == 0, (
+        command.error
+    )
+    assert "on 1 held-out log after 9 trials; better in 1 of 1" in command.out
+    folder = tmp_path / "tuning" / "noise"
+    result = json.loads((folder / "tuning.json").read_text())
+    assert result["train_logs"] == ["20.mcap", "21.mcap"]
+    assert result["held_out_logs"] == ["22.mcap"]
+    assert result["cost_after"] < 0.8 * result["cost_before"]
+    found = result["values"][HEADING]
+    assert found["before"] == GUESSED_RAD
+    assert 0.75 * COMPASS_RAD < found["after"] < 1.33 * COMPASS_RAD
+    tuned = tomllib.loads((folder / "tuned.toml").read_text())
+    assert tuned["filter"]["heading_noise_rad"] == found["after"]
+    assert tuned["tune"]["provenance"]["held_out_logs"] == ["22.mcap"]
+    assert load_config(str(folder / "tuned.toml")).filter.heading_noise_rad == found["after"]
+    # The study goes on, and is not searched again.
+    journal = (folder / "study.jsonl").read_bytes()
+    again = ("tune", "rover.toml", "--logs", "20.mcap", "21.mcap", "--held-out", "22.mcap")
+    assert command(*again, "--study", "noise", "--trials", "9") == 0
+    assert (folder / "study.jsonl").read_bytes() == journal
+
+
+def test_a_study_of_other_logs_is_refused(command: Command, logs: list[str]) -> None:
+    arguments = ("tune", "rover.toml", "--study", "noise", "--trials", "1", "--logs")
+    assert command(*arguments, *logs) == 0
+    assert command(*arguments, *reversed(logs)) == 2
+    assert_one_sentence(command.error, "another configuration", "--study")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--logs", "20.mcap"), ("one log", "--held-out")),
+        (("--logs", "20.mcap", "20.mcap"), ("the same log",)),
+        (("--logs", "20.mcap", "--held-out", "20.mcap"), ("the same log",)),
+        (("--logs", "none.mcap", "20.mcap"), ("none.mcap", "No such file")),
+        (("--held-out", "20.mcap"), ("--logs",)),
+    ],
+)
+def test_bad_logs_are_one_sentence(
+    command: Command, logs: list[str], tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    assert command("tune", "rover.toml", "--study", "noise", *arguments) == 2
+    assert_one_sentence(command.error, *words)
+    assert not (tmp_path / "tuning").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            ("y_m = 0.15", "y_m = 0.25"),
+            ("another rover", "rover.wheels[0].y_m is 0.15 m there and 0.25 m here"),
+        ),
+        ((PARAMETERS, ""), ("[tune.logs.parameters]",)),
+        (
+            ('"filter.heading_noise_rad"', '"mission.speed_m_s"'),
+            ("tune.logs.parameters.mission.speed_m_s", "replay"),
+        ),
+        (('"filter.heading_noise_rad"', '"filter.heading_noise"'), ("unknown key",)),
+        (("low = 0.03, high = 0.4", "low = 0.4, high = 0.03"), ("swap",)),
+    ],
+)
+def test_a_bad_configuration_is_one_sentence(
+    command: Command, logs: list[str], tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
+) -> None:
+    path = write_config(tmp_path)
+    text = path.read_text()
+    assert change[0] in text
+    path.write_text(text.replace(*change))
+    assert command("tune", "rover.toml", "--study", "noise", "--logs", *logs) == 2
+    assert_one_sentence(command.error, *words)
+
+
+def test_a_log_of_the_shipped_robotino_is_of_another_rover(command: Command, logs: list[str]) -> None:
+    assert command("tune", "robotino", "--study", "noise", "--logs", *logs) == 2
+    assert_one_sentence(command.error, "another rover", "rover.kinematics is 'wheels' there and 'omni3' here")
+
+
+def test_a_log_without_truth_is_one_sentence_and_marks_make_up_for_it(
+    command: Command, logs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rover_hil.recording.schema.TRUTH", "/nothing")
+    assert command("tune", "rover.toml", "--study", "noise", "--logs", *logs) == 2
+    assert_one_sentence(command.error, "20.mcap", "holds no true pose")
+    for name in logs:
+        marks = "t_s,x_m,y_m,yaw_deg,sigma_m\n0,0,0,0,0.005\n9.5,0.8,0.2,90,0.005\n"
+        marks_beside(tmp_path / name).write_text(marks)
+    config = load_config(str(tmp_path / "rover.toml"))
+    (log,) = read_judged_logs([tmp_path / logs[0]], config, 5.0)
+    assert "by hand" in log.source
+    assert log.poses is not None
+    assert log.poses.x_m.tolist() == [0.8]
+    assert log.poses.position_sd_m.tolist() == [0.005]
+
+
+def test_every_third_log_is_held_out() -> None:
+    def named(count: int) -> list[JudgedLog]:
+        return [
+            JudgedLog(name=str(number), content=bytes([number]), source="", poses=None, withheld_s=1.0)
+            for number in range(count)
+        ]
+
+    def names(part: list[JudgedLog]) -> str:
+        return "".join(log.name for log in part)
+
+    def split_names(count: int) -> tuple[str, str]:
+        train, held_out = split(named(count))
+        return names(train), names(held_out)
+
+    assert split_names(2) == ("0", "1")
+    assert split_names(3) == ("01", "2")
+    assert split_names(7) == ("01346", "25")
