@@ -1,13 +1,14 @@
 """Whether tuning finds better values than those tuned by hand, on scenarios that the search did not use.
 
     python -m benchmarks.tuning.against_hand [--tasks poor shipped four_wheels] [--seeds 0 1 2 3 4]
-        [--trials 120] [--processes 2] [--cluster ADDRESS] [--out FILE]
+        [--trials 80] [--processes 2] [--cluster ADDRESS] [--studies FOLDER] [--out FILE]
 
 `poor`: four values of the shipped Robotino are spoilt first. `shipped`: the search begins at the shipped
 values. `four_wheels`: gains and filter noise of the shipped four-wheel rover without its camera, from the
 shipped values. The number of trials is fixed, so that the values found do not depend on the load of the
-machine. The best values of each search are driven on 24 held-out scenarios, which decide nothing. Prints a
-line of JSON for each study.
+machine: 80 are eight minutes of two free cores. As in `rover-hil tune`, the best values that are better than
+the start on the held-out scenarios are taken. They are then driven on 24 scenarios that have decided nothing.
+Prints a line of JSON for each study; a study whose journal is in the folder goes on.
 """
 
 import argparse
@@ -22,15 +23,17 @@ from benchmarks.cluster_option import add_cluster_option
 from benchmarks.tuning.tasks import OBJECTIVE
 from drivers.clock import seconds, stopwatch_ns
 from rover_hil.config import Config, load_config
-from rover_hil.config.tune_settings import CaseSettings, TunableSettings, TuneSettings
+from rover_hil.config.tune_settings import MOST_CASES, CaseSettings, TunableSettings, TuneSettings
 from rover_hil.parallel.executor import open_executor
+from rover_hil.tune.comparison import compare
 from rover_hil.tune.objective import MissionRunner, evaluate
 from rover_hil.tune.parallel_missions import missions_on
-from rover_hil.tune.parameters import check_parameters, start_values, with_values
-from rover_hil.tune.scenarios import held_out_seeds
+from rover_hil.tune.parameters import check_parameters, with_values
+from rover_hil.tune.scenarios import FIRST_HELD_OUT_SEED
 from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import MissionStudy
 
+UNSEEN = range(FIRST_HELD_OUT_SEED + MOST_CASES, FIRST_HELD_OUT_SEED + MOST_CASES + 24)
 POOR = {
     "mission.lookahead_m": 1.0,
     "mission.heading_gain_per_s": 0.1,
@@ -114,19 +117,21 @@ def _without_camera(config: Config) -> Config:
     )
 
 
-def run(task: str, seed: int, train: int, trials: int, drive: MissionRunner) -> dict[str, object]:
+def run(
+    task: str, seed: int, train: int, trials: int, folder: Path, drive: MissionRunner
+) -> dict[str, object]:
     """Return what one study found."""
     start, by_hand = make_start(task, seed, train)
     settings = check_parameters(start)
     counted = CountedRuns(drive)
-    with tempfile.TemporaryDirectory() as folder:
-        study = MissionStudy(Path(folder) / "study", "benchmark", start, settings)
-        study.search(counted, trials, lambda: False, lambda: None)
-        search_s, missions = counted.elapsed_s, counted.count
-        attempts, best = study.attempts(), study.candidates()
-    found = with_values(start, best[0].values) if best else start
+    study = MissionStudy(folder / f"{task}-{seed}.jsonl", "benchmark", start, settings)
+    study.search(counted, trials, lambda: False, lambda: None)
+    search_s, missions = counted.elapsed_s, counted.count
+    attempts, best = study.attempts(), study.candidates()
+    comparison = compare(start, settings, best, drive)
+    found = with_values(start, comparison.values)
     costs = {
-        name: evaluate(drive, config, held_out_seeds(settings.cases), settings.objective).cost
+        name: evaluate(drive, config, UNSEEN, settings.objective).cost
         for name, config in (("start", start), ("by hand", by_hand), ("found", found))
     }
     hand, tuned = costs["by hand"], costs["found"]
@@ -139,9 +144,11 @@ def run(task: str, seed: int, train: int, trials: int, drive: MissionRunner) -> 
         "missions": missions,
         "minutes": round(search_s / 60.0, 2),
         "train_cost": best[0].cost if best else None,
-        "held_out_cost": {name: None if cost is None else round(cost, 3) for name, cost in costs.items()},
+        "verdict": comparison.verdict,
+        "declined": len(comparison.declined),
+        "unseen_cost": {name: None if cost is None else round(cost, 3) for name, cost in costs.items()},
         "better_by": None if hand is None or tuned is None else round(1.0 - tuned / hand, 4),
-        "values": best[0].values if best else start_values(start, settings),
+        "values": comparison.values,
     }
 
 
@@ -153,15 +160,21 @@ def main() -> int:
     parser.add_argument("--tasks", nargs="+", default=tasks, choices=tasks)
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2, 3, 4])
     parser.add_argument("--train", type=int, default=12)
-    parser.add_argument("--trials", type=int, default=120)
+    parser.add_argument("--trials", type=int, default=80)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--studies", type=Path)
     parser.add_argument("--out", type=Path)
     add_cluster_option(parser)
     arguments = parser.parse_args()
-    with open_executor(arguments.cluster, arguments.processes) as executor:
+    with (
+        tempfile.TemporaryDirectory() as temporary,
+        open_executor(arguments.cluster, arguments.processes) as executor,
+    ):
+        folder = arguments.studies or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
         for task in arguments.tasks:
             for seed in arguments.seeds:
-                found = run(task, seed, arguments.train, arguments.trials, missions_on(executor))
+                found = run(task, seed, arguments.train, arguments.trials, folder, missions_on(executor))
                 line = json.dumps(found)
                 print(line, flush=True)
                 if arguments.out is not None:

@@ -1,4 +1,4 @@
-"""`rover-hil tune --logs`: search for better filter noise by replay of logs."""
+"""`tune --logs`: search for better filter noise by replay of logs."""
 
 from collections.abc import Sequence
 from pathlib import Path

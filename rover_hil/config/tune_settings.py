@@ -84,11 +84,11 @@ class LogObjectiveSettings(Settings):
         whiteness: Reference of the correlation of successive innovations, the mean of all kinds; 0 is white.
     """
 
-    position_m: Reference | None = 0.05
-    heading_deg: Reference | None = 3.0
-    nees: Reference | None = 0.7
-    nis: Reference | None = 0.7
-    whiteness: Reference | None = 0.5
+    position_m: Reference | None = None
+    heading_deg: Reference | None = None
+    nees: Reference | None = None
+    nis: Reference | None = None
+    whiteness: Reference | None = None
 
     @model_validator(mode="after")
     def _check_terms(self) -> Self:
@@ -102,7 +102,7 @@ class LogObjectiveSettings(Settings):
 
 
 class LogTuneSettings(Settings):
-    """What `rover-hil tune --logs` may change, and what it minimises.
+    """What `tune --logs` may change, and what it minimises.
 
     Attributes:
         parameters: Ranges by dotted key, of [filter], [slip] and [scomp], e.g. "filter.heading_noise_rad".
@@ -112,7 +112,9 @@ class LogTuneSettings(Settings):
     """
 
     parameters: Annotated[dict[str, TunableSettings], Field(min_length=1)]
-    objective: LogObjectiveSettings = LogObjectiveSettings()
+    objective: LogObjectiveSettings = LogObjectiveSettings(
+        position_m=0.05, heading_deg=3, nees=0.7, nis=0.7, whiteness=0.5
+    )
     withheld_s: Annotated[float, Field(ge=0.1, le=600.0)] = 5.0
 
 

@@ -21,6 +21,7 @@ POSE_PERIOD_S = 0.5
 FIRST_M = 0.1
 FIRST_RAD = 0.2
 LEAST_FIXES = 4
+START_RAD = 0.05
 DIMENSION_SHARE = 0.1
 DIMENSION_M = 0.002
 HELD_OUT_EVERY = 3
@@ -134,17 +135,21 @@ def _check_fixes(path: Path, fixes: TruePoses, withheld_s: float) -> None:
 
 
 def _judge_poses(path: Path, drive: RecordedDrive, poses: TruePoses) -> JudgePoses:
-    """Return poses half a second apart from the first motion on.
+    """Return poses half a second apart from the first motion on, in the local frame of the filter.
 
-    The local frame of the filter is the pose at start: the first of poses on /truth, while marks are
-    measured in it.
+    Raises:
+        LogError: The rover does not move, or the first pose is not that of the start.
     """
-    x_m, y_m, yaw_rad = poses.x_m, poses.y_m, poses.yaw_rad
-    if POSE[0] in drive.rows:
-        cosine, sine = np.cos(yaw_rad[0]), np.sin(yaw_rad[0])
-        right_m, up_m = x_m - x_m[0], y_m - y_m[0]
-        x_m, y_m = cosine * right_m + sine * up_m, cosine * up_m - sine * right_m
-        yaw_rad = yaw_rad - yaw_rad[0]
+    if POSE[0] not in drive.rows:
+        _check_start(path, drive, poses)
+    cosine, sine = np.cos(poses.yaw_rad[0]), np.sin(poses.yaw_rad[0])
+    right_m, up_m = poses.x_m - poses.x_m[0], poses.y_m - poses.y_m[0]
+    x_m, y_m = cosine * right_m + sine * up_m, cosine * up_m - sine * right_m
+    yaw_rad = poses.yaw_rad - poses.yaw_rad[0]
+    # The error of the first pose is in all others; that of its yaw counts as far away from it as they are.
+    way_sd_m = np.hypot(x_m, y_m) * poses.yaw_sd_rad[0]
+    position_sd_m = np.sqrt(poses.position_sd_m**2 + poses.position_sd_m[0] ** 2 + way_sd_m**2)
+    yaw_sd_rad = np.hypot(poses.yaw_sd_rad, poses.yaw_sd_rad[0])
     moved = (np.hypot(x_m, y_m) > FIRST_M) | (np.abs(yaw_rad) > FIRST_RAD)
     kept: list[int] = []
     newest_ns = -nanoseconds(POSE_PERIOD_S)
@@ -159,9 +164,24 @@ def _judge_poses(path: Path, drive: RecordedDrive, poses: TruePoses) -> JudgePos
         x_m=x_m[kept],
         y_m=y_m[kept],
         yaw_rad=yaw_rad[kept],
-        position_sd_m=poses.position_sd_m[kept],
-        yaw_sd_rad=poses.yaw_sd_rad[kept],
+        position_sd_m=position_sd_m[kept],
+        yaw_sd_rad=yaw_sd_rad[kept],
     )
+
+
+def _check_start(path: Path, drive: RecordedDrive, poses: TruePoses) -> None:
+    """Check that the wheels have not turned before the first pose.
+
+    Raises:
+        LogError: They have.
+    """
+    wheel = drive.rows["enc1_rad"]
+    before = wheel.value[wheel.t_ns <= poses.t_ns[0]]
+    if before.size and float(np.ptp(before)) > START_RAD:
+        raise LogError(
+            f"log {path}: its first known position is after the first motion, so the rest cannot be compared "
+            "with the estimate: measure where the rover starts, too"
+        )
 
 
 def _check_rover(path: Path, logged: RoverSettings, rover: RoverSettings) -> None:

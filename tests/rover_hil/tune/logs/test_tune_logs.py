@@ -1,6 +1,7 @@
 """`rover-hil tune --logs` as a user meets it."""
 
 import json
+import math
 import shutil
 import tomllib
 from collections.abc import Generator
@@ -10,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from drivers.errors import LogError
 from rover_hil.config import load_config
-from rover_hil.datasets.marks import marks_beside
+from rover_hil.datasets.marks import marks_file
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs, split
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.tune.logs.drives import COMPASS_RAD, GUESSED_RAD, PARAMETERS, write_config, write_drives
@@ -137,14 +139,21 @@ def test_a_log_without_truth_is_one_sentence_and_marks_make_up_for_it(
     assert command("tune", "rover.toml", "--study", "noise", "--logs", *logs) == 2
     assert_one_sentence(command.error, "20.mcap", "holds no true pose")
     for name in logs:
-        marks = "t_s,x_m,y_m,yaw_deg,sigma_m\n0,0,0,0,0.005\n9.5,0.8,0.2,90,0.005\n"
-        marks_beside(tmp_path / name).write_text(marks)
+        marks = "t_s,x_m,y_m,yaw_deg,sigma_m\n0,2,1,90,0.003\n9.5,1.8,1.8,180,0.004\n"
+        marks_file(tmp_path / name).write_text(marks)
     config = load_config(str(tmp_path / "rover.toml"))
     (log,) = read_judged_logs([tmp_path / logs[0]], config, 5.0)
     assert "by hand" in log.source
     assert log.poses is not None
-    assert log.poses.x_m.tolist() == [0.8]
-    assert log.poses.position_sd_m.tolist() == [0.005]
+    assert log.poses.x_m == pytest.approx([0.8])
+    assert log.poses.y_m == pytest.approx([0.2])
+    assert log.poses.yaw_rad == pytest.approx([math.pi / 2])
+    # Of both positions, and of the first yaw (3 mm at both ends of 0.3 m) at this distance.
+    away_m = math.hypot(0.8, 0.2) * math.sqrt(2.0) * 0.003 / 0.3
+    assert log.poses.position_sd_m == pytest.approx([math.hypot(0.003, 0.004, away_m)])
+    marks_file(tmp_path / logs[0]).write_text(marks.replace("0,2,1,90", "7,2,1,90"))
+    with pytest.raises(LogError, match="where the rover starts"):
+        read_judged_logs([tmp_path / logs[0]], config, 5.0)
 
 
 def test_every_third_log_is_held_out() -> None:
