@@ -1,11 +1,13 @@
 """Integration of the gyro."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from controllers.estimation.gyro import GyroIntegrator
+from controllers.estimation.parameters import ESTIMATION
 
 MS = 1_000_000
 
@@ -57,6 +59,20 @@ def test_readings_that_are_lost_while_the_rate_oscillates_leave_the_uncertainty_
     assert np.mean(lossy[:, 1]) > 0.005
     whole = np.array([angle_error(0.0, rng) for _ in range(20)])
     assert np.max(whole[:, 1]) < 0.002
+
+
+def test_the_uncertainty_is_the_error_of_the_trapezoid_by_the_mean_square_of_the_second_derivative(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    memory_s = 0.5
+    pose = replace(ESTIMATION.pose, curvature_memory_s=memory_s)
+    monkeypatch.setattr("controllers.estimation.gyro.ESTIMATION", replace(ESTIMATION, pose=pose))
+    gyro = GyroIntegrator(0.15)
+    for i in range(6):
+        gyro.feed(i * 10 * MS, 40.0 * (0.01 * i) ** 2)
+    # The second derivative is 80 rad/s^3, known from the third reading on.
+    squares = [80.0**2 * (1.0 - math.exp(-known * 0.01 / memory_s)) for known in range(5)]
+    assert gyro.turn.variance_rad2 == pytest.approx(sum((0.01**3 / 12.0) ** 2 * square for square in squares))
 
 
 def test_readings_in_a_burst_do_not_pass_for_an_oscillation() -> None:

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from controllers.estimation.guarded_filter import Innovation
 from controllers.roles import DeviceRoles
 from controllers.safety import SafetySupervisor
-from controllers.safety.estimate_rules import UnseenMotionRule, UnseenSettings
+from controllers.safety.estimate_rules import DisplacedFixRule, UnseenMotionRule, UnseenSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.settings import SafetySettings
 
@@ -77,3 +78,27 @@ def test_a_stop_of_a_cycle_is_in_its_doubts() -> None:
     ((wheel_rad, yaw_rad),) = supervisor.doubts
     assert wheel_rad == pytest.approx((2.0,))
     assert yaw_rad == 0.0
+
+
+def innovation(name: str, residual: float | None) -> Innovation:
+    return Innovation(name=name, residual=residual, variance=None, nis=None, accepted=True)
+
+
+def test_a_displaced_fix_that_was_taken_stops_beyond_the_limits_of_unseen_motion() -> None:
+    rule = DisplacedFixRule(UnseenSettings(unseen_position_m=0.5, unseen_yaw_rad=1.5))
+    allowed = (
+        innovation("overhead x", 9.0),
+        innovation("overhead displaced", 0.5),
+        innovation("overhead turned", 1.5),
+        innovation("overhead displaced", None),
+    )
+    assert list(rule.check(Cycle(now_ns=0, innovations=allowed))) == []
+    beyond = (*allowed, innovation("overhead displaced", 0.51), innovation("overhead turned", 1.51))
+    cause = "rover carried, device moved, or wheels slipped more than [filter] expects"
+    assert list(rule.check(Cycle(now_ns=0, innovations=beyond))) == [
+        StopReason(
+            "overhead displaced",
+            f"overhead: fixes {by} against the estimate: {cause}",
+        )
+        for by in ("displaced by 0.51 m", "turned by 1.51 rad")
+    ]
