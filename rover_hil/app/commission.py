@@ -1,5 +1,6 @@
 """`rover-hil commission`: a line and squares, marks measured by hand, what the estimate is worth there."""
 
+import cmath
 import json
 import math
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from controllers.slip.effort.settings import YAW_PROBE
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.ask import ask, ask_number
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.key_presses import enter_was_pressed
 from rover_hil.app.room import require_room
 from rover_hil.app.run import require_finished, run_real, run_virtual
 from rover_hil.app.steps import show_steps
@@ -39,6 +41,8 @@ SLOWNESS = 4.0
 """Longest time of a drive over that of the mission: a slipping rover is slower."""
 SEED = 1
 DEFAULT_SPEED_M_S = 0.15
+REACTION_S = 0.2
+"""Standard deviation of the time at which a person presses a key."""
 
 Drive = tuple[str, Poses, Marks]
 
@@ -153,47 +157,63 @@ def _drive(
     log = out / f"{name}.mcap"
     if not virtual:
         ask(f"{name}: put the rover on its start mark, nose along the line, and press Enter", "ready")
+    presses_ns: list[int] = []
     with show_steps(f"driving {name}") as step:
 
         def show(output: StepOutput) -> None:
+            if not virtual and enter_was_pressed():
+                presses_ns.append(output.t_ns)
             pose = output.estimate
-            step(f"{name}: x {pose.x_m:+.2f} m  y {pose.y_m:+.2f} m  {output.reason}")
+            keys = "" if virtual else f"  Enter on a mark: {len(presses_ns)}"
+            step(f"{name}: x {pose.x_m:+.2f} m  y {pose.y_m:+.2f} m  {output.reason}{keys}")
 
         if virtual:
             result = run_virtual(driven, log, limit_s, show)
         else:
             result = run_real(driven, log, limit_s, show, realtime=False)
     require_finished(result, name)
-    stops_s = read_poses(log).stops_s
-    marks = _true_marks(log, stops_s, plan.tape_sd_m, rng) if virtual else _asked_marks(name, stops_s, plan)
+    poses = read_poses(log)
+    if virtual:
+        marks = _true_marks(log, poses.stops_s, plan.tape_sd_m, rng)
+    else:
+        marks = _asked_marks(name, poses, presses_ns, plan)
     write_file(marks_file(log), marks_text(marks))
 
 
 def _true_marks(log: Path, stops_s: Array, sd_m: float, rng: np.random.Generator) -> Marks:
-    """Return what a tape measure would give of a simulated drive: the true poses, with its errors."""
+    """Return what a tape measure would give of a simulated drive: the true poses, with its errors.
+
+    The rover was put on its start mark with the same errors, which move and turn all marks of the drive.
+    """
     drive = read_drive(log)
     true = drive.true_poses()
     t_s = drive.seconds(true.t_ns)
-    times = stops_s
-    x_m, y_m, yaw = (np.interp(times, t_s, values) for values in (true.x_m, true.y_m, true.yaw_rad))
-    cos, sin = math.cos(true.yaw_rad[0]), math.sin(true.yaw_rad[0])
-    ahead_m, left_m = x_m - true.x_m[0], y_m - true.y_m[0]
-    exact = Marks(times, x_m, y_m, yaw, np.full(len(times), sd_m))
-    noise = rng.standard_normal((3, len(times)))
+    x_m, y_m, yaw = (np.interp(stops_s, t_s, values) for values in (true.x_m, true.y_m, true.yaw_rad))
+    exact = Marks(stops_s, x_m, y_m, yaw, np.full(len(stops_s), sd_m))
+    noise = rng.standard_normal((3, len(stops_s) + 1))
+    start_yaw = exact.start_yaw_sd_rad * noise[2, -1]
+    turned = yaw - true.yaw_rad[0] + start_yaw
+    place = (x_m - true.x_m[0]) + 1j * (y_m - true.y_m[0])
+    place = place * cmath.rect(1.0, start_yaw - true.yaw_rad[0])
+    place += sd_m * (noise[0, -1] + 1j * noise[1, -1])
     return Marks(
-        times,
-        cos * ahead_m + sin * left_m + sd_m * noise[0],
-        cos * left_m - sin * ahead_m + sd_m * noise[1],
-        np.degrees(yaw - true.yaw_rad[0] + exact.yaw_sd_rad * noise[2]),
+        stops_s,
+        place.real + sd_m * noise[0, :-1],
+        place.imag + sd_m * noise[1, :-1],
+        np.degrees(turned + exact.yaw_sd_rad * noise[2, :-1]),
         exact.sigma_m,
     )
 
 
-def _asked_marks(name: str, stops_s: Array, plan: Plan) -> Marks:
-    """Ask for the position of each stop; one that was not measured is left out."""
+def _asked_marks(name: str, poses: Poses, presses_ns: Sequence[int], plan: Plan) -> Marks:
+    """Ask for the position of each stop and each press of Enter; one that was not measured is left out."""
+    presses_s = [(t_ns - poses.start_ns) / 1e9 for t_ns in presses_ns]
+    stops_s = [t_s for t_s in poses.stops_s.tolist() if not _is_near(t_s, presses_s)]
+    places = [(t_s, f"stop at {t_s:.0f} s") for t_s in stops_s]
+    places += [(t_s, f"Enter at {t_s:.1f} s") for t_s in presses_s]
     rows = []
-    for number, t_s in enumerate(stops_s.tolist(), start=1):
-        question = f"{name}, stop {number} at {t_s:.0f} s: was it measured? (yes/no)"
+    for t_s, place in sorted(places):
+        question = f"{name}, {place}: was it measured? (yes/no)"
         if ask(question, "yes").lower().startswith("n"):
             continue
         x_m = ask_number("  x from the start, along its nose, m", -500.0, 500.0)
@@ -205,10 +225,16 @@ def _asked_marks(name: str, stops_s: Array, plan: Plan) -> Marks:
             raise ConfigError(
                 f"'{yaw}' is not a number: enter the marks into the CSV file, use --again"
             ) from None
-        rows.append((t_s, x_m, y_m, yaw_deg, plan.tape_sd_m))
+        sigma_m = math.hypot(plan.tape_sd_m, REACTION_S * poses.speed_m_s(t_s))
+        rows.append((t_s, x_m, y_m, yaw_deg, sigma_m))
     if not rows:
         raise ConfigError(f"{name}: no stop was measured: mark the places where the rover stops")
     return Marks(*np.array(rows).T)
+
+
+def _is_near(stop_s: float, presses_s: Sequence[float]) -> bool:
+    """Return whether Enter was pressed during a stop: the press marks it."""
+    return any(abs(stop_s - press_s) <= 0.5 * WAIT_S for press_s in presses_s)
 
 
 def _read(log: Path, name: str) -> Drive:

@@ -11,6 +11,7 @@ from rover_hil.recording import schema
 from rover_hil.recording.reader import LogReader
 
 LEAST_STOP_S = 1.0
+SPEED_WINDOW_S = 0.25
 TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -21,6 +22,7 @@ class Poses:
     Attributes:
         path: The log.
         is_virtual: The rover was simulated.
+        start_ns: Its start.
         t_s: Time since its start, (n,).
         odometry: x, y, yaw by the wheels, yaw not wrapped, (n, 3).
         estimate: The same by the estimate, (n, 3).
@@ -31,6 +33,7 @@ class Poses:
 
     path: Path
     is_virtual: bool
+    start_ns: int
     t_s: Array
     odometry: Array
     estimate: Array
@@ -41,6 +44,14 @@ class Poses:
     def at(self, t_s: float) -> int:
         """Return the cycle nearest to a time."""
         return int(np.argmin(np.abs(self.t_s - t_s)))
+
+    def speed_m_s(self, t_s: float) -> float:
+        """Return the speed by the wheels around a time."""
+        before, after = self.at(t_s - SPEED_WINDOW_S), self.at(t_s + SPEED_WINDOW_S)
+        if after <= before:
+            return 0.0
+        moved_m = np.hypot(*(self.odometry[after, :2] - self.odometry[before, :2]))
+        return float(moved_m / (self.t_s[after] - self.t_s[before]))
 
 
 def read_poses(path: Path) -> Poses:
@@ -80,6 +91,7 @@ def read_poses(path: Path) -> Poses:
     return Poses(
         path=path,
         is_virtual=log.origin == "virtual",
+        start_ns=log.start_ns,
         t_s=table[:, 0],
         odometry=odometry,
         estimate=estimate,

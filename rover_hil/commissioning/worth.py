@@ -35,8 +35,8 @@ class MarkError:
         odometry_m: Error of the wheels' position in x and y, (2,).
         estimate_m: Error of the estimate's, (2,).
         odometry_deg, estimate_deg: Of the yaw; NaN where it was not measured.
-        sigma_m: Standard deviation that the estimate gives for its position, with that of the mark.
-        nees: Squared error over its covariance, that of the mark added; expected are `dimensions`.
+        sigma_m: Standard deviation that the estimate gives for its position, with those of mark and start.
+        nees: Squared error over its covariance, those of mark and start added; expected are `dimensions`.
         dimensions: 3 with yaw, 2 without.
     """
 
@@ -180,7 +180,7 @@ def _mark_errors(name: str, poses: Poses, marks: Marks) -> list[MarkError]:
             for track in (poses.odometry, poses.estimate)
         ]
         size = 3 if has_yaw else 2
-        covariance = poses.covariance[place][:size, :size].copy()
+        covariance = (poses.covariance[place] + _start_covariance(marks, true))[:size, :size]
         covariance[0, 0] += marks.sigma_m[number] ** 2
         covariance[1, 1] += marks.sigma_m[number] ** 2
         error = np.append(poses.estimate[place, :2] - true, yaw_errors[1:] if has_yaw else [])
@@ -200,6 +200,14 @@ def _mark_errors(name: str, poses: Poses, marks: Marks) -> list[MarkError]:
             )
         )
     return errors
+
+
+def _start_covariance(marks: Marks, place_m: Array) -> Array:
+    """Return the covariance of a pose at a place from putting the rover on its start mark by hand, (3, 3)."""
+    turn = np.array([-place_m[1], place_m[0], 1.0])
+    shifted = marks.start_sd_m**2 * np.diag([1.0, 1.0, 0.0])
+    covariance: Array = shifted + marks.start_yaw_sd_rad**2 * np.outer(turn, turn)
+    return covariance
 
 
 def _end_error(poses: Poses, marks: Marks) -> tuple[Array, Array]:

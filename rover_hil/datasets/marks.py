@@ -44,6 +44,16 @@ class Marks:
         sd: Array = np.sqrt(2.0) * self.sigma_m / YAW_BASE_M
         return sd
 
+    @property
+    def start_sd_m(self) -> float:
+        """Standard deviation of the start: the rover is put on its mark as exactly as marks are measured."""
+        return float(self.sigma_m.min())
+
+    @property
+    def start_yaw_sd_rad(self) -> float:
+        """Standard deviation of the yaw at start."""
+        return float(self.yaw_sd_rad.min())
+
 
 def marks_file(log: Path) -> Path:
     """Return where the marks of a log would be: `run.positions.csv` beside `run.mcap`."""
