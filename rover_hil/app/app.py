@@ -283,6 +283,10 @@ def commission(
     again: Annotated[
         bool, typer.Option("--again", help="Drive nothing: use the logs and marks in the folder.")
     ] = False,
+    enter: Annotated[
+        bool,
+        typer.Option("--enter", help="Allow the yaw excitation in the configuration, where it has passed."),
+    ] = False,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -301,7 +305,16 @@ def commission(
 
     plan = Plan(side_m=side, laps=laps, tape_sd_m=tape_sd)
     sys.exit(
-        commission_rover(config, plan=plan, virtual=virtual, again=again, out=out, as_json=json, force=force)
+        commission_rover(
+            config,
+            plan=plan,
+            virtual=virtual,
+            again=again,
+            enter=enter,
+            out=out,
+            as_json=json,
+            force=force,
+        )
     )
 
 

@@ -23,7 +23,8 @@ from rover_hil.app.steps import show_steps
 from rover_hil.commissioning.drive import Poses, read_poses
 from rover_hil.commissioning.figures import draw_drives, draw_errors
 from rover_hil.commissioning.worth import Worth, find_worth
-from rover_hil.config import Config, load_config
+from rover_hil.config import Config, load_config, read_config_text, shipped_configs
+from rover_hil.config.entry import with_entry
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
@@ -84,7 +85,7 @@ class Plan:
 
 
 def commission(
-    source: str, *, plan: Plan, virtual: bool, again: bool, out: Path, as_json: bool, force: bool
+    source: str, *, plan: Plan, virtual: bool, again: bool, enter: bool, out: Path, as_json: bool, force: bool
 ) -> int:
     """Drive, ask for the measured marks, and write the report; returns the exit code: 1 if it did not pass.
 
@@ -93,6 +94,7 @@ def commission(
         plan: What is driven.
         virtual: Drive the simulated rover; its true pose plays the tape measure.
         again: Drive nothing: use the logs and marks that are in the folder.
+        enter: Enter `excite_real_rover` into the configuration where the excitation has passed.
         out: Folder for logs, marks and report.
         as_json: Print JSON instead of text.
         force: Replace earlier files.
@@ -102,6 +104,11 @@ def commission(
         LogError: A log or a file of marks is missing or damaged.
     """
     config = load_config(source, VIRTUAL_RUN_CHECKS[-1:] if virtual else ROVER_CHECKS)
+    if enter and (virtual or source in shipped_configs()):
+        raise ConfigError(
+            "--enter: the excitation must pass on the real rover: leave --virtual out, and name a TOML file "
+            "of yours"
+        )
     page = out / PAGE_NAME
     refuse_overwrite(page, force=force or again)
     names = plan.names()
@@ -119,6 +126,10 @@ def commission(
     worth = find_worth(drives)
     facts = _facts(config, worth, is_virtual=any(poses.is_virtual for _, poses, _ in drives))
     write_file(page, _page(source, drives, worth, facts))
+    is_excited = config.slip is not None and config.slip.use == YAW_PROBE
+    if enter and is_excited and not worth.doubts:
+        _require_real(drives)
+        write_file(Path(source), with_entry(read_config_text(source), "slip", "excite_real_rover", True))
     if as_json:
         record = {
             "odometry_rms_m": worth.odometry_rms_m,
@@ -244,6 +255,12 @@ def _read(log: Path, name: str) -> Drive:
     return name, read_poses(log), read_marks(path)
 
 
+def _require_real(drives: Sequence[Drive]) -> None:
+    for _, poses, _ in drives:
+        if poses.is_virtual:
+            raise ConfigError(f"--enter: {poses.path} is of the simulated rover: commission the real one")
+
+
 def _facts(config: Config, worth: Worth, *, is_virtual: bool) -> tuple[tuple[str, str], ...]:
     facts = [
         ("marks", f"{len(worth.marks)}, {worth.distance_m:.1f} m between them"),
@@ -285,10 +302,13 @@ def _excitation_words(worth: Worth, *, is_virtual: bool) -> str:
         return 'it must not be used on this ground: set use = "surfaces" in [slip], or leave [slip] out'
     if is_virtual:
         return (
-            "it passed on the simulated ground. On a real rover it is not the default: use it there only "
-            "after a commissioning without --virtual has passed"
+            "it passed on the simulated ground. On a real rover it stays off until a commissioning without "
+            "--virtual has passed"
         )
-    return "it passed here; on another ground commission again before you use it"
+    return (
+        "it passed here: set excite_real_rover = true in [slip], or add --again --enter; on another ground "
+        "commission again"
+    )
 
 
 def _page(source: str, drives: Sequence[Drive], worth: Worth, facts: Sequence[tuple[str, str]]) -> str:

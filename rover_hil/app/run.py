@@ -29,6 +29,7 @@ from rover_hil.recording.writer import LogWriter, Mirror
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.composition import build_real_rig, build_virtual_rig
+from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End, Executive, Operator, RunResult
 from rover_hil.run.real_time import enter_realtime
 from rover_hil.run.watchdog import Watchdog
@@ -68,6 +69,7 @@ def run_rover(
     messages = Console(stderr=True)
     if model is not None:
         config = _extended(config, model, messages, virtual=virtual)
+    config, note = (config, "") if virtual else for_real_rover(config)
     folder = out or Path("runs") / f"{Path(config_name).stem}-{wall_time_text()}"
     log_path = folder / LOG_NAME
     reports = [folder / name for name in (SUMMARY_NAME, REPORT_NAME)]
@@ -77,9 +79,7 @@ def run_rover(
         live_mirror(live_port, messages) as mirror,
         Live(console=messages, transient=True, auto_refresh=False) as live,
     ):
-
-        def show(output: StepOutput) -> None:
-            live.update(_status_line(output), refresh=True)
+        show = _display(live, messages, note)
 
         try:
             if virtual:
@@ -111,6 +111,18 @@ def run_rover(
         console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
     _tell_slowness(result, config.loop.rate_hz, messages, virtual=virtual)
     return EXIT_OK if _went_well(result, duration_s) else EXIT_NO
+
+
+def _display(live: Live, messages: Console, note: str) -> StatusDisplay:
+    """Return what shows the state of a run; a note is printed once, when the run has begun."""
+    notes = [note] if note else []
+
+    def show(output: StepOutput) -> None:
+        if notes:
+            messages.print(notes.pop(), highlight=False, soft_wrap=True)
+        live.update(_status_line(output), refresh=True)
+
+    return show
 
 
 def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) -> Config:

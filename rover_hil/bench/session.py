@@ -27,6 +27,7 @@ from drivers.errors import ConfigError
 from rover_hil.bench.loop_process import LoopProcess, ReportFunction, RunFunction
 from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder, View
 from rover_hil.config import Config
+from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End
 
 LOG_NAME = "run.mcap"
@@ -175,6 +176,9 @@ class Session:
             if not is_real:
                 self.config.require_simulation()
             config = self._config_for(kind, points)
+            changed = ""
+            if is_real:
+                config, changed = for_real_rover(config)
             name = self._free_name()
             self._armed_until_ns = 0
             self._order = RunOrder(
@@ -185,7 +189,7 @@ class Session:
             )
             self._kind = kind
             self._is_paused = False
-            self._message = ""
+            self._message = changed
             self._report_name = ""
             self._run += 1
             self._views.clear()

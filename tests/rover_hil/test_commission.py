@@ -7,6 +7,7 @@ import math
 import os
 import pty
 import select
+import shutil
 import sys
 from collections.abc import Callable
 from itertools import pairwise
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 
 from controllers.motion.mission import corner_points
+from drivers.errors import LogError
 from rover_hil.app import commission as commission_module
 from rover_hil.app.commission import Plan
 from rover_hil.app.key_presses import enter_was_pressed
@@ -26,6 +28,7 @@ from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import marks_file, read_marks
 from rover_hil.recording.schema import ESTIMATE
 from rover_hil.recording.writer import LogWriter
+from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End
 from tests.rover_hil.command import Command, assert_one_sentence
 
@@ -128,11 +131,58 @@ def test_errors_slip_and_covariance_are_those_of_the_drives(command: Command, co
     assert found["doubts"] == []
     assert again(command) == 0
     assert "passed on this ground" in command.out
-    assert "it passed here; on another ground commission again" in command.out
+    assert "it passed here: set excite_real_rover = true in [slip]" in command.out
     Path("runs/line.mcap").unlink()
     write_drive(Path("runs/line.mcap"), config, "line", origin="virtual")
     assert again(command) == 0
-    assert "it passed on the simulated ground. On a real rover it is not the default" in command.out
+    assert "it passed on the simulated ground. On a real rover it stays off" in command.out
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_the_excitation_is_entered_where_it_has_passed(command: Command, config: Config) -> None:
+    write_all(config)
+    Path("rover.toml").write_text(read_config_text("robotino"), "utf-8")
+    options = ("--again", "--enter", "--out", "runs", "--side", "1", "--laps", "2")
+    assert for_real_rover(load_config("rover.toml"))[0].slip is None
+    assert command("commission", "rover.toml", *options) == 0, command.error
+    allowed = load_config("rover.toml")
+    assert for_real_rover(allowed) == (allowed, "")
+    assert command("commission", "robotino", *options) == 2
+    assert_one_sentence(command.error, "leave --virtual out")
+    # Where it has not passed the configuration stays as it is.
+    Path("rover.toml").write_text(read_config_text("robotino"), "utf-8")
+    shutil.rmtree("runs")
+    write_all(config, reason="gyro in doubt")
+    assert command("commission", "rover.toml", *options) == 1
+    assert Path("rover.toml").read_text("utf-8") == read_config_text("robotino")
+
+
+def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
+    command: Command, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven = []
+
+    def drive(
+        config: Config,
+        log: Path,
+        limit_s: float,
+        show: Callable[[object], None],
+        *rest: object,
+        **options: object,
+    ) -> object:
+        driven.append(config)
+        show(None)
+        show(None)
+        raise LogError("enough")
+
+    monkeypatch.setattr("rover_hil.app.run._status_line", lambda output: "")
+    monkeypatch.setattr("rover_hil.app.run.run_real", drive)
+    monkeypatch.setattr("rover_hil.app.run.run_virtual", drive)
+    command("run", "robotino", "--out", "a")
+    assert command.error.count("the yaw excitation is off, and slip is not compensated") == 1
+    command("run", "robotino", "--virtual", "--out", "a")
+    assert "excitation" not in command.error
+    assert [each.slip is None for each in driven] == [True, False]
 
 
 @pytest.mark.usefixtures("unrendered")

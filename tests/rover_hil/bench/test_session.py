@@ -79,6 +79,9 @@ def test_a_real_run_needs_arming_each_time_and_for_half_a_minute(
     assert isinstance(order, RunOrder)
     assert not order.is_virtual
     assert not session.snapshot(0, 0).is_armed
+    # The excitation has not passed a commissioning on the real rover.
+    assert order.config.slip is None
+    assert "the yaw excitation is off" in session.snapshot(0, 0).message
 
 
 @pytest.mark.parametrize("disarm", ["emergency stop", "lost browser"])
