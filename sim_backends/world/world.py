@@ -93,12 +93,11 @@ class World:
 
     def advance(self, now_ns: int) -> None:
         """Run every event up to `now_ns`, in order, then the plant to `now_ns`."""
-        while True:
-            events_ns = [device.next_event_ns for device in self._devices]
-            t_ns = min(events_ns)
-            if t_ns > now_ns:
-                break
-            device = self._devices[events_ns.index(t_ns)]
+        events_ns = [device.next_event_ns for device in self._devices]
+        while (t_ns := min(events_ns)) <= now_ns:
+            index = events_ns.index(t_ns)
+            device = self._devices[index]
             self.plant.advance(t_ns)
             device.run_event(t_ns)
+            events_ns[index] = device.next_event_ns  # an event changes those of its own device only
         self.plant.advance(now_ns)
