@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from drivers.clock import nanoseconds
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from sim_backends.build import build_world
-from sim_backends.plants.robotino.plant import RobotinoPlant, slip_ratio
+from sim_backends.plants.robotino.dynamics import slip_ratio
+from sim_backends.plants.robotino.plant import RobotinoPlant
 from sim_backends.plants.robotino.settings import MotorSettings, RobotinoPlantSettings, SpeedLoopSettings
 from sim_backends.plants.robotino.site import Site
 from sim_backends.plants.robotino.surfaces import Surface, shipped_surfaces

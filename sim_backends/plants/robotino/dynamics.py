@@ -23,6 +23,9 @@ BRIDGE_COUNTS = 255.0
 CREEP_M_S = 0.001
 """Below this speed resistance and traction decrease to zero instead of changing sign abruptly."""
 
+SLIP_FLOOR_M_S = 0.02
+"""Slip decreases to 0 where rim and ground are both slower: 1 - v / (r omega) is undefined at rest."""
+
 _compiled = compiled()
 
 
@@ -127,6 +130,67 @@ def advance(state: State, rover: Rover, ground: Ground, steps: int) -> None:
         _contact_coefficients(state, rover, ground, step.grip, step.along, step.across)
         _step_body(state, rover, step)
         state.step[0] += 1
+
+
+class Observed(NamedTuple):
+    """What can be seen of the rover at an instant, as plain numbers; tuples hold one per wheel."""
+
+    pose: tuple[float, float, float]
+    twist: tuple[float, float, float]
+    position_rad: tuple[float, float, float]
+    speed_rad_s: tuple[float, float, float]
+    current_a: tuple[float, float, float]
+    slip: tuple[float, float, float]
+    supply_v: float
+
+
+@_compiled
+def observe(state: State, rover: Rover, encoder_zeros: Array, since_s: float) -> Observed:
+    """Return the state `since_s` after the last step, extrapolated at constant speed."""
+    x, y, yaw = state.pose
+    forward, left, turn = state.twist
+    cos_yaw = math.cos(yaw)
+    sin_yaw = math.sin(yaw)
+    return Observed(
+        (
+            x + since_s * (cos_yaw * forward - sin_yaw * left),
+            y + since_s * (sin_yaw * forward + cos_yaw * left),
+            yaw + since_s * turn,
+        ),
+        (forward, left, turn),
+        (
+            _position(state, encoder_zeros, 0, since_s),
+            _position(state, encoder_zeros, 1, since_s),
+            _position(state, encoder_zeros, 2, since_s),
+        ),
+        (state.speed_rad_s[0], state.speed_rad_s[1], state.speed_rad_s[2]),
+        (state.current_a[0], state.current_a[1], state.current_a[2]),
+        (_slip(state, rover, 0), _slip(state, rover, 1), _slip(state, rover, 2)),
+        state.supply[0],
+    )
+
+
+@_compiled
+def _position(state: State, encoder_zeros: Array, wheel: int, since_s: float) -> float:
+    position: float = state.angle_rad[wheel] - encoder_zeros[wheel] + since_s * state.speed_rad_s[wheel]
+    return position
+
+
+@_compiled
+def _slip(state: State, rover: Rover, wheel: int) -> float:
+    return slip_ratio(rover.radius_m * state.speed_rad_s[wheel], _dot(rover.direction, wheel, state.twist))
+
+
+@_compiled
+def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
+    """Return 1 - v / (r omega) of a driving wheel, between 0 and 1; negative to -1 of a braking one.
+
+    The divisor is the faster of the two speeds, at least `SLIP_FLOOR_M_S`.
+    """
+    forward = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
+    difference = rim_m_s - ground_m_s
+    slip = math.copysign(difference, difference * forward)
+    return min(max(slip / max(abs(forward), SLIP_FLOOR_M_S), -1.0), 1.0)
 
 
 @_compiled

@@ -10,14 +10,12 @@ import numpy as np
 from drivers.clock import nanoseconds, seconds
 from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.jit import specialised
-from sim_backends.plants.robotino.dynamics import Rover, State, advance
+from sim_backends.plants.robotino.dynamics import Rover, State, advance, observe
 from sim_backends.plants.robotino.ground import rasterise
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.world.plant import Truth
 
 WHEEL_ANGLES_DEG = (60.0, 180.0, 300.0)
-SLIP_FLOOR_M_S = 0.02
-"""Slip decreases to 0 where rim and ground are both slower: 1 - v / (r omega) is undefined at rest."""
 
 
 class _Command(NamedTuple):
@@ -54,10 +52,8 @@ class RobotinoPlant:
         self._rover = make_rover(settings, seconds(self._step_ns))
         self._state = _initial_state(settings)
         self._advance = specialised(advance, self._state, self._rover, self._ground, 1)
-        # Plain numbers for speed: `truth` is called several times in each control cycle.
-        self._radius_m = float(self._rover.radius_m)
-        self._directions: list[list[float]] = self._rover.direction.tolist()
-        self._encoder_zeros: list[float] = rng.uniform(0.0, self._rover.tick_rad, 3).tolist()
+        self._encoder_zeros = rng.uniform(0.0, self._rover.tick_rad, 3)
+        self._observe = specialised(observe, self._state, self._rover, self._encoder_zeros, 0.0)
         self._state.angle_rad[:] = self._encoder_zeros
         self._ticks_per_rad_s = 1.0 / (self._rover.tick_rad * loop.rate_hz)
         self._commands: deque[_Command] = deque()
@@ -96,49 +92,27 @@ class RobotinoPlant:
         return self._truth
 
     def _state_now(self) -> Truth:
-        state, settings = self._state, self._settings
-        since_s = seconds(self._t_ns - self._grid_ns)
-        x_m, y_m, yaw = state.pose.tolist()
-        velocity_x, velocity_y, yaw_rate = state.twist.tolist()
-        speeds = state.speed_rad_s.tolist()
-        positions_rad = [
-            angle - zero + since_s * speed
-            for angle, zero, speed in zip(state.angle_rad.tolist(), self._encoder_zeros, speeds, strict=True)
-        ]
-        slips = [
-            slip_ratio(self._radius_m * speed, x * velocity_x + y * velocity_y + turn * yaw_rate)
-            for speed, (x, y, turn) in zip(speeds, self._directions, strict=True)
-        ]
-        cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
-        x_m += since_s * (cos_yaw * velocity_x - sin_yaw * velocity_y)
+        since_s, bumper_x_m = seconds(self._t_ns - self._grid_ns), self._settings.bumper_x_m
+        seen = self._observe(self._state, self._rover, self._encoder_zeros, since_s)
+        x_m, y_m, yaw_rad = seen.pose
+        velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s = seen.twist
         return Truth(
             t_ns=self._t_ns,
             x_m=x_m,
-            y_m=y_m + since_s * (sin_yaw * velocity_x + cos_yaw * velocity_y),
-            yaw_rad=yaw + since_s * yaw_rate,
+            y_m=y_m,
+            yaw_rad=yaw_rad,
             roll_rad=0.0,
             pitch_rad=0.0,
-            velocity_x_m_s=velocity_x,
-            velocity_y_m_s=velocity_y,
-            yaw_rate_rad_s=yaw_rate,
-            wheel_position_rad=tuple(positions_rad),
-            wheel_speed_rad_s=tuple(speeds),
-            motor_current_a=tuple(state.current_a.tolist()),
-            slip=tuple(slips),
-            battery_v=state.supply.item(),
-            bumper_pressed=settings.bumper_x_m is not None and x_m > settings.bumper_x_m,
+            velocity_x_m_s=velocity_x_m_s,
+            velocity_y_m_s=velocity_y_m_s,
+            yaw_rate_rad_s=yaw_rate_rad_s,
+            wheel_position_rad=seen.position_rad,
+            wheel_speed_rad_s=seen.speed_rad_s,
+            motor_current_a=seen.current_a,
+            slip=seen.slip,
+            battery_v=seen.supply_v,
+            bumper_pressed=bumper_x_m is not None and x_m > bumper_x_m,
         )
-
-
-def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
-    """Return 1 - v / (r omega) of a driving wheel, between 0 and 1; negative to -1 of a braking one.
-
-    The divisor is the faster of the two speeds, at least `SLIP_FLOOR_M_S`.
-    """
-    forward = rim_m_s if abs(rim_m_s) >= abs(ground_m_s) else ground_m_s
-    difference = rim_m_s - ground_m_s
-    slip = math.copysign(difference, difference * forward)
-    return min(max(slip / max(abs(forward), SLIP_FLOOR_M_S), -1.0), 1.0)
 
 
 def make_rover(settings: RobotinoPlantSettings, step_s: float) -> Rover:
