@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import cast
 
 from cantools.database.can import Message
+from cantools.database.utils import create_encode_decode_formats
 
 from drivers.can_frame import EXTENDED_FLAG, CanFrame, pack_can_frame
 from drivers.can_wheels.mapping import Protection
@@ -78,11 +78,46 @@ class _Checksum:
         return self._algorithm(data[: self.index] + data[self.index + 1 :])
 
 
+class Layout:
+    """Where the signals of a message are, of one that is not multiplexed.
+
+    cantools knows the layout; its own `encode` and `decode` look at each signal again in each message.
+    """
+
+    def __init__(self, message: Message) -> None:
+        self._length = message.length
+        self._formats = create_encode_decode_formats(message.signals, message.length)
+        orders = {signal.byte_order for signal in message.signals}
+        self._has_big, self._has_little = "big_endian" in orders, "little_endian" in orders
+        self._integers = [signal.name for signal in message.signals if not signal.is_float]
+
+    def unpack(self, data: bytes) -> dict[str, float]:
+        """Return the raw numbers by signal; `data` is as long as the message."""
+        values: dict[str, float] = {}
+        if self._has_big:
+            values.update(self._formats.big_endian.unpack(data))
+        if self._has_little:
+            values.update(self._formats.little_endian.unpack(data[::-1]))
+        return values
+
+    def pack(self, values: dict[str, float]) -> bytes:
+        """Return the message; `values` holds every signal, and is changed: integers are rounded."""
+        for name in self._integers:
+            values[name] = round(values[name])
+        bits = 0
+        if self._has_big:
+            bits |= int.from_bytes(self._formats.big_endian.pack(values), "big")
+        if self._has_little:
+            bits |= int.from_bytes(self._formats.little_endian.pack(values), "little")
+        return bits.to_bytes(self._length, "big")
+
+
 class _Protected:
     """Common part of reading and writing a message."""
 
     def __init__(self, message: Message, protection: Protection | None) -> None:
         self._message = message
+        self._layout = Layout(message)
         self._checksum: _Checksum | None = None
         self._counter: str | None = None
         self._modulus = 1
@@ -128,9 +163,7 @@ class MessageReader(_Protected):
             return None, TOO_SHORT
         if self._checksum is not None and self._checksum.of(data) != data[self._checksum.index]:
             return None, CHECKSUM
-        values = cast(
-            "dict[str, float]", self._message.decode_simple(data, decode_choices=False, scaling=False)
-        )
+        values = self._layout.unpack(data)
         rejection = None if self._counter is None else self._check_counter(int(values[self._counter]))
         if rejection is not None and rejection is not FRAMES_LOST:
             return None, rejection
@@ -173,7 +206,7 @@ class MessageWriter(_Protected):
         if self._counter is not None:
             values[self._counter] = self._next_counter
             self._next_counter = (self._next_counter + 1) % self._modulus
-        data = self._message.encode(values, scaling=False, strict=False)
+        data = self._layout.pack(values)
         if self._checksum is not None:
             index = self._checksum.index
             data = data[:index] + bytes((self._checksum.of(data),)) + data[index + 1 :]

@@ -3,17 +3,20 @@
 import math
 import struct
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Literal
 
 import cantools
+import numpy as np
 import pytest
 from cantools.database.can import Database, Message
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers import can_wheels
 from drivers.can_frame import unpack_can_frame
 from drivers.can_wheels.mapping import Protection
-from drivers.can_wheels.messages import MessageReader, MessageWriter, crc8_j1850, sum8, xor8
+from drivers.can_wheels.messages import Layout, MessageReader, MessageWriter, crc8_j1850, sum8, xor8
 from drivers.can_wheels.signals import make_scale, raw_limits
 
 DBC = """VERSION ""
@@ -245,3 +248,32 @@ def test_float_signal_means_what_the_bytes_hold(value: float) -> None:
     data = data_of(MessageWriter(message("Floats"), None).write(held))
     assert struct.unpack("<f", data[:4])[0] == scale.to_raw(value) == pytest.approx(value, abs=4e-6)
     assert data[:4] != b"\x00\x00\x00\x80"  # no negative zero
+
+
+SHIPPED = [
+    cantools.database.load_file(path) for path in sorted(Path(can_wheels.__file__).parent.glob("*.dbc"))
+]
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        known
+        for loaded in (database(), *SHIPPED)
+        if isinstance(loaded, Database)
+        for known in loaded.messages
+        if known.length <= 8 and not known.is_multiplexed()
+    ],
+    ids=lambda known: known.name,
+)
+def test_messages_are_packed_and_read_as_by_cantools(known: Message) -> None:
+    generator, layout = np.random.default_rng(known.frame_id), Layout(known)
+    for _ in range(20):
+        values: dict[str, float] = {}
+        for signal in known.signals:
+            low, high = raw_limits(signal)
+            number = float(np.float32(generator.uniform(max(low, -1e6), min(high, 1e6))))
+            values[signal.name] = number if signal.is_float else round(number)
+        data = known.encode(values, scaling=False, strict=False)
+        assert layout.pack(dict(values)) == data
+        assert layout.unpack(data) == known.decode_simple(data, decode_choices=False, scaling=False) == values
