@@ -135,6 +135,12 @@ def _method(name: str) -> Method:
     raise ConfigError(f"--method {name}{removed}: use fused, or hough for the method of the paper")
 
 
+NO_MOTION = (
+    "note: in no frame does the ground move as the wheels do: is the camera turned against the rig file, "
+    "covered, too dark or too bright, or was the rover at rest or stuck?"
+)
+
+
 def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
     """Print a summary."""
     detected = [item.angle.detected for item in found]
@@ -156,3 +162,5 @@ def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool
         f"trace in {len(degrees)} of {len(found)} frames{mean}; "
         f"angle without a trace, by the motion of the ground, in {by_flow}; {out}"
     )
+    if method == "fused" and not degrees and not by_flow:
+        Console(highlight=False, soft_wrap=True).print(NO_MOTION)

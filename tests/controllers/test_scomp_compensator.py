@@ -23,7 +23,7 @@ from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.motion.settings import LineMission
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
-from controllers.slip.scomp.compensator import Rates, ScompCompensator, TraceReading
+from controllers.slip.scomp.compensator import NO_MOTION, Rates, ScompCompensator, TraceReading
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, PoseFixSample, RateSample, Sample, WheelSample
@@ -210,7 +210,22 @@ def test_a_direction_held_from_earlier_frames_is_not_used() -> None:
     report = bench.told.report()
     assert report is not None
     assert abs(math.degrees(report.slip_angle_rad)) < 3.0
-    assert report.reason == "no trace"
+    assert report.reason == NO_MOTION
+
+
+def test_a_camera_that_sees_no_motion_of_the_ground_is_named_after_a_third_of_a_metre() -> None:
+    finder = SeenTrace(None)
+    bench = Bench(finder)
+    bench.run(20.0, rim_m_s=0.0)
+    assert bench.reason == "no trace"  # at rest there is none to be seen
+    bench.run(3.5)
+    assert bench.reason == "no trace"
+    bench.run(0.5)
+    assert bench.reason == NO_MOTION
+    assert bench.increments[-1].is_sure
+    finder.theta_rad, finder.source = 0.0, "flow"
+    bench.run(0.5)
+    assert bench.reason == ""
 
 
 def test_each_frame_is_told_once_with_the_rates() -> None:
@@ -238,7 +253,7 @@ def test_what_is_missing_is_said_and_makes_the_way_unsure() -> None:
     assert report.reason == "no tilt"
     assert not bench.increments[-1].is_sure
     blind = Bench(SeenTrace(None))
-    blind.run(4.0)
+    blind.run(3.5)
     report = blind.told.report()
     assert report is not None
     assert report.reason == "no trace"

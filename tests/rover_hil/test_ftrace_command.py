@@ -188,3 +188,25 @@ def test_help_has_an_example() -> None:
     result = CliRunner().invoke(app, ["ftrace", "--help"])
 
     assert "rover-hil ftrace frames/" in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize("quarter_turns", [1, 2, 3])
+def test_a_camera_that_is_turned_gives_no_angle_and_a_note(
+    drive: Path, tmp_path: Path, quarter_turns: int
+) -> None:
+    turned = tmp_path / "frames"
+    turned.mkdir()
+    for path in sorted((drive / "frames").iterdir())[:15]:
+        image = read_image(path)
+        other = cv2.resize(np.rot90(image, quarter_turns).copy(), image.shape[1::-1])
+        cv2.imwrite(str(turned / path.name), other)
+    result = CliRunner().invoke(
+        app,
+        [
+            *("ftrace", str(turned), "--rig", str(drive / "rig.json")),
+            *("--telemetry", str(drive / "telemetry.csv"), "--out", str(tmp_path / "angles.csv")),
+        ],
+    )
+    assert result.exit_code == 0, result.output
+    assert "trace in 0 of 15 frames" in result.output
+    assert "in no frame does the ground move as the wheels do" in result.output

@@ -35,7 +35,13 @@ from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
 Rates = tuple[float, float, float]
 
 NO_TRACE = "no trace"
-"""The reason that leaves the motion sure: without a trace the slip angle's own variance grows."""
+"""A reason that leaves the motion sure: without a trace the slip angle's own variance grows."""
+
+NO_MOTION = (
+    "no trace, and the camera sees no motion of the ground: turned against its rig, covered, too dark or too "
+    "bright, or the rover is stuck"
+)
+"""The same after a travel of the wheels on which no frame gave a direction at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,6 +135,8 @@ class ScompCompensator:
         self._rates: Rates | None = None
         self._readings_rad_s: list[float] = []
         self._since_trace_s = math.inf
+        self._blind_m = 0.0
+        self._blind_frames = 0
         self._slip = self._wheel_slip_angle_rad = 0.0
         self._steering_rad: tuple[float, ...] = ()
         self._pending = _Pending()
@@ -246,11 +254,13 @@ class ScompCompensator:
         share = -math.expm1(-pending.duration_s / SCOMP.correction.rate_memory_s)
         self._yaw_rate_rad_s += share * (rate_rad_s - self._yaw_rate_rad_s)
         self._since_trace_s += pending.duration_s
+        self._blind_m += abs(pending.rim_m)
         frame, self._frame = self._frame, None
         if frame is None or self._finder is None:
             return None
         self._frame_ns = _exposed_ns(frame)
         reading = self._finder.find(frame, pending.rim_m / pending.duration_s, self._rates)
+        self._follow_sight(reading)
         if reading is None or reading.theta_rad is None:
             return reading
         innovation = None
@@ -263,6 +273,12 @@ class ScompCompensator:
         if innovation is not None and innovation.accepted:
             self._since_trace_s = 0.0
         return reading
+
+    def _follow_sight(self, reading: TraceReading | None) -> None:
+        """Follow the travel since a frame last showed a direction: by the trace or the ground's motion."""
+        self._blind_frames += 1
+        if reading is not None and reading.source in ("trace", "flow"):
+            self._blind_m, self._blind_frames = 0.0, 0
 
     def _has_trace(self) -> bool:
         return self._finder is not None and self._since_trace_s <= self._settings.trace_age_s
@@ -327,7 +343,7 @@ class ScompCompensator:
 
     def _is_sure(self) -> bool:
         """Return whether slip and slip angle are right within the variances of their states."""
-        return self._uncertainty() in ("", NO_TRACE)
+        return self._uncertainty() in ("", NO_TRACE, NO_MOTION)
 
     def _uncertainty(self) -> str:
         if not self._tilt.is_known:
@@ -338,7 +354,11 @@ class ScompCompensator:
             return "no gyro" if self._since_rate_s > SCOMP.correction.rate_age_s else "skidding in a turn"
         if self._traces_to_confirm:
             return "slip angle taken from the trace anew"
-        return "" if self._finder is None or self._has_trace() else NO_TRACE
+        if self._finder is None or self._has_trace():
+            return ""
+        blind = SCOMP.correction
+        is_blind = self._blind_m >= blind.blind_m and self._blind_frames >= blind.blind_frames
+        return NO_MOTION if is_blind else NO_TRACE
 
 
 @dataclass(slots=True)

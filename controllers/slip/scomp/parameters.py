@@ -201,6 +201,10 @@ class CorrectionParameters:
     )
     most_trace_rejections: int = 2  # in a row, before the slip angle is taken from the trace
     confirming_traces: int = 10  # accepted after that, before the slip angle is sure again
+    blind_m: float = (
+        0.3  # of the wheels without a direction in any frame: the camera does not see the ground move
+    )
+    blind_frames: int = 10  # at least, in that travel
     most_compass_rejections: int = 20  # in a row, before the gyro's bias becomes less certain
     widened_bias_rad_s: float = math.radians(0.1)  # added to its standard deviation then
 
