@@ -1,6 +1,5 @@
 """`rover-hil check`: every mistake of a configuration at once; no port is opened."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from drivers.clock import VirtualClock, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.app.error_message import readable_line
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, Draft, Rule, load_config, read_config_table, schema_text
 from rover_hil.config.schema import find_conflicts
@@ -62,7 +62,7 @@ def check_config(
             "warnings": [f"{each.subject}: {each.what}: {each.fix}" for each in warnings],
             "commands": commands,
         }
-        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
+        print_json(record)
         return EXIT_NO if mistakes else EXIT_OK
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for mistake in mistakes:

@@ -1,7 +1,6 @@
 """`rover-hil commission`: a line and squares, marks measured by hand, what the estimate is worth there."""
 
 import cmath
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from controllers.slip.effort.settings import YAW_PROBE
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.ask import ask, ask_number
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.key_presses import enter_was_pressed
 from rover_hil.app.room import require_room
 from rover_hil.app.run import require_finished, run_real, run_virtual
@@ -142,8 +142,7 @@ def commission(
             "doubts": list(worth.doubts),
             "report": str(page),
         }
-        finite = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in record.items()}
-        print(json.dumps(finite, indent=2))  # noqa: T201 - read by scripts
+        print_json(record)
     else:
         console = Console(highlight=False, markup=False, soft_wrap=True)
         for name, value in facts:

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic_core import to_json
 from rich.console import Console
 
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs, log_at
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.report.compare import MOST_RUNS, compare_runs, render_comparison
@@ -36,11 +36,7 @@ def compare_logs(paths: Sequence[Path], *, out: Path, force: bool, as_json: bool
             name: {row.name: row.values for row in rows}
             for name, rows in (("figures", comparison.figures), ("settings", comparison.settings))
         }
-        console.out(
-            to_json(
-                {"runs": [run.name for run in comparison.runs], "cut_off": cut_off, **tables}, indent=2
-            ).decode()
-        )
+        print_json({"runs": [run.name for run in comparison.runs], "cut_off": cut_off, **tables})
     else:
         console.print(f"{len(logs)} runs, {len(comparison.settings)} differences of the configuration: {out}")
         for name in cut_off:

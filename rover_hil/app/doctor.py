@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from pydantic_core import to_json
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -10,6 +9,7 @@ from rich.text import Text
 
 from drivers.clock import SystemClock
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.config import load_config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
@@ -36,7 +36,7 @@ def examine(config_name: str, *, as_json: bool) -> int:
         findings = examine_computer(paths)
         findings += examine_rover(config, paths, SystemClock(), listen_s=LISTEN_S, on_progress=show)
     if as_json:
-        Console().out(to_json(record_of(findings)).decode())
+        print_json(record_of(findings))
     else:
         print_findings(findings, Console(highlight=False))
     return EXIT_OK if is_ready(findings) else EXIT_NO

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from pydantic_core import to_json
 from rich.console import Console
 from rich.progress import Progress
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import log_at
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.exporting.tables import read_tables
@@ -58,9 +58,7 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
             write_tables(tables, folder, TABLES[name], force=force)
     console = Console(highlight=False, soft_wrap=True)
     if as_json:
-        console.out(
-            to_json({"folder": str(folder), "rows": rows, "log_is_complete": log.is_complete}).decode()
-        )
+        print_json({"folder": str(folder), "rows": rows, "log_is_complete": log.is_complete})
         return EXIT_OK
     what = "messages" if name == ROSBAG else "rows"
     for table, count in rows.items():

@@ -1,6 +1,5 @@
 """`rover-hil ftrace`: slip angle of every frame from the trace of a wheel."""
 
-import json
 import sys
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -16,6 +15,7 @@ from controllers.ftrace.rig import RigFile
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
@@ -155,7 +155,7 @@ def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool
             "method": method,
             "by_flow": by_flow,
         }
-        print(json.dumps(summary))  # noqa: T201
+        print_json(summary)
         return
     mean = f", mean angle {np.mean(degrees):+.1f} deg" if degrees else ""
     Console(highlight=False, soft_wrap=True).print(

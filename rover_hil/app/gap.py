@@ -1,6 +1,5 @@
 """`rover-hil gap`: where model and measurement disagree, what is missing, and the proof."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,6 +10,7 @@ from rich.console import Console
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
 from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
@@ -205,7 +205,7 @@ def _lint(model: Machine, data: Path, shortening: Shortening) -> LintReport:
 
 def _print_report(report: LintReport, *, as_json: bool) -> None:
     if as_json:
-        Console().out(json.dumps(report.as_json(), indent=2, allow_nan=False))
+        print_json(report.as_json())
         return
     console = Console(highlight=False, soft_wrap=True)
     for line in report.lines():

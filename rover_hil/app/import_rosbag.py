@@ -3,11 +3,11 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from pydantic_core import to_json
 from rich.console import Console
 
 from drivers.clock import seconds
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
 from rover_hil.importing.rosbag.bag import bounded_memory
@@ -33,7 +33,7 @@ def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json
     duration_s = seconds(contents.end_ns - START_NS)
     console = Console(highlight=False, markup=False, soft_wrap=True)
     if as_json:
-        console.out(to_json({"log": str(out), "duration_s": duration_s, **asdict(contents)}).decode())
+        print_json({"log": str(out), "duration_s": duration_s, **asdict(contents)})
         return EXIT_OK
     for section, count in contents.used.items():
         console.print(f"{section}: {count} messages")

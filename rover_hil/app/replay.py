@@ -3,7 +3,6 @@
 from contextlib import suppress
 from pathlib import Path
 
-from pydantic_core import to_json
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -11,6 +10,7 @@ from rich.table import Table
 from drivers.clock import SystemClock, seconds
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import log_at
 from rover_hil.app.run import live_mirror
 from rover_hil.config import load_config
@@ -57,7 +57,7 @@ def replay_log(
     if result.cycles == 0:
         raise LogError(f"log {path} holds no complete cycle")
     if as_json:
-        Console().out(to_json({**_record(result), "log_is_complete": log.is_complete}).decode())
+        print_json({**_record(result), "log_is_complete": log.is_complete})
     else:
         _print_words(result, log)
     if live_port is not None:

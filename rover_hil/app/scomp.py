@@ -1,6 +1,5 @@
 """`rover-hil scomp`: slip-compensated odometry of a recorded drive."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from rich.progress import Progress
 
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.scomp.files import ReadDrive, read_drive, read_parameters, track_text
 from rover_hil.scomp.odometry import estimate_track
@@ -54,7 +54,7 @@ def run_scomp(
     notes += result.notes
     summary = summary_of(result)
     if as_json:
-        print(json.dumps({**summary, "notes": notes, "out": str(out)}))  # noqa: T201 - what a script reads
+        print_json({**summary, "notes": notes, "out": str(out)})
     else:
         _print(summary, notes)
     return EXIT_OK

@@ -1,7 +1,6 @@
 """Serves the page on this computer only."""
 
 import asyncio
-import json
 import socket
 from collections.abc import AsyncIterator
 from dataclasses import asdict
@@ -18,6 +17,7 @@ from rover_hil.bench.guard import Guard
 from rover_hil.bench.page import build_page
 from rover_hil.bench.session import Session
 from rover_hil.pages.render import PLOT_SCRIPT
+from rover_hil.recording.text import strict_json
 
 HOST = "127.0.0.1"
 STREAM_PERIOD_S = 0.04
@@ -96,5 +96,5 @@ async def _events(session: Session) -> AsyncIterator[str]:
     while True:
         now = session.snapshot(number, VIEWS_AT_ONCE)
         number = now.number
-        yield f"data: {json.dumps(asdict(now))}\n\n"
+        yield f"data: {strict_json(asdict(now)).decode()}\n\n"
         await asyncio.sleep(STREAM_PERIOD_S)

@@ -1,5 +1,7 @@
 """Read a log in the order it was written, also one that a killed run left unfinished."""
 
+import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -132,6 +134,9 @@ class LogReader:
         try:
             return shape.validate_json(message.data)
         except ValidationError as error:
+            repaired = _with_numbers(message.data, error)
+            if repaired is not None:
+                return self._validated(replace(message, data=repaired), shape)
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"])) or "its content"
             raise LogError(
@@ -253,3 +258,18 @@ def _inside(message: LogMessage, before: bytes, after: bytes) -> bytes:
 def _check_time(t_ns: int) -> None:
     if not 0 <= t_ns <= LAST_NS:
         raise ValueError(f"{t_ns} ns is no time")
+
+
+def _with_numbers(data: bytes, error: ValidationError) -> bytes | None:
+    """Return a record with NaN where a number is null, as it was not finite; None for other mistakes."""
+    mistakes = error.errors()
+    if any(each["type"] != "float_type" or each["input"] is not None for each in mistakes):
+        return None
+    record = json.loads(data)
+    for each in mistakes:
+        *path, last = each["loc"]
+        place = record
+        for key in path:
+            place = place[key]
+        place[last] = math.nan
+    return json.dumps(record).encode()

@@ -87,7 +87,7 @@ def samples_text(samples: Sequence[Sample]) -> bytes:
     for sample in samples:
         kind = type(sample)
         text = (
-            to_json(frame_record(sample)).decode()
+            strict_json(frame_record(sample)).decode()
             if isinstance(sample, FrameSample)
             else _sample_encoder(kind)(sample)
         )
@@ -105,7 +105,7 @@ class Texts:
     @staticmethod
     def command(sent: SentCommand) -> bytes:
         """Return the record of the set-points sent, with all digits."""
-        return to_json(set_point_record(sent))
+        return strict_json(set_point_record(sent))
 
 
 class ExactTexts(Texts):
@@ -123,14 +123,18 @@ class ExactTexts(Texts):
 
 
 _NOT_FINITE = re.compile(r"(?<=[:,\[])(-?)(nan|inf)(?=[,\]}])")
-_SPELLED = {"nan": "NaN", "inf": "Infinity"}
 
 
 def _finite(text: str) -> bytes:
-    """Return the text in UTF-8; numbers that are not finite as JSON parsers spell them."""
+    """Return the text in UTF-8; numbers that are not finite as null, as JSON has none."""
     if "nan" in text or "inf" in text:
-        text = _NOT_FINITE.sub(lambda found: found[1] + _SPELLED[found[2]], text)
+        text = _NOT_FINITE.sub("null", text)
     return text.encode()
+
+
+def strict_json(record: object, indent: int | None = None) -> bytes:
+    """Return a record as JSON; numbers that are not finite as null, as JSON has none."""
+    return to_json(record, indent=indent, inf_nan_mode="null")
 
 
 def _encoder(kind: object, number: str) -> tuple[str, Encode | None]:

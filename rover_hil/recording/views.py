@@ -3,10 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from pydantic_core import to_json
-
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import DeviceState, Health
+from rover_hil.recording.text import strict_json
 
 FRAME = "local"
 """Poses of the estimate: origin and x axis are the rover's pose at start."""
@@ -42,12 +41,12 @@ def path_view(time_ns: int, points_m: Sequence[tuple[float, float]]) -> bytes:
         {"position": {"x": x_m, "y": y_m, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
         for x_m, y_m in points_m
     ]
-    return to_json({"timestamp": timestamp(time_ns), "frame_id": FRAME, "poses": poses})
+    return strict_json({"timestamp": timestamp(time_ns), "frame_id": FRAME, "poses": poses})
 
 
 def log_view(time_ns: int, level: int, name: str, message: str) -> bytes:
     """Return a `foxglove.Log`."""
-    return to_json({"timestamp": timestamp(time_ns), "level": level, "message": message, "name": name})
+    return strict_json({"timestamp": timestamp(time_ns), "level": level, "message": message, "name": name})
 
 
 def diagnostics_view(time_ns: int, healths: Sequence[Health]) -> bytes:
@@ -68,7 +67,7 @@ def diagnostics_view(time_ns: int, healths: Sequence[Health]) -> bytes:
         }
         for health in healths
     ]
-    return to_json({"header": {"stamp": timestamp(time_ns), "frame_id": ""}, "status": status})
+    return strict_json({"header": {"stamp": timestamp(time_ns), "frame_id": ""}, "status": status})
 
 
 def _words(health: Health) -> str:

@@ -14,8 +14,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeAlias
 
-from pydantic_core import to_json
-
 from controllers.control_loop import StepOutput
 from drivers.clock import NANOSECONDS_PER_SECOND, seconds, stopwatch_ns, wall_time_ns
 from drivers.driver import Health
@@ -44,7 +42,7 @@ from rover_hil.recording.schema import (
     WATCHDOG,
     health_record,
 )
-from rover_hil.recording.text import estimate_text, quoted, samples_text, truth_text
+from rover_hil.recording.text import estimate_text, quoted, samples_text, strict_json, truth_text
 
 VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 5
 Mirror: TypeAlias = Callable[[str, int, bytes], None]
@@ -257,7 +255,7 @@ class LogWriter:
 
     def write_json(self, topic: str, t_ns: int, record: object) -> None:
         """Write one record as JSON; dataclasses, mappings, sequences and numbers are allowed."""
-        self._note((LogWriter._put_text, topic, t_ns, to_json(record)))
+        self._note((LogWriter._put_text, topic, t_ns, strict_json(record)))
 
     def _note(self, item: "_Item") -> None:
         if self._failure:
@@ -370,13 +368,13 @@ class LogWriter:
         self._put_pose(VIEW_TRUE_POSE, t_ns, views.TRUE_FRAME, truth)
 
     def _put_link(self, device: str, t_ns: int, change: LinkChange) -> None:
-        self._put_text(f"{LINK}{device}", t_ns, to_json(change))
+        self._put_text(f"{LINK}{device}", t_ns, strict_json(change))
         word = "up" if change.up else "down"
         self._put_event(t_ns, views.WARNING, device, f"link {word}: {change.reason}")
 
     def _put_picture(self, device: str, t_ns: int, image: CameraImage) -> None:
         record = picture_record(device, self._wall_offset_ns + t_ns, image)
-        self._put_text(f"{CAMERA}{device}", t_ns, to_json(record))
+        self._put_text(f"{CAMERA}{device}", t_ns, strict_json(record))
         self._picture_room.release()
 
     def _put_pose(self, topic: str, t_ns: int, frame: str, pose: TruePose) -> None:

@@ -4,6 +4,7 @@ Either as it was, to compare estimates and commands; or with other parameters, t
 """
 
 import json
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -319,5 +320,10 @@ def _unequal_fields(name: str, recorded: object, replayed: object) -> Iterator[t
     elif isinstance(recorded, list) and isinstance(replayed, list) and len(recorded) == len(replayed):
         for index, (was, now) in enumerate(zip(recorded, replayed, strict=True)):
             yield from _unequal_fields(f"{name}[{index}]", was, now)
-    elif repr(recorded) != repr(replayed):  # repr, so that two NaN are equal and -0.0 differs from 0.0
+    elif repr(_finite(recorded)) != repr(_finite(replayed)):  # repr, so that -0.0 differs from 0.0
         yield name, recorded, replayed
+
+
+def _finite(value: object) -> object:
+    """Return None for a number that is not finite: older logs spell it as NaN, newer ones as null."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -5,6 +5,7 @@ import math
 from dataclasses import fields, replace
 from pathlib import Path
 
+import pytest
 from pydantic_core import to_json
 
 from controllers.control_loop import StepOutput
@@ -19,12 +20,15 @@ from controllers.slip.effort.compensator import SlipReport, WheelSlip
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.effort.ground_knowledge import SlipSource
 from controllers.slip.scomp.compensator import ScompReport, TraceReading
-from drivers.samples import PoseFixSample, Sample, SentCommand, WheelCommand, WheelSample
+from drivers.errors import LogError
+from drivers.samples import PoseFixSample, RateSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.datasets.log import read_drive
 from rover_hil.recording.json_schema import topic_schema
+from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import (
     ESTIMATE_SHAPE,
+    SAMPLES_SHAPE,
     EstimateRecord,
     SamplesRecord,
     estimate_record,
@@ -121,13 +125,30 @@ def test_a_cycle_is_written_with_the_digits_of_its_sensors_and_a_checksum() -> N
     assert ESTIMATE_SHAPE.validate_json(estimate_text(OUTPUT))["exact"] == checksum
 
 
-def test_numbers_that_are_not_finite_are_spelled_as_json_parsers_do() -> None:
+def test_numbers_that_are_not_finite_are_null_and_read_as_nan(tmp_path: Path) -> None:
+    """JSON has no NaN: strict readers of other programs would refuse the record."""
     reason = "inf, nan"
     odd = replace(OUTPUT, reason=reason, odometry=Pose(x_m=math.nan, y_m=-math.inf, yaw_rad=math.inf))
     record = json.loads(estimate_text(odd))
-    assert math.isnan(record["odometry"]["x_m"])
-    assert (record["odometry"]["y_m"], record["odometry"]["yaw_rad"]) == (-math.inf, math.inf)
+    assert record["odometry"] == {"x_m": None, "y_m": None, "yaw_rad": None}
     assert record["reason"] == reason
+    rate = RateSample(device="imu", t_ns=5, rate_z_rad_s=math.nan)
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, 1, b"{}", {}, "real") as log:
+        log.estimate(odd)
+        log.samples(5, [rate])
+        log.write_json("/estimate", 6, {"t_ns": "six", "odometry": {"x_m": None}})
+    reader = LogReader(path)
+    messages = {(message.topic, message.t_ns): message for message in reader.messages()}
+    estimate = next(
+        message for (topic, t_ns), message in messages.items() if topic == "/estimate" and t_ns != 6
+    )
+    assert b"NaN" not in estimate.data
+    assert math.isnan(reader.parse(estimate, ESTIMATE_SHAPE)["odometry"]["x_m"])
+    (found,) = reader.parse(messages["/samples", 5], SAMPLES_SHAPE).rates
+    assert math.isnan(found.rate_z_rad_s)
+    with pytest.raises(LogError, match="damaged"):
+        reader.parse(messages["/estimate", 6], ESTIMATE_SHAPE)
 
 
 def test_every_topic_has_a_schema_that_simple_readers_understand() -> None:

@@ -1,6 +1,5 @@
 """`rover-hil calibrate compass`: hard and soft iron or deviation, from whole turns."""
 
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,7 @@ from rover_hil.app.calibrate.by_hand import record_by_hand
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
 from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.app.steps import show_steps
@@ -142,11 +142,7 @@ def _print(
             "problem": fit.problem,
             "file": None if fit.problem else str(out),
         }
-        finite = {
-            key: None if isinstance(value, float) and not math.isfinite(value) else value
-            for key, value in facts.items()
-        }
-        print(json.dumps(finite, indent=2))  # noqa: T201 - read by scripts
+        print_json(facts)
         return
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for name, value in _facts(record, fit):

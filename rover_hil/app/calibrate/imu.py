@@ -1,6 +1,5 @@
 """`rover-hil calibrate imu`: gain, delay and bandwidth of the gyro, from small turns in place."""
 
-import json
 from pathlib import Path
 
 from rich.console import Console
@@ -12,6 +11,7 @@ from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.datasets.toml_text import toml_text
@@ -65,7 +65,7 @@ def calibrate_imu(source: str, *, virtual: bool, out: Path, as_json: bool, force
     write_file(page, _page(turns, fit, response))
     if as_json:
         record = {**response.model_dump(mode="json"), "problem": fit.problem, "residual": fit.residual}
-        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
+        print_json(record)
     else:
         console = Console(highlight=False, markup=False, soft_wrap=True)
         for name, value in _facts(fit, response):

@@ -1,6 +1,5 @@
 """`rover-hil calibrate compass --motors`: the field of motor currents at a compass."""
 
-import json
 import math
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from rover_hil.app.calibrate.compass import LOG_SUFFIX, turning_config, with_mag
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
 from rover_hil.app.run import require_finished, run_real, run_virtual
 from rover_hil.app.steps import show_steps
@@ -145,7 +145,7 @@ def _print(fit: MotorFieldFit, page: Path, out: Path, entered: str, *, as_json: 
             "problem": fit.problem,
             "file": None if fit.problem else str(out),
         }
-        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
+        print_json(record)
         return
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for name, value in _facts(fit):

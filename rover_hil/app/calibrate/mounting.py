@@ -1,6 +1,5 @@
 """`rover-hil calibrate imu --turns`: mounting, scale and bias of the gyro, from whole turns between rests."""
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import LOG_SUFFIX, on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
 from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.app.steps import show_steps
@@ -26,7 +26,7 @@ from rover_hil.config.entry import with_entry
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.mounting.figures import draw_axis, draw_residuals, draw_turns
-from rover_hil.identify.mounting.fit import MountingFit, Turn, find_turns, fit_mounting, turns_by
+from rover_hil.identify.mounting.fit import COUNTED, MountingFit, Turn, find_turns, fit_mounting, turns_by
 from rover_hil.identify.mounting.record import InertialRecord, read_inertial, sensor_of
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
@@ -35,7 +35,6 @@ from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.settings import SimulationSettings
 
-COUNTED = "counted turns"
 TURN_SD_DEG = 2.0
 """Of turns that were counted against a mark on the ground, and of a compass."""
 EXACT_SD_DEG = 0.1
@@ -191,8 +190,6 @@ def _with_accelerations(config: Config, device: str, simulation: SimulationSetti
 def _values(fit: MountingFit) -> dict[str, float]:
     """Return the new values of the section of the device."""
     values = {"gyro_scale": round(fit.scale, 4), "gyro_bias_deg_s": round(fit.bias_deg_s, 3)}
-    if not fit.has_all_axes and fit.up[2] > 0.0:
-        return values
     # Adding zero makes 0 of -0.
     roll_deg, pitch_deg = (round(angle, 2) + 0.0 for angle in (fit.roll_deg, fit.pitch_deg))
     return {"mounting_roll_deg": roll_deg, "mounting_pitch_deg": pitch_deg, **values}
@@ -206,15 +203,12 @@ def _facts(record: InertialRecord, fit: MountingFit) -> tuple[tuple[str, str], .
         ("turns", ", ".join(f"{turn / math.tau:+.2f}" for turn in fit.known_rad.tolist())),
         ("axis that points up", f"{sign}{'xyz'[axis]}"),
     ]
-    if fit.has_all_axes:
-        facts.append(
-            (
-                "mounting",
-                f"roll {fit.roll_deg:.2f} deg, pitch {fit.pitch_deg:.2f} deg, "
-                f"+- {fit.tilt_sd_deg:.2f} deg from turn to turn",
-            )
-        )
     facts += [
+        (
+            "mounting",
+            f"roll {fit.roll_deg:.2f} deg, pitch {fit.pitch_deg:.2f} deg, "
+            f"+- {fit.tilt_sd_deg:.2f} deg from turn to turn",
+        ),
         ("gyro scale", f"{fit.scale:.4f} +- {fit.scale_sd:.4f} (one standard deviation)"),
         (
             "bias at rest",
@@ -259,7 +253,7 @@ def _print(
 ) -> None:
     if as_json:
         values = {"device": record.device, **_values(fit), "scale_sd": fit.scale_sd}
-        print(json.dumps({**values, "problem": fit.problem}, indent=2))  # noqa: T201 - read by scripts
+        print_json({**values, "problem": fit.problem})
         return
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for name, value in _facts(record, fit):

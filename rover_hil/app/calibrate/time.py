@@ -1,7 +1,5 @@
 """`rover-hil calibrate time`: offsets between devices, by the turns that they all feel."""
 
-import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +7,7 @@ from rich.console import Console
 
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.timing.figures import draw_offsets
@@ -47,14 +46,14 @@ def calibrate_time(log: Path, *, out: Path | None, as_json: bool, force: bool) -
             "reference": tracks[0].name,
             "offsets": {
                 each.track.name: {
-                    "offset_s": each.offset_s if math.isfinite(each.offset_s) else None,
-                    "sd_s": each.sd_s if math.isfinite(each.sd_s) else None,
+                    "offset_s": each.offset_s,
+                    "sd_s": each.sd_s,
                     "problem": each.problem,
                 }
                 for each in offsets
             },
         }
-        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
+        print_json(record)
     else:
         console = Console(highlight=False, markup=False, soft_wrap=True)
         for name, value in _facts(tracks[0], offsets):

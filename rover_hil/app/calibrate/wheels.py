@@ -1,6 +1,5 @@
 """`rover-hil calibrate wheels`: radius and base from known distances and known turns."""
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
 from rover_hil.app.run import require_finished, run_real, run_virtual
 from rover_hil.app.steps import show_steps
@@ -110,7 +110,7 @@ def calibrate_wheels(
                 text = with_entry(text, "rover", key, float(str(value)))
             write_file(Path(source), text)
     if as_json:
-        print(json.dumps({**dict(facts), "rover": values, "problem": problem}, indent=2))  # noqa: T201
+        print_json({**dict(facts), "rover": values, "problem": problem})
     else:
         console = Console(highlight=False, markup=False, soft_wrap=True)
         for name, value in facts:

@@ -1,7 +1,6 @@
 """`rover-hil identify motor`: parameters of the motors, with intervals and what cannot be known."""
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from rich.table import Table
 
 from drivers.clock import wall_time_text
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
@@ -45,7 +45,7 @@ def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool, for
         reports = identify(records, lambda: progress.advance(task))
     source = [str(file) for file in files]
     if as_json:
-        print(json.dumps({"logs": source, "motors": [dataclasses.asdict(report) for report in reports]}))  # noqa: T201
+        print_json({"logs": source, "motors": [dataclasses.asdict(report) for report in reports]})
     else:
         _print(reports, len(files))
     if out is not None:

@@ -1,6 +1,5 @@
 """`rover-hil identify probe`: slip over the transmission loss of a yaw excitation."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import ConfigError
 from drivers.files import resolved
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.map_file import read_slip_map, write_slip_map
@@ -52,7 +52,7 @@ def identify_probe(
     write_slip_map(content.model_copy(update={"yaw_probe": probe}), out)
     if as_json:
         record = {"logs": len(runs), **probe.model_dump(by_alias=True), "notes": notes}
-        print(json.dumps(record, indent=2))  # noqa: T201 - read by scripts
+        print_json(record)
     else:
         console = Console(highlight=False)
         console.print(

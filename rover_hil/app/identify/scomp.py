@@ -1,6 +1,5 @@
 """`rover-hil identify scomp`: parameters of the slip-compensated odometry from a drive with known truth."""
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from controllers.slip.scomp.parameters import Provenance, ScompParameters
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.identify.scomp.pictures import fit_pictures
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
@@ -75,7 +75,7 @@ def identify_scomp(
     if as_json:
         record = parameters.model_dump(mode="json", by_alias=True)
         fit = {"slip_rms": found.slip_rms, "final_error_m": error_m}
-        print(json.dumps({"parameters": record, **fit, "notes": notes}))  # noqa: T201 - what a script reads
+        print_json({"parameters": record, **fit, "notes": notes})
     else:
         _print(found, parameters, error_m, notes, is_written=out is not None)
     return EXIT_OK

@@ -1,6 +1,5 @@
 """`rover-hil identify slip`: slip maps from measured runs."""
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from rich.progress import Progress
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
 from rover_hil.identify.slip.identification import (
     Errors,
@@ -68,7 +68,7 @@ def identify_slip(
     rejected = sum((Counter(run.rejected) for run in used), Counter[str]())
     notes = [*_notes(found, train_files, test_files), *log_notes(used, rejected)]
     if as_json:
-        print(json.dumps(result_record(found, tests, notes), indent=2))  # noqa: T201 - what a script reads
+        print_json(result_record(found, tests, notes))
     else:
         print_result(Console(highlight=False), found, tests, notes)
     if out is not None:

@@ -38,10 +38,8 @@ def draw_residuals(fit: MountingFit) -> Figure:
     return figure
 
 
-def draw_axis(fit: MountingFit) -> Figure | None:
-    """Draw the axis of each turn and gravity about the axis that was found; None for a gyro with one axis."""
-    if not fit.has_all_axes:
-        return None
+def draw_axis(fit: MountingFit) -> Figure:
+    """Draw the axis of each turn and gravity about the axis that was found."""
     figure = Figure(figsize=(style.WIDTH_IN, 3.6), layout="constrained")
     axes = figure.subplots()
     first = np.cross(fit.up, np.eye(3)[int(np.argmin(np.abs(fit.up)))])

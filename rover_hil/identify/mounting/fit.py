@@ -17,6 +17,9 @@ from rover_hil.datasets.arrays import Array
 from rover_hil.identify.mounting.parameters import MOUNTING_FIT
 from rover_hil.identify.mounting.record import InertialRecord
 
+COUNTED = "counted turns"
+"""Measured by the user, who may have exchanged the two senses."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
@@ -44,12 +47,11 @@ class MountingFit:
         up: The rover's z axis in the axes of the sensor, (3,).
         gravity: Direction of the acceleration at rest there, (3,); NaN without accelerations.
         roll_deg, pitch_deg: Of the mounting.
-        tilt_sd_deg: Scatter of the axis from turn to turn, 0 for one turn or a gyro with one axis.
+        tilt_sd_deg: Scatter of the axis from turn to turn, 0 for one turn.
         scale: True yaw rate over the reading.
         scale_sd: Its standard deviation.
         bias_deg_s: Reading at rest about the rover's z axis, after scaling, mean over the rests.
         bias_sd_deg_s: Scatter of the bias from rest to rest.
-        has_all_axes: Whether the gyro has three axes.
         problem: Why the result must not be used; empty where it may.
     """
 
@@ -65,7 +67,6 @@ class MountingFit:
     scale_sd: float
     bias_deg_s: float
     bias_sd_deg_s: float
-    has_all_axes: bool
     problem: str
 
 
@@ -92,7 +93,7 @@ def find_turns(record: InertialRecord) -> tuple[tuple[Turn, ...], Array]:
             f"log {record.path}: '{record.device}' was not at rest before and after a turn: rest for two "
             "seconds before, between and after the turns"
         )
-    rates = np.nan_to_num(record.rate_rad_s)
+    rates = record.rate_rad_s
     middles = np.array([rest.middle_s for rest in rests])
     biases = np.array([rest.bias_rad_s for rest in rests])
     bias = np.column_stack([np.interp(record.t_s, middles, biases[:, axis]) for axis in range(3)])
@@ -154,7 +155,6 @@ def fit_mounting(
         reference: What measured them, in words.
         sd_rad: Standard deviation of what is known.
     """
-    has_all_axes = bool(np.isfinite(record.rate_rad_s).all())
     angles = np.array([turn.angle_rad for turn in turns])
     signed = angles * np.sign(known_rad)[:, None]
     up = signed.sum(axis=0)
@@ -183,8 +183,18 @@ def fit_mounting(
         scale_sd=scale_sd,
         bias_deg_s=float(rest_deg_s.mean()),
         bias_sd_deg_s=float(rest_deg_s.std()),
-        has_all_axes=has_all_axes,
-        problem=_problem(scale, scale_sd, off_deg, left, up, gravity),
+        problem=_problem(scale, scale_sd, off_deg, left, up, gravity)
+        or (_sense_problem(record, up, gravity) if reference == COUNTED else ""),
+    )
+
+
+def _sense_problem(record: InertialRecord, up: Array, gravity: Array) -> str:
+    """Return why turns that were counted in the wrong sense would pass for a sensor upside down."""
+    if np.isfinite(gravity).all() or up @ record.expected_up >= MOUNTING_FIT.least_expected_share:
+        return ""
+    return (
+        "the sensor is mounted in another way than the configuration says, or the turns were counted in the "
+        "wrong sense: let the sensor send accelerations, which tell which, or enter the rough mounting first"
     )
 
 
@@ -231,7 +241,7 @@ def _gravity(record: InertialRecord, turns: Sequence[Turn]) -> Array:
 
 def _rests(record: InertialRecord) -> list[_Rest]:
     """Return the rests: blocks that are as quiet as the quietest one, joined."""
-    rates = np.nan_to_num(record.rate_rad_s)
+    rates = record.rate_rad_s
     block = np.floor((record.t_s - record.t_s[0]) / MOUNTING_FIT.block_s).astype(np.int64)
     numbers, first = np.unique(block, return_index=True)
     parts = np.split(np.arange(len(block)), first[1:])

@@ -17,6 +17,7 @@ class MountingFitParameters:
     greatest_scale_sd: float = 0.01
     greatest_axis_deg: float = 3.0  # by which the axes of two turns may differ
     greatest_gravity_deg: float = 20.0  # by which gravity may differ from the axis of the turns: a slope
+    least_expected_share: float = 0.5  # cosine of the angle from the mounting in the configuration
     greatest_residual_deg: float = 8.0  # of a turn, after scaling
 
 

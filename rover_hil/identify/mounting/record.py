@@ -1,6 +1,5 @@
 """What a log holds of an inertial sensor in its own axes, and of the turns by another device."""
 
-import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +9,6 @@ import numpy as np
 from drivers.errors import ConfigError, LogError
 from drivers.heading_calibration import Vector
 from drivers.inertial_settings import InertialSettings
-from drivers.samples import RateSample
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import LogRows, TruePoses
@@ -31,9 +29,10 @@ class InertialRecord:
         device: Name of the sensor.
         settings: Its settings in the log.
         t_s: Times of the rates, shape (n,).
-        rate_rad_s: Rates about x, y, z, (n, 3); x and y are NaN for a sensor that has them not.
+        rate_rad_s: Rates about x, y, z, (n, 3).
         acceleration_t_s: Times of the accelerations, (m,); empty where it sends none.
         acceleration_m_s2: Accelerations along x, y, z, (m, 3).
+        expected_up: The rover's z axis by the mounting in the log's configuration, (3,).
         references: Yaw by other devices, by a name in words: times (k,) and yaw in rad (k,), not wrapped.
     """
 
@@ -44,6 +43,7 @@ class InertialRecord:
     rate_rad_s: Array
     acceleration_t_s: Array
     acceleration_m_s2: Array
+    expected_up: Array
     references: dict[str, tuple[Array, Array]] = field(default_factory=dict)
 
 
@@ -88,7 +88,11 @@ def read_inertial(path: Path, device: str | None) -> InertialRecord:
         if message.topic != schema.SAMPLES:
             continue
         samples = log.parse(message, schema.SAMPLES_SHAPE)
-        rates += [_rates(each, log) for each in samples.rates if each.device == name]
+        rates += [
+            (_s(each.t_ns, log), each.rate_x_rad_s or 0.0, each.rate_y_rad_s or 0.0, each.rate_z_rad_s)
+            for each in samples.rates
+            if each.device == name
+        ]
         accelerations += [
             (_s(each.t_ns, log), each.x_m_s2, each.y_m_s2, each.z_m_s2)
             for each in samples.accelerations
@@ -118,20 +122,13 @@ def read_inertial(path: Path, device: str | None) -> InertialRecord:
         rate_rad_s=_in_sensor(table[:, 1:], settings, is_rate=True),
         acceleration_t_s=force[:, 0],
         acceleration_m_s2=_in_sensor(force[:, 1:], settings, is_rate=False),
+        expected_up=_axes(settings)[:, 2],
         references=references,
     )
 
 
 def _s(t_ns: int, log: LogReader) -> float:
     return (t_ns - log.start_ns) / 1e9
-
-
-def _rates(rate: RateSample, log: LogReader) -> tuple[float, ...]:
-    """Return time and three rates; NaN for x and y of a sensor that has them not."""
-    x, y = rate.rate_x_rad_s, rate.rate_y_rad_s
-    if x is None or y is None:
-        return _s(rate.t_ns, log), math.nan, math.nan, rate.rate_z_rad_s
-    return _s(rate.t_ns, log), x, y, rate.rate_z_rad_s
 
 
 def _yaw_of(poses: TruePoses, log: LogReader) -> tuple[Array, Array]:
@@ -141,11 +138,13 @@ def _yaw_of(poses: TruePoses, log: LogReader) -> tuple[Array, Array]:
 def _in_sensor(vectors: Array, settings: InertialSettings, *, is_rate: bool) -> Array:
     """Undo the mounting in the settings; and, of rates, scale and bias."""
     mounting = settings.make_mounting()
-    # Row by row the axes of the sensor in those of the rover.
-    axes = np.array([mounting.vector_to_rover(axis) for axis in AXES])
     if is_rate:
         vectors = (vectors + np.array([0.0, 0.0, mounting.gyro_bias_rad_s])) / mounting.gyro_scale
-    if np.isnan(vectors).any():
-        return vectors
-    turned: Array = vectors @ axes.T
+    turned: Array = vectors @ _axes(settings).T
     return turned
+
+
+def _axes(settings: InertialSettings) -> Array:
+    """Return row by row the axes of the sensor in those of the rover, by the configuration."""
+    mounting = settings.make_mounting()
+    return np.array([mounting.vector_to_rover(axis) for axis in AXES])

@@ -31,7 +31,8 @@ def write_turns(
     turns: tuple[float, ...] = TURNS,
     slope_deg: float = 0.0,
     has_compass: bool = False,
-    is_flat: bool = False,
+    has_accelerations: bool = True,
+    in_rover: bool = False,
 ) -> None:
     """Write the log of a sensor turned by pitch and roll on a rover that turns between rests."""
     pitch_deg, roll_deg = tilt_deg
@@ -50,10 +51,11 @@ def write_turns(
             reading = to_sensor.apply([0.0, 0.0, rate]) / SCALE + bias + rng.normal(0.0, 0.002, 3)
             # The slope stays where it is while the rover turns on it.
             force = to_sensor.apply(Rotation.from_euler("Z", -yaw).apply(gravity)) + rng.normal(0.0, 0.05, 3)
-            x, y, z = reading.tolist()
+            # The driver has turned the readings into the rover's axes where it knows the mounting.
+            x, y, z = (to_sensor.inv().apply(reading) if in_rover else reading).tolist()
             sample = RateSample(
                 device="imu", t_ns=t_ns, rate_z_rad_s=z,
-                rate_x_rad_s=None if is_flat else x, rate_y_rad_s=None if is_flat else y,
+                rate_x_rad_s=x, rate_y_rad_s=y,
             )  # fmt: skip
             ax, ay, az = force.tolist()
             samples = [sample, AccelerationSample(device="imu", t_ns=t_ns, x_m_s2=ax, y_m_s2=ay, z_m_s2=az)]
@@ -64,7 +66,7 @@ def write_turns(
                         device="compass", t_ns=t_ns, heading_rad=heading, reference=HeadingReference.MAGNETIC
                     )
                 )
-            log.samples(t_ns, samples[:1] if is_flat else samples)
+            log.samples(t_ns, samples if has_accelerations else samples[:1])
 
 
 @pytest.fixture(scope="module")
@@ -126,12 +128,24 @@ def test_a_compass_in_the_log_counts_the_turns(command: Command, config: Config)
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_a_gyro_with_one_axis_has_scale_and_bias_only(command: Command, config: Config) -> None:
-    write_turns(Path("turns.mcap"), config, (0.0, 0.0), is_flat=True)
-    assert calibrate(command, "--made", "2,-2,1.5") == 0
+def test_without_accelerations_a_wrong_sense_is_no_sensor_upside_down(
+    command: Command, config: Config
+) -> None:
+    write_turns(Path("turns.mcap"), config, (0.0, 0.0), has_accelerations=False)
+    assert calibrate(command, "--made", "2,-2,1.5") == 0, command.error
     values = tomllib.loads(Path("mounting.toml").read_text("utf-8"))["devices"]["imu"]
-    assert set(values) == {"gyro_scale", "gyro_bias_deg_s"}
+    assert values["mounting_roll_deg"] == pytest.approx(0.0, abs=0.3)
     assert values["gyro_bias_deg_s"] == pytest.approx(SCALE * BIAS_DEG_S[2], abs=0.02)
+    assert calibrate(command, "--made=-2,2,-1.5", "--force") == 1
+    assert "not written: the sensor is mounted in another way than the configuration says" in command.out
+    # The configuration says that it is upside down, and it is.
+    imu = config.devices["imu"].model_copy(update={"mounting_roll_deg": 180.0})
+    turned = config.model_copy(update={"devices": {**config.devices, "imu": imu}})
+    Path("turns.mcap").unlink()
+    write_turns(Path("turns.mcap"), turned, (0.0, 180.0), has_accelerations=False, in_rover=True)
+    assert calibrate(command, "--made", "2,-2,1.5", "--force") == 0, command.out
+    values = tomllib.loads(Path("mounting.toml").read_text("utf-8"))["devices"]["imu"]
+    assert abs(values["mounting_roll_deg"]) == pytest.approx(180.0, abs=0.3)
 
 
 @pytest.mark.usefixtures("unrendered")
