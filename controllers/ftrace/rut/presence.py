@@ -53,9 +53,11 @@ class Presence:
             present = stretch.log_odds > numbers.lock_odds
         else:
             present = stretch.log_odds > numbers.start_odds and self._was_there_before(stretch)
-        # The length of a clear trace is known; a shorter one does not count as present.
+        # The length of a clear trace is known; a shorter one does not count as present. One that was present
+        # and begins at the wheel is seen in part only: it cannot become shorter.
         is_clear = stretch.log_odds > numbers.clear_odds
-        present = present and not (is_clear and stretch.length_m < numbers.shortest_m)
+        may_be_short = stretch.fills_view or not self.locked
+        present = present and not (is_clear and may_be_short and stretch.length_m < numbers.shortest_m)
         self.locked = present
         if stretch.log_odds < numbers.start_odds:
             self._first = None

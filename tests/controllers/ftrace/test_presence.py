@@ -38,6 +38,17 @@ def test_a_trace_that_was_present_needs_less_evidence_than_one_that_appears() ->
     assert not presence.update(between, STEP_M)
 
 
+def test_a_trace_that_was_present_is_not_lost_for_a_part_of_it_at_the_wheel() -> None:
+    part = replace(CLEAR, length_m=0.16, fills_view=False)
+    end = replace(part, fills_view=True)
+    presence = under_way()
+
+    assert not presence.update(part, STEP_M)
+    assert presence.update(CLEAR, STEP_M)
+    assert presence.update(part, STEP_M)
+    assert not presence.update(end, STEP_M)
+
+
 def test_before_the_wheel_can_have_left_a_trace_only_one_that_fills_the_view_is_accepted() -> None:
     beginning = replace(CLEAR, fills_view=False)
     for shown, expected in ((beginning, False), (CLEAR, True)):
