@@ -44,11 +44,11 @@ class GyroSampleRateRule(StopRule):
         self._window_ns = nanoseconds(settings.gyro_rate_s)
         self._silence_ns = nanoseconds(SILENCE_SHARE * settings.gyro_rate_s)
         self._counted_ns: deque[int] = deque()
-        self._since_ns = 0
+        self._since_ns = 0  # pragma: no mutate
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Count a reading of the gyro."""
-        if self._rate_hz is None or not isinstance(sample, RateSample) or sample.device != self._gyro:
+        if not isinstance(sample, RateSample) or sample.device != self._gyro:
             return
         if not self._counted_ns or t_ns - self._counted_ns[-1] > self._silence_ns:
             self._counted_ns.clear()

@@ -37,17 +37,32 @@ def make_rule(roles: DeviceRoles = ROLES) -> GyroSampleRateRule:
     return GyroSampleRateRule(GyroSampleRateSettings(), roles)
 
 
-@pytest.mark.parametrize(("rate_hz", "is_wrong"), [(50, 0), (35, 0), (75, 0), (25, 1), (100, 1), (10, 1)])
+@pytest.mark.parametrize(
+    ("rate_hz", "is_wrong"), [(50, 0), (35, 0), (75, 0), (25, 1), (100, 1), (10, 1), (4, 1), (2, 1)]
+)
 def test_a_rate_that_differs_by_the_factor_is_named_after_the_counting_time(
     rate_hz: int, is_wrong: int
 ) -> None:
     found = drive(make_rule(), every(1.0 / rate_hz, 4.0), 4.0)
     assert bool(found) == bool(is_wrong)
     if found:
-        assert found[0][0] == pytest.approx(2.0, abs=0.021)
+        assert found[0][0] == 2.0
         reason = found[-1][1]
         assert (reason.cause, reason.severity, reason.yaw_rad) == ("gyro sample rate", Severity.STOP, 0.0)
-        assert reason.text.startswith(f"imu: sends {rate_hz} yaw rates per second, configured are 50: ")
+        assert reason.text == (
+            f"imu: sends {rate_hz} yaw rates per second, configured are 50: set the sensor or its rate_hz, "
+            "and look for lost messages"
+        )
+
+
+@pytest.mark.parametrize("period_s", [0.04, 0.01])
+def test_a_rate_that_differs_by_just_the_factor_is_allowed(period_s: float) -> None:
+    rule = GyroSampleRateRule(GyroSampleRateSettings(gyro_rate_factor=2.0), ROLES)
+    assert drive(rule, every(period_s, 4.0, 0.5 * period_s), 4.0) == []
+
+
+def test_a_silence_of_a_quarter_of_the_counting_time_ends_the_count() -> None:
+    assert drive(make_rule(), every(0.1, 4.0), 6.0)[-1][0] == 4.4
 
 
 def test_a_silence_is_no_rate_and_the_count_begins_anew_after_it() -> None:

@@ -12,8 +12,8 @@ from drivers.clock import nanoseconds
 class Wheels:
     """A stall monitor on a cycle of 20 ms."""
 
-    def __init__(self, wheel_count: int = 1) -> None:
-        self.monitor = StallMonitor(StallSettings(), wheel_count)
+    def __init__(self, wheel_count: int = 1, stall_s: float = 1.0) -> None:
+        self.monitor = StallMonitor(StallSettings(stall_s=stall_s), wheel_count)
         self.now_ns = 0
         self.found: list[StopReason] = []
 
@@ -41,6 +41,25 @@ def test_a_wheel_at_rest_is_named_after_a_second_and_not_before() -> None:
     )
     # A wheel that turns as it should lags a little behind its set-point; of this a second is remembered.
     assert reason.wheel_rad == pytest.approx((0.2 * (1.0 - math.exp(-1.0)), -3.0), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("commanded", "measured", "after_s"), [(3.0, 0.0, 1.0), (0.49, 0.0, 3.08), (3.0, -3.0, 0.5)]
+)
+def test_a_wheel_that_has_turned_as_commanded_begins_at_zero(
+    commanded: float, measured: float, after_s: float
+) -> None:
+    wheels = Wheels()
+    assert not wheels.turn(1.0, (commanded,), (commanded,))
+    assert not wheels.turn(after_s - 0.02, (commanded,), (measured,))
+    assert wheels.turn(0.02, (commanded,), (measured,))
+
+
+def test_what_is_remembered_of_a_wheel_that_turns_has_the_time_of_a_stall() -> None:
+    wheels = Wheels(2, stall_s=2.0)
+    assert wheels.turn(2.02, (3.0, -3.0), (2.8, 0.0))
+    (reason,) = wheels.found
+    assert reason.wheel_rad == pytest.approx((0.4 * (1.0 - math.exp(-1.0)), -6.0), rel=0.03)
 
 
 @pytest.mark.parametrize(
