@@ -493,6 +493,10 @@ def gap(
         ),
     ] = False,
     seed: Annotated[int, number_option("Of all random numbers.", "", 0, 2**32 - 1)] = 0,
+    cluster: Annotated[
+        str | None,
+        typer.Option(help="Read the logs of --config on this Dask scheduler's workers.", metavar="ADDRESS"),
+    ] = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -518,6 +522,11 @@ def gap(
         raise ConfigError("gap needs a model and one file or folder of measured runs, or --config and logs")
     if config is not None and (check or allowed is not None or shortening != Shortening()):
         raise ConfigError("--check, --allowed, --cut and --warm-up are for a StateModel: leave out --config")
+    if config is None and cluster is not None:
+        raise ConfigError(
+            "--cluster: the logs of --config are read there; the analysis of a model by its name is one "
+            "computation: leave it out"
+        )
     if check:
         sys.exit(check_effects(model, (data or [])[0], as_json=json, shortening=shortening))
     if out is None:
@@ -528,7 +537,7 @@ def gap(
         find_gap(
             named_model(model, (data or [])[0])
             if config is None
-            else rover_of(config, [Path(model), *(data or ())]),
+            else rover_of(config, [Path(model), *(data or ())], cluster),
             out=out,
             extended=extended,
             confirm=confirm,

@@ -37,6 +37,7 @@ from rover_hil.gap.plan import Plan, TooFewRunsError, require_runs
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
+from rover_hil.parallel.calls import open_calls
 from sim_backends.models.interface import Machine, Model, Run
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
@@ -94,12 +95,13 @@ def named_model(name: str, data: Path) -> Subject:
     )
 
 
-def rover_of(config: str, logs: Sequence[Path]) -> Subject:
+def rover_of(config: str, logs: Sequence[Path], cluster: str | None = None) -> Subject:
     """Return the rover of a configuration with a list of wheels.
 
     Args:
         config: The configuration.
         logs: Logs, or folders of them.
+        cluster: Address of the Dask scheduler that reads them; None for here.
 
     Raises:
         ConfigError: The configuration has no such rover.
@@ -113,7 +115,12 @@ def rover_of(config: str, logs: Sequence[Path]) -> Subject:
             "four-wheel-drive"
         )
     model = WheelsModel(plant)
-    return Subject(name=config, data=logs, make=lambda: model, read=lambda _: read_rover_runs(model, logs))
+
+    def read(_: Model) -> list[Run]:
+        with open_calls(cluster) as calls:
+            return read_rover_runs(model, logs, calls)
+
+    return Subject(name=config, data=logs, make=lambda: model, read=read)
 
 
 def find_gap(

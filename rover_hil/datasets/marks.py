@@ -60,14 +60,19 @@ def marks_file(log: Path) -> Path:
     return log.with_name(log.name.removesuffix(".mcap") + ENDING)
 
 
+def mark_files(log: Path) -> tuple[Path, Path]:
+    """Return where the marks of a log would be, in this version and in former ones."""
+    path = marks_file(log)
+    return path, path.with_name(path.name.removesuffix(ENDING) + FORMER_ENDING)
+
+
 def marks_beside(log: Path) -> Path | None:
     """Return the file of the marks of a log; None without one.
 
     Raises:
         LogError: There is one with the ending of former versions.
     """
-    path = marks_file(log)
-    former = path.with_name(path.name.removesuffix(ENDING) + FORMER_ENDING)
+    path, former = mark_files(log)
     if path.is_file():
         return path
     if former.is_file():

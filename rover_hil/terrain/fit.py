@@ -1,6 +1,7 @@
 """Soil numbers from plate tests and wheel tests, with 95 % confidence intervals."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy import optimize, stats
 
 from drivers.errors import ModelError
 from rover_hil.datasets.arrays import Array, rms
+from rover_hil.parallel.calls import HERE, Calls
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import (
     AnyAngleSoil,
@@ -95,6 +97,7 @@ def fit_soil(
     wheel: WheelSettings,
     start: AnyAngleSoil,
     free: Sequence[str] = tuple(FREE),
+    calls: Calls = HERE,
 ) -> SoilFit:
     """Fit a soil to plate tests and, where given, to wheel tests at their measured loads.
 
@@ -107,6 +110,7 @@ def fit_soil(
         wheel: That wheel.
         start: Start values, and the values of what is not fitted.
         free: Names out of `FREE`.
+        calls: Makes the evaluations of each derivative.
 
     Raises:
         ModelError: Too few tests, an unknown name, or a number is out of range.
@@ -124,22 +128,32 @@ def fit_soil(
     means = wheel_tests.means()
     if 3 * len(means.cell) <= len(free):
         raise ModelError(f"wheel tests: {len(means.cell)} cells are too few to fit {len(free)} numbers")
-    found = _least_squares(_misfit(means, wheel, begin, free, plates), begin, free)
+    found = _least_squares(_make_misfit(means, wheel, begin, free, plates), begin, free, calls)
     return _result(found, begin, free, plates, len(means.cell))
 
 
-def _misfit(
-    tests: WheelTests, wheel: WheelSettings, begin: AnyAngleSoil, free: Sequence[str], plates: PlateFit
-) -> Callable[[Array], Array]:
-    if not np.isfinite(np.linalg.cond(plates.covariance)):
-        raise ModelError("plate tests: they do not differ enough to estimate their scatter; give other tests")
-    root = np.linalg.cholesky(np.linalg.inv(plates.covariance)).T
-    middle = np.array([np.log(plates.modulus_pa.value), plates.exponent.value])
-    start = np.array([_to(name, getattr(begin, name)) for name in free])
-    spread = np.array([FREE[name].spread for name in free])
+@dataclass(frozen=True, slots=True)
+class _Misfit:
+    """Misfits over the coordinates of the free numbers; a class, so that it can be sent to other machines.
 
-    def misfit(coordinates: Array) -> Array:
-        soil = _soil(begin, free, coordinates)
+    Attributes:
+        root: Square root of the inverse covariance of `middle`.
+        middle: Logarithm of the plates' modulus, and their exponent.
+        start, spread: Of the prior.
+    """
+
+    tests: WheelTests
+    wheel: WheelSettings
+    begin: AnyAngleSoil
+    free: Sequence[str]
+    root: Array
+    middle: Array
+    start: Array
+    spread: Array
+
+    def __call__(self, coordinates: Array) -> Array:
+        tests, wheel = self.tests, self.wheel
+        soil = _soil(self.begin, self.free, coordinates)
         sinkage, forces = any_angle_at_load(wheel, soil, tests.motion, tests.load_n)
         lost = NOT_CARRIED + (tests.load_n - _greatest_load_n(wheel, soil, tests)) / FORCE_ERROR_N
         parts = (
@@ -147,11 +161,26 @@ def _misfit(
             (forces.side_n - tests.side_n) / FORCE_ERROR_N,
             np.where(np.isnan(sinkage), lost, (sinkage - tests.sinkage_m) / SINKAGE_ERROR_M),
         )
-        plate = root @ (np.array([np.log(soil.plate_modulus_pa), soil.plate_exponent]) - middle)
-        prior = (coordinates - start) / spread
+        plate = self.root @ (np.array([np.log(soil.plate_modulus_pa), soil.plate_exponent]) - self.middle)
+        prior = (coordinates - self.start) / self.spread
         return np.concatenate([*(np.nan_to_num(part, nan=NOT_CARRIED) for part in parts), plate, prior])
 
-    return misfit
+
+def _make_misfit(
+    tests: WheelTests, wheel: WheelSettings, begin: AnyAngleSoil, free: Sequence[str], plates: PlateFit
+) -> _Misfit:
+    if not np.isfinite(np.linalg.cond(plates.covariance)):
+        raise ModelError("plate tests: they do not differ enough to estimate their scatter; give other tests")
+    return _Misfit(
+        tests,
+        wheel,
+        begin,
+        tuple(free),
+        root=np.linalg.cholesky(np.linalg.inv(plates.covariance)).T,
+        middle=np.array([np.log(plates.modulus_pa.value), plates.exponent.value]),
+        start=np.array([_to(name, getattr(begin, name)) for name in free]),
+        spread=np.array([FREE[name].spread for name in free]),
+    )
 
 
 def _greatest_load_n(wheel: WheelSettings, soil: AnyAngleSoil, tests: WheelTests) -> Array:
@@ -160,13 +189,19 @@ def _greatest_load_n(wheel: WheelSettings, soil: AnyAngleSoil, tests: WheelTests
 
 
 def _least_squares(
-    misfit: Callable[[Array], Array], begin: AnyAngleSoil, free: Sequence[str]
+    misfit: Callable[[Array], Array], begin: AnyAngleSoil, free: Sequence[str], calls: Calls
 ) -> optimize.OptimizeResult:
     bounds = np.array([[_to(name, FREE[name].lower), _to(name, FREE[name].upper)] for name in free])
     values = np.array([_to(name, getattr(begin, name)) for name in free])
     inside = np.clip(values, bounds[:, 0] + 1e-6, bounds[:, 1] - 1e-6)
     return optimize.least_squares(
-        misfit, inside, bounds=bounds.T, x_scale=0.1 * np.ptp(bounds, axis=1), diff_step=1e-5, max_nfev=100
+        misfit,
+        inside,
+        bounds=bounds.T,
+        x_scale=0.1 * np.ptp(bounds, axis=1),
+        diff_step=1e-5,
+        max_nfev=100,
+        workers=calls.map,
     )
 
 

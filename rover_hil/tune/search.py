@@ -1,7 +1,8 @@
 """Which values are tried next: optuna's tree-structured Parzen estimator (Bergstra 2011).
 
-Rejected values have no cost: the estimator only knows that they are worse than all acceptable ones. The
-search is made anew from the trials before, and depends on nothing else.
+Rejected values have no cost. That values are acceptable is a constraint: rejected ones are worse than all
+acceptable ones, and the less so the more cases they passed. The search is made anew from the trials before,
+and depends on nothing else.
 """
 
 import warnings
@@ -19,6 +20,7 @@ try:
 except ModuleNotFoundError as missing:
     raise ConfigError("tuning needs optuna: install rover-hil[tune]") from missing
 
+AsTrial = Callable[[Attempt, dict[str, BaseDistribution]], FrozenTrial]
 MOST_TRIALS = 1_000_000
 
 Proposer = Callable[
@@ -34,12 +36,13 @@ def propose(
     count: int,
     *,
     seed: int = 0,
+    as_trial: AsTrial | None = None,
 ) -> list[dict[str, float]]:
     """Return the values of the next batch, see `Proposer`.
 
     Those of one batch keep away from each other: each is taken as bad while the next is proposed.
 
-    Another `seed` gives other values.
+    Another `seed` gives other values. `as_trial` returns a trial for optuna; by default it is that below.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     distributions: dict[str, BaseDistribution] = {
@@ -50,18 +53,22 @@ def propose(
         warnings.simplefilter("ignore", ExperimentalWarning)
         sampler = optuna.samplers.TPESampler(seed=MOST_TRIALS * seed + len(told), constant_liar=True)
     study = optuna.create_study(sampler=sampler)
-    study.add_trials([_as_trial(attempt, distributions) for attempt in told])
+    study.add_trials([(as_trial or _DEFAULT)(attempt, distributions) for attempt in told])
     return [study.ask(distributions).params for _ in range(count)]
 
 
-def _as_trial(attempt: Attempt, distributions: dict[str, BaseDistribution]) -> FrozenTrial:
+def as_trial(attempt: Attempt, distributions: dict[str, BaseDistribution]) -> FrozenTrial:
     """Return a trial of optuna; one without a cost ranks by the cases driven, a rejected one below all."""
     if attempt.cost is not None:
         return create_trial(params=attempt.values, distributions=distributions, value=attempt.cost)
-    driven = 0 if attempt.refused else len(attempt.case_costs)
+    driven = len(attempt.case_costs)
     return create_trial(
         params=attempt.values,
         distributions=distributions,
         state=TrialState.PRUNED,
         intermediate_values={driven: attempt.at_least},
+        constraints={"rejected": 1.0 / (1.0 + driven)} if attempt.refused else None,
     )
+
+
+_DEFAULT = as_trial

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rover_hil.app.options import (
+    ClusterOption,
     ForceOption,
     Group,
     JsonOption,
@@ -21,6 +22,7 @@ def identify_slip(
     train: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders to learn from.")],
     test: Annotated[list[Path] | None, typer.Option(help="Logs, files or folders to test on.")] = None,
     out: Annotated[Path | None, out_option("Write the best map to this TOML file.")] = None,
+    cluster: ClusterOption = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -33,7 +35,7 @@ def identify_slip(
     """
     from rover_hil.app.identify.slip import identify_slip as identify
 
-    sys.exit(identify(train, test=test or [], force=force, as_json=json, out=out))
+    sys.exit(identify(train, test=test or [], force=force, as_json=json, out=out, cluster=cluster))
 
 
 @identify_app.command("probe")
@@ -45,6 +47,7 @@ def identify_probe(
     ] = "robotino",
     amplitude: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, rad/s.")] = 0.35,
     frequency: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, Hz.")] = 5.0,
+    cluster: ClusterOption = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -66,6 +69,7 @@ def identify_probe(
             out=out,
             force=force,
             as_json=json,
+            cluster=cluster,
         )
     )
 
@@ -74,6 +78,7 @@ def identify_probe(
 def identify_motor(
     logs: Annotated[list[Path], typer.Argument(help="Logs, measured CSV files or folders.")],
     out: Annotated[Path | None, out_option("Write the parameters to this TOML file.")] = None,
+    cluster: ClusterOption = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -88,7 +93,7 @@ def identify_motor(
     """
     from rover_hil.app.identify.motor import identify_motor as identify
 
-    sys.exit(identify(logs, out=out, force=force, as_json=json))
+    sys.exit(identify(logs, out=out, force=force, as_json=json, cluster=cluster))
 
 
 @identify_app.command("scomp")

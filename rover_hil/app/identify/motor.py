@@ -16,9 +16,12 @@ from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
 from rover_hil.identify.motor.report import Estimate, MotorReport
 from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.parallel.calls import open_calls
 
 
-def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool, force: bool = False) -> int:
+def identify_motor(
+    logs: Sequence[Path], *, out: Path | None, as_json: bool, force: bool = False, cluster: str | None = None
+) -> int:
     """Identify the motors of `logs` and print what came out; returns the exit code.
 
     Args:
@@ -26,23 +29,24 @@ def identify_motor(logs: Sequence[Path], *, out: Path | None, as_json: bool, for
         out: Data file to write, TOML.
         as_json: Print JSON instead of tables.
         force: Replace an earlier file.
+        cluster: Address of the Dask scheduler that reads the logs and fits the motors; None for here.
 
     Raises:
-        ConfigError: `out` exists or cannot be written.
+        ConfigError: `out` exists or cannot be written, or the cluster cannot be used.
         LogError: A log cannot be read or holds something wrong.
     """
     check_file(out, force=force)
     check_inputs(*logs)
     files = find_logs(logs)
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with open_calls(cluster) as calls, Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("reading", total=len(files))
         records: list[Record] = []
-        for file in files:
-            records += read_records(file)
+        for found in calls.map_files(read_records, files):
+            records += found
             progress.advance(task)
         motors = {record.motor for record in records}
         task = progress.add_task("fitting", total=len(motors))
-        reports = identify(records, lambda: progress.advance(task))
+        reports = identify(records, lambda: progress.advance(task), calls)
     source = [str(file) for file in files]
     if as_json:
         print_json({"logs": source, "motors": [dataclasses.asdict(report) for report in reports]})

@@ -13,11 +13,14 @@ from drivers.files import resolved
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
+from rover_hil.datasets.marks import mark_files
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.map_file import read_slip_map, write_slip_map
 from rover_hil.identify.slip.probe_fit import fit_probe
+from rover_hil.identify.slip.run_data import MeasuredRun
 from rover_hil.identify.slip.runs import find_runs, log_notes
 from rover_hil.pages.atomic_write import check_file
+from rover_hil.parallel.calls import open_calls
 
 
 def identify_probe(
@@ -29,12 +32,13 @@ def identify_probe(
     out: Path,
     as_json: bool,
     force: bool = False,
+    cluster: str | None = None,
 ) -> int:
     """Fit the probe to `logs` and write `maps` with it to `out`; returns the exit code.
 
     Raises:
         ConfigError: `out` exists, the excitation is out of range, `maps` cannot be read, or scikit-learn is
-            not installed.
+            not installed, or the cluster cannot be used.
         LogError: A log cannot be used, or there is too little excitation in all of them.
     """
     check_file(out, force=force)
@@ -43,10 +47,9 @@ def identify_probe(
     content = read_slip_map(maps)
     files = find_runs(logs).files
     console = Console(stderr=True)
-    runs = [
-        read_log_run(path, path.parent.name)
-        for path in track(files, "reading", console=console, transient=True)
-    ]
+    with open_calls(cluster) as calls:
+        found = calls.map_files(_read, files, mark_files)
+        runs = list(track(found, "reading", total=len(files), console=console, transient=True))
     probe, rejected = fit_probe(runs, excitation)
     notes = log_notes(runs, rejected)
     write_slip_map(content.model_copy(update={"yaw_probe": probe}), out)
@@ -62,6 +65,11 @@ def identify_probe(
         for note in notes:
             console.print(f"Note: {note}")
     return EXIT_OK
+
+
+def _read(path: Path) -> MeasuredRun:
+    """Return the run in a log; its folder is named by the surface."""
+    return read_log_run(path, path.parent.name)
 
 
 def _excitation(logs: Sequence[Path], amplitude_rad_s: float, frequency_hz: float) -> YawExcitationMap:

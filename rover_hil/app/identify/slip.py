@@ -24,10 +24,17 @@ from rover_hil.identify.slip.report import print_result, result_record
 from rover_hil.identify.slip.runs import RunFiles, find_runs, log_notes
 from rover_hil.identify.slip.scores import score_runs
 from rover_hil.pages.atomic_write import check_file
+from rover_hil.parallel.calls import open_calls
 
 
 def identify_slip(
-    train: Sequence[Path], *, test: Sequence[Path], as_json: bool, out: Path | None, force: bool = False
+    train: Sequence[Path],
+    *,
+    test: Sequence[Path],
+    as_json: bool,
+    out: Path | None,
+    force: bool = False,
+    cluster: str | None = None,
 ) -> int:
     """Fit slip maps to the runs in `train`, score them on each of `test`; returns the exit code.
 
@@ -37,9 +44,11 @@ def identify_slip(
         as_json: Print JSON instead of tables.
         out: Data file for the maps.
         force: Replace an earlier one.
+        cluster: Address of the Dask scheduler that reads the runs and cross-validates; None for here.
 
     Raises:
-        ConfigError: `out` exists or cannot be written, or scikit-learn is not installed.
+        ConfigError: `out` exists or cannot be written, scikit-learn is not installed, or the cluster cannot
+            be used.
         LogError: A run cannot be used, there are too few, or a test is in pixels without a scale.
     """
     check_file(out, force=force)
@@ -47,18 +56,18 @@ def identify_slip(
     motor = MotorSettings()
     train_files = find_runs(train)
     test_files = {str(path): find_runs([path]) for path in test}
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with open_calls(cluster) as calls, Progress(console=Console(stderr=True), transient=True) as progress:
         count = len(train_files.files) + sum(len(found.files) for found in test_files.values())
         task = progress.add_task("identifying", total=count + SLIP_FIT.validation.folds + 1)
 
         def advance() -> None:
             progress.advance(task)
 
-        used = read_all(train_files.files, motor, advance)
-        found = identify_slip_maps(used, advance)
+        used = read_all(train_files.files, motor, advance, calls)
+        found = identify_slip_maps(used, advance, calls)
         tests: dict[str, Errors] = {}
         for name, files in test_files.items():
-            runs = read_all(files.files, motor, advance)
+            runs = read_all(files.files, motor, advance, calls)
             if found.scale.mm_per_px is None and any(run.camera_in_pixels for run in runs):
                 raise LogError(
                     f"{name} is in pixels, but no training run gives a camera scale: train on such runs too"

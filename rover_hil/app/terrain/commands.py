@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rover_hil.app.options import ForceOption, Group, JsonOption, out_option
+from rover_hil.app.options import ClusterOption, ForceOption, Group, JsonOption, out_option
 
 terrain_app = typer.Typer(cls=Group, help="Wheels and rovers on soil: forces, slopes, soil numbers.")
 RoverOption = Annotated[str, typer.Option(help="`paper_001`, or a TOML file; see docs/reference/terrain.md.")]
@@ -153,6 +153,7 @@ def terrain_fit(
         "shear_modulus_m,exit_share,slide_number,push_number,wake_rate,wall_number,sideways_exponent,wall_drag"
     ),
     plates_only: Annotated[bool, typer.Option("--plates-only", help="Leave out the wheel tests.")] = False,
+    cluster: ClusterOption = None,
     out: ReportOption = None,
     force: ForceOption = False,
     json: JsonOption = False,
@@ -168,4 +169,14 @@ def terrain_fit(
     from rover_hil.terrain.setup import Output
 
     output = Output(out, json, force)
-    sys.exit(fit(data, wheel_name=wheel, soil_name=soil, free=free, plates_only=plates_only, output=output))
+    sys.exit(
+        fit(
+            data,
+            wheel_name=wheel,
+            soil_name=soil,
+            free=free,
+            plates_only=plates_only,
+            output=output,
+            cluster=cluster,
+        )
+    )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.parallel.calls import open_calls
 from rover_hil.terrain.fit import SoilFit, fit_soil
 from rover_hil.terrain.fit_data import WheelTests
 from rover_hil.terrain.fit_files import read_cmu_plates, read_cmu_wheel
@@ -27,7 +28,16 @@ WHEEL_FILES = "*_wheel_steady_state.csv"
 SOIL_FILE = "soil.toml"
 
 
-def fit(data: Path, *, wheel_name: str, soil_name: str, free: str, plates_only: bool, output: Output) -> int:
+def fit(
+    data: Path,
+    *,
+    wheel_name: str,
+    soil_name: str,
+    free: str,
+    plates_only: bool,
+    output: Output,
+    cluster: str | None = None,
+) -> int:
     """Fit a soil to plate and wheel tests, print numbers with intervals; returns the exit code.
 
     Args:
@@ -38,9 +48,10 @@ def fit(data: Path, *, wheel_name: str, soil_name: str, free: str, plates_only: 
         free: Numbers to be fitted to the wheel tests, separated by commas.
         plates_only: Leave out the wheel tests.
         output: Where results go; the soil goes there too, as TOML.
+        cluster: Address of the Dask scheduler that computes the derivatives of the fit; None for here.
 
     Raises:
-        ConfigError: No such wheel or soil, or the folder cannot be written to.
+        ConfigError: No such wheel or soil, the folder cannot be written to, or the cluster cannot be used.
         LogError: The data cannot be read.
         ModelError: Too few tests, or a number is out of range.
     """
@@ -53,7 +64,8 @@ def fit(data: Path, *, wheel_name: str, soil_name: str, free: str, plates_only: 
     names = [name.strip() for name in free.split(",")]
     plates = waited_for(lambda: _plates(data), "reading plate tests")
     tests = None if plates_only else _wheel_tests(data, wheel_name)
-    found = waited_for(lambda: fit_soil(plates, tests, wheel, start, names), "fitting")
+    with open_calls(cluster) as calls:
+        found = waited_for(lambda: fit_soil(plates, tests, wheel, start, names, calls), "fitting")
     if output.folder is not None:
         _write(output.folder, f"{data.name}, wheel {wheel_name}", found, wheel, plates, tests)
     table = fit_table(found)

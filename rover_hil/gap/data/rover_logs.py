@@ -9,19 +9,22 @@ import numpy as np
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.errors import ConfigError, LogError
 from rover_hil.datasets.log import RecordedDrive, TruePoses, read_drive
+from rover_hil.datasets.marks import mark_files
 from rover_hil.gap.data.logs import find_logs
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
+from rover_hil.parallel.calls import HERE, Calls
 from sim_backends.models.interface import Array, Run
 from sim_backends.wheels_model.model import GYRO, HEADING, WheelsModel
 
 
-def read_rover_runs(model: WheelsModel, paths: Sequence[Path]) -> list[Run]:
+def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HERE) -> list[Run]:
     """Return one run per log, or their stretches where there are too few logs to split.
 
     Args:
         model: Of the rover.
         paths: Logs and folders of logs.
+        calls: Reads them.
 
     Raises:
         ConfigError: There is no log, or a log is of another rover, or of too short a drive.
@@ -33,9 +36,11 @@ def read_rover_runs(model: WheelsModel, paths: Sequence[Path]) -> list[Run]:
     folder = Path(os.path.commonpath([file.resolve().parent for file in files]))
     runs = []
     rng = np.random.default_rng(0)
-    for file in dict.fromkeys(files):
+    logs = list(dict.fromkeys(files))
+    for file, drive in zip(logs, calls.map_files(read_drive, logs, mark_files), strict=True):
+        drive.log.path = file  # marks are beside it, wherever it was read
         name = file.resolve().relative_to(folder).with_suffix("").as_posix()
-        runs.append(_run(model, read_drive(file), name, rng))
+        runs.append(_run(model, drive, name, rng))
     if len(runs) < DATA.runs.least_series:
         runs = [part for run in runs for part in stretches(run)]
     return runs

@@ -10,6 +10,7 @@ from rover_hil.identify.motor.log import read_log
 from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.report import MotorReport, report_motor
 from rover_hil.identify.motor.table import read_table
+from rover_hil.parallel.calls import HERE, Calls
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 
@@ -46,13 +47,15 @@ def read_records(path: Path) -> list[Record]:
     return [*read_drives(path)] if is_averages(path) else [*read_table(path)]
 
 
-def identify(records: Sequence[Record], advance: Callable[[], None] = lambda: None) -> list[MotorReport]:
+def identify(
+    records: Sequence[Record], advance: Callable[[], None] = lambda: None, calls: Calls = HERE
+) -> list[MotorReport]:
     """Return a report on every motor; `advance` is called after each.
 
     Raises:
         LogError: The logs of a motor come from different devices, or hold too little.
     """
-    reports: list[MotorReport] = []
+    motors: list[Sequence[Record]] = []
     for motor in sorted({record.motor for record in records}):
         whole = [item for item in records if isinstance(item, MotorRecord) and item.motor == motor]
         averaged = [item for item in records if isinstance(item, MotorDrives) and item.motor == motor]
@@ -60,6 +63,19 @@ def identify(records: Sequence[Record], advance: Callable[[], None] = lambda: No
             raise LogError(
                 f"{averaged[0].log} holds averages and {whole[0].log} does not: identify them one by one"
             )
-        reports.append(report_motor(whole) if whole else report_drives(averaged))
+        motors.append(whole or averaged)
+    reports: list[MotorReport] = []
+    for report in calls.map(_report, motors):
+        reports.append(report)
         advance()
     return reports
+
+
+def _report(records: Sequence[Record]) -> MotorReport:
+    """Return the report on one motor."""
+    whole = [item for item in records if isinstance(item, MotorRecord)]
+    return (
+        report_motor(whole)
+        if whole
+        else report_drives([item for item in records if isinstance(item, MotorDrives)])
+    )

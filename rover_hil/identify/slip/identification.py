@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
+from rover_hil.datasets.marks import mark_files
 from rover_hil.identify.slip.camera_scale import CameraScale, find_scale
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
@@ -13,6 +15,7 @@ from rover_hil.identify.slip.runs import read_windows, surface_parts
 from rover_hil.identify.slip.scores import FittedMaps, RunError, score_runs
 from rover_hil.identify.slip.surface_fit import fit_surface_map, travel_direction_rad
 from rover_hil.identify.slip.wheel_fit import collect_samples, fit_wheel_maps
+from rover_hil.parallel.calls import HERE, Calls
 
 Advance = Callable[[], None]
 """Called after each piece of work, for a progress bar."""
@@ -42,20 +45,24 @@ class SlipIdentification:
     not_validated: int
 
 
-def read_all(files: Sequence[Path], motor: MotorSettings, advance: Advance) -> list[RunWindows]:
+def read_all(
+    files: Sequence[Path], motor: MotorSettings, advance: Advance, calls: Calls = HERE
+) -> list[RunWindows]:
     """Return the runs in all files.
 
     Raises:
         LogError: A file cannot be used.
     """
     runs: list[RunWindows] = []
-    for path in files:
-        runs += read_windows(path, motor)
+    for found in calls.map_files(partial(read_windows, motor=motor), files, mark_files):
+        runs += found
         advance()
     return runs
 
 
-def identify_slip_maps(runs: Sequence[RunWindows], advance: Advance) -> SlipIdentification:
+def identify_slip_maps(
+    runs: Sequence[RunWindows], advance: Advance, calls: Calls = HERE
+) -> SlipIdentification:
     """Fit all maps and cross-validate them; `advance` is called once more than there are folds.
 
     Raises:
@@ -68,7 +75,7 @@ def identify_slip_maps(runs: Sequence[RunWindows], advance: Advance) -> SlipIden
     scale = find_scale(trained_on)
     maps = fit_maps(trained_on, scale.m_per_px, scale.drift_rad or 0.0)
     advance()
-    errors, not_validated = _cross_validate(trained_on, scale, advance)
+    errors, not_validated = _cross_validate(trained_on, scale, advance, calls)
     return SlipIdentification(
         scale=scale,
         maps=maps,
@@ -104,7 +111,9 @@ def _single(names: Sequence[str]) -> list[str]:
     return [name for name in names if len(surface_parts(name, [n for n in names if n != name])) == 1]
 
 
-def _cross_validate(runs: Sequence[RunWindows], scale: CameraScale, advance: Advance) -> tuple[Errors, int]:
+def _cross_validate(
+    runs: Sequence[RunWindows], scale: CameraScale, advance: Advance, calls: Calls
+) -> tuple[Errors, int]:
     """Leave out a fifth of the runs five times; every surface and all directions are in every fold.
 
     A surface with the fewest runs that are allowed has one less here. Returns the errors, and how many runs
@@ -113,17 +122,24 @@ def _cross_validate(runs: Sequence[RunWindows], scale: CameraScale, advance: Adv
     ordered = sorted(runs, key=lambda run: (run.surface, travel_direction_rad(run), str(run.path)))
     errors: Errors = {}
     not_validated = 0
-    for fold in range(SLIP_FIT.validation.folds):
-        kept = [run for index, run in enumerate(ordered) if index % SLIP_FIT.validation.folds != fold]
-        left_out = ordered[fold :: SLIP_FIT.validation.folds]
-        try:
-            maps = fit_maps(
-                kept, scale.m_per_px, scale.drift_rad or 0.0, least_runs=SLIP_FIT.surface.least_runs - 1
-            )
-        except LogError:
-            not_validated += len(left_out)
-        else:
-            for name, found in score_runs(maps, left_out, scale.m_per_px).items():
-                errors.setdefault(name, []).extend(found)
+    folds = SLIP_FIT.validation.folds
+    for fold, found in enumerate(calls.map(partial(_validate_fold, ordered, scale), range(folds))):
+        if found is None:
+            not_validated += len(ordered[fold::folds])
+        for name, of_fold in (found or {}).items():
+            errors.setdefault(name, []).extend(of_fold)
         advance()
     return errors, not_validated
+
+
+def _validate_fold(ordered: Sequence[RunWindows], scale: CameraScale, fold: int) -> Errors | None:
+    """Return the errors of the runs of a fold with maps of the others; None where these are too few."""
+    folds = SLIP_FIT.validation.folds
+    kept = [run for index, run in enumerate(ordered) if index % folds != fold]
+    try:
+        maps = fit_maps(
+            kept, scale.m_per_px, scale.drift_rad or 0.0, least_runs=SLIP_FIT.surface.least_runs - 1
+        )
+    except LogError:
+        return None
+    return score_runs(maps, ordered[fold::folds], scale.m_per_px)

@@ -45,7 +45,7 @@ def reports(free: Path) -> Sequence[MotorReport]:
 @pytest.fixture
 def fitted(reports: Sequence[MotorReport], monkeypatch: pytest.MonkeyPatch) -> None:
     """Fit the record of `free` once for all tests that only look at what is printed or written of it."""
-    monkeypatch.setattr("rover_hil.app.identify.motor.identify", lambda records, on_motor: reports)
+    monkeypatch.setattr("rover_hil.app.identify.motor.identify", lambda records, on_motor, calls: reports)
 
 
 def run_json(capsys: pytest.CaptureFixture[str], *logs: Path) -> tuple[int, list[dict[str, Any]]]:

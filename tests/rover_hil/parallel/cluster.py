@@ -16,6 +16,7 @@ from tests.rover_hil.tune.tuning import answer
 ROOT = Path(__file__).parents[3]
 DELAY = "ROVER_HIL_TEST_DELAY_S"
 HOST = "127.0.0.1"
+START_LIMIT_S = 60.0
 HIDE_PACKAGE = "import sys; sys.modules['rover_hil'] = None; from dask.__main__ import main; main()"
 
 
@@ -38,6 +39,14 @@ def running_worker(
     arguments = ["worker", address, "--nthreads", str(threads), "--no-nanny", "--no-dashboard"]
     with _process(arguments, {DELAY: str(delay_s)}, has_package=has_package) as process:
         yield process
+
+
+def wait_for_workers(address: str, count: int) -> None:
+    """Wait until a scheduler has so many workers."""
+    from distributed import Client
+
+    with Client(address, timeout=START_LIMIT_S, set_as_default=False) as client:
+        client.wait_for_workers(count, timeout=START_LIMIT_S)
 
 
 @contextmanager

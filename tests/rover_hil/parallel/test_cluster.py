@@ -20,7 +20,7 @@ from rover_hil.parallel.executor import open_executor
 from rover_hil.tune.parameters import check_parameters
 from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.study import MissionStudy
-from tests.rover_hil.parallel.cluster import running_scheduler, running_worker, slow_answer
+from tests.rover_hil.parallel.cluster import running_scheduler, running_worker, slow_answer, wait_for_workers
 from tests.rover_hil.tune.tuning import FakeRuns, make_config, write_config
 
 TRIALS = 9
@@ -31,13 +31,6 @@ START_LIMIT_S = 60.0
 def address() -> Iterator[str]:
     with running_scheduler() as found:
         yield found
-
-
-def wait_for_workers(address: str, count: int) -> None:
-    from distributed import Client
-
-    with Client(address, timeout=START_LIMIT_S, set_as_default=False) as client:
-        client.wait_for_workers(count, timeout=START_LIMIT_S)
 
 
 def wait_for_no_worker(address: str) -> None:

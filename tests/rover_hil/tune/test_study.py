@@ -2,19 +2,22 @@
 
 import importlib
 import math
+import statistics
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config
-from rover_hil.config.tune_settings import ObjectiveSettings
+from rover_hil.config.tune_settings import ObjectiveSettings, TunableSettings
 from rover_hil.tune.comparison import Verdict, compare
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import case_cost, describe, evaluate
 from rover_hil.tune.parameters import check_parameters
 from rover_hil.tune.scenarios import held_out_seeds, train_seeds
+from rover_hil.tune.search import propose
 from rover_hil.tune.study import CANDIDATES, MissionStudy
 from tests.rover_hil.tune.tuning import (
     MISSION,
@@ -193,3 +196,22 @@ def test_an_unstable_start_gives_way_to_anything_stable_and_to_nothing_else(tmp_
     assert (improved.verdict, improved.start.cost) == (Verdict.IMPROVED, None)
     none = compare(config, tune, [attempt_with(0.035)], FakeRuns().drive)
     assert (none.verdict, none.tuned.cost) == (Verdict.NONE_ACCEPTABLE, None)
+
+
+def test_rejected_values_are_a_constraint_that_leads_to_acceptable_ones() -> None:
+    """Without a single acceptable trial the search goes where more cases were passed."""
+    parameters = {"a": TunableSettings(low=0.0, high=1.0, unit="1")}
+    told = [
+        Attempt(
+            number=number,
+            values={"a": value},
+            cost=None,
+            at_least=0.0,
+            refused="oscillates",
+            is_start=number == 0,
+            case_costs=dict.fromkeys(range(round(10 * value)), 1.0),
+        )
+        for number, value in enumerate(np.linspace(0.0, 0.9, 40).tolist())
+    ]
+    proposals = [found["a"] for found in propose(parameters, {"a": 0.0}, told, 8)]
+    assert statistics.median(proposals) > 0.75
