@@ -1,6 +1,7 @@
 """`rover-hil init`: find the devices, ask for the rest, and write a configuration that passes `check`."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -10,6 +11,7 @@ from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import SystemClock
 from drivers.device_settings import CanDeviceSettings, DriveSettings
+from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError, NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from drivers.vesc.settings import VescSettings
@@ -38,12 +40,14 @@ from rover_hil.setting_up.turning import Turner
 
 TURN_SPEED_RAD_S = 1.0
 LEAST_TURN_RAD = 0.1
+STEER_RAD = math.radians(10.0)
 OUT = "OUT"
 """The argument that names the configuration, for messages."""
 POSITIONS = {
     "omni3": ("at 60 deg", "at 180 deg", "at 300 deg"),
     "differential": ("left", "right"),
     "skid_steer_4": ("front left", "front right", "rear left", "rear right"),
+    "steered_4": ("front left", "front right", "rear left", "rear right"),
 }
 """Wheels in the order of the configuration."""
 NAMES = {"frames": "camera", "rate": "imu", "heading": "compass"}
@@ -101,8 +105,9 @@ def _set_up(
             "of its port with --ports; docs/how-to/set_a_rover_up.md"
         )
         return EXIT_NO
-    wheel_count = drive[0].make_codec("wheels").wheel_count
-    kinematics, rover = _rover(wheel_count, console)
+    codec = drive[0].make_codec("wheels")
+    limits_rad = codec.steering_limits_rad if isinstance(codec, SteeringCodec) else {}
+    kinematics, rover = _rover(codec.wheel_count, limits_rad, console)
     settings = _turn_wheels(drive[0], kinematics, made, console)
     speed = ask_number("Greatest speed of the wheels to begin with, rad/s", 0.5, 200.0, 5.0)
     gyro = next((name for name, (each, _) in devices.items() if _has(found, each, "rate")), None)
@@ -227,20 +232,22 @@ def _canopen(bus: CanWheelsSettings, nodes: Sequence[int]) -> AnyDeviceSettings:
     )
 
 
-def _rover(wheel_count: int, console: Console) -> tuple[str, dict[str, object]]:
+def _rover(
+    wheel_count: int, steering_limits_rad: Mapping[int, tuple[float, float]], console: Console
+) -> tuple[str, dict[str, object]]:
     """Ask for kind and size of the rover; return the kind and the section [rover]."""
-    kinds = {2: "differential", 3: "omni3", 4: "skid_steer_4"}
-    if wheel_count not in kinds:
+    kinds = {2: "differential", 3: "omni3", 4: "steered_4" if steering_limits_rad else "skid_steer_4"}
+    if wheel_count not in kinds or len(steering_limits_rad) not in (0, 4):
         raise ConfigError(
-            f"the drive has {wheel_count} wheels: copy docs/examples/six_wheels.toml and describe each "
-            f"wheel, "
-            "docs/how-to/drive_your_own_rover.md"
+            f"the drive has {wheel_count} wheels, {len(steering_limits_rad)} of which steer: copy "
+            "docs/examples/six_wheels.toml and describe each wheel, docs/how-to/drive_your_own_rover.md"
         )
     kind = kinds[wheel_count]
     words = {
         "differential": "two driven wheels, with castors",
         "omni3": "three omnidirectional wheels",
         "skid_steer_4": "four wheels that do not steer",
+        "steered_4": "four wheels that all steer",
     }
     console.print(
         f"{wheel_count} wheels: {words[kind]}; for another kind see docs/how-to/drive_your_own_rover.md"
@@ -250,10 +257,29 @@ def _rover(wheel_count: int, console: Console) -> tuple[str, dict[str, object]]:
         base_m = ask_number("Distance of the wheels from the middle of the rover, m", 0.02, 2.0, 0.125)
         return kind, {"kinematics": "omni3", "wheel_radius_m": radius_m, "base_radius_m": base_m}
     track_m = ask_number("Distance between left and right wheels, m", 0.05, 5.0)
+    if kind == "steered_4":
+        return kind, _steered(radius_m, track_m, steering_limits_rad)
     if kind == "skid_steer_4":
         return kind, {"kinematics": "skid_steer_4", "wheel_radius_m": radius_m, "track_m": track_m}
     wheels = [{"x_m": 0.0, "y_m": side * track_m / 2, "radius_m": radius_m} for side in (1, -1)]
     return kind, {"kinematics": "wheels", "wheels": wheels}
+
+
+def _steered(
+    radius_m: float, track_m: float, limits_rad: Mapping[int, tuple[float, float]]
+) -> dict[str, object]:
+    """Ask for the steering; return the section [rover]."""
+    base_m = ask_number("Distance between front and rear wheels, m", 0.05, 5.0)
+    most_deg = min(180.0, *(math.degrees(min(-low, high)) for low, high in limits_rad.values()))
+    angle_deg = ask_number("Greatest steering angle to either side, deg", 5.0, most_deg, min(45.0, most_deg))
+    rate_deg_s = ask_number("Speed of the steering drives, deg/s", 1.0, 1000.0, 30.0)
+    steering = {"low_deg": -angle_deg, "high_deg": angle_deg, "rate_deg_s": rate_deg_s}
+    wheels = [
+        {"x_m": ahead * base_m / 2, "y_m": left * track_m / 2, "radius_m": radius_m, "steering": steering}
+        for ahead in (1, -1)
+        for left in (1, -1)
+    ]
+    return {"kinematics": "wheels", "wheels": wheels}
 
 
 def _turn_wheels(
@@ -266,7 +292,7 @@ def _turn_wheels(
     if not ask_yes("Are ALL wheels lifted off the ground and free, and is nobody near them?", default=False):
         console.print("no wheel was turned: check order and sign with the wheels lifted before you drive")
         return settings
-    order: dict[str, tuple[int, int]] = {}
+    order: dict[str, tuple[int, int, int]] = {}
     try:
         with Turner(drive, SystemClock(), TURN_SPEED_RAD_S) as turner:
             for wheel in range(turner.wheel_count):
@@ -280,14 +306,28 @@ def _turn_wheels(
                 forwards = ask_yes(
                     "Did it turn forwards (counter-clockwise for omnidirectional wheels)?", default=True
                 )
-                order[place] = wheel, 1 if forwards else -1
+                steering_sign = _steer(turner, wheel, place) if kinematics == "steered_4" else 1
+                order[place] = wheel, 1 if forwards else -1, steering_sign
     except NotConnectedError as error:
         raise ConfigError(f"{error}: the wheels cannot be turned") from error
     wheels = [order[place][0] for place in places]
     signs = [order[place][1] for place in places]
-    if wheels == sorted(wheels) and set(signs) == {1}:
+    steering_signs = [order[place][2] for place in places]
+    if wheels == sorted(wheels) and {*signs, *steering_signs} == {1}:
         return settings
-    return _reordered(settings, wheels, signs, made, console)
+    return _reordered(settings, wheels, signs, steering_signs, made, console)
+
+
+def _steer(turner: Turner, wheel: int, place: str) -> int:
+    """Steer a wheel a little to the left; return the sign of its steering."""
+    with show_steps(f"wheel {wheel}") as step:
+        turner.steer(wheel, STEER_RAD, step)
+    left = ask_yes(
+        f"Does the {place} wheel point to the left now (counter-clockwise seen from above)?", default=True
+    )
+    with show_steps(f"wheel {wheel}") as step:
+        turner.steer(wheel, 0.0, step)
+    return 1 if left else -1
 
 
 def _check_encoders(wheel: int, turned: Sequence[float], console: Console) -> None:
@@ -305,7 +345,12 @@ def _check_encoders(wheel: int, turned: Sequence[float], console: Console) -> No
 
 
 def _reordered(
-    settings: AnyDeviceSettings, wheels: list[int], signs: list[int], made: list[Path], console: Console
+    settings: AnyDeviceSettings,
+    wheels: list[int],
+    signs: list[int],
+    steering_signs: list[int],
+    made: list[Path],
+    console: Console,
 ) -> AnyDeviceSettings:
     if isinstance(settings, VescSettings | CanopenWheelsSettings):
         entries = [
@@ -317,7 +362,7 @@ def _reordered(
         path = Path(settings.mapping)
         if not path.is_file():
             path = _own_copy(settings.mapping, made)
-        path.write_text(reordered_text(path.read_text("utf-8"), wheels, signs), "utf-8")
+        path.write_text(reordered_text(path.read_text("utf-8"), wheels, signs, steering_signs), "utf-8")
         console.print(f"order and signs of the wheels entered into {path}")
         return settings.model_copy(update={"mapping": str(path)})
     raise ConfigError(

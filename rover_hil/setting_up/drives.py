@@ -40,6 +40,9 @@ POSITION_UNITS = {
     "counts": "ticks",
 }
 SPEED_UNITS = {"rad/s": "rad/s", "rev/s": "rev/s", "turns/s": "rev/s", "rpm": "rpm", "1/min": "rpm"}
+STEERING = re.compile(r"steer", re.IGNORECASE)
+ANGLE = re.compile(r"steer|angle", re.IGNORECASE)
+ANGLE_UNITS = {"deg": "deg", "rad": "rad"}
 CURRENT_UNITS = {"a": "A", "ma": "mA"}
 ALGORITHMS = (None, "crc8_j1850", "xor8", "sum8")
 MOST_REJECTED = 0.2
@@ -118,8 +121,11 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     heard = {_number(frame) for frame in frames}
     sent = _templates(message for message in messages if bus_id(message) in heard)
     taken = _templates(message for message in messages if bus_id(message) not in heard)
+    # What belongs to a steering drive is no position of a wheel.
+    steering = {name: nodes for name, nodes in sent.items() if STEERING.search(name)}
+    turning = {name: nodes for name, nodes in sent.items() if name not in steering}
     position, speed, current = (
-        _signal(sent, words, units)
+        _signal(turning, words, units)
         for words, units in ((POSITION, POSITION_UNITS), (SPEED, SPEED_UNITS), (CURRENT, CURRENT_UNITS))
     )
     setpoint = _signal(taken, SPEED, SPEED_UNITS, prefer=SETPOINT)
@@ -137,6 +143,11 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
         if found
     }
     every_wheel["setpoint"] = setpoint[1]
+    angle, angle_setpoint = _signal(steering, ANGLE, ANGLE_UNITS), _signal(taken, ANGLE, ANGLE_UNITS)
+    if angle_setpoint is not None and (angle is not None or STEERING.search(str(angle_setpoint[1]))):
+        every_wheel["steering_setpoint"] = angle_setpoint[1]
+        if angle is not None:
+            every_wheel["steering"] = angle[1]
     nodes = sorted(set(sent[measured[0]]) & set(taken[setpoint[0]]))
     templates = [str(each["message"]) for each in every_wheel.values()]
     return Guess(
@@ -201,18 +212,24 @@ def mapping_text(table: dict[str, Any], guess: Guess) -> str:
     return "\n".join(lines) + "\n"
 
 
-def reordered_text(text: str, order: Sequence[int], signs: Sequence[int]) -> str:
-    """Return a mapping with its wheels in another order; a sign of -1 reverses a wheel."""
+def reordered_text(
+    text: str, order: Sequence[int], signs: Sequence[int], steering_signs: Sequence[int] = ()
+) -> str:
+    """Return a mapping with its wheels in another order; a sign of -1 reverses a wheel, or its steering."""
     head, *parts = re.split(r"(?m)^\[\[wheel\]\][ \t]*(?:#.*)?\n", text)
     *bodies, last = parts
     cut = re.search(r"(?m)^\[", last)
     tail = "" if cut is None else last[cut.start() :]
     bodies.append(last if cut is None else last[: cut.start()])
     wheels = []
-    for wheel, sign in zip(order, signs, strict=True):
-        was_reversed = re.search(r"(?m)^sign[ \t]*=[ \t]*-1", bodies[wheel]) is not None
-        kept = re.sub(r"(?m)^sign[ \t]*=.*\n?", "", bodies[wheel]).strip()
-        wheels.append(f"[[wheel]]\n{kept}\n" + ("sign = -1\n" if was_reversed != (sign < 0) else ""))
+    for place, wheel in enumerate(order):
+        kept = bodies[wheel].strip()
+        for key, values in (("sign", signs), ("steering_sign", steering_signs)):
+            was_reversed = re.search(rf"(?m)^{key}[ \t]*=[ \t]*-1", kept) is not None
+            kept = re.sub(rf"(?m)^{key}[ \t]*=.*\n?", "", kept).strip()
+            if was_reversed != (bool(values) and values[place] < 0):
+                kept += f"\n{key} = -1"
+        wheels.append(f"[[wheel]]\n{kept}\n")
     return head + "\n".join(wheels) + (f"\n{tail}" if tail else "")
 
 

@@ -1,5 +1,6 @@
 """Turn one wheel of a drive a little, and report which encoder moved."""
 
+import math
 from collections.abc import Callable
 
 from drivers.clock import Clock, nanoseconds
@@ -10,6 +11,7 @@ PERIOD_S = 0.02
 EXPIRY_S = 0.2
 REST_S = 0.5
 TURN_S = 1.0
+STEER_S = 3.0
 
 
 class Turner:
@@ -32,6 +34,7 @@ class Turner:
         self._drive.connect(2.0)
         self.wheel_count = self._drive.wheel_count
         self._positions: dict[int, float] = {}
+        self._steering_rad: tuple[float, ...] | None = None
 
     def __enter__(self) -> "Turner":
         return self
@@ -49,6 +52,12 @@ class Turner:
         after = self._positions
         return [after.get(each, 0.0) - before.get(each, 0.0) for each in range(self.wheel_count)]
 
+    def steer(self, wheel: int, angle_rad: float, step: Callable[[str], None]) -> None:
+        """Steer a wheel, the others to zero, and leave it there."""
+        step(f"steering wheel {wheel} to {math.degrees(angle_rad):+.0f} deg")
+        self._steering_rad = tuple(angle_rad if each == wheel else 0.0 for each in range(self.wheel_count))
+        self._command(None, STEER_S)
+
     def _command(self, turning: int | None, duration_s: float) -> None:
         now_ns = self._clock.now_ns()
         end_ns = now_ns + nanoseconds(duration_s)
@@ -57,7 +66,12 @@ class Turner:
                 self._speed_rad_s if wheel == turning else 0.0 for wheel in range(self.wheel_count)
             )
             self._drive.command(
-                WheelCommand(t_ns=now_ns, expires_ns=now_ns + nanoseconds(EXPIRY_S), speed_rad_s=speeds)
+                WheelCommand(
+                    t_ns=now_ns,
+                    expires_ns=now_ns + nanoseconds(EXPIRY_S),
+                    speed_rad_s=speeds,
+                    steering_rad=self._steering_rad,
+                )
             )
             self._clock.sleep_until(now_ns + nanoseconds(PERIOD_S))
             for sample in self._drive.poll():

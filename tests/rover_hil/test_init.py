@@ -8,10 +8,12 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Self
 
 import pytest
 from rich.console import Console
 
+from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.can_frame import CanFrame, unpack_can_frame
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
 from drivers.can_wheels.settings import CanWheelsSettings
@@ -230,6 +232,80 @@ def test_wheels_of_a_mapping_are_reordered_and_the_rest_stays() -> None:
     assert found.count("[[protection]]") == text.count("[[protection]]") == 1
     assert reordered_text(found, [0, 1, 2, 3], [1, 1, 1, 1]).count("sign = -1") == 1
     assert reordered_text(found, [0, 1, 2, 3], [1, -1, 1, 1]).count("sign =") == 0
+    steered = reordered_text(found, [0, 1, 2, 3], [1, -1, 1, 1], [1, 1, -1, 1])
+    assert steered.count("sign =") == steered.count("steering_sign = -1") == 1
+
+
+def test_steering_drives_of_a_dbc_file_are_found(tmp_path: Path) -> None:
+    frames = wheel_frames("el-dorado-crab")
+    dbc = tmp_path / "mine.dbc"
+    shutil.copy(SHIPPED_FOLDER / "steered_wheel.dbc", dbc)
+    guess = guess_mapping(dbc, frames)
+    assert guess.nodes == [0, 1, 2, 3]
+    guess.every_wheel["position"]["ticks_per_revolution"] = 4096
+    path = tmp_path / "mine.toml"
+    write_mapping(path, dbc, guess, frames, gear_ratio=1.0)
+    found, shipped = load_mapping(str(path)).mapping, load_mapping("steered_wheel").mapping
+    for wheel, expected in zip(found.wheel, shipped.wheel, strict=True):
+        assert wheel.position == expected.position
+        assert wheel.setpoint == expected.setpoint
+        assert wheel.steering == expected.steering
+        assert wheel.steering_setpoint == expected.steering_setpoint
+
+
+def test_a_rover_with_four_steered_wheels_is_described(
+    answers: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The third drive steers the wrong way."""
+    steered: list[tuple[int, float]] = []
+
+    class Turner:
+        wheel_count = 4
+
+        def __init__(self, *arguments: object) -> None: ...
+
+        def __enter__(self) -> Self:
+            return self
+
+        def __exit__(self, *error: object) -> None: ...
+
+        def turn(self, wheel: int, step: object) -> list[float]:
+            return [1.0 if each == wheel else 0.0 for each in range(4)]
+
+        def steer(self, wheel: int, angle_rad: float, step: object) -> None:
+            steered.append((wheel, angle_rad))
+
+    monkeypatch.setattr(init, "Turner", Turner)
+    Path("mine.toml").write_text((SHIPPED_FOLDER / "steered_wheel.toml").read_text("utf-8"), "utf-8")
+    shutil.copy(SHIPPED_FOLDER / "steered_wheel.dbc", ".")
+    bus = CanWheelsSettings(interface="socketcan", channel="can0", mapping="mine.toml")
+    console = Console(file=io.StringIO())
+    limits_rad = dict.fromkeys(range(4), (-1.5, 1.2))
+    answers += ["0.092", "0.44", "0.6", "60", "17"]
+    kind, rover = init._rover(4, limits_rad, console)
+    assert answers == []
+    found = WheelsRoverSettings.model_validate(rover)
+    assert kind == "steered_4"
+    assert [(wheel.x_m, wheel.y_m) for wheel in found.wheels] == [
+        (0.3, 0.22), (0.3, -0.22), (-0.3, 0.22), (-0.3, -0.22),
+    ]  # fmt: skip
+    assert found.wheels[0].steering is not None
+    assert found.wheels[0].steering.high_deg == 60.0
+    answers += ["yes"]
+    for place, points_left in (
+        ("front left", "yes"),
+        ("front right", "yes"),
+        ("rear left", "no"),
+        ("rear right", "yes"),
+    ):
+        answers += [place, "yes", points_left]
+    init._turn_wheels(bus, kind, [], console)
+    assert answers == []
+    assert steered == [(wheel, angle) for wheel in range(4) for angle in (init.STEER_RAD, 0.0)]
+    signs = [wheel.steering_sign for wheel in load_mapping("mine.toml").mapping.wheel]
+    assert signs == [1, 1, -1, 1]
+    with pytest.raises(ConfigError, match="4 wheels, 2 of which steer"):
+        init._rover(4, dict.fromkeys((0, 1), (-1.0, 1.0)), console)
 
 
 @pytest.mark.parametrize(
@@ -259,6 +335,7 @@ def test_every_kind_of_rover_has_names_for_its_wheels() -> None:
         "differential": 2,
         "omni3": 3,
         "skid_steer_4": 4,
+        "steered_4": 4,
     }
     assert max_age_s(50.0) == 0.15
     assert max_age_s(10.0) == 0.25
@@ -283,7 +360,7 @@ def test_canopen_drives_are_proposed_and_put_in_order(answers: list[str]) -> Non
     assert isinstance(drive, CanopenWheelsSettings)
     assert [wheel.node for wheel in drive.wheel] == [1, 2]
     assert (drive.counts_per_motor_turn, drive.gear_ratio, drive.rpm_limit) == (2000, 30.0, 4000)
-    turned = init._reordered(drive, [1, 0], [-1, 1], [], console)
+    turned = init._reordered(drive, [1, 0], [-1, 1], [1, 1], [], console)
     assert isinstance(turned, CanopenWheelsSettings)
     assert [(wheel.node, wheel.sign) for wheel in turned.wheel] == [(2, -1), (1, 1)]
 
