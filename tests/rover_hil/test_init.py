@@ -254,9 +254,10 @@ def test_steering_drives_of_a_dbc_file_are_found(tmp_path: Path) -> None:
 
 
 def test_a_rover_with_four_steered_wheels_is_described(
-    answers: list[str], monkeypatch: pytest.MonkeyPatch
+    answers: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The third drive steers the wrong way."""
+    monkeypatch.chdir(tmp_path)
     steered: list[tuple[int, float]] = []
 
     class Turner:
