@@ -1,6 +1,7 @@
 """The supervisor: when it stops, why, and when it lets go again."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import pytest
@@ -11,7 +12,7 @@ from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
-from controllers.safety.reasons import Cycle
+from controllers.safety.reasons import Cycle, StopReason, StopRule
 from controllers.safety.settings import SafetySettings
 from drivers.clock import nanoseconds
 from drivers.samples import (
@@ -468,3 +469,33 @@ def test_running_means_that_every_part_is_fresh(heard: list[list[bool]]) -> None
         is_fresh = all(now_ns - t <= limit * MS for t, limit in zip(newest_ns, limits_ms, strict=True))
         if not is_fresh:
             assert mode is Mode.SAFE_STOP
+
+
+class Listener(StopRule):
+    """Notes what it observes."""
+
+    def __init__(self) -> None:
+        self.observed: list[Sample] = []
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        self.observed.append(sample)
+
+    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+        return ()
+
+
+class RateListener(Listener):
+    observes = (RateSample,)
+
+
+def test_a_rule_observes_the_kinds_that_it_names_and_else_every_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    every, rates = Listener(), RateListener()
+    monkeypatch.setattr("controllers.safety.supervisor.make_rules", lambda *_: (every, rates))
+    supervisor = SafetySupervisor(SafetySettings(), DeviceRoles(wheels="wheels", required={}), 4)
+    samples = [wheel(0, 1), rate(2), power(3), rate(4)]
+    for sample in samples:
+        supervisor.observe(sample, sample.t_ns)
+    assert every.observed == samples
+    assert rates.observed == [samples[1], samples[3]]
