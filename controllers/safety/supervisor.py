@@ -73,15 +73,15 @@ class SafetySupervisor:
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
         kind = type(sample)
-        observers = self._observers.get(kind)
-        if observers is None:
+        if kind not in self._observers:
             # Most rules need no samples or only some, and there are many samples.
-            observers = self._observers[kind] = [
+            self._observers[kind] = [
                 rule
                 for rule in self._rules
-                if type(rule).observe is not StopRule.observe and issubclass(kind, rule.observes)
+                if type(rule).observe is not StopRule.observe
+                if issubclass(kind, rule.observes)
             ]
-        for rule in observers:
+        for rule in self._observers[kind]:
             rule.observe(sample, t_ns)
 
     def update(self, cycle: Cycle) -> None:

@@ -502,3 +502,9 @@ def test_a_reason_ends_when_the_gyro_is_silent_for_longer_than_its_age_limit(
     assert bench.drive(3.0, constant(0.0), constant(0.3)) is not None
     bench.cycles += round(silent_s / RATE_STEP_S)
     assert bool(bench.check()) == is_named
+
+
+def test_a_yaw_rate_of_a_heading_device_is_not_taken_for_a_heading() -> None:
+    bench = Bench()
+    bench.observe(rate(0.5, device="compass"))
+    assert list(bench.rule.check(Cycle(now_ns=nanoseconds(1.0)))) == []

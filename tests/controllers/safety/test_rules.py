@@ -86,6 +86,17 @@ def test_any_sample_keeps_a_device_without_a_role_of_its_own_fresh(sample: Sampl
     ]
 
 
+@pytest.mark.parametrize(
+    "sample",
+    [
+        LinkSample(device="imu", t_ns=CYCLE.now_ns, up=True, reason="reopened"),
+        FaultSample(device="imu", t_ns=CYCLE.now_ns, wheel=0, code=0, text="ok"),
+    ],
+)
+def test_what_the_host_or_the_drive_says_of_a_device_is_no_measurement(sample: Sample) -> None:
+    assert "imu: no sample within 0.2 s" in [reason.text for reason in check(FreshnessRule(ROLES, 1), sample)]
+
+
 def fix(age_ms: int = 0) -> PoseFixSample:
     return PoseFixSample(
         device="overhead",
