@@ -1,6 +1,7 @@
 """Serial ports and pseudo-terminals through pyserial."""
 
 import contextlib
+import errno
 import termios
 from pathlib import Path
 
@@ -33,13 +34,18 @@ class SerialLink(ThreadedLink[bytes]):
     def _open_handle(self) -> None:
         if not Path(self._port).exists():
             raise NotConnectedError("there is no such port")
-        port = serial.Serial(
-            self._port,
-            self._baud_rate,
-            timeout=READ_TIMEOUT_S,
-            write_timeout=READ_TIMEOUT_S,
-            exclusive=True,
-        )
+        try:
+            port = serial.Serial(
+                self._port,
+                self._baud_rate,
+                timeout=READ_TIMEOUT_S,
+                write_timeout=READ_TIMEOUT_S,
+                exclusive=True,
+            )
+        except serial.SerialException as error:
+            if errno.EAGAIN in error.args:
+                raise NotConnectedError("another program has opened it: end that program") from error
+            raise
         with contextlib.suppress(OSError, ValueError, NotImplementedError):
             port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms; a pty has no such mode
         with contextlib.suppress(OSError, termios.error):

@@ -119,7 +119,7 @@ def _display(live: Live, messages: Console, note: str) -> StatusDisplay:
 
     def show(output: StepOutput) -> None:
         if notes:
-            messages.print(notes.pop(), highlight=False, soft_wrap=True)
+            messages.print(notes.pop(), highlight=False, markup=False, soft_wrap=True)
         live.update(_status_line(output), refresh=True)
 
     return show

@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from drivers.errors import ConfigError
@@ -28,10 +29,10 @@ def write_tables(tables: Mapping[str, Table], folder: Path, suffix: str, *, forc
     paths = {name: folder / f"{name}{suffix}" for name in tables}
     refuse_overwrite(*paths.values(), force=force)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, table in tables.items():
-            with unfinished(paths[name]) as part:
-                part.write_bytes(encode(table))
+        with ExitStack() as stack:  # all of them or none
+            parts = {name: stack.enter_context(unfinished(path)) for name, path in paths.items()}
+            for name, table in tables.items():
+                parts[name].write_bytes(encode(table))
     except OSError as error:
         raise ConfigError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
 

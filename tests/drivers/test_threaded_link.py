@@ -104,6 +104,16 @@ def test_gives_up_after_the_limit(terminal: Terminal) -> None:
     link.close()
 
 
+def test_a_port_that_another_program_has_opened_is_a_clear_error(terminal: Terminal) -> None:
+    first = SerialLink(str(terminal.path), 9600, SystemClock(), reconnect_limit_s=1.0)
+    first.open(timeout_s=0.5)
+    second = SerialLink(str(terminal.path), 9600, SystemClock(), reconnect_limit_s=1.0)
+    with pytest.raises(NotConnectedError, match="another program has opened it: end that program"):
+        second.open(timeout_s=0.0)
+    second.close()
+    first.close()
+
+
 def test_missing_port_is_a_clear_error(tmp_path: Path) -> None:
     link = SerialLink(str(tmp_path / "nothing"), 9600, SystemClock(), reconnect_limit_s=1.0)
     with pytest.raises(NotConnectedError, match=r"cannot open serial port .*nothing"):

@@ -180,6 +180,7 @@ def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
     monkeypatch.setattr("rover_hil.app.run.run_virtual", drive)
     command("run", "robotino", "--out", "a")
     assert command.error.count("the yaw excitation is off, and slip is not compensated") == 1
+    assert "excite_real_rover = true in [slip]" in command.error
     command("run", "robotino", "--virtual", "--out", "a")
     assert "excitation" not in command.error
     assert [each.slip is None for each in driven] == [True, False]

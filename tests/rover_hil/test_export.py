@@ -1,6 +1,7 @@
 """Logs as tables and as ROS 2 bags: the same numbers under names with units."""
 
 import csv
+import errno
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -102,6 +103,24 @@ def test_a_bag_holds_poses_wheels_rates_and_pictures(tmp_path: Path, command: Co
 def test_one_format_is_wanted(command: Command, log: Path, options: tuple[str, ...], words: str) -> None:
     assert command("export", str(log), *options) == 2
     assert_one_sentence(command.error, words)
+
+
+def test_a_full_disk_leaves_no_tables(
+    command: Command, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = []
+
+    def write(path: Path, data: bytes) -> int:
+        written.append(path)
+        if len(written) == 3:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        with path.open("wb") as stream:
+            return stream.write(data)
+
+    monkeypatch.setattr(Path, "write_bytes", write)
+    assert command("export", str(log), "--csv", "--out", str(tmp_path / "tables")) == 2
+    assert_one_sentence(command.error.lstrip("\n"), "No space left on device", "--out")
+    assert not (tmp_path / "tables").exists()
 
 
 def test_an_export_is_never_overwritten_unless_forced(command: Command, log: Path, tmp_path: Path) -> None:

@@ -275,7 +275,7 @@ def test_a_run_survives_export_and_import(command: Command) -> None:
         (WHEELS.replace("/joints", "/nothing"), ("/nothing", "[wheels]", "/joints")),
         (WHEELS + '[imu]\ntopic = "/pose"\n', ("/pose", "PoseStamped", "sensor_msgs/msg/Imu")),
         (WHEELS.replace(', "third"', ""), ("2 joints", "3 wheels")),
-        (WHEELS.replace("third", "fourth"), ("wheels",)),
+        (WHEELS.replace("third", "fourth"), ("/joints has no joints fourth", "third", "[wheels]")),
         ('rover = "robotino"\n', ("[wheels]", "[odometry]")),
         (WHEELS + '[odometry]\ntopic = "/odom"\n', ("[wheels]", "[odometry]")),
         (WHEELS + '[gps]\ntopic = "/fix"\n', ("gps",)),

@@ -100,7 +100,18 @@ def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> It
                 feeder.contents.end_ns = tick_ns
                 yield feeder.contents
     if not feeder.contents.used.keys() & {"wheels", "odometry"}:
+        _check_joints(path, topics, feeder.joints)
         raise LogError(f"{path}: no message of the wheels holds numbers: name another topic")
+
+
+def _check_joints(path: Path, topics: Topics, joints: Sequence[str]) -> None:
+    named = () if topics.wheels is None else topics.wheels.joints
+    missing = ", ".join(name for name in named if name not in joints)
+    if topics.wheels is not None and joints and missing:
+        raise LogError(
+            f"{path}: {topics.wheels.topic} has no joints {missing}; its joints are {', '.join(joints)}: "
+            "correct [wheels]"
+        )
 
 
 def _check_wheels(topics: Topics, count: int) -> None:
@@ -197,6 +208,7 @@ class _Feeder:
 
     def __init__(self, topics: Topics, links: ReplayLinks, kinematics: Kinematics) -> None:
         self.contents = Contents()
+        self.joints: tuple[str, ...] = ()
         self._topics = topics
         self._links = links
         self._kinematics = kinematics
@@ -228,6 +240,7 @@ class _Feeder:
 
     def _feed_wheels(self, t_ns: int, state: Any) -> bool:
         topic = self._topics.wheels
+        self.joints = tuple(state.name)
         if topic is None or any(name not in state.name for name in topic.joints):
             return False
         places = [list(state.name).index(name) for name in topic.joints]
