@@ -82,8 +82,10 @@ def draw_motor_errors(fit: MotorFieldFit) -> Figure:
     figure = Figure(figsize=(style.WIDTH_IN, 5.0), layout="constrained")
     currents, errors = figure.subplots(2, 1, sharex=True)
     keep = _thin(len(fit.t_s))
-    currents.plot(fit.t_s[keep], fit.current_a[keep], linewidth=0.7)
-    currents.set(ylabel="motor currents (A)")
+    for number, current_a in enumerate(fit.current_a[keep].T, start=1):
+        currents.plot(fit.t_s[keep], current_a, linewidth=0.7, label=f"motor {number}")
+    currents.set(ylabel="current (A)")
+    currents.legend(ncols=4)
     for values, colour, label in (
         (fit.before_deg, style.TRUTH, "without the currents"),
         (fit.after_deg, style.ESTIMATE, "with them"),
