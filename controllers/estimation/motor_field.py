@@ -21,7 +21,7 @@ GREATEST_SHARE = 0.9
 
 
 class MotorFields(Settings):
-    """Field of each motor at a compass, by `rover-hil calibrate compass --motors`.
+    """Field of each motor at a compass, by `rover-hil calibrate compass CONFIG --motors`.
 
     Attributes:
         source: The log that they were found from.

@@ -82,8 +82,7 @@ def write_drive(
 
 def identify(log: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
     assert identify_scomp(log, truth=None, out=None, pictures=None, as_json=True) == 0
-    lines = capsys.readouterr().out.splitlines()
-    found: dict[str, object] = json.loads(lines[-1])
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
     return found
 
 

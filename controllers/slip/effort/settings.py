@@ -51,9 +51,9 @@ class SlipSettings(Settings):
             uses it where there is no other valid slip.
         excitation_rest_s: With `learn`: the excitation rests for this time after 1.5 s with valid slip, while
             the learned curve is valid; 0 for no rest.
-        excite_real_rover: Excite the yaw of a real rover, too: `rover-hil commission --enter` sets it where
-            the excitation has passed. Without it a real run with `yaw_probe` does not compensate slip, and
-            says so.
+        excite_real_rover: Excite the yaw of a real rover, too: `rover-hil commission CONFIG --enter` sets
+            it where the excitation has passed. Without it a real run with `yaw_probe` does not compensate
+            slip, and says so.
         torque_correction: Also corrects the set-points; without it they stay as they are.
     """
 

@@ -1,4 +1,4 @@
-"""`rover-hil calibrate compass --motors`: the field of motor currents at a compass."""
+"""`rover-hil calibrate compass CONFIG --motors`: the field of motor currents at a compass."""
 
 import math
 from pathlib import Path
