@@ -45,5 +45,6 @@ def test_every_setting_is_on_the_page_with_its_range_and_default(key: str) -> No
 
 def test_every_rule_is_registered() -> None:
     rules = make_rules(SafetySettings(), DeviceRoles(wheels="wheels", gyro="imu", required={}), 1, 0.0)
-    assert {type(rule) for rule in rules} == set(StopRule.__subclasses__())
-    assert len(rules) == len(StopRule.__subclasses__())
+    written = [rule for rule in StopRule.__subclasses__() if rule.__module__.startswith("controllers.")]
+    assert {type(rule) for rule in rules} == set(written)  # tests have rules of their own
+    assert len(rules) == len(written)
