@@ -76,7 +76,7 @@ EXAMPLES = sorted({line for text in TEXTS for line in examples_of(text)})
 
 @pytest.mark.parametrize("line", EXAMPLES)
 def test_every_example_parses(line: str) -> None:
-    arguments = _spread(shlex.split(line, comments=True)[1:], "--test")
+    arguments = _spread(shlex.split(line, comments=True)[1:], ("--test", "--logs", "--held-out"))
     item: Any = get_command(app)
     if arguments and arguments[0] == "--install-completion":
         return  # to parse it is to install it
