@@ -122,7 +122,7 @@ def test_a_log_that_cannot_be_written_is_one_sentence(command: Command) -> None:
     ],
 )
 def test_one_option_may_take_several_values(typed: str, understood: str) -> None:
-    assert _spread(typed.split(), "--test") == understood.split()
+    assert _spread(typed.split(), ("--test",)) == understood.split()
 
 
 @pytest.mark.parametrize(("chosen", "used"), [(None, "1"), ("3", "3")])

@@ -92,9 +92,16 @@ def write_shaken_drive(
     return path
 
 
-def identify(logs: list[Path], out: Path, **changes: float) -> int:
-    shake = {"amplitude_rad_s": 0.5, "frequency_hz": 5.0, **changes}
-    return identify_probe(logs, maps="robotino", out=out, as_json=True, force=False, **shake)
+def identify(logs: list[Path], out: Path, *, amplitude_rad_s: float = 0.5, frequency_hz: float = 5.0) -> int:
+    return identify_probe(
+        logs,
+        maps="robotino",
+        amplitude_rad_s=amplitude_rad_s,
+        frequency_hz=frequency_hz,
+        out=out,
+        as_json=True,
+        force=False,
+    )
 
 
 def test_the_law_of_the_drives_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
