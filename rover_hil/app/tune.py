@@ -145,7 +145,8 @@ def _compare(
     messages: Console,
 ) -> Comparison[SimulatedMission]:
     with _progress(messages) as progress:
-        task = progress.add_task("comparing on held-out scenarios", total=2 * settings.cases.held_out)
+        missions = len(candidates) * settings.cases.ranking + 2 * settings.cases.held_out
+        task = progress.add_task("comparing the best trials and the start", total=missions)
 
         def counted(config: Config, seeds: Sequence[int]) -> Generator[SimulatedMission, None, None]:
             with closing(drive(config, seeds)) as results:

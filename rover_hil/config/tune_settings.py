@@ -136,11 +136,14 @@ class CaseSettings(Settings):
 
     Attributes:
         train: Number of scenarios that the search uses.
-        held_out: Number of scenarios on which old and new gains are compared; they have no seed in common
-            with `train`.
+        ranking: Number of further scenarios that, with those of the search, decide which of its five best
+            trials is taken: the best of many trials was also lucky with its scenarios.
+        held_out: Number of scenarios on which old and new gains are compared. The three have no seed in
+            common.
     """
 
     train: Annotated[int, Field(ge=1, le=MOST_CASES)] = 12
+    ranking: Annotated[int, Field(ge=1, le=MOST_CASES)] = 24
     held_out: Annotated[int, Field(ge=1, le=MOST_CASES)] = 24
 
 
@@ -167,7 +170,8 @@ class ProvenanceRecord(Settings):
         start: The configuration that the study started from.
         trials: Number of sets of values tried.
         objective: The cost in words.
-        train_seeds, held_out_seeds: First and last seed; none where logs were replayed.
+        train_seeds, ranking_seeds, held_out_seeds: First and last seed; none where logs were replayed, and no
+            `ranking_seeds` in older files.
         train_logs, held_out_logs: Names of the logs; none where missions were simulated.
         held_out_cost_before: Cost on the held-out cases before tuning; none where the start was rejected.
         held_out_cost_after: Cost on the held-out cases after tuning.
@@ -180,6 +184,7 @@ class ProvenanceRecord(Settings):
     trials: int
     objective: str
     train_seeds: tuple[int, int] | None = None
+    ranking_seeds: tuple[int, int] | None = None
     held_out_seeds: tuple[int, int] | None = None
     train_logs: tuple[str, ...] | None = None
     held_out_logs: tuple[str, ...] | None = None

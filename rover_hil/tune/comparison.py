@@ -1,17 +1,19 @@
-"""Comparison of old and new values on held-out scenarios."""
+"""Which of the best trials is taken, and its comparison with the old values on held-out scenarios."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Generic
+
+import numpy as np
 
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import Evaluation, MissionRunner, RunT, evaluate
 from rover_hil.tune.parameters import start_values, with_values
-from rover_hil.tune.scenarios import held_out_seeds
+from rover_hil.tune.scenarios import held_out_seeds, ranking_seeds
 from rover_hil.tune.simulated_mission import SimulatedMission
 
 
@@ -31,7 +33,7 @@ class Comparison(Generic[RunT]):
         start: The old values.
         tuned: The new ones; the same as `start` unless the verdict is IMPROVED.
         values: The new values by key.
-        declined: Candidates that were not taken, with the reason.
+        declined: Candidates that were driven here and not taken, with the reason.
     """
 
     verdict: Verdict
@@ -44,14 +46,33 @@ class Comparison(Generic[RunT]):
 def compare(
     config: Config, tune: TuneSettings, candidates: Sequence[Attempt], drive: MissionRunner
 ) -> Comparison[SimulatedMission]:
-    """Compare on the held-out scenarios, see `compare_by`."""
+    """Rank the candidates on more scenarios, then compare on the held-out ones, see `compare_by`."""
+    ranked, declined = _rank(config, tune, candidates, drive)
     seeds = held_out_seeds(tune.cases)
-    return compare_by(
+    comparison = compare_by(
         lambda values, limit: evaluate(drive, values, seeds, tune.objective, limit),
         config,
         start_values(config, tune),
-        candidates,
+        ranked,
     )
+    return replace(comparison, declined=(*declined, *comparison.declined))
+
+
+def _rank(
+    config: Config, tune: TuneSettings, candidates: Sequence[Attempt], drive: MissionRunner
+) -> tuple[list[Attempt], list[tuple[Attempt, str]]]:
+    """Return the candidates by their cost in the scenarios of search and ranking, and the rejected ones."""
+    ranked: list[tuple[float, int, Attempt]] = []
+    declined: list[tuple[Attempt, str]] = []
+    for attempt in candidates:
+        values = with_values(config, attempt.values)
+        more = evaluate(drive, values, ranking_seeds(tune.cases), tune.objective)
+        if more.refused:
+            declined.append((attempt, more.refused))
+            continue
+        costs = [*attempt.case_costs.values(), *more.case_costs.values()]
+        ranked.append((float(np.quantile(costs, tune.objective.quantile)), attempt.number, attempt))
+    return [attempt for _, _, attempt in sorted(ranked)], declined
 
 
 def compare_by(

@@ -21,7 +21,7 @@ from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import describe
 from rover_hil.tune.parameters import start_values
 from rover_hil.tune.robustness import ChangedRover
-from rover_hil.tune.scenarios import held_out_seeds, train_seeds
+from rover_hil.tune.scenarios import held_out_seeds, ranking_seeds, train_seeds
 from rover_hil.tune.simulated_mission import SimulatedMission
 from rover_hil.tune.tuned_config import tuned_text
 
@@ -59,8 +59,8 @@ class TuningResult:
         start_refused: Why the old values are rejected; empty when they are acceptable.
         values: Every tunable value, changed or not.
         held_out: Measured values on the held-out cases, by the objective's names.
-        declined: Candidates that were driven on the held-out cases and not taken: their cost in the search
-            and that of the start, and the reason.
+        declined: Candidates that were driven on the ranking or held-out cases and not taken: their cost in
+            the search and that of the start, and the reason.
         importance: See `importance`.
         changed_rovers: Costs on rovers that are not quite the simulated one.
     """
@@ -76,6 +76,7 @@ class TuningResult:
     quantile: float
     stability: StabilitySettings
     train_seeds: tuple[int, int]
+    ranking_seeds: tuple[int, int]
     held_out_seeds: tuple[int, int]
     cost_before: float | None
     cost_after: float | None
@@ -101,7 +102,10 @@ def summarise(
     if tune is None:
         raise ConfigError("the configuration has no [tune]: add it")
     before, quantile = start_values(config, tune), tune.objective.quantile
-    train, held_out = train_seeds(tune.cases), held_out_seeds(tune.cases)
+    train, ranking, held_out = (
+        (seeds[0], seeds[-1])
+        for seeds in (train_seeds(tune.cases), ranking_seeds(tune.cases), held_out_seeds(tune.cases))
+    )
     first = next((attempt for attempt in attempts if attempt.is_start), None)
     old, new = (
         _spreads(side.runs if side.cost is not None else (), quantile)
@@ -118,8 +122,9 @@ def summarise(
         objective=describe(tune.objective),
         quantile=quantile,
         stability=tune.stability,
-        train_seeds=(train[0], train[-1]),
-        held_out_seeds=(held_out[0], held_out[-1]),
+        train_seeds=train,
+        ranking_seeds=ranking,
+        held_out_seeds=held_out,
         cost_before=comparison.start.cost,
         cost_after=comparison.tuned.cost,
         start_refused=comparison.start.refused,
@@ -226,6 +231,7 @@ def _provenance(result: TuningResult) -> ProvenanceRecord | None:
         trials=result.trials,
         objective=result.objective,
         train_seeds=result.train_seeds,
+        ranking_seeds=result.ranking_seeds,
         held_out_seeds=result.held_out_seeds,
         held_out_cost_before=result.cost_before,
         held_out_cost_after=result.cost_after,

@@ -16,6 +16,7 @@ from sim_backends.settings import PlantSettings, SimulationSettings
 
 FIRST_TRAIN_SEED = 1
 FIRST_HELD_OUT_SEED = FIRST_TRAIN_SEED + MOST_CASES
+FIRST_RANKING_SEED = FIRST_HELD_OUT_SEED + 2 * MOST_CASES  # those between are for benchmarks of the search
 
 INCLINATION_FACTOR = (0.5, 1.5)
 STEEPEST_DEG = 40.0
@@ -26,8 +27,13 @@ def train_seeds(cases: CaseSettings) -> range:
     return range(FIRST_TRAIN_SEED, FIRST_TRAIN_SEED + cases.train)
 
 
+def ranking_seeds(cases: CaseSettings) -> range:
+    """Return the seeds that rank the best trials; the search does not use them."""
+    return range(FIRST_RANKING_SEED, FIRST_RANKING_SEED + cases.ranking)
+
+
 def held_out_seeds(cases: CaseSettings) -> range:
-    """Return the seeds of the comparison; none of them is a training seed."""
+    """Return the seeds of the comparison; none of them is used in the search or the ranking."""
     return range(FIRST_HELD_OUT_SEED, FIRST_HELD_OUT_SEED + cases.held_out)
 
 

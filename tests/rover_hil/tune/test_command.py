@@ -74,7 +74,8 @@ def test_a_better_configuration_is_written_with_its_provenance(
     record = tuned.tune.provenance
     assert record is not None
     assert (record.study, record.start, record.trials) == ("first", "rover.toml", 12)
-    assert (record.train_seeds, record.held_out_seeds) == ((1, 4), (1001, 1006))
+    seeds = (record.train_seeds, record.ranking_seeds, record.held_out_seeds)
+    assert seeds == ((1, 4), (3001, 3003), (1001, 1006))
     assert record.changes["mission.lookahead_m"].before == 0.5
     assert record.changes["mission.lookahead_m"].after == tuned.mission.lookahead_m
     assert record.objective == "0.9 quantile over the cases of path_rms_m / 0.05 + closure_m / 0.1"
@@ -186,7 +187,7 @@ def test_trials_that_cost_more_than_the_start_are_not_called_better(
         assert float(found[1]) >= float(found[2])
     page = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
     assert "better in the search" not in page.lower()
-    assert "Driven on the held-out scenarios, and not taken" in page
+    assert "Driven on these scenarios, and not taken" in page
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -19,7 +19,7 @@ from rover_hil.tune.metrics import (
     path_rms_m,
     reversals_per_s,
 )
-from rover_hil.tune.scenarios import held_out_seeds, train_seeds, with_scenario
+from rover_hil.tune.scenarios import held_out_seeds, ranking_seeds, train_seeds, with_scenario
 from rover_hil.tune.simulated_mission import simulate_mission
 from tests.rover_hil.tune.tuning import TUNE, make_config
 
@@ -105,10 +105,10 @@ def test_short_oscillation_is_found_in_a_long_calm_drive() -> None:
     assert reversals_per_s(speed[:, np.newaxis], PERIOD_S, 0.5) == pytest.approx(4.0, abs=0.3)
 
 
-def test_training_and_held_out_seeds_never_overlap() -> None:
-    most = CaseSettings(train=MOST_CASES, held_out=MOST_CASES)
-    assert not set(train_seeds(most)) & set(held_out_seeds(most))
-    assert len(train_seeds(most)) == len(held_out_seeds(most)) == MOST_CASES
+def test_seeds_of_search_ranking_and_comparison_never_overlap() -> None:
+    most = CaseSettings(train=MOST_CASES, ranking=MOST_CASES, held_out=MOST_CASES)
+    all_seeds = [*train_seeds(most), *ranking_seeds(most), *held_out_seeds(most)]
+    assert len(set(all_seeds)) == len(all_seeds) == 3 * MOST_CASES
     with pytest.raises(ValueError, match="less than or equal"):
         CaseSettings(train=MOST_CASES + 1)
 

@@ -4,6 +4,7 @@ import importlib
 import math
 import statistics
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from rover_hil.tune.comparison import Verdict, compare
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import case_cost, describe, evaluate
 from rover_hil.tune.parameters import check_parameters
-from rover_hil.tune.scenarios import held_out_seeds, train_seeds
+from rover_hil.tune.scenarios import held_out_seeds, ranking_seeds, train_seeds
 from rover_hil.tune.search import propose
 from rover_hil.tune.study import CANDIDATES, MissionStudy
 from tests.rover_hil.tune.tuning import (
@@ -164,19 +165,42 @@ def test_the_best_candidate_that_survives_is_taken(tmp_path: Path) -> None:
     config = make_config(tmp_path)
     tune = check_parameters(config)
     parallel_runs = FakeRuns()
-    candidates = [attempt_with(0.03, 5), attempt_with(0.9, 3), attempt_with(0.2, 8), attempt_with(0.1, 9)]
+    candidates = [attempt_with(0.03, 5), attempt_with(0.2, 8), attempt_with(0.9, 3)]
     comparison = compare(config, tune, candidates, parallel_runs.drive)
     assert comparison.verdict is Verdict.IMPROVED
     assert comparison.values == {"mission.lookahead_m": 0.2}
     assert [(attempt.number, reason[:13]) for attempt, reason in comparison.declined] == [
-        (5, "scenario 1001"),
-        (3, "not better th"),
+        (5, "scenario 3001"),
     ]
-    assert {seed for _, seed in parallel_runs.driven} == set(held_out_seeds(tune.cases))
+    assert {seed for _, seed in parallel_runs.driven} == {
+        *held_out_seeds(tune.cases),
+        *ranking_seeds(tune.cases),
+    }
     assert comparison.start.cost is not None
     assert comparison.tuned.cost is not None
     assert comparison.tuned.cost < comparison.start.cost
-    assert {lookahead for lookahead, _ in parallel_runs.driven} == {0.5, 0.03, 0.9, 0.2}
+    held_out = {value for value, seed in parallel_runs.driven if seed in held_out_seeds(tune.cases)}
+    assert held_out == {0.5, 0.2}
+
+
+def test_luck_in_the_search_does_not_win(tmp_path: Path) -> None:
+    """The best trial of a search was lucky with its scenarios; more scenarios show it."""
+    config = make_config(tmp_path)
+    tune = check_parameters(config)
+    lucky, good = attempt_with(0.3, 7), attempt_with(0.12, 8)
+    lucky = replace(lucky, cost=0.1, case_costs=dict.fromkeys(train_seeds(tune.cases), 0.1))
+    good = replace(good, cost=0.2, case_costs=dict.fromkeys(train_seeds(tune.cases), 0.2))
+    assert compare(config, tune, [lucky, good], FakeRuns().drive).values == good.values
+
+
+def test_what_is_not_better_on_held_out_scenarios_is_not_taken(tmp_path: Path) -> None:
+    config = make_config(tmp_path)
+    parallel_runs = FakeRuns()
+    worse = attempt_with(0.9, 3)
+    comparison = compare(config, check_parameters(config), [worse], parallel_runs.drive)
+    assert comparison.verdict is Verdict.CONFIRMED
+    ((attempt, reason),) = comparison.declined
+    assert (attempt.number, reason) == (3, "not better than the start on held-out cases")
 
 
 def test_the_start_is_kept_when_nothing_is_better(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ lookahead_m = 0.5    # as first guessed
 TUNE = """
 [tune.cases]
 train = 4
+ranking = 3
 held_out = 6
 
 [tune.parameters]
