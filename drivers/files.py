@@ -32,6 +32,8 @@ IMAGE_PIXELS = 2**26
 """Pixels of a picture: as many as the largest camera of a configuration has."""
 RECORD_BYTES = 256 * MEGABYTE
 """A record of a log; the largest is an uncompressed picture."""
+LOG_COPY_BYTES = 256 * MEGABYTE
+"""A log that travels with a call to another process or computer."""
 MESSAGE_JSON_BYTES = 2 * MEGABYTE
 """A message of a log that holds JSON."""
 ATTACHMENTS_BYTES = 16 * MEGABYTE

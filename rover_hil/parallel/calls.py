@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from drivers.errors import LogError
-from drivers.files import read_bytes
+from drivers.files import LOG_COPY_BYTES, read_bytes
 from rover_hil.parallel.executor import open_executor
 
 S = TypeVar("S")
 T = TypeVar("T")
-
-MOST_BYTES = 256 * 2**20
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +91,7 @@ def _in_order(futures: Sequence[Future[T]]) -> Iterator[T]:
 def _contents(paths: Iterable[Path]) -> dict[str, bytes]:
     """Return the content of the files that exist, by their absolute path."""
     try:
-        return {str(path.resolve()): read_bytes(path, MOST_BYTES) for path in paths if path.is_file()}
+        return {str(path.resolve()): read_bytes(path, LOG_COPY_BYTES) for path in paths if path.is_file()}
     except OSError as error:
         raise LogError(f"cannot read {error.filename}: {error.strerror}") from error
 

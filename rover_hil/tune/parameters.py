@@ -11,13 +11,18 @@ from rover_hil.run.checks import ROVER_CHECKS
 
 REPLAYED = ("filter", "scomp", "slip")
 """Sections that a replay of a log depends on."""
+DECIDES_READINGS = ("filter.standstill_s", "scomp.frame_period_s")
+"""With other values of these the estimator has other innovations, so that the costs cannot be compared."""
 FORBIDDEN = ("devices", "loop", "roles", "rover", "safety", "schema", "simulation", "tune")
 SIGNIFICANT_DIGITS = 4
 MISSING_LOGS = (
     "tune.logs: the configuration marks nothing as tunable by logs: add [tune.logs.parameters], see "
     "docs/how-to/tune_from_logs.md"
 )
-MISSING_TUNE = "tune: the configuration marks nothing as tunable: add [tune], see docs/how-to/bench_tuning.md"
+MISSING_TUNE = (
+    "tune: the configuration marks nothing as tunable on the simulated rover: add [tune.parameters], see "
+    "docs/how-to/bench_tuning.md; or give --logs, which needs [tune.logs]"
+)
 
 Values = Mapping[str, float]
 Table = dict[str, object]
@@ -54,6 +59,11 @@ def check_log_parameters(config: Config) -> TuneSettings:
             raise ConfigError(
                 f"tune.logs.parameters.{key}: only values of [filter], [slip] and [scomp] show in a replay; "
                 "remove it, or move it to [tune.parameters]"
+            )
+        if key in DECIDES_READINGS:
+            raise ConfigError(
+                f"tune.logs.parameters.{key}: decides which readings correct the estimate, so that costs by "
+                "logs cannot be compared: remove it"
             )
     _check_all(config, parameters, "tune.logs.parameters")
     return config.tune.model_copy(update={"parameters": parameters})

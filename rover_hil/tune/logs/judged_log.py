@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,11 @@ from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError, LogError
-from drivers.files import read_bytes
+from drivers.files import LOG_COPY_BYTES, read_bytes
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array, Times
 from rover_hil.datasets.log import POSE, RecordedDrive, TruePoses, read_drive
 
-MOST_BYTES = 256 * 2**20
 POSE_PERIOD_S = 0.5
 FIRST_M = 0.1
 FIRST_RAD = 0.2
@@ -70,6 +69,15 @@ class JudgedLog:
         """SHA-256 of the content."""
         return hashlib.sha256(self.content).hexdigest()
 
+    @property
+    def setting(self) -> str:
+        """SHA-256 of all that costs depend on: the content and what judges it."""
+        digest = hashlib.sha256(self.content)
+        if self.poses is not None:
+            for column in fields(self.poses):
+                digest.update(getattr(self.poses, column.name).tobytes())
+        return digest.hexdigest()
+
 
 def read_judged_logs(paths: Sequence[Path], config: Config, withheld_s: float) -> list[JudgedLog]:
     """Return logs of the rover of a configuration.
@@ -107,7 +115,7 @@ def split(logs: Sequence[JudgedLog]) -> tuple[list[JudgedLog], list[JudgedLog]]:
 
 def _read(path: Path, config: Config, withheld_s: float) -> JudgedLog:
     try:
-        content = read_bytes(path, MOST_BYTES)
+        content = read_bytes(path, LOG_COPY_BYTES)
     except OSError as error:
         raise LogError(f"cannot read log {path}: {error.strerror}") from error
     drive = read_drive(path)
@@ -140,8 +148,7 @@ def _judge_poses(path: Path, drive: RecordedDrive, poses: TruePoses) -> JudgePos
     Raises:
         LogError: The rover does not move, or the first pose is not that of the start.
     """
-    if POSE[0] not in drive.rows:
-        _check_start(path, drive, poses)
+    _check_start(path, drive, poses)
     cosine, sine = np.cos(poses.yaw_rad[0]), np.sin(poses.yaw_rad[0])
     right_m, up_m = poses.x_m - poses.x_m[0], poses.y_m - poses.y_m[0]
     x_m, y_m = cosine * right_m + sine * up_m, cosine * up_m - sine * right_m
@@ -170,18 +177,28 @@ def _judge_poses(path: Path, drive: RecordedDrive, poses: TruePoses) -> JudgePos
 
 
 def _check_start(path: Path, drive: RecordedDrive, poses: TruePoses) -> None:
-    """Check that the wheels have not turned before the first pose.
+    """Check that no wheel has turned before the first pose.
 
     Raises:
-        LogError: They have.
+        LogError: One has.
     """
-    wheel = drive.rows["enc1_rad"]
-    before = wheel.value[wheel.t_ns <= poses.t_ns[0]]
-    if before.size and float(np.ptp(before)) > START_RAD:
-        raise LogError(
-            f"log {path}: its first known position is after the first motion, so the rest cannot be compared "
-            "with the estimate: measure where the rover starts, too"
-        )
+    for wheel in range(1, make_kinematics(drive.config.rover).wheel_count + 1):
+        if _turn_rad(drive, wheel, int(poses.t_ns[0])) > START_RAD:
+            raise LogError(
+                f"log {path}: its first known position is after the first motion, so the rest cannot be "
+                "compared with the estimate: measure where the rover starts, too"
+            )
+
+
+def _turn_rad(drive: RecordedDrive, wheel: int, until_ns: int) -> float:
+    """Return by how much a wheel that counts from 1 has turned to and fro until a time."""
+    position, speed = drive.rows[f"enc{wheel}_rad"], drive.rows[f"speed{wheel}_rad_s"]
+    if len(position):
+        angle_rad = position.value[position.t_ns <= until_ns]
+    else:
+        steps_s = np.diff(speed.t_ns, prepend=speed.t_ns[:1]) / 1e9
+        angle_rad = np.cumsum(speed.value * steps_s)[speed.t_ns <= until_ns]
+    return float(np.ptp(angle_rad)) if angle_rad.size else 0.0
 
 
 def _check_rover(path: Path, logged: RoverSettings, rover: RoverSettings) -> None:

@@ -3,7 +3,7 @@
 import math
 import tempfile
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -99,16 +99,17 @@ def replay_with(log: JudgedLog, config: Config) -> ReplayedLog:
     )
 
 
-def _every(period_s: float, devices: Iterable[str]) -> Callable[[Sample], bool]:
-    """Return what takes one fix of each device in a time, and every other sample."""
-    next_ns = dict.fromkeys(devices, 0)
+def _every(period_s: float, devices: Sequence[str]) -> Callable[[Sample], bool]:
+    """Return what takes one fix in a time, whichever device sent it, and every other sample."""
+    next_ns = 0
 
     def is_used(sample: Sample) -> bool:
-        if not isinstance(sample, PoseFixSample) or sample.device not in next_ns:
+        nonlocal next_ns
+        if not isinstance(sample, PoseFixSample) or sample.device not in devices:
             return True
-        is_due = sample.t_capture_ns >= next_ns[sample.device]
+        is_due = sample.t_capture_ns >= next_ns
         if is_due:
-            next_ns[sample.device] = sample.t_capture_ns + nanoseconds(period_s)
+            next_ns = sample.t_capture_ns + nanoseconds(period_s)
         return is_due
 
     return is_used

@@ -34,8 +34,8 @@ class LogStudy(Study[ReplayedLog]):
         objective: LogObjectiveSettings,
         logs: Sequence[JudgedLog],
     ) -> None:
-        digests = [log.digest for log in logs]
-        super().__init__(path, name, json.dumps([setting_of(config), digests]), config, tune)
+        settings = [setting_of(config), [log.setting for log in logs]]
+        super().__init__(path, name, json.dumps(settings), config, tune)
         self._objective = objective
         self._count = len(logs)
 

@@ -214,7 +214,7 @@ def test_a_study_is_a_name(
 
 def test_bad_input_leaves_nothing(run: Callable[..., int], tmp_path: Path) -> None:
     write_config(tmp_path, tune="")
-    with pytest.raises(ConfigError, match=r"add \[tune\]"):
+    with pytest.raises(ConfigError, match=r"add \[tune.parameters\].*--logs"):
         run()
     assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
 

@@ -9,6 +9,7 @@ import pytest
 
 from controllers.estimation.guarded_filter import Innovation
 from drivers.errors import LogError
+from drivers.samples import PoseFixSample
 from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
@@ -115,6 +116,29 @@ def test_withheld_fixes_judge_before_they_are_used(monkeypatch: pytest.MonkeyPat
     assert errors.yaw_rad == pytest.approx([0.1, 0.2])
     assert errors.position_nees == pytest.approx([2.0, 100.0])
     assert errors.yaw_nees == pytest.approx([2.0, 100.0])
+
+
+def test_two_cameras_do_not_help_each_other() -> None:
+    """A fix of one is no judge of a prediction that a fix of the other has just corrected."""
+    from rover_hil.tune.logs import replayed_log
+
+    is_used = replayed_log._every(5.0, ("left", "right"))
+    used = []
+    for index in range(120):
+        t_ns = 100_000_000 * index
+        fix = PoseFixSample(
+            device=("left", "right")[index % 2],
+            t_ns=t_ns,
+            t_capture_ns=t_ns,
+            x_m=0.0,
+            y_m=0.0,
+            yaw_rad=0.0,
+            position_std_m=0.01,
+            yaw_std_rad=0.01,
+        )
+        if is_used(fix):
+            used.append(0.1 * index)
+    assert used == pytest.approx([0.0, 5.0, 10.0])
 
 
 def replayed(**values: object) -> ReplayedLog:

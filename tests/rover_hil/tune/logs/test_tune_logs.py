@@ -4,17 +4,22 @@ import json
 import math
 import shutil
 import tomllib
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
 
-from drivers.errors import LogError
+from drivers.errors import ConfigError, LogError
 from rover_hil.config import load_config
+from rover_hil.datasets.log import LogRows, Readings, TruePoses
 from rover_hil.datasets.marks import marks_file
+from rover_hil.recording.reader import LogReader
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs, split
+from rover_hil.tune.logs.study import LogStudy
+from rover_hil.tune.parameters import check_log_parameters
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.tune.logs.drives import COMPASS_RAD, GUESSED_RAD, PARAMETERS, write_config, write_drives
 
@@ -113,6 +118,7 @@ def test_bad_logs_are_one_sentence(
             ("tune.logs.parameters.mission.speed_m_s", "replay"),
         ),
         (('"filter.heading_noise_rad"', '"filter.heading_noise"'), ("unknown key",)),
+        (('"filter.heading_noise_rad"', '"filter.standstill_s"'), ("which readings", "remove it")),
         (("low = 0.03, high = 0.4", "low = 0.4, high = 0.03"), ("swap",)),
     ],
 )
@@ -154,6 +160,48 @@ def test_a_log_without_truth_is_one_sentence_and_marks_make_up_for_it(
     marks_file(tmp_path / logs[0]).write_text(marks.replace("0,2,1,90", "7,2,1,90"))
     with pytest.raises(LogError, match="where the rover starts"):
         read_judged_logs([tmp_path / logs[0]], config, 5.0)
+
+
+def test_a_truth_that_begins_after_the_first_motion_is_no_judge(
+    logs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the wheels report speeds alone, and where only another wheel than the first has turned."""
+    config = load_config(str(tmp_path / "rover.toml"))
+    true_poses, readings = LogRows.true_poses, LogRows.__getitem__
+    begin_s = 0.0
+
+    def late(self: LogRows, log: LogReader) -> TruePoses:
+        poses = true_poses(self, log)
+        use = poses.t_ns >= log.start_ns + 1e9 * begin_s
+        return replace(poses, **{key.name: getattr(poses, key.name)[use] for key in fields(poses)[1:]})
+
+    def without(hidden: tuple[str, ...]) -> Callable[[LogRows, str], Readings]:
+        return lambda self, name: readings(self, "none" if name in hidden else name)
+
+    monkeypatch.setattr(LogRows, "true_poses", late)
+    for hidden in ((), ("enc1_rad", "enc2_rad"), ("enc1_rad", "speed1_rad_s")):
+        monkeypatch.setattr(LogRows, "__getitem__", without(hidden))
+        begin_s = 2.0  # the rover stands for three seconds
+        read_judged_logs([tmp_path / logs[0]], config, 5.0)
+        begin_s = 7.0
+        with pytest.raises(LogError, match="after the first motion"):
+            read_judged_logs([tmp_path / logs[0]], config, 5.0)
+
+
+def test_a_study_does_not_go_on_with_other_positions_measured_by_hand(
+    logs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rover_hil.recording.schema.TRUTH", "/nothing")
+    config = load_config(str(tmp_path / "rover.toml"))
+    tune = check_log_parameters(config)
+    assert tune.logs is not None
+    marks = "t_s,x_m,y_m,yaw_deg\n0,0,0,0\n9.5,0.8,0.2,90\n"
+    path = tmp_path / "study.jsonl"
+    for text in (marks, marks, marks.replace("0.8", "0.9")):
+        marks_file(tmp_path / logs[0]).write_text(text)
+        judged = read_judged_logs([tmp_path / logs[0]], config, 5.0)
+        with pytest.raises(ConfigError, match="another configuration") if text != marks else nullcontext():
+            LogStudy(path, "noise", config, tune, tune.logs.objective, judged)
 
 
 def test_every_third_log_is_held_out() -> None:
