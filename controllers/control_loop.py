@@ -5,6 +5,7 @@ import operator
 from collections.abc import Sequence
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_filter import PoseEstimate
@@ -116,6 +117,12 @@ class ControlLoop:
         self._supervisor = SafetySupervisor(
             settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s
         )
+        fields, lag_s = settings.filter.motor_fields, settings.filter.heading_lag_s
+        self._motor_field = (
+            None
+            if fields is None
+            else MotorFieldCorrection(fields, roles.wheels, lag_s, roles.max_age_s(roles.wheels))
+        )
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
         shortest_age_s = min(roles.max_age_s(roles.wheels), roles.max_age_s(roles.gyro))
         self._pauses = PauseWatch(ESTIMATION.pose.pause_ages * shortest_age_s)
@@ -173,9 +180,12 @@ class ControlLoop:
         for sample in samples:
             # A stamp from the future must neither stay fresh for long nor block the samples that follow.
             t_ns = min(sample.t_ns, now_ns)
-            self._supervisor.observe(sample, t_ns)
-            if are_stamps_known or not isinstance(sample, HeadingSample | PoseFixSample):
-                self._estimator.take(sample, t_ns)
+            used = sample if self._motor_field is None else self._motor_field.correct(sample, t_ns)
+            if used is None:
+                continue
+            self._supervisor.observe(used, t_ns)
+            if are_stamps_known or not isinstance(used, HeadingSample | PoseFixSample):
+                self._estimator.take(used, t_ns)
         innovations = self._estimator.advance(now_ns, self._commanded_rad_s, self._steering_rad)
         estimate = self._estimator.estimate(now_ns)
         guidance = self._guide(now_ns, estimate, innovations)

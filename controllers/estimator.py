@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator, GyroTurn
-from controllers.estimation.motor_field import MotorFieldCorrection
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
@@ -92,11 +91,6 @@ class Estimator:
         }
         self._fixes = FixQueue(roles.fixes)
         self._headings: list[tuple[HeadingSample, int]] = []
-        self._motor_field = None
-        if settings.motor_fields is not None:
-            self._motor_field = MotorFieldCorrection(
-                settings.motor_fields, settings.heading_lag_s, roles.max_age_s(roles.wheels)
-            )
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
         self._wheel_turn_rad = 0.0
         self._wheel_turn = WheelTurn()
@@ -144,8 +138,6 @@ class Estimator:
     def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
         if sample.steering_rad is not None:
             self.steering.measure(sample.wheel, t_ns, sample.steering_rad)
-        if self._motor_field is not None:
-            self._motor_field.currents.take(sample, t_ns)
         if sample.position_rad is not None:
             self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
 
@@ -401,11 +393,6 @@ class Estimator:
         newest_ns = self._heading_ns.get(source)
         if sample.device in self._roles.headings and (newest_ns is None or t_ns > newest_ns):
             self._heading_ns[source] = t_ns
-            if self._motor_field is not None:
-                heading_rad = self._motor_field.correct(sample.device, sample.heading_rad, t_ns)
-                if heading_rad is None:
-                    return
-                sample = replace(sample, heading_rad=heading_rad)
             self._headings.append((sample, t_ns))
 
     def _is_usable(self, heading_ns: int) -> bool:

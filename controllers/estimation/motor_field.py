@@ -6,13 +6,14 @@ direction of the earth's field alone follows (as ArduPilot's compassmot with `CO
 """
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import Field
 
 from controllers.motion.planar import wrap_angle
 from drivers.clock import nanoseconds, seconds
-from drivers.samples import WheelSample
+from drivers.samples import HeadingSample, Sample, WheelSample
 from drivers.settings import Settings
 
 PerAmpere = Annotated[float, Field(ge=-10.0, le=10.0)]
@@ -56,7 +57,7 @@ class MotorCurrents:
     def take(self, sample: WheelSample, t_ns: int) -> None:
         """Take the current in a sample of the wheels; that of a magnitude has the sign of the speed."""
         wheel, current_a = sample.wheel, sample.current_a
-        if current_a is None or not 0 <= wheel < len(self._current_a):
+        if current_a is None or not math.isfinite(current_a) or not 0 <= wheel < len(self._current_a):
             return
         if not sample.current_is_signed:
             if sample.speed_rad_s is None:
@@ -100,20 +101,27 @@ class MotorFieldCorrection:
 
     Args:
         fields: Of each motor.
+        wheels: Device that reports the currents.
         smoothing_s: Time constant of the compass.
         max_age_s: Age from which on a current is not known any more.
     """
 
-    def __init__(self, fields: MotorFields, smoothing_s: float, max_age_s: float) -> None:
+    def __init__(self, fields: MotorFields, wheels: str, smoothing_s: float, max_age_s: float) -> None:
         self._fields = fields
-        self.currents = MotorCurrents(len(fields.per_ampere), smoothing_s, max_age_s)
+        self._wheels = wheels
+        self._currents = MotorCurrents(len(fields.per_ampere), smoothing_s, max_age_s)
 
-    def correct(self, device: str, heading_rad: float, t_ns: int) -> float | None:
-        """Return a heading without the field of the motors; None where a current is not known."""
-        if device != self._fields.device:
-            return heading_rad
-        currents_a = self.currents.at(t_ns)
-        if currents_a is None:
+    def correct(self, sample: Sample, t_ns: int) -> Sample | None:
+        """Return a sample for filter and stop rules: of the compass, without the field of the motors.
+
+        None for a heading that cannot be corrected: a current is not known, or the field is too strong.
+        """
+        if isinstance(sample, WheelSample) and sample.device == self._wheels:
+            self._currents.take(sample, t_ns)
+        if not isinstance(sample, HeadingSample) or sample.device != self._fields.device:
+            return sample
+        currents_a = self._currents.at(t_ns)
+        if currents_a is None or not math.isfinite(sample.heading_rad):
             return None
         ahead, left = (
             sum(
@@ -122,4 +130,5 @@ class MotorFieldCorrection:
             )
             for axis in (0, 1)
         )
-        return without_motor_field(heading_rad, ahead, left)
+        heading_rad = without_motor_field(sample.heading_rad, ahead, left)
+        return None if heading_rad is None else replace(sample, heading_rad=heading_rad)

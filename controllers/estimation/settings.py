@@ -34,7 +34,8 @@ class FilterSettings(Settings):
             correlated.
         heading_lag_s: Delay of the heading device behind the rover.
         motor_fields: Field of the motors at a compass by `rover-hil calibrate compass CONFIG --motors`:
-            path of the file. A heading for which a current is not known is then not used.
+            path of the file. A heading for which a current is not known is then not used: the rover stops
+            where the compass is required.
         standstill_s: Wheels that have not moved for this long mean that the rover is at rest.
         gate_probability: Share of consistent innovations that pass the gate.
     """
