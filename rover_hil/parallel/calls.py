@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from drivers.errors import LogError
-from drivers.files import LOG_COPY_BYTES, read_bytes
+from drivers.files import LOG_COPY_BYTES, read_bytes, resolved
 from rover_hil.parallel.executor import open_executor
 
 S = TypeVar("S")
@@ -52,12 +52,14 @@ class Calls:
         if self.executor is None:
             yield from map(function, paths)
             return
-        calls = [
-            self.executor.submit(
-                _call_with_files, function, path, path.resolve(), _contents([path, *beside(path)])
+        calls = []
+        for path in paths:
+            absolute = resolved(path)
+            # What is beside a link travels to beside the file that it leads to.
+            places = zip((path, *beside(path)), (absolute, *beside(absolute)), strict=True)
+            calls.append(
+                self.executor.submit(_call_with_files, function, path, absolute, _contents(dict(places)))
             )
-            for path in paths
-        ]
         yield from _in_order(calls)
 
 
@@ -88,10 +90,12 @@ def _in_order(futures: Sequence[Future[T]]) -> Iterator[T]:
             future.cancel()
 
 
-def _contents(paths: Iterable[Path]) -> dict[str, bytes]:
-    """Return the content of the files that exist, by their absolute path."""
+def _contents(places: Mapping[Path, Path]) -> dict[str, bytes]:
+    """Return the content of the files that exist, by the absolute path that they get."""
     try:
-        return {str(path.resolve()): read_bytes(path, LOG_COPY_BYTES) for path in paths if path.is_file()}
+        return {
+            str(place): read_bytes(path, LOG_COPY_BYTES) for path, place in places.items() if path.is_file()
+        }
     except OSError as error:
         raise LogError(f"cannot read {error.filename}: {error.strerror}") from error
 

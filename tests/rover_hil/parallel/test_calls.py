@@ -2,6 +2,7 @@
 
 import os
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -75,6 +76,18 @@ def test_files_travel_and_a_killed_worker_changes_nothing(
             (tmp_path / paths[5]).write_text("")
             with pytest.raises(LogError, match=f"^{paths[5]} is empty$"):
                 list(calls.map_files(function, paths, beside))
+
+
+def test_what_is_beside_a_link_to_a_file_travels_too(tmp_path: Path) -> None:
+    paths = write_files(tmp_path)
+    link = tmp_path / "mine" / "drive.log"
+    link.parent.mkdir()
+    link.symlink_to(paths[0])
+    link.with_suffix(".txt").write_text("by hand")
+    with ThreadPoolExecutor(1) as executor:
+        ((found,),) = Calls(executor).map_files(partial(read, beside=""), [link], beside)
+    assert found.path == link
+    assert found.note.endswith(" by hand")
 
 
 def test_without_a_cluster_a_call_is_made_when_its_result_is_wanted() -> None:
