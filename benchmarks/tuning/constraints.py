@@ -10,7 +10,6 @@ found, the median number of trials until then, and the median cost of the best v
 
 import argparse
 import statistics
-from collections.abc import Callable
 
 import numpy as np
 from optuna.distributions import BaseDistribution
@@ -20,8 +19,6 @@ from rover_hil.config.tune_settings import TunableSettings
 from rover_hil.datasets.arrays import Array
 from rover_hil.tune import search
 from rover_hil.tune.journal import Attempt
-
-AsTrial = Callable[[Attempt, dict[str, BaseDistribution]], FrozenTrial]
 
 SIZE, BATCH, CASES = 4, 8, 12
 PARAMETERS = {f"v{index}": TunableSettings(low=0.0, high=1.0, unit="1") for index in range(SIZE)}
@@ -72,19 +69,21 @@ def as_large_cost(attempt: Attempt, distributions: dict[str, BaseDistribution]) 
     return create_trial(params=attempt.values, distributions=distributions, value=1000.0)
 
 
-TREATMENTS: dict[str, AsTrial] = {
+TREATMENTS: dict[str, search.AsTrial] = {
     "constraint": search.as_trial,
     "ranked last": as_pruned,
     "large cost": as_large_cost,
 }
 
 
-def study(treatment: AsTrial, hardest: float, seed: int, trials: int) -> tuple[int | None, float | None]:
+def study(
+    treatment: search.AsTrial, hardest: float, seed: int, trials: int
+) -> tuple[int | None, float | None]:
     """Return the trials until the first acceptable one, and the best cost above the optimum."""
     start = dict.fromkeys(PARAMETERS, 0.1)
     told = [evaluate(0, start, hardest)]
     while len(told) <= trials:
-        proposals = search.propose(PARAMETERS, start, told, BATCH, seed=seed, as_trial=treatment)
+        proposals = search.propose(PARAMETERS, start, told, BATCH, seed=seed, make_trial=treatment)
         told += [evaluate(len(told) + index, values, hardest) for index, values in enumerate(proposals)]
     known = [(attempt.number, attempt.cost) for attempt in told if attempt.cost is not None]
     if not known:

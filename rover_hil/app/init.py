@@ -40,7 +40,8 @@ from rover_hil.setting_up.turning import Turner
 
 TURN_SPEED_RAD_S = 1.0
 LEAST_TURN_RAD = 0.1
-STEER_RAD = math.radians(10.0)
+LEAST_STEERING_DEG = 10.0
+STEER_RAD = math.radians(LEAST_STEERING_DEG)
 OUT = "OUT"
 """The argument that names the configuration, for messages."""
 POSITIONS = {
@@ -268,10 +269,22 @@ def _rover(
 def _steered(
     radius_m: float, track_m: float, limits_rad: Mapping[int, tuple[float, float]]
 ) -> dict[str, object]:
-    """Ask for the steering; return the section [rover]."""
+    """Ask for the steering; return the section [rover].
+
+    Raises:
+        ConfigError: The drives take too small angles.
+    """
     base_m = ask_number("Distance between front and rear wheels, m", 0.05, 5.0)
     most_deg = min(180.0, *(math.degrees(min(-low, high)) for low, high in limits_rad.values()))
-    angle_deg = ask_number("Greatest steering angle to either side, deg", 5.0, most_deg, min(45.0, most_deg))
+    if most_deg < LEAST_STEERING_DEG:
+        raise ConfigError(
+            f"the steering set-points of the drives reach {max(0.0, most_deg):.3g} deg to one side, less "
+            f"than {LEAST_STEERING_DEG:g}: are signal, sign and offset in the DBC file right? Otherwise "
+            "write the mapping by hand, docs/how-to/drive_your_own_rover.md"
+        )
+    angle_deg = ask_number(
+        "Greatest steering angle to either side, deg", LEAST_STEERING_DEG, most_deg, min(45.0, most_deg)
+    )
     rate_deg_s = ask_number("Speed of the steering drives, deg/s", 1.0, 1000.0, 30.0)
     steering = {"low_deg": -angle_deg, "high_deg": angle_deg, "rate_deg_s": rate_deg_s}
     wheels = [

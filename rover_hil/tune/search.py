@@ -29,34 +29,6 @@ Proposer = Callable[
 """Returns so many sets of values, from the ranges, the start values and the trials of earlier batches."""
 
 
-def propose(
-    parameters: Mapping[str, TunableSettings],
-    start: Mapping[str, float],
-    told: Sequence[Attempt],
-    count: int,
-    *,
-    seed: int = 0,
-    as_trial: AsTrial | None = None,
-) -> list[dict[str, float]]:
-    """Return the values of the next batch, see `Proposer`.
-
-    Those of one batch keep away from each other: each is taken as bad while the next is proposed.
-
-    Another `seed` gives other values. `as_trial` returns a trial for optuna; by default it is that below.
-    """
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    distributions: dict[str, BaseDistribution] = {
-        key: FloatDistribution(parameter.low, parameter.high, log=parameter.scale == "log")
-        for key, parameter in parameters.items()
-    }
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ExperimentalWarning)
-        sampler = optuna.samplers.TPESampler(seed=MOST_TRIALS * seed + len(told), constant_liar=True)
-    study = optuna.create_study(sampler=sampler)
-    study.add_trials([(as_trial or _DEFAULT)(attempt, distributions) for attempt in told])
-    return [study.ask(distributions).params for _ in range(count)]
-
-
 def as_trial(attempt: Attempt, distributions: dict[str, BaseDistribution]) -> FrozenTrial:
     """Return a trial of optuna; one without a cost ranks by the cases driven, a rejected one below all."""
     if attempt.cost is not None:
@@ -71,4 +43,29 @@ def as_trial(attempt: Attempt, distributions: dict[str, BaseDistribution]) -> Fr
     )
 
 
-_DEFAULT = as_trial
+def propose(
+    parameters: Mapping[str, TunableSettings],
+    start: Mapping[str, float],
+    told: Sequence[Attempt],
+    count: int,
+    *,
+    seed: int = 0,
+    make_trial: AsTrial = as_trial,
+) -> list[dict[str, float]]:
+    """Return the values of the next batch, see `Proposer`.
+
+    Those of one batch keep away from each other: each is taken as bad while the next is proposed.
+
+    Another `seed` gives other values. `make_trial` returns a trial for optuna.
+    """
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    distributions: dict[str, BaseDistribution] = {
+        key: FloatDistribution(parameter.low, parameter.high, log=parameter.scale == "log")
+        for key, parameter in parameters.items()
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ExperimentalWarning)
+        sampler = optuna.samplers.TPESampler(seed=MOST_TRIALS * seed + len(told), constant_liar=True)
+    study = optuna.create_study(sampler=sampler)
+    study.add_trials([make_trial(attempt, distributions) for attempt in told])
+    return [study.ask(distributions).params for _ in range(count)]

@@ -309,6 +309,13 @@ def test_a_rover_with_four_steered_wheels_is_described(
         init._rover(4, dict.fromkeys((0, 1), (-1.0, 1.0)), console)
 
 
+def test_steering_drives_that_take_angles_of_one_sign_only_are_named(answers: list[str]) -> None:
+    """As of a DBC file with an unsigned signal, whose offset was forgotten."""
+    answers += ["0.092", "0.44", "0.6"]
+    with pytest.raises(ConfigError, match=r"reach 0 deg to one side, less than 10: .*DBC"):
+        init._rover(4, dict.fromkeys(range(4), (0.0, 6.2)), Console(file=io.StringIO()))
+
+
 @pytest.mark.parametrize(
     ("payload", "expected"), [(encode_sentence("HCHDM,12.0,M"), "nmea_compass"), (b"?#", "")]
 )
