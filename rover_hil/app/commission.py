@@ -31,6 +31,8 @@ from rover_hil.datasets.marks import COLUMNS, Marks, marks_beside, marks_file, m
 from rover_hil.pages.atomic_write import refuse_overwrite, write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.reader import LogReader
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 
 PAGE_NAME = "commissioning.html"
@@ -42,6 +44,8 @@ SLOWNESS = 4.0
 """Longest time of a drive over that of the mission: a slipping rover is slower."""
 SEED = 1
 DEFAULT_SPEED_M_S = 0.15
+END_TOLERANCE_S = 0.5
+"""By which the time of a mark may exceed the drive: it is rounded."""
 REACTION_S = 0.2
 """Standard deviation of the time at which a person presses a key."""
 
@@ -109,6 +113,8 @@ def commission(
             "--enter: the excitation must pass on the real rover: leave --virtual out, and name a TOML file "
             "of yours"
         )
+    if enter and not _is_excited(config):
+        raise ConfigError(f'--enter: {source} does not excite the yaw: set use = "yaw_probe" in [slip] first')
     page = out / PAGE_NAME
     refuse_overwrite(page, force=force or again)
     names = plan.names()
@@ -124,11 +130,13 @@ def commission(
             _drive(config, plan, name, out, rng, virtual=virtual)
     drives = [_read(out / f"{name}.mcap", name) for name in names]
     worth = find_worth(drives)
-    facts = _facts(config, worth, is_virtual=any(poses.is_virtual for _, poses, _ in drives))
+    is_entered = enter and not worth.doubts
+    if is_entered:
+        _require_excited(config, source, drives)
+    is_virtual = any(poses.is_virtual for _, poses, _ in drives)
+    facts = _facts(config, worth, is_virtual=is_virtual, is_entered=is_entered)
     write_file(page, _page(source, drives, worth, facts))
-    is_excited = config.slip is not None and config.slip.use == YAW_PROBE
-    if enter and is_excited and not worth.doubts:
-        _require_real(drives)
+    if is_entered:
         write_file(Path(source), with_entry(read_config_text(source), "slip", "excite_real_rover", True))
     if as_json:
         record = {
@@ -251,16 +259,39 @@ def _read(log: Path, name: str) -> Drive:
     path = marks_beside(log)
     if path is None:
         raise LogError(f"no file {marks_file(log)}: write the measured marks, {','.join(COLUMNS)}")
-    return name, read_poses(log), read_marks(path)
+    poses, marks = read_poses(log), read_marks(path)
+    end_s = float(poses.t_s[-1])
+    if marks.t_s[0] < 0.0 or marks.t_s[-1] > end_s + END_TOLERANCE_S:
+        raise LogError(
+            f"{path}: t_s must be within the drive, 0 to {end_s:.1f} s after its start: correct it"
+        )
+    return name, poses, marks
 
 
-def _require_real(drives: Sequence[Drive]) -> None:
+def _is_excited(config: Config) -> bool:
+    return config.slip is not None and config.slip.use == YAW_PROBE
+
+
+def _require_excited(config: Config, source: str, drives: Sequence[Drive]) -> None:
+    """Check that the drives which passed had the excitation that is to be entered, on the real rover."""
     for _, poses, _ in drives:
         if poses.is_virtual:
             raise ConfigError(f"--enter: {poses.path} is of the simulated rover: commission the real one")
+        with restore_config(LogReader(poses.path)) as driven:
+            settings = [
+                (each.rover, each.slip and each.slip.model_copy(update={"excite_real_rover": True}))
+                for each in (config, driven)
+            ]
+        if settings[0] != settings[1]:
+            raise ConfigError(
+                f"--enter: {poses.path} was driven with another [rover] or [slip] than that of {source}: "
+                "commission again without --again"
+            )
 
 
-def _facts(config: Config, worth: Worth, *, is_virtual: bool) -> tuple[tuple[str, str], ...]:
+def _facts(
+    config: Config, worth: Worth, *, is_virtual: bool, is_entered: bool
+) -> tuple[tuple[str, str], ...]:
     facts = [
         ("marks", f"{len(worth.marks)}, {worth.distance_m:.1f} m between them"),
         ("wheels alone", f"{1e3 * worth.odometry_rms_m:.0f} mm off the marks (rms)"),
@@ -287,8 +318,9 @@ def _facts(config: Config, worth: Worth, *, is_virtual: bool) -> tuple[tuple[str
             _passed_words(worth.doubts),
         ),
     ]
-    if config.slip is not None and config.slip.use == YAW_PROBE:
-        facts.append(("yaw excitation", _excitation_words(worth, is_virtual=is_virtual)))
+    if _is_excited(config):
+        words = _excitation_words(worth, is_virtual=is_virtual, is_entered=is_entered)
+        facts.append(("yaw excitation", words))
     return tuple(facts)
 
 
@@ -296,7 +328,7 @@ def _passed_words(doubts: Sequence[str]) -> str:
     return f"not passed: {'; '.join(doubts)}" if doubts else "passed on this ground"
 
 
-def _excitation_words(worth: Worth, *, is_virtual: bool) -> str:
+def _excitation_words(worth: Worth, *, is_virtual: bool, is_entered: bool) -> str:
     if worth.doubts:
         return 'it must not be used on this ground: set use = "surfaces" in [slip], or leave [slip] out'
     if is_virtual:
@@ -304,6 +336,8 @@ def _excitation_words(worth: Worth, *, is_virtual: bool) -> str:
             "it passed on the simulated ground. On a real rover it stays off until a commissioning without "
             "--virtual has passed"
         )
+    if is_entered:
+        return "it passed here: excite_real_rover = true is now in [slip]; on another ground commission again"
     return (
         "it passed here: set excite_real_rover = true in [slip], or add --again --enter; on another ground "
         "commission again"

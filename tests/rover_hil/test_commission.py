@@ -145,6 +145,7 @@ def test_the_excitation_is_entered_where_it_has_passed(command: Command, config:
     options = ("--again", "--enter", "--out", "runs", "--side", "1", "--laps", "2")
     assert for_real_rover(load_config("rover.toml"))[0].slip is None
     assert command("commission", "rover.toml", *options) == 0, command.error
+    assert "excite_real_rover = true is now in [slip]" in command.out
     allowed = load_config("rover.toml")
     assert for_real_rover(allowed) == (allowed, "")
     assert command("commission", "robotino", *options) == 2
@@ -155,6 +156,32 @@ def test_the_excitation_is_entered_where_it_has_passed(command: Command, config:
     write_all(config, reason="gyro in doubt")
     assert command("commission", "rover.toml", *options) == 1
     assert Path("rover.toml").read_text("utf-8") == read_config_text("robotino")
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_only_the_excitation_that_was_driven_is_entered(command: Command, config: Config) -> None:
+    """Drives with known surfaces pass, and say nothing about the excitation."""
+    text = read_config_text("robotino")
+    assert config.slip is not None
+    write_all(config.model_copy(update={"slip": config.slip.model_copy(update={"use": "surfaces"})}))
+    options = ("--again", "--enter", "--out", "runs", "--side", "1", "--laps", "2")
+    Path("rover.toml").write_text(text, "utf-8")
+    assert command("commission", "rover.toml", *options) == 2
+    assert_one_sentence(command.error, "was driven with another [rover] or [slip] than that of rover.toml")
+    assert Path("rover.toml").read_text("utf-8") == text
+    Path("rover.toml").write_text(text.replace('use = "yaw_probe"', 'use = "surfaces"'), "utf-8")
+    assert command("commission", "rover.toml", *options) == 2
+    assert_one_sentence(command.error, "does not excite the yaw")
+
+
+@pytest.mark.usefixtures("unrendered")
+@pytest.mark.parametrize("t_s", ["-3", "1e6"])
+def test_a_mark_outside_its_drive_is_refused(command: Command, config: Config, t_s: str) -> None:
+    write_all(config)
+    path = marks_file(Path("runs/line.mcap"))
+    path.write_text(f"t_s,x_m,y_m,yaw_deg,sigma_m\n{t_s},1,0,0,0.005\n", "utf-8")
+    assert again(command) == 2
+    assert_one_sentence(command.error, "t_s must be within the drive, 0 to")
 
 
 def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
