@@ -79,7 +79,7 @@ def main() -> int:
                 lambda values, _: evaluate_logs(drive(values, range(len(held_out))), objective),  # noqa: B023 - called at once
                 config,
                 start_values(config, tune),
-                study.candidates(),
+                study.candidates()[:1],
             )
             line = {
                 "seed": seed,

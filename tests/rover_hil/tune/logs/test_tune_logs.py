@@ -18,7 +18,9 @@ from rover_hil.datasets.log import LogRows, Readings, TruePoses
 from rover_hil.datasets.marks import marks_file
 from rover_hil.recording.reader import LogReader
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs, split
+from rover_hil.tune.logs.replayed_log import ReplayedLog
 from rover_hil.tune.logs.study import LogStudy
+from rover_hil.tune.objective import Evaluation
 from rover_hil.tune.parameters import check_log_parameters
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.tune.logs.drives import COMPASS_RAD, GUESSED_RAD, PARAMETERS, write_config, write_drives
@@ -78,6 +80,25 @@ def test_the_true_noise_is_found_and_better_on_the_held_out_log(
     again = ("tune", "rover.toml", "--logs", "20.mcap", "21.mcap", "--held-out", "22.mcap")
     assert command(*again, "--study", "noise", "--trials", "9") == 0
     assert (folder / "study.jsonl").read_bytes() == journal
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_one_trial_alone_is_compared_on_the_held_out_logs(
+    command: Command, logs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of five trials that are no better than the start, one would nearly always have the luck to seem so."""
+    train_costs, held_out_costs = iter([5.0, 4.0, 3.0]), iter([5.0, 5.1, 4.9])
+
+    def result(cost: float) -> Evaluation[ReplayedLog]:
+        return Evaluation(cost=cost, at_least=cost, refused="", runs=(), case_costs={}, terms={})
+
+    monkeypatch.setattr("rover_hil.tune.logs.study.evaluate_logs", lambda *_: result(next(train_costs)))
+    monkeypatch.setattr("rover_hil.app.tune_logs.evaluate_logs", lambda *_: result(next(held_out_costs)))
+    no_runs: list[ReplayedLog] = []
+    monkeypatch.setattr("rover_hil.app.tune_logs.replays_on", lambda *_: lambda *_: (run for run in no_runs))
+    assert command("tune", "rover.toml", "--logs", *logs, "--study", "noise", "--trials", "3") == 0
+    assert "Nothing better than the old values" in command.out
+    assert list(held_out_costs) == [4.9]
 
 
 def test_a_study_of_other_logs_is_refused(command: Command, logs: list[str]) -> None:
