@@ -1,6 +1,7 @@
 """Calibration of a camera: lens from pictures of a board, pose from a picture of it on the ground."""
 
 import json
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,7 +166,7 @@ def _pictures(path: Path) -> Iterator[Image]:
 def _ground_picture(path: Path) -> Image:
     if path.suffix != LOG_SUFFIX:
         return read_image(path)
-    *_, last = LogFrames(path)
+    (last,) = deque(LogFrames(path), maxlen=1)  # a list would hold all frames
     return last.image
 
 

@@ -89,6 +89,12 @@ def test_other_changes_of_the_yaw_rate_give_no_loss() -> None:
     assert response(0.3, noise_rad_s=0.6).reason == "the yaw rate changes too much besides the shake"
 
 
+def test_readings_of_a_fast_gyro_in_a_fast_loop_are_counted() -> None:
+    found = response(0.3, period_s=0.004)
+    assert found.reason == ""
+    assert found.transmission_loss == pytest.approx(0.3, abs=1e-6)
+
+
 def test_few_readings_give_no_loss() -> None:
     assert response(0.3, period_s=0.1).reason == TOO_FEW_READINGS
     probe = YawExcitation(PROBE)

@@ -3,6 +3,8 @@
 import json
 import math
 import shutil
+import weakref
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -18,7 +20,9 @@ from drivers.samples import Image
 from rover_hil.app.app import app
 from rover_hil.app.calibrate.camera import calibrate_camera
 from rover_hil.config import load_config, read_rig
+from rover_hil.ftrace import calibration
 from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, find_corners, rig_text
+from rover_hil.ftrace.frames import FrameFile
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.rear_scene.rig_file import CalibratedRig
@@ -156,6 +160,26 @@ def test_a_log_gives_the_same_as_its_pictures(charuco: Path, tmp_path: Path) -> 
     assert result.exit_code == 0, result.output
     found = read_rig(tmp_path / "by_log.json").geometry()
     assert np.allclose(found.position_m, rig().camera_m, atol=0.004)
+
+
+def test_the_ground_picture_of_a_long_log_is_found_without_holding_all_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    images: list[weakref.ref[Image]] = []
+    most = 0
+
+    def frames(path: Path) -> Iterator[FrameFile]:
+        nonlocal most
+        for number in range(5):
+            image = np.full((2, 2), number, np.uint8)
+            images.append(weakref.ref(image))
+            yield FrameFile(number, image)
+            del image
+            most = max(most, sum(each() is not None for each in images))
+
+    monkeypatch.setattr(calibration, "LogFrames", frames)
+    assert calibration._ground_picture(tmp_path / "run.mcap")[0, 0] == 4
+    assert most <= 2
 
 
 def test_the_page_shows_a_board_that_does_not_fit(charuco: Path, tmp_path: Path) -> None:

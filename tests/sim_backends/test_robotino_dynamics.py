@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from drivers.clock import nanoseconds
 from drivers.robotino_board.settings import RobotinoBoardSettings
@@ -102,6 +103,12 @@ def test_a_rover_loaded_evenly_is_the_same_after_a_third_of_a_turn(turn: float) 
     ways = [math.hypot(truth.x_m, truth.y_m) for truth in (one, other)]
     assert ways[0] == pytest.approx(ways[1], rel=2e-3)
     assert sorted(np.abs(one.slip)) == pytest.approx(sorted(np.abs(other.slip)), abs=0.01)
+
+
+@pytest.mark.parametrize("ahead_m", [0.04, -0.055])
+def test_a_centre_of_mass_outside_the_wheels_is_refused(ahead_m: float) -> None:
+    with pytest.raises(ValidationError, match="outside the triangle of the wheels"):
+        RobotinoPlantSettings(type="robotino", wheel_offset_m=0.05, centre_of_mass_x_m=ahead_m)
 
 
 def test_left_alone_it_comes_to_rest_and_stays_there() -> None:

@@ -154,9 +154,11 @@ class YawExcitation:
 
 def _readings(rows: list[tuple[float, float, float, float, float]]) -> int:
     """Return how many readings of the gyro there are: a cycle without a new one repeats the last."""
-    if not rows:
-        return 0
-    return 1 + int(np.count_nonzero(np.diff(sorted(row[3] for row in rows)) > SAME_READING_S))
+    count, newest_s = 0, -math.inf
+    for gyro_s in sorted(row[3] for row in rows):
+        if gyro_s - newest_s > SAME_READING_S:
+            count, newest_s = count + 1, gyro_s
+    return count
 
 
 def _fit_sinusoid(frequency_hz: float, t_s: Array, values: Array) -> tuple[Array, float]:

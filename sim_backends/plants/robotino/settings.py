@@ -1,8 +1,8 @@
 """Settings of the dynamic Robotino."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from drivers.settings import Settings
 from sim_backends.plants.robotino.site import Site, load_site
@@ -108,3 +108,13 @@ class RobotinoPlantSettings(Settings):
     battery_resistance_ohm: Annotated[float, Field(ge=0)] = 0.15
     idle_current_a: Annotated[float, Field(ge=0)] = 1.5
     bumper_x_m: float | None = None
+
+    @model_validator(mode="after")
+    def _check_loads(self) -> Self:
+        # One wheel stands at 180 deg, the two others at 60 deg to the left and right of the nose.
+        if not -1.0 < self.centre_of_mass_x_m / self.wheel_offset_m < 0.5:
+            raise ValueError(
+                "centre_of_mass_x_m lies outside the triangle of the wheels, so that the rover would tip: it "
+                "must be above -wheel_offset_m and below half of wheel_offset_m"
+            )
+        return self
