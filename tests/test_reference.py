@@ -2,10 +2,13 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
 from docs.generate.__main__ import PAGES, write_pages
+from rover_hil.app.app import app
 
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
 
@@ -16,6 +19,28 @@ def test_the_committed_page_is_up_to_date(tmp_path: Path, name: str) -> None:
     assert (REFERENCE / name).read_text("utf-8") == (tmp_path / name).read_text("utf-8"), (
         "run `make reference`"
     )
+
+
+def test_every_command_that_a_page_or_a_message_names_exists_with_its_options() -> None:
+    root = REFERENCE.parents[1]
+    files = [*root.glob("*.md"), *(root / "docs").rglob("*.md"), *(root / "rover_hil").rglob("*.py")]
+    program: Any = typer.main.get_command(app)
+    wrong: list[str] = []
+    count = 0
+    for file in files:
+        text = file.read_text("utf-8").replace("\\\n", " ")
+        for line in re.findall(r"(?m)(?:^|`)rover-hil ([a-z][^`\n]*)", text):
+            words = line.partition("  #")[0].split()
+            place = program
+            while words and hasattr(place, "commands") and words[0] in place.commands:
+                place = place.commands[words.pop(0)]
+            options = {"--help", *(option for parameter in place.params for option in parameter.opts)}
+            named = {word.partition("=")[0].rstrip(".,:;)") for word in words if word.startswith("--")}
+            count += 1
+            if place is program or named - options:
+                wrong.append(f"{file.relative_to(root)}: {line}")
+    assert count > 250
+    assert wrong == []
 
 
 def rows_of(name: str) -> list[list[str]]:

@@ -7,6 +7,7 @@ empty folder of its own. Prints each command with its time and exit code; with n
 Ends with 1 if a command fails. `commission` may end with 1: that is a verdict on the rover.
 """
 
+import re
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,7 +19,8 @@ PAGES = ROOT / "docs" / "how-to"
 
 def blocks_of(text: str) -> list[list[str]]:
     """Return the command lines of each block of a page that runs as it stands."""
-    blocks = text.replace("\\\n", " ").split("```\n")[1::2]
+    fenced = re.findall(r"(?ms)^```(\w*)\n(.*?)^```$", text.replace("\\\n", " "))
+    blocks = [block for language, block in fenced if not language]
     found = [[line.partition("  #")[0] for line in block.splitlines() if line.strip()] for block in blocks]
     return [lines for lines in found if _runs(lines)]
 

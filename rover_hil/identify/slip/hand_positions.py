@@ -45,7 +45,7 @@ def poses_between(marks: Marks, path: Path, t_s: Array, way_m: Array) -> Array:
         moving_s = float(times_s[np.argmax(around_m > hand.rest_m)])
         raise LogError(
             f"{path}: the wheels turn at t_s = {moving_s:g}: give a time at which the rover stood; "
-            "`rover-hil report` shows the speeds over time"
+            "the report of the run shows the speeds over time, also by `rover-hil replay LOG --out FOLDER`"
         )
     at_m = np.interp(times_s, t_s, way_m)
     legs_m = np.diff(at_m)
