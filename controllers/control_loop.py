@@ -183,7 +183,8 @@ class ControlLoop:
             used = sample if self._motor_field is None else self._motor_field.correct(sample, t_ns)
             if used is None:
                 continue
-            self._supervisor.observe(used, t_ns)
+            if self._follower is not None:  # without a mission nothing is checked
+                self._supervisor.observe(used, t_ns)
             if are_stamps_known or not isinstance(used, HeadingSample | PoseFixSample):
                 self._estimator.take(used, t_ns)
         innovations = self._estimator.advance(now_ns, self._commanded_rad_s, self._steering_rad)

@@ -37,6 +37,8 @@ class GyroSampleRateRule(StopRule):
     slip.
     """
 
+    observes = (RateSample,)
+
     def __init__(self, settings: GyroSampleRateSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._gyro = roles.gyro

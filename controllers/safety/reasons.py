@@ -87,7 +87,8 @@ class Cycle(NamedTuple):
 class StopRule(ABC):
     """One rule that may stop the rover.
 
-    Every sample is observed before the cycle is checked; every cycle is checked, in every mode.
+    With a mission every sample is observed before the cycle is checked, and every cycle is checked, in every
+    mode. Without one nothing is.
 
     Attributes:
         observes: Kinds of samples that `observe` takes.

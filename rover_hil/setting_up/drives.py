@@ -121,14 +121,12 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     heard = {_number(frame) for frame in frames}
     sent = _templates(message for message in messages if bus_id(message) in heard)
     taken = _templates(message for message in messages if bus_id(message) not in heard)
-    # What belongs to a steering drive is no position of a wheel.
-    steering = {name: nodes for name, nodes in sent.items() if STEERING.search(name)}
-    turning = {name: nodes for name, nodes in sent.items() if name not in steering}
+    # What steers is no position of a wheel.
     position, speed, current = (
-        _signal(turning, words, units)
+        _signal(sent, words, units, steers=False)
         for words, units in ((POSITION, POSITION_UNITS), (SPEED, SPEED_UNITS), (CURRENT, CURRENT_UNITS))
     )
-    setpoint = _signal(taken, SPEED, SPEED_UNITS, prefer=SETPOINT)
+    setpoint = _signal(taken, SPEED, SPEED_UNITS, prefer=SETPOINT, steers=False)
     measured = position or speed
     if measured is None or setpoint is None:
         lack = "set-point" if measured is not None else "position or speed on the bus"
@@ -143,8 +141,11 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
         if found
     }
     every_wheel["setpoint"] = setpoint[1]
-    angle, angle_setpoint = _signal(steering, ANGLE, ANGLE_UNITS), _signal(taken, ANGLE, ANGLE_UNITS)
-    if angle_setpoint is not None and (angle is not None or STEERING.search(str(angle_setpoint[1]))):
+    angle = _signal(sent, ANGLE, ANGLE_UNITS, steers=True)
+    angle_setpoint = _signal(taken, ANGLE, ANGLE_UNITS, steers=True)
+    if angle_setpoint is None and angle is not None:
+        angle_setpoint = _signal(taken, ANGLE, ANGLE_UNITS)
+    if angle_setpoint is not None:
         every_wheel["steering_setpoint"] = angle_setpoint[1]
         if angle is not None:
             every_wheel["steering"] = angle[1]
@@ -271,11 +272,16 @@ def _signal(
     words: re.Pattern[str],
     units: dict[str, str],
     prefer: re.Pattern[str] | None = None,
+    *,
+    steers: bool | None = None,
 ) -> tuple[str, dict[str, object]] | None:
-    """Return template and keys of the best signal; by unit and name."""
+    """Return template and keys of the best signal by unit and name; `steers` keeps those of steering or not."""
     best: tuple[int, str, dict[str, object]] | None = None
     for template, nodes in templates.items():
         for signal in next(iter(nodes.values())).signals:
+            is_steering = STEERING.search(f"{template} {signal.name}") is not None
+            if steers is not None and steers != is_steering:
+                continue
             unit = units.get((signal.unit or "").strip().lower())
             score = (
                 2 * (unit is not None)

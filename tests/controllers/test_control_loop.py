@@ -1,5 +1,6 @@
 """The whole step in closed loop with a simulated rover, on virtual time."""
 
+import gc
 import hashlib
 import math
 import subprocess
@@ -199,3 +200,13 @@ def test_no_stream_of_samples_makes_it_raise_or_ask_for_too_much(
         assert all(abs(speed) <= LIMITS.wheel_speed_rad_s for speed in output.command.speed_rad_s)
         if output.mode is not Mode.RUNNING:
             assert output.command.speed_rad_s == (0.0, 0.0, 0.0)
+
+
+def test_without_a_mission_samples_are_not_kept() -> None:
+    """Nothing is checked then, so that what waits for a check would grow for hours."""
+    loop = ControlLoop(make_settings(), ROLES)
+    before = sum(isinstance(each, RateSample) for each in gc.get_objects())
+    for step in range(1, 101):
+        t_ns = START_NS + step * PERIOD_NS
+        loop.step(t_ns, [RateSample(device="gyro", t_ns=t_ns, rate_z_rad_s=0.01 * step)])
+    assert sum(isinstance(each, RateSample) for each in gc.get_objects()) - before <= 2

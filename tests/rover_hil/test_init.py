@@ -253,6 +253,28 @@ def test_steering_drives_of_a_dbc_file_are_found(tmp_path: Path) -> None:
         assert wheel.steering_setpoint == expected.steering_setpoint
 
 
+def test_a_steering_angle_beside_the_position_of_a_wheel_is_not_taken_for_it(tmp_path: Path) -> None:
+    text = """VERSION ""
+BU_: Host Drive
+"""
+    for node in range(2):
+        text += f"""BO_ {272 + node} Wheel{node}_Status: 6 Drive
+ SG_ SteerAngle : 0|16@1- (0.01,0) [-180|180] "deg" Host
+ SG_ Position : 16|32@1- (0.001,0) [-1000000|1000000] "rad" Host
+BO_ {288 + node} Wheel{node}_Setpoint: 6 Host
+ SG_ SteerSpeed : 0|16@1- (0.001,0) [-32|32] "rad/s" Drive
+ SG_ Speed : 16|16@1- (0.001,0) [-32|32] "rad/s" Drive
+ SG_ Angle : 32|16@1- (0.01,0) [-180|180] "deg" Drive
+"""
+    dbc = tmp_path / "mine.dbc"
+    dbc.write_text(text, "utf-8")
+    found = guess_mapping(dbc, [CanFrame(272 + node, bytes(6), False) for node in range(2)]).every_wheel
+    signals = {key: value["signal"] for key, value in found.items()}
+    assert signals == {
+        "position": "Position", "setpoint": "Speed", "steering": "SteerAngle", "steering_setpoint": "Angle"
+    }  # fmt: skip
+
+
 def test_a_rover_with_four_steered_wheels_is_described(
     answers: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
