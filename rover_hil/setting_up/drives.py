@@ -275,7 +275,7 @@ def _signal(
     *,
     steers: bool | None = None,
 ) -> tuple[str, dict[str, object]] | None:
-    """Return template and keys of the best signal by unit and name; `steers` keeps those of steering or not."""
+    """Return template and keys of the best signal by unit and name; `steers`: of steering, or not."""
     best: tuple[int, str, dict[str, object]] | None = None
     for template, nodes in templates.items():
         for signal in next(iter(nodes.values())).signals:
