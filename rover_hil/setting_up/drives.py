@@ -41,11 +41,14 @@ POSITION_UNITS = {
 }
 SPEED_UNITS = {"rad/s": "rad/s", "rev/s": "rev/s", "turns/s": "rev/s", "rpm": "rpm", "1/min": "rpm"}
 STEERING = re.compile(r"steer", re.IGNORECASE)
-ANGLE = re.compile(r"steer|angle", re.IGNORECASE)
+ANGLE = re.compile(r"angle", re.IGNORECASE)
+STEERING_ANGLE = re.compile(r"steer|angle|pos", re.IGNORECASE)
 ANGLE_UNITS = {"deg": "deg", "rad": "rad"}
 CURRENT_UNITS = {"a": "A", "ma": "mA"}
 ALGORITHMS = (None, "crc8_j1850", "xor8", "sum8")
 MOST_REJECTED = 0.2
+Templates = dict[str, dict[int, Message]]
+"""Messages by name with `{node}` for the number, then by number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +124,24 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     heard = {_number(frame) for frame in frames}
     sent = _templates(message for message in messages if bus_id(message) in heard)
     taken = _templates(message for message in messages if bus_id(message) not in heard)
-    # What steers is no position of a wheel.
+    from_drives, to_drives = _signals(sent), _signals(taken)
+    turning, steering = _without_steering(from_drives), _only_steering(from_drives)
+    setpoint = _best(_without_steering(to_drives), SPEED, SPEED_UNITS, prefer=SETPOINT)
+    # An angle beside the set-point of the speed is that of the steering, if the wheel's own motion is
+    # measured without a signal of this name.
+    beside = {
+        signal.name
+        for template, signal in to_drives
+        if setpoint is not None and template == setpoint[0] and _is_angle(signal)
+    }
+    others = [each for each in turning if each[1].name not in beside]
+    if _best(others, POSITION, POSITION_UNITS) or _best(others, SPEED, SPEED_UNITS):
+        steering += [each for each in turning if each not in others]
+        turning = others
     position, speed, current = (
-        _signal(sent, words, units, steers=False)
+        _best(turning, words, units)
         for words, units in ((POSITION, POSITION_UNITS), (SPEED, SPEED_UNITS), (CURRENT, CURRENT_UNITS))
     )
-    setpoint = _signal(taken, SPEED, SPEED_UNITS, prefer=SETPOINT, steers=False)
     measured = position or speed
     if measured is None or setpoint is None:
         lack = "set-point" if measured is not None else "position or speed on the bus"
@@ -141,10 +156,10 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
         if found
     }
     every_wheel["setpoint"] = setpoint[1]
-    angle = _signal(sent, ANGLE, ANGLE_UNITS, steers=True)
-    angle_setpoint = _signal(taken, ANGLE, ANGLE_UNITS, steers=True)
+    angle = _best(steering, STEERING_ANGLE, ANGLE_UNITS)
+    angle_setpoint = _best(_only_steering(to_drives), STEERING_ANGLE, ANGLE_UNITS)
     if angle_setpoint is None and angle is not None:
-        angle_setpoint = _signal(taken, ANGLE, ANGLE_UNITS)
+        angle_setpoint = _best(to_drives, ANGLE, ANGLE_UNITS)
     if angle_setpoint is not None:
         every_wheel["steering_setpoint"] = angle_setpoint[1]
         if angle is not None:
@@ -257,7 +272,7 @@ def _number(frame: CanFrame) -> int:
     return frame.can_id | EXTENDED_FLAG if frame.is_extended else frame.can_id
 
 
-def _templates(messages: Iterator[Message] | Sequence[Message]) -> dict[str, dict[int, Message]]:
+def _templates(messages: Iterator[Message] | Sequence[Message]) -> Templates:
     """Return messages by name with "{node}" for the number, then by number."""
     found: defaultdict[str, dict[int, Message]] = defaultdict(dict)
     for message in messages:
@@ -267,33 +282,49 @@ def _templates(messages: Iterator[Message] | Sequence[Message]) -> dict[str, dic
     return dict(found)
 
 
-def _signal(
-    templates: dict[str, dict[int, Message]],
+def _signals(templates: Templates) -> list[tuple[str, Signal]]:
+    """Return the signals with the templates of their messages; those of the first wheel stand for all."""
+    return [
+        (template, signal)
+        for template, nodes in templates.items()
+        for signal in next(iter(nodes.values())).signals
+    ]
+
+
+def _without_steering(signals: Sequence[tuple[str, Signal]]) -> list[tuple[str, Signal]]:
+    return [each for each in signals if not STEERING.search(f"{each[0]} {each[1].name}")]
+
+
+def _only_steering(signals: Sequence[tuple[str, Signal]]) -> list[tuple[str, Signal]]:
+    return [each for each in signals if STEERING.search(f"{each[0]} {each[1].name}")]
+
+
+def _is_angle(signal: Signal) -> bool:
+    return ANGLE.search(signal.name) is not None and _unit(signal) in ANGLE_UNITS
+
+
+def _unit(signal: Signal) -> str:
+    return (signal.unit or "").strip().lower()
+
+
+def _best(
+    signals: Sequence[tuple[str, Signal]],
     words: re.Pattern[str],
     units: dict[str, str],
     prefer: re.Pattern[str] | None = None,
-    *,
-    steers: bool | None = None,
 ) -> tuple[str, dict[str, object]] | None:
-    """Return template and keys of the best signal by unit and name; `steers`: of steering, or not."""
+    """Return template and keys of the best signal; by unit and name."""
     best: tuple[int, str, dict[str, object]] | None = None
-    for template, nodes in templates.items():
-        for signal in next(iter(nodes.values())).signals:
-            is_steering = STEERING.search(f"{template} {signal.name}") is not None
-            if steers is not None and steers != is_steering:
-                continue
-            unit = units.get((signal.unit or "").strip().lower())
-            score = (
-                2 * (unit is not None)
-                + 2 * bool(words.search(signal.name))
-                + bool(prefer and prefer.search(template))
-            )
-            if unit is not None and score > (best[0] if best else 2 - bool(words.search(signal.name))):
-                best = (score, template, {"message": template, "signal": signal.name, "unit": unit})
+    for template, signal in signals:
+        unit = units.get(_unit(signal))
+        is_named = bool(words.search(signal.name))
+        score = 2 * (unit is not None) + 2 * is_named + bool(prefer and prefer.search(template))
+        if unit is not None and score > (best[0] if best else 2 - is_named):
+            best = (score, template, {"message": template, "signal": signal.name, "unit": unit})
     return None if best is None else (best[1], best[2])
 
 
-def _protection_signals(templates: dict[str, dict[int, Message]], names: Sequence[str]) -> dict[str, object]:
+def _protection_signals(templates: Templates, names: Sequence[str]) -> dict[str, object]:
     used = list(dict.fromkeys(names))
     found: dict[str, object] = {"messages": used}
     for key, words in (("counter", COUNTER), ("checksum", CHECKSUM)):

@@ -275,6 +275,39 @@ BO_ {288 + node} Wheel{node}_Setpoint: 6 Host
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("measured", ["position", "speed"])
+@pytest.mark.parametrize(
+    ("state", "command"), [("SteerAngle", "SteerTarget"), ("Angle", "Angle"), ("steeringPos", "SteerRef")]
+)
+def test_a_steering_angle_in_the_message_of_the_wheel_is_not_its_position(
+    tmp_path: Path, measured: str, state: str, command: str
+) -> None:
+    """As in docs/examples/can/six_wheels.dbc; the angle comes first in its message."""
+    signals = {
+        "position": ' SG_ EncoderPos : 16|32@1- (1,0) [0|0] "ticks" Host\n',
+        "speed": ' SG_ Speed : 16|16@1- (0.1,0) [0|0] "rpm" Host\n',
+    }
+    (tmp_path / "mine.dbc").write_text(
+        'VERSION ""\n\nBU_: Host Motor\n'
+        + "".join(
+            f"\nBO_ {800 + node} Motor{node}_Command: 4 Host\n"
+            f' SG_ {command} : 16|16@1- (0.01,0) [0|0] "deg" Motor\n'
+            f' SG_ Speed : 0|16@1- (0.01,0) [0|0] "rpm" Motor\n'
+            f"\nBO_ {816 + node} Motor{node}_Status: 8 Motor\n"
+            f' SG_ {state} : 0|16@1- (0.01,0) [0|0] "deg" Host\n{signals[measured]}'
+            for node in range(1, 5)
+        )
+    )
+    guess = guess_mapping(tmp_path / "mine.dbc", [CanFrame(816 + node, bytes(8)) for node in range(1, 5)])
+    assert guess.nodes == [1, 2, 3, 4]
+    assert {key: value["signal"] for key, value in guess.every_wheel.items()} == {
+        measured: "EncoderPos" if measured == "position" else "Speed",
+        "setpoint": "Speed",
+        "steering": state,
+        "steering_setpoint": command,
+    }
+
+
 def test_a_rover_with_four_steered_wheels_is_described(
     answers: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
