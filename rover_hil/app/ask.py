@@ -23,37 +23,44 @@ def ask(question: str, default: str = "") -> str:
 
 
 def ask_yes(question: str, *, default: bool) -> bool:
-    """Return whether the user agrees; asks again until the answer is yes or no."""
+    """Return whether the user agrees; asks again at a terminal until the answer is yes or no."""
     while True:
         answer = ask(f"{question} (yes/no)", "yes" if default else "no").lower()
         if answer in ("y", "yes", "n", "no"):
             return answer.startswith("y")
-        _again("answer yes or no")
+        _again(question, "answer yes or no")
 
 
 def ask_number(question: str, lower: float, upper: float, default: float | None = None) -> float:
-    """Return a number within the limits; asks again until there is one."""
+    """Return a number within the limits; asks again at a terminal until there is one."""
     while True:
         answer = ask(question, "" if default is None else f"{default:g}")
         try:
             value = float(answer)
         except ValueError:
-            _again(f"'{answer}' is not a number: use a point, like 0.04")
+            _again(question, f"'{answer}' is not a number: use a point, like 0.04")
             continue
         if lower <= value <= upper:
             return value
-        _again(f"{value:g} is outside {lower:g} .. {upper:g}: correct it")
+        _again(question, f"{value:g} is outside {lower:g} .. {upper:g}: correct it")
 
 
 def ask_choice(question: str, choices: tuple[str, ...], default: str) -> str:
-    """Return one of the choices, also named by its number alone; asks again until it is one."""
+    """Return one of the choices, also named by its number alone; asks again at a terminal until it is one."""
     while True:
         answer = ask(f"{question}: {', '.join(choices)}?", default)
         for choice in choices:
             if answer == choice or (answer.isdigit() and answer in choice.split()):
                 return choice
-        _again(f"'{answer}' is none of them")
+        _again(question, f"'{answer}' is none of them")
 
 
-def _again(words: str) -> None:
+def _again(question: str, words: str) -> None:
+    """Tell what is wrong with an answer.
+
+    Raises:
+        ConfigError: Nobody sits at the terminal: the next line answers another question.
+    """
+    if not sys.stdin.isatty():
+        raise ConfigError(f"the answer to '{question}' cannot be used: {words}")
     sys.stderr.write(f"  {words}\n")

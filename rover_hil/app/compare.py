@@ -9,6 +9,7 @@ from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs, log_at
+from rover_hil.app.steps import show_steps
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.report.compare import MOST_RUNS, compare_runs, render_comparison
 
@@ -25,7 +26,7 @@ def compare_logs(paths: Sequence[Path], *, out: Path, force: bool, as_json: bool
     check_inputs(*paths)
     check_file(out, force=force)
     logs = [log_at(path) for path in paths]
-    with Console(stderr=True).status(f"reading {len(logs)} runs"):
+    with show_steps(f"reading {len(logs)} runs"):
         comparison = compare_runs(logs)
         page = render_comparison(comparison)
     write_file(out, page)
@@ -38,7 +39,9 @@ def compare_logs(paths: Sequence[Path], *, out: Path, force: bool, as_json: bool
         }
         print_json({"runs": [run.name for run in comparison.runs], "cut_off": cut_off, **tables})
     else:
-        console.print(f"{len(logs)} runs, {len(comparison.settings)} differences of the configuration: {out}")
+        count = len(comparison.settings)
+        differences = f"{count} difference{'' if count == 1 else 's'} of the configuration"
+        console.print(f"{len(logs)} runs, {differences}: {out}")
         for name in cut_off:
             console.print(f"the log of {name} was cut off; everything up to the cut is compared")
     return EXIT_OK

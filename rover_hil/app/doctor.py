@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 from rich.text import Text
 
 from drivers.clock import SystemClock
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
+from rover_hil.app.steps import show_progress
 from rover_hil.config import load_config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
@@ -27,7 +27,7 @@ def examine(config_name: str, *, as_json: bool) -> int:
     """
     config = load_config(config_name, RUN_CHECKS)
     paths = SystemPaths()
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with show_progress() as progress:
         task = progress.add_task("looking at the computer and the ports", total=LISTEN_S)
 
         def show(listened_s: float) -> None:

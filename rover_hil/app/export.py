@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import log_at
+from rover_hil.app.steps import show_progress
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.exporting.tables import read_tables
 from rover_hil.exporting.write import write_tables
@@ -40,7 +40,7 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
     log = LogReader(path)
     folder = out or path.with_name(f"{path.stem}_{name}")
     _check_folder(folder, name, force=force)
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with show_progress() as progress:
         task = progress.add_task("reading", total=path.stat().st_size)
 
         def show() -> None:

@@ -8,7 +8,6 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
 from controllers.ftrace.estimator import Method, TraceEstimator
 from controllers.ftrace.rig import RigFile
@@ -17,6 +16,7 @@ from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
+from rover_hil.app.steps import show_progress
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
 from rover_hil.ftrace.log_frames import LogFrames
@@ -74,7 +74,7 @@ def trace_angles(
             part = resources.enter_context(unfinished(overlay, option="--overlay"))
             writer = resources.enter_context(closing(OverlayWriter(part, geometry, rig.image.fps)))
         try:
-            with Progress(console=Console(stderr=True), transient=True) as progress:
+            with show_progress() as progress:
                 task = progress.add_task("frames", total=source.count)
                 for item in estimate(source, rig, telemetry, estimator):
                     if writer is not None:

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.steps import show_progress
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
@@ -24,7 +24,7 @@ def import_run(
     check_file(out, force=force)
     config = observing_config(load_config(config_name))
     run = read_run(file, millimetres_per_pixel)
-    with unfinished(out) as part, Progress(console=Console(stderr=True), transient=True) as progress:
+    with unfinished(out) as part, show_progress() as progress:
         task = progress.add_task("importing", total=len(run.rows))
         for count in write_run_as_log(run, config, part):
             progress.update(task, completed=count)

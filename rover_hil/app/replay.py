@@ -4,7 +4,6 @@ from contextlib import suppress
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from drivers.clock import SystemClock, seconds
@@ -13,6 +12,7 @@ from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import log_at
 from rover_hil.app.run import live_mirror
+from rover_hil.app.steps import show_progress
 from rover_hil.config import load_config
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
@@ -49,7 +49,7 @@ def replay_log(
     controller = None if config_name is None else load_config(config_name)
     with (
         restore_config(log) as logged_config,
-        Progress(console=Console(stderr=True), transient=True) as progress,
+        show_progress() as progress,
     ):
         task = progress.add_task("replaying", total=path.stat().st_size)
         config = logged_config if controller is None else with_controller_of(logged_config, controller)

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
+from rover_hil.app.steps import show_progress
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.scomp.files import ReadDrive, read_drive, read_parameters, track_text
 from rover_hil.scomp.odometry import estimate_track
@@ -41,8 +41,7 @@ def run_scomp(
     else:
         parameters, note = _parameters_of(source)
         notes.append(f"no --params: {note}")
-    console = Console(stderr=True, highlight=False)
-    with Progress(console=console, transient=True) as progress:
+    with show_progress() as progress:
         task = progress.add_task("estimating", total=len(source.drive.t_s))
         result = estimate_track(
             source.drive,

@@ -1,18 +1,20 @@
-"""Progress of a long computation: a spinner on a terminal, else lines on the standard error."""
+"""Progress of a long computation: a spinner or bar on a terminal, else lines on the standard error."""
 
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import TextIO
 
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from drivers.clock import SystemClock, seconds
 
 LINE_S = 2.0
 """Least time between lines."""
+MOST_COUNTED = 1000
+"""Progress over more than this, such as bytes, is shown in percent."""
 
 
 @contextmanager
@@ -33,24 +35,57 @@ def show_steps(
             task = progress.add_task(first, total=None)
             yield lambda words: progress.update(task, description=words)
         return
-    lines = _Lines(first, stream, line_s)
-    try:
-        yield lines.advance
-    finally:
-        lines.close()
+    current = [first]
+    with closing(_Lines(lambda: current[0], stream, line_s)):
+        yield lambda words: current.__setitem__(0, words)
+
+
+@contextmanager
+def show_progress(
+    *columns: ProgressColumn, stream: TextIO | None = None, line_s: float = LINE_S
+) -> Iterator[Progress]:
+    """Show how far counted tasks are; gives the progress to add them to.
+
+    Args:
+        columns: Of the bar on a terminal; by default those of rich.
+        stream: Where to write; by default the standard error.
+        line_s: Time between lines where the stream is no terminal.
+    """
+    stream = stream or sys.stderr
+    console = Console(file=stream)
+    if console.is_terminal:
+        with Progress(*columns, console=console, transient=True) as progress:
+            yield progress
+        return
+    progress = Progress(console=console, disable=True)
+    with closing(_Lines(lambda: _progress_words(progress), stream, line_s)):
+        yield progress
+
+
+def _progress_words(progress: Progress) -> str:
+    """Return the first task that is not finished, and how far it is; "" for none."""
+    for task in progress.tasks:
+        if task.finished:
+            continue
+        if task.total is None:
+            return task.description
+        if task.total > MOST_COUNTED:
+            return f"{task.description}, {task.percentage:.0f} %"
+        return f"{task.description}, {task.completed:g} of {task.total:g}"
+    return ""
 
 
 class _Lines:
     """Writes the current step from a thread of its own, so that long steps show too.
 
     Args:
-        first: The first step.
+        words: Returns the current step.
         stream: Where to write.
         line_s: Time between lines.
     """
 
-    def __init__(self, first: str, stream: TextIO, line_s: float) -> None:
-        self._words = first
+    def __init__(self, words: Callable[[], str], stream: TextIO, line_s: float) -> None:
+        self._words = words
         self._stream = stream
         self._line_s = line_s
         self._clock = SystemClock()
@@ -58,10 +93,6 @@ class _Lines:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._write, name="progress", daemon=True)
         self._thread.start()
-
-    def advance(self, words: str) -> None:
-        """Begin the next step."""
-        self._words = words
 
     def close(self) -> None:
         """End the lines."""
@@ -71,8 +102,9 @@ class _Lines:
     def _write(self) -> None:
         written = ""
         while not self._ended.wait(self._line_s):
-            if self._words != written:
-                written = self._words
+            words = self._words()
+            if words and words != written:
+                written = words
                 elapsed_s = seconds(self._clock.now_ns() - self._start_ns)
                 self._stream.write(f"{elapsed_s:7.1f} s  {written}\n")
                 self._stream.flush()

@@ -3,7 +3,7 @@
 import re
 import signal
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.steps import show_progress
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.pages.atomic_write import refuse_overwrite
@@ -73,7 +74,7 @@ def tune(
     with open_missions(cluster) as drive:
         search(trial_store, drive, trials, minutes, messages)
         attempts = trial_store.attempts()
-        comparison = _compare(config, settings, trial_store.candidates(), drive, messages)
+        comparison = _compare(config, settings, trial_store.candidates(), drive)
         tuned = with_values(config, comparison.values)
         changed_rovers = (
             try_changed_rovers(config, tuned, settings, drive)
@@ -123,7 +124,7 @@ def search(
     """Search until a number of trials, a time in minutes, or ctrl-C; show the progress."""
     clock = SystemClock()
     end_ns = None if minutes is None else clock.now_ns() + nanoseconds(60.0 * minutes)
-    with _progress(messages) as progress, _stop_by_signal(messages) as is_stopped:
+    with _progress() as progress, _stop_by_signal(messages) as is_stopped:
         task = progress.add_task("", total=trials)
 
         def report_progress() -> None:
@@ -142,9 +143,8 @@ def _compare(
     settings: TuneSettings,
     candidates: Sequence[Attempt],
     drive: MissionRunner,
-    messages: Console,
 ) -> Comparison[SimulatedMission]:
-    with _progress(messages) as progress:
+    with _progress() as progress:
         missions = len(candidates) * settings.cases.ranking + 2 * settings.cases.held_out
         task = progress.add_task("comparing the best trials and the start", total=missions)
 
@@ -168,14 +168,9 @@ def _progress_text(attempts: Sequence[Attempt]) -> str:
     return f"best {best}, start {before}, {refused} refused"
 
 
-def _progress(messages: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=messages,
-        transient=True,
+def _progress() -> AbstractContextManager[Progress]:
+    return show_progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     )
 
 

@@ -62,14 +62,11 @@ class CsvTable:
             raise self.error(f"{self.path} holds no lines below its header: {why}")
 
     def check_shape(self, fix: str) -> None:
-        """Check that names are unique and all rows are as long as the header.
+        """Check that all rows are as long as the header.
 
         Raises:
             RoverHilError: They are not.
         """
-        for name, count in Counter(self.names).items():
-            if name and count > 1:
-                raise self.error(f"{self.path} has the column '{name}' twice: leave one out")
         width = len(self.names)
         for row, cells in enumerate(self.rows):
             if len(cells) != width:
@@ -121,8 +118,8 @@ def read_csv(
             the first number, the last holds the names.
 
     Raises:
-        RoverHilError: The file cannot be read, is shorter than its header, or larger than the limits in
-            `drivers.files`.
+        RoverHilError: The file cannot be read, is shorter than its header, has a name twice, or is larger
+            than the limits in `drivers.files`.
     """
     text = _open_text(path, error)
     try:
@@ -140,6 +137,9 @@ def read_csv(
         raise error(f"{path} has {len(rows)} lines, no header of {count}: is it such a file?")
     header = rows[:count] or [()]
     named = [_name_and_unit(cell) for cell in header[-1]]
+    for name, times in Counter(name for name, _ in named).items():
+        if name and times > 1:
+            raise error(f"{path} has the column '{name}' twice: leave one out")
     units = {name: unit for name, unit in named if unit is not None}
     if count > 1:
         units |= dict(zip((name for name, _ in named), header[-2], strict=False))

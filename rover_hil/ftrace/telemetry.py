@@ -28,8 +28,8 @@ def read_telemetry(path: Path) -> dict[int, TelemetryRow]:
     have empty cells. Others, like compass_deg, are not used.
 
     Raises:
-        ConfigError: The file cannot be read, a column is missing, a cell holds no number, or time goes
-            backwards.
+        ConfigError: The file cannot be read, a column is missing or comes twice, a cell holds no number, a frame
+            comes twice, or time goes backwards.
     """
     table = read_csv(path, ConfigError)
     table.require(NEEDED, f"its columns must be frame,t,{SPEED},...")
@@ -44,6 +44,8 @@ def read_telemetry(path: Path) -> dict[int, TelemetryRow]:
             raise ConfigError(f"{table.where(row)}: frame must be a whole number and t a time in s")
         if t_s <= before:
             raise ConfigError(f"{table.where(row)}: time {t_s:g} s is not after {before:g} s: sort the rows")
+        if int(frame) in rows:
+            raise ConfigError(f"{table.where(row)}: frame {frame:g} comes twice: leave one row out")
         before = t_s
         x, y, z = map(math.radians, rates)
         known_rates = None if math.isnan(x + y + z) else (x, y, z)

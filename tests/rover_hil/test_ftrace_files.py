@@ -156,6 +156,8 @@ def test_telemetry_is_turned_into_si(tmp_path: Path) -> None:
         ("frame,t\n0,soon\n", "'soon'"),
         ("frame,t\n0.5,0\n", "whole number"),
         ("frame,t\n0,\n", "line 2"),
+        ("frame,t,t\n0,0.0,5.0\n", "column 't' twice: leave one out"),
+        ("frame,t\n0,0.0\n0,0.2\n", "line 3: frame 0 comes twice"),
     ],
 )
 def test_wrong_telemetry(tmp_path: Path, text: str, message: str) -> None:

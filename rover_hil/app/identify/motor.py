@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from drivers.clock import wall_time_text
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
+from rover_hil.app.steps import show_progress
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
 from rover_hil.identify.motor.report import Estimate, MotorReport
@@ -38,7 +38,7 @@ def identify_motor(
     check_file(out, force=force)
     check_inputs(*logs)
     files = find_logs(logs)
-    with open_calls(cluster) as calls, Progress(console=Console(stderr=True), transient=True) as progress:
+    with open_calls(cluster) as calls, show_progress() as progress:
         task = progress.add_task("reading", total=len(files))
         records: list[Record] = []
         for found in calls.map_files(read_records, files):

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from controllers.slip.scomp.parameters import Provenance, ScompParameters
@@ -13,6 +12,7 @@ from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
+from rover_hil.app.steps import show_progress
 from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.identify.scomp.pictures import fit_pictures
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
@@ -53,7 +53,7 @@ def identify_scomp(
         refuse_overwrite(*pictures.glob("*.svg"), force=force, option="--pictures")
     source = read_drive(log)
     path, truth_name = _true_path(log, source, truth)
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with show_progress() as progress:
         task = progress.add_task("fitting", total=2)
         found = identify(source.drive, path, source.rover)
         progress.advance(task)

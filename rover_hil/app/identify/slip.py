@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import check_inputs
+from rover_hil.app.steps import show_progress
 from rover_hil.identify.slip.identification import (
     Errors,
     SlipIdentification,
@@ -56,7 +56,7 @@ def identify_slip(
     motor = MotorSettings()
     train_files = find_runs(train)
     test_files = {str(path): find_runs([path]) for path in test}
-    with open_calls(cluster) as calls, Progress(console=Console(stderr=True), transient=True) as progress:
+    with open_calls(cluster) as calls, show_progress() as progress:
         count = len(train_files.files) + sum(len(found.files) for found in test_files.values())
         task = progress.add_task("identifying", total=count + SLIP_FIT.validation.folds + 1)
 

@@ -1,5 +1,6 @@
 """`rover-hil calibrate wheels`: radius and base of a rover whose configuration is wrong about them."""
 
+import io
 import json
 import math
 import re
@@ -11,6 +12,7 @@ import pytest
 
 from controllers.motion.rover_geometry import SkidSteerRoverSettings, WheelsRoverSettings
 from controllers.motion.settings import LineMission, WholeTurnsMission
+from drivers.errors import ConfigError
 from rover_hil.app.ask import ask_number, ask_yes
 from rover_hil.app.calibrate import compass as calibrate_compass
 from rover_hil.app.calibrate import imu as calibrate_imu
@@ -213,16 +215,37 @@ def test_bad_input_is_one_sentence(command: Command) -> None:
         assert_one_sentence(command.error, words)
 
 
+class Lines(io.StringIO):
+    """Answers as the standard input.
+
+    Args:
+        text: The answers.
+        is_terminal: What `isatty` returns.
+    """
+
+    def __init__(self, text: str, *, is_terminal: bool) -> None:
+        super().__init__(text)
+        self._is_terminal = is_terminal
+
+    def isatty(self) -> bool:
+        return self._is_terminal
+
+
 def test_questions_are_asked_again_until_the_answer_is_right(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    answers = tmp_path / "answers"
-    answers.write_text("two\n70\n2.5\nmaybe\n\n")
-    with answers.open() as stream:
-        monkeypatch.setattr("sys.stdin", stream)
-        assert ask_number("Distance, m", 0.1, 50.0) == 2.5
-        assert ask_yes("Go on?", default=True)
+    monkeypatch.setattr("sys.stdin", Lines("two\n70\n2.5\nmaybe\n\n", is_terminal=True))
+    assert ask_number("Distance, m", 0.1, 50.0) == 2.5
+    assert ask_yes("Go on?", default=True)
     assert capsys.readouterr().err.count("Distance, m: ") == 3
+
+
+@pytest.mark.parametrize("answer", ["two", "70", "", "nan"])
+def test_a_wrong_answer_from_a_file_ends_the_command(monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
+    """The next line answers another question, such as whether the wheels are lifted."""
+    monkeypatch.setattr("sys.stdin", Lines(f"{answer}\nyes\n2.5\n", is_terminal=False))
+    with pytest.raises(ConfigError, match="the answer to 'Distance, m' cannot be used: "):
+        ask_number("Distance, m", 0.1, 50.0)
 
 
 @pytest.mark.parametrize(
