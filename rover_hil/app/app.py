@@ -183,7 +183,7 @@ def compare(
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Put runs side by side: figures, differences of the configuration, ways in one picture.
+    """Put runs side by side: figures, differences of the configuration, paths in one picture.
 
     Example: `rover-hil compare runs/first runs/second --out compare.html`
 

@@ -76,6 +76,9 @@ def check_config(
     console.print(f"{name} is valid")
     for command, lack in commands.items():
         console.print(f"  {command}: {lack or 'yes'}")
+    for option, path in (("schema", schema), ("preview", preview)):
+        if path is not None:
+            console.print(f"{option}: {path}")
     return EXIT_OK
 
 
@@ -97,7 +100,7 @@ def examine_config(name: str) -> tuple[list[str], list[Finding], dict[str, str]]
     ]
     draft = Draft.complete(config)
     lacks = {command: next(iter(find_conflicts(draft, rules)), "") for command, rules in COMMANDS.items()}
-    lacks["tune"] = lacks["run --virtual"] or (MISSING_TUNE if config.tune is None else "")
+    lacks["tune"] = lacks["run --virtual"] or ("" if config.tune else MISSING_TUNE.removeprefix("tune: "))
     return mistakes, findings, lacks
 
 

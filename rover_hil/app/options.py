@@ -89,8 +89,9 @@ def _within(
 ) -> Callable[[typer.CallbackParam, float | None], float | None]:
     def check(parameter: typer.CallbackParam, value: float | None) -> float | None:
         if value is not None and not lower <= value <= upper:
-            shown = f"{lower:g} .. {upper:g} {unit}"
-            raise ConfigError(f"{parameter.opts[0]} is {value:g} {unit}, outside {shown}: correct it")
+            of_unit = f" {unit}" if unit else ""
+            limits = f"{lower:g} .. {upper:g}{of_unit}"
+            raise ConfigError(f"{parameter.opts[0]} is {value:g}{of_unit}, outside {limits}: correct it")
         return value
 
     return check

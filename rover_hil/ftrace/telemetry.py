@@ -28,8 +28,8 @@ def read_telemetry(path: Path) -> dict[int, TelemetryRow]:
     have empty cells. Others, like compass_deg, are not used.
 
     Raises:
-        ConfigError: The file cannot be read, a column is missing or comes twice, a cell holds no number, a frame
-            comes twice, or time goes backwards.
+        ConfigError: The file cannot be read, a column is missing or comes twice, a cell holds no number,
+            a frame comes twice, or time goes backwards.
     """
     table = read_csv(path, ConfigError)
     table.require(NEEDED, f"its columns must be frame,t,{SPEED},...")

@@ -1,4 +1,4 @@
-"""Runs side by side: figures, differences of their configurations, and all ways in one picture."""
+"""Runs side by side: figures, differences of their configurations, and all paths in one picture."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -73,7 +73,7 @@ def render_comparison(comparison: Comparison) -> str:
     drawings = (
         Drawing(
             "Path",
-            "See where the ways part: estimates as lines, the truth of each run dotted in its colour.",
+            "See where the paths part: estimates as lines, the truth of each run dotted in its colour.",
             lambda: _draw_path(runs),
         ),
         Drawing(

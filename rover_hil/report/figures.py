@@ -20,7 +20,7 @@ Draw = Callable[[RunData, Summary], Figure | None]
 PICTURES: tuple[tuple[str, str, Draw], ...] = (
     (
         "Path",
-        "See where the ways part; the truth should lie inside the ellipses, two standard deviations of the "
+        "See where the paths part; the truth should lie inside the ellipses, two standard deviations of the "
         "estimate.",
         draw_path,
     ),

@@ -27,8 +27,8 @@ def log_columns(drive: RecordedDrive) -> tuple[dict[str, Array], RoverGeometry]:
     path, rover = drive.log.path, drive.config.rover
     if not has_four_wheels(rover):
         raise LogError(
-            f"{path} is of a {rover.kinematics} rover: sComp needs four wheels: front left, front right, "
-            "rear left, rear right"
+            f"{path} is of a rover of the kind {rover.kinematics}: sComp needs four wheels: front left, "
+            "front right, rear left, rear right"
         )
     if len(drive.rows["enc1_rad"]) < 2:
         raise LogError(f"log {path} holds no positions of the first wheel: give the log of a drive")

@@ -46,6 +46,14 @@ def test_a_shipped_configuration_can_be_tuned_as_it_is(name: str) -> None:
     assert len(check_parameters(config).parameters) >= 3
 
 
+def test_a_command_that_lacks_a_section_says_which(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    text = read_config_text("robotino")
+    path.write_text(text[: text.index("[tune.")], "utf-8")
+    assert command("check", str(path)) == 0
+    assert "  tune: the configuration marks nothing as tunable: add [tune]" in command.out
+
+
 def test_every_mistake_is_printed_at_once(command: Command, tmp_path: Path) -> None:
     path = write(tmp_path, "robotino", *MANY_MISTAKES)
     assert command("check", path) == 1
@@ -129,3 +137,4 @@ def test_the_schema_is_written_for_an_editor_and_never_over_a_file(command: Comm
     assert_one_sentence(command.error, "choose another --schema")
     assert command("check", "robotino", "--schema", "rover.schema.json") == 0
     assert (tmp_path / "rover.schema.json").read_text("utf-8") == schema_text()
+    assert command.out.endswith("schema: rover.schema.json\n")

@@ -63,6 +63,7 @@ def test_a_log_is_not_overwritten(command: Command) -> None:
         (("run", "robotino", "--virtual", "--realtime"), ("--realtime",)),
         (("run", "robotino", "--virtual", "--out", "taken"), ("taken",)),
         (("run", "robotino", "--virtual", "--out", "/proc/1"), ("/proc/1/run.mcap", "choose another --out")),
+        (("bench", "robotino", "--port", "99999"), ("--port is 99999, outside 0 .. 65535: correct it",)),
         (("replay", "nothing.mcap"), ("nothing.mcap",)),
         (("replay", "taken"), ("taken",)),
         (("replay", "."), (".",)),

@@ -223,12 +223,14 @@ def _facts(
     radius: Factor | None, turn: Factor | None, values: dict[str, object]
 ) -> tuple[tuple[str, str], ...]:
     facts = []
-    for name, factor, unit in (("distance", radius, "lines"), ("turn", turn, "drives on the spot")):
+    for name, factor, drive in (("distance", radius, "straight drive"), ("turn", turn, "drive on the spot")):
         if factor is not None:
+            count = len(factor.measured)
+            drives = f"{count} {drive}{'' if count == 1 else 's'}"
             facts.append(
                 (
                     f"known {name} over odometry",
-                    f"{factor.value:.4f} +- {factor.half_width:.4f} (95 %), {len(factor.measured)} {unit}",
+                    f"{factor.value:.4f} +- {factor.half_width:.4f} (95 %), {drives}",
                 )
             )
     facts += [(key, str(value)) for key, value in values.items()]

@@ -69,11 +69,11 @@ def _print(reports: Sequence[MotorReport], files: int) -> None:
         console.print(table)
         for why in dict.fromkeys(item.why for item in report.estimates if item.why):
             names = ", ".join(item.name for item in report.estimates if item.why == why)
-            console.print(f"  {names}: {why}")
+            console.print(f"  {names}: {why}", soft_wrap=True)
         for words in report.undetermined:
-            console.print(f"  not determined: {words}")
+            console.print(f"  not determined: {words}", soft_wrap=True)
         for note in report.notes:
-            console.print(f"  note: {note}")
+            console.print(f"  note: {note}", soft_wrap=True)
         if report.fitted is not None:
             line = f"  rms fitted: {report.fitted.speed_rad_s:.2f} rad/s, {report.fitted.current_a:.4f} A"
             if report.data_sheet is not None:

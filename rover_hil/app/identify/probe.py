@@ -60,10 +60,11 @@ def identify_probe(
         console = Console(highlight=False)
         console.print(
             f"{len(runs)} logs: slip follows the transmission loss with a scatter of "
-            f"{probe.slip_sd:.3f}; written to {out}"
+            f"{probe.slip_sd:.3f}; written to {out}",
+            soft_wrap=True,
         )
         for note in notes:
-            console.print(f"Note: {note}")
+            console.print(f"Note: {note}", soft_wrap=True)
     return EXIT_OK
 
 

@@ -108,7 +108,7 @@ def _print(
     law, pitch, roll, trace = parameters.two_segment_slip, parameters.pitch, parameters.roll, parameters.trace
     low, high = (math.degrees(angle) for angle in law.fit_range_rad)
     table = Table(title=f"{len(found.windows.t_s)} windows of two seconds", title_justify="left")
-    for name in ("what", "value", "known to"):
+    for name in ("parameter", "value", "accuracy"):
         table.add_column(name)
     table.add_row("c_rr", f"{pitch.rolling_resistance:.4f}", f"{pitch.rolling_resistance_sd:.4f}")
     table.add_row("C_x (N)", f"{pitch.model.c_x_n:.1f}", f"{100 * pitch.stiffness_sd:.0f} % for that c_rr")

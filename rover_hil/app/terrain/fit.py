@@ -24,6 +24,7 @@ from sim_backends.terramechanics.soil.library import WheelSettings, load_wheel
 from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest
 
 PLATE_FOLDER = "plate_penetration"
+PLATE_FILES = "force-displacement_*"
 WHEEL_FILES = "*_wheel_steady_state.csv"
 SOIL_FILE = "soil.toml"
 
@@ -79,7 +80,10 @@ def _plates(data: Path) -> list[PlateTest]:
     if (data / PLATE_TABLE).exists():
         return read_plate_table(data / PLATE_TABLE)
     inner = data / PLATE_FOLDER
-    return read_cmu_plates(inner if inner.is_dir() else data)
+    folder = inner if inner.is_dir() else data
+    if not any(folder.glob(PLATE_FILES)):
+        raise LogError(f"{data} holds no {PLATE_TABLE}: docs/reference/terrain.md names its columns.")
+    return read_cmu_plates(folder)
 
 
 def _wheel_tests(data: Path, wheel_name: str) -> WheelTests:

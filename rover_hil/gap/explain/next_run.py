@@ -100,7 +100,7 @@ def _labels(prepared: Prepared, run: Run) -> list[int]:
 def _words(prepared: Prepared, run: Run) -> str:
     units = prepared.problem.model.condition_units
     if not prepared.problem.observations.is_steady:
-        return f"repeat {run.name}"
+        return f"repeat run {run.name}"
     return ", ".join(f"{name} {run.conditions[name]:.4g}" for name in units)
 
 

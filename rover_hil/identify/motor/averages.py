@@ -122,7 +122,7 @@ def _fit(set_points: Array, speed: Array, current: Array) -> tuple[dict[str, flo
 def _estimates(value: dict[str, float], half: dict[str, float]) -> list[Estimate]:
     return [
         estimate(
-            name, value.get(name), half.get(name, math.inf), "its interval is wide" if name in value else WHY
+            name, value.get(name), half.get(name, math.inf), "the interval is wide" if name in value else WHY
         )
         for name in UNITS
     ]

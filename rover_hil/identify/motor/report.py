@@ -242,7 +242,7 @@ def _reasons(problem: MotorProblem, fit: MotorFit, uncertainty: Uncertainty) -> 
         most = int(partner.argmax())
         if partner[most] > 0.9:
             return f"confounded with {names[most]} (correlation {partner[most]:.2f})"
-        return "its interval is wide: more or longer logs, more speeds"
+        return "the interval is wide: record more or longer logs, more speeds"
 
     return why
 

@@ -108,6 +108,7 @@ def test_no_equilibrium_is_null_and_exit_code_1(terrain: Terrain) -> None:
         (["climb", "--slip-limit", "1.2"], ["--slip-limit is 1.2", "0.01 .. 0.99"]),
         (["climb", "--mass-kg", "nan"], ["--mass-kg is nan kg"]),
         (["fit", "nowhere"], ["nowhere"]),
+        (["fit", "."], [". holds no plates.csv: docs/reference/terrain.md"]),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(

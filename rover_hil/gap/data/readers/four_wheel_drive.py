@@ -67,7 +67,7 @@ def four_wheel_runs_of_log(log: DriveLog) -> list[Run]:
     """
     if log.kind not in ("", "skid_steer_4"):
         raise ConfigError(
-            f"{log.name} is of a {log.kind} rover: use the log of four wheels that do not steer"
+            f"{log.name} is of a rover of the kind {log.kind}: use the log of four wheels that do not steer"
         )
     # Sensors of a log have times of their own; before and after them nothing is missing.
     return [replace(four_wheel_run(log.name, log.columns, log.columns, log.facts), missing={})]

@@ -87,7 +87,9 @@ def drive_runs_of_log(log: DriveLog) -> list[Run]:
         ConfigError: It is of another kind of rover, or lacks wheels or the true pose.
     """
     if log.kind not in ("", "omni3"):
-        raise ConfigError(f"{log.name} is of a {log.kind} rover: use the log of three omnidirectional wheels")
+        raise ConfigError(
+            f"{log.name} is of a rover of the kind {log.kind}: use the log of three omnidirectional wheels"
+        )
     # Sensors of a log have times of their own; before and after them nothing is missing.
     return [replace(_posed(log.name, 1.0, log.columns, log.facts), missing={})]
 
