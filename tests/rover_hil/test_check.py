@@ -51,7 +51,7 @@ def test_a_command_that_lacks_a_section_says_which(command: Command, tmp_path: P
     text = read_config_text("robotino")
     path.write_text(text[: text.index("[tune.")], "utf-8")
     assert command("check", str(path)) == 0
-    assert "  tune: the configuration marks nothing as tunable: add [tune]" in command.out
+    assert command.out.count("tune: ") == 1
 
 
 def test_every_mistake_is_printed_at_once(command: Command, tmp_path: Path) -> None:
