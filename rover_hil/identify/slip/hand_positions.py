@@ -7,29 +7,33 @@ proportion to the travel of its wheels. So a leg shows the mean slip, and not ho
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.marks import Marks
 from rover_hil.identify.slip.parameters import SLIP_FIT
 
+Complex = NDArray[np.complex128]
 
-def poses_between(marks: Marks, path: Path, t_s: Array, way_m: Array) -> Array:
+
+def poses_between(marks: Marks, path: Path, t_s: Array, by_wheels_m: Complex) -> Array:
     """Return the pose at each reading of the wheels: rows of x, y in m, yaw in rad; NaN outside the legs.
 
-    A leg on which the rover turned is none: where it turned is not known.
+    A leg on which the rover turned, or its wheels did not go straight, is none: where it was is not known.
 
     Args:
         marks: Those without a yaw are left out.
         path: Their file, for messages.
         t_s: Times of the readings since the start of the log, (n,).
-        way_m: Distance that the wheels have travelled until each, (n,).
+        by_wheels_m: Place of rolling wheels at each, to the left as imaginary part, (n,).
 
     Raises:
         LogError: There are fewer than two, a time is outside the log or one at which the wheels turn, a leg
-            is too short for the error of a tape or longer than the wheels' travel, or the rover turns on all.
+            is too short for the error of a tape or longer than the wheels' travel, or none is straight.
     """
     hand = SLIP_FIT.hand
+    way_m = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(by_wheels_m)))))
     table = np.column_stack((marks.t_s, marks.x_m, marks.y_m, np.radians(marks.yaw_deg), marks.sigma_m))
     table = table[np.isfinite(table[:, 3])]
     if len(table) < 2:
@@ -64,11 +68,13 @@ def poses_between(marks: Marks, path: Path, t_s: Array, way_m: Array) -> Array:
             f"{path}: places {leg + 1} and {leg + 2} are {apart_m[leg]:.2f} m apart, further than the wheels "
             f"can have moved ({legs_m[leg]:.2f} m): check the numbers, in m"
         )
+    chords_m = np.abs(np.diff(np.interp(times_s, t_s, by_wheels_m)))
     turns = np.abs(np.diff(table[:, 3])) > hand.most_turn_rad
-    if turns.all():
-        raise LogError(f"{path}: the rover turns on every leg: measure both ends of straight ones")
+    bends = turns | (chords_m < hand.straight_share * legs_m)
+    if bends.all():
+        raise LogError(f"{path}: the rover turns or bends on every leg: measure both ends of straight ones")
     poses: Array = np.column_stack([np.interp(way_m, at_m, column) for column in table[:, 1:4].T])
     poses[(way_m < at_m[0]) | (way_m > at_m[-1])] = np.nan
-    for begin_m, end_m in zip(at_m[:-1][turns], at_m[1:][turns], strict=True):
+    for begin_m, end_m in zip(at_m[:-1][bends], at_m[1:][bends], strict=True):
         poses[(way_m > begin_m) & (way_m < end_m)] = np.nan
     return poses

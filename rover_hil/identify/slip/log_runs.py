@@ -85,8 +85,10 @@ def _truth_by_hand(
     t_s = position[0][:, 0]
     turned = np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in position])
     moved = np.diff(turned, axis=0) @ np.linalg.inv(to_wheels(rover)).T
-    way_m = np.concatenate(([0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]))))
-    poses = poses_between(read_marks(path), path, t_s - drive.log.start_ns / 1e9, way_m)
+    yaw = np.cumsum(moved[:, 2]) - 0.5 * moved[:, 2]
+    steps_m = (moved[:, 0] + 1j * moved[:, 1]) * np.exp(1j * yaw)
+    by_wheels_m = np.concatenate(([0.0], np.cumsum(steps_m)))
+    poses = poses_between(read_marks(path), path, t_s - drive.log.start_ns / 1e9, by_wheels_m)
     known = np.isfinite(poses).all(axis=1)
     return np.column_stack((t_s, poses))[known]
 

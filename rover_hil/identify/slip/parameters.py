@@ -86,6 +86,7 @@ class HandParameters:
     rest_s: float = 0.2  # the rover stands for this long about the time of a position
     rest_m: float = 0.002  # and its wheels travel less
     most_turn_rad: float = 0.2  # of the rover on a leg that is used
+    straight_share: float = 0.95  # of such a leg: its chord over its way, by the wheels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

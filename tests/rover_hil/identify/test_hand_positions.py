@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 
 from drivers.errors import LogError
 from rover_hil.app.app import app
+from rover_hil.datasets.marks import Marks
+from rover_hil.identify.slip.hand_positions import poses_between
 from rover_hil.identify.slip.runs import find_runs
 from tests.rover_hil.identify.test_slip_fixes import SPEED_M_S, read, slips, write_drive
 
@@ -105,8 +107,33 @@ def test_a_leg_on_which_the_rover_turns_shows_no_slip(tmp_path: Path) -> None:
     write_positions(tmp_path, places[0], (11.2, *places[1][1:3], math.nan), places[1])
     assert read(log).truth == "positions in run.positions.csv"  # a place without a yaw is left out
     write_positions(tmp_path, places[0], (*places[1][:3], 90.0))
-    with pytest.raises(LogError, match="the rover turns on every leg"):
+    with pytest.raises(LogError, match="the rover turns or bends on every leg"):
         read(log)
+
+
+SIDE_M = np.linspace(0.0, 1.0, 21)
+
+
+@pytest.mark.parametrize(
+    ("second_m", "yaw_deg"),
+    [
+        pytest.param(np.concatenate((SIDE_M, 1.0 + 1j * SIDE_M)), 0.0, id="corner without a turn"),
+        pytest.param(0.3 * (np.exp(1j * np.linspace(0.0, math.tau, 41)) - 1.0), 360.0, id="whole turn"),
+    ],
+)
+def test_a_leg_that_is_not_straight_shows_no_slip(
+    tmp_path: Path, second_m: np.ndarray, yaw_deg: float
+) -> None:
+    """The rover drives ahead with a slip of 20 %, and then with the same yaw at both ends otherwise."""
+    first = np.concatenate((np.zeros(5), SIDE_M, np.ones(5)))
+    path_m = np.concatenate((first, 1.0 + second_m, np.full(5, 1.0 + second_m[-1])))
+    t_s = np.linspace(0.0, 0.1 * (len(path_m) - 1), len(path_m))
+    ends = [2, len(first) - 2, len(path_m) - 3]
+    true_m = 0.8 * path_m[ends]
+    marks = Marks(t_s[ends], true_m.real, true_m.imag, np.array([0.0, 0.0, yaw_deg]), np.full(3, 0.005))
+    poses = poses_between(marks, tmp_path, t_s, path_m)
+    assert poses[: len(first), 0] == pytest.approx(0.8 * first)
+    assert np.isnan(poses[len(first) + 1 : -6]).all()
 
 
 def test_maps_are_fitted_to_drives_by_tape(tmp_path: Path) -> None:
