@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from mcap.records import Attachment, Channel, DataEnd, Message, Metadata
 from pydantic import TypeAdapter, ValidationError
@@ -41,6 +41,8 @@ from rover_hil.recording.schema import (
 from rover_hil.recording.text import ExactTexts, Texts
 
 RecordT = TypeVar("RecordT")
+Place: TypeAlias = tuple[str | None, ...]
+"""Keys that lead to a value of a record; None for each element of a list."""
 
 LAST_NS = LARGEST_WHOLE_NUMBER // 2
 """Latest time in a log, so that a difference of two times has 64 bits too."""
@@ -131,17 +133,21 @@ class LogReader:
         return self._validated(message, shape)
 
     def _validated(self, message: LogMessage, shape: TypeAdapter[RecordT]) -> RecordT:
-        try:
-            return shape.validate_json(message.data)
-        except ValidationError as error:
-            repaired = _with_numbers(message.data, error)
-            if repaired is not None:
-                return self._validated(replace(message, data=repaired), shape)
-            first = error.errors()[0]
-            place = ".".join(map(str, first["loc"])) or "its content"
-            raise LogError(
-                f"{self.path} is damaged: {message.topic} at {message.t_ns} ns: {place}: {first['msg']}"
-            ) from error
+        data, repaired = message.data, set[Place]()
+        while True:
+            try:
+                return shape.validate_json(data)
+            except ValidationError as error:
+                first = error.errors()[0]
+                place = tuple(None if isinstance(key, int) else key for key in first["loc"])
+                if first["type"] == "float_type" and first["input"] is None and place not in repaired:
+                    repaired.add(place)
+                    data = _with_numbers(data, place)
+                    continue
+                where = ".".join(map(str, first["loc"])) or "its content"
+                raise LogError(
+                    f"{self.path} is damaged: {message.topic} at {message.t_ns} ns: {where}: {first['msg']}"
+                ) from error
 
     def messages(self) -> Iterator[LogMessage]:
         """Yield every message in the order of writing, under the topics of version 1 of the log.
@@ -260,16 +266,23 @@ def _check_time(t_ns: int) -> None:
         raise ValueError(f"{t_ns} ns is no time")
 
 
-def _with_numbers(data: bytes, error: ValidationError) -> bytes | None:
-    """Return a record with NaN where a number is null, as it was not finite; None for other mistakes."""
-    mistakes = error.errors()
-    if any(each["type"] != "float_type" or each["input"] is not None for each in mistakes):
-        return None
+def _with_numbers(data: bytes, place: Place) -> bytes:
+    """Return a record with NaN for each null at a place: a number that was not finite."""
     record = json.loads(data)
-    for each in mistakes:
-        *path, last = each["loc"]
-        place = record
-        for key in path:
-            place = place[key]
-        place[last] = math.nan
+    _fill(record, place)
     return json.dumps(record).encode()
+
+
+def _fill(part: object, place: Place) -> None:
+    key, *rest = place
+    if isinstance(part, list) and key is None:
+        inner: dict[Any, object] = dict(enumerate(part))
+    elif isinstance(part, dict) and key in part:
+        inner = {key: part[key]}
+    else:
+        return
+    for each, value in inner.items():
+        if rest:
+            _fill(value, tuple(rest))
+        elif value is None:
+            part[each] = math.nan

@@ -151,6 +151,24 @@ def test_numbers_that_are_not_finite_are_null_and_read_as_nan(tmp_path: Path) ->
         reader.parse(messages["/estimate", 6], ESTIMATE_SHAPE)
 
 
+def test_a_record_with_many_numbers_that_are_none_is_read_at_once(tmp_path: Path) -> None:
+    """The validation names one mistake at a time; a log of others may hold thousands."""
+    count = 1200
+    path = tmp_path / "run.mcap"
+    rate = {"device": "imu", "t_ns": 5, "t_device_ns": None, "rate_x_rad_s": None, "rate_y_rad_s": None}
+    rates = [{**rate, "rate_z_rad_s": None if number else 0.5} for number in range(count)]
+    with LogWriter(path, 1, b"{}", {}, "real") as log:
+        log.write_json("/samples", 5, {"RateSample": rates})
+        log.write_json("/samples", 6, {"RateSample": [*rates, "x"]})
+    reader = LogReader(path)
+    first, second = (message for message in reader.messages() if message.topic == "/samples")
+    found = reader.parse(first, SAMPLES_SHAPE).rates
+    assert (len(found), found[0].rate_z_rad_s) == (count, 0.5)
+    assert all(math.isnan(each.rate_z_rad_s) for each in found[1:])
+    with pytest.raises(LogError, match=rf"damaged.*RateSample\.{count}"):
+        reader.parse(second, SAMPLES_SHAPE)
+
+
 def test_every_topic_has_a_schema_that_simple_readers_understand() -> None:
     topics = ["/estimate", "/samples", "/command", "/truth", "/health", "/bytes", "/cycle", "/end", "/link/x"]
     for topic in [*topics, "/camera/x", "/watchdog", "/view/pose", "/view/path", "/view/log", "/other"]:
