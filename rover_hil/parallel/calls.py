@@ -1,6 +1,7 @@
 """Independent calls of a command that are too short for processes of this machine, but not for a cluster."""
 
 import tempfile
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
@@ -11,6 +12,9 @@ from typing import TypeVar, cast
 from drivers.errors import LogError
 from drivers.files import LOG_COPY_BYTES, read_bytes, resolved
 from rover_hil.parallel.executor import open_executor
+
+WAITING_BYTES = 2**30
+"""Files of calls that have not ended; more wait on the disk."""
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -52,15 +56,26 @@ class Calls:
         if self.executor is None:
             yield from map(function, paths)
             return
-        calls = []
-        for path in paths:
-            absolute = resolved(path)
-            # What is beside a link travels to beside the file that it leads to.
-            places = zip((path, *beside(path)), (absolute, *beside(absolute)), strict=True)
-            calls.append(
-                self.executor.submit(_call_with_files, function, path, absolute, _contents(dict(places)))
-            )
-        yield from _in_order(calls)
+        waiting: deque[tuple[Future[T], int]] = deque()
+        waiting_bytes = 0
+        try:
+            for path in paths:
+                absolute = resolved(path)
+                # What is beside a link travels to beside the file that it leads to.
+                places = zip((path, *beside(path)), (absolute, *beside(absolute)), strict=True)
+                contents = _contents(dict(places))
+                size = sum(map(len, contents.values()))
+                while waiting and waiting_bytes + size > WAITING_BYTES:
+                    waiting_bytes -= waiting[0][1]
+                    yield waiting.popleft()[0].result()
+                call = self.executor.submit(_call_with_files, function, path, absolute, contents)
+                waiting.append((call, size))
+                waiting_bytes += size
+            while waiting:
+                yield waiting.popleft()[0].result()
+        finally:
+            for call, _ in waiting:
+                call.cancel()
 
 
 HERE = Calls()

@@ -90,6 +90,28 @@ def test_what_is_beside_a_link_to_a_file_travels_too(tmp_path: Path) -> None:
     assert found.note.endswith(" by hand")
 
 
+def test_files_are_read_as_calls_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or the logs of a fleet would all be in memory at once."""
+    paths = write_files(tmp_path)
+    monkeypatch.setattr("rover_hil.parallel.calls.WAITING_BYTES", 3 * len("log 0"))
+    sent: list[Path] = []
+    ended: list[Path] = []
+    most = 0
+
+    class Executor(ThreadPoolExecutor):
+        def submit(self, function, /, *arguments, **more):  # type: ignore[no-untyped-def]
+            nonlocal most
+            sent.append(arguments[1])
+            most = max(most, len(sent) - len(ended))
+            return super().submit(function, *arguments, **more)
+
+    with Executor(1) as executor:
+        for found in Calls(executor).map_files(partial(read, beside=""), paths, beside):
+            ended += [one.path for one in found]
+    assert ended == sent == paths
+    assert most == 3
+
+
 def test_without_a_cluster_a_call_is_made_when_its_result_is_wanted() -> None:
     made: list[int] = []
 
