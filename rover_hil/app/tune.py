@@ -87,7 +87,7 @@ def tune(
         Console().out(result_json)
     else:
         console = Console(highlight=False)
-        console.print(sentence(result))
+        console.print(sentence(result), soft_wrap=True)
         names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
         for name in names:
             console.print(str(folder / name), soft_wrap=True)

@@ -98,7 +98,7 @@ def tune_by_logs(
         Console().out(result_json)
     else:
         console = Console(highlight=False)
-        console.print(log_sentence(result))
+        console.print(log_sentence(result), soft_wrap=True)
         names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
         for name in names:
             console.print(str(folder / name), soft_wrap=True)
