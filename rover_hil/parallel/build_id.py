@@ -22,14 +22,14 @@ except ModuleNotFoundError as missing:
     raise ConfigError("--cluster needs threadpoolctl: install rover-hil[cluster]") from missing
 
 OWN_PACKAGES = ("controllers", "drivers", "rover_hil", "sim_backends")
-NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "filterpy")
+NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "filterpy", "opencv-python-headless")
 SUFFIXES = frozenset((".py", ".toml", ".json"))
 DIGITS = 12
 
 
 @cache
 def build_id() -> str:
-    """Return a text that differs where a simulated mission could differ: source, Python, numeric packages."""
+    """Return a text that differs where a call could give other numbers: source, Python, numeric packages."""
     digest = hashlib.sha256()
     for package in OWN_PACKAGES:
         folder = _folder(package)

@@ -25,8 +25,8 @@ class Attempt:
         at_least: Lower bound of the cost, where it was given up.
         refused: Why the values are rejected; empty when they are acceptable.
         is_start: These are the values that the study started from.
-        case_costs: Cost of each case driven, by its seed.
-        terms: Quantile of each measured value over the cases driven, by its name.
+        case_costs: Cost of each mission driven, by its seed; empty for logs, which have one cost together.
+        terms: Each measured value by its name: its quantile over the missions driven, or pooled over logs.
     """
 
     number: int

@@ -24,5 +24,7 @@ def test_a_package_that_brings_libraries_of_its_own_changes_nothing(package: str
 
 
 def test_the_build_names_what_the_numbers_depend_on() -> None:
-    for name in ("rover-hil", "source", "Python", "numpy", "scipy", "numba", "filterpy", "BLAS kernel"):
+    names = ("rover-hil", "source", "Python", "numpy", "scipy", "numba", "filterpy", "opencv", "BLAS kernel")
+    for name in names:
         assert name in build_id()
+    assert "not installed" not in build_id()
