@@ -175,8 +175,7 @@ def _facts(fit: MotorFieldFit) -> tuple[tuple[str, str], ...]:
         facts.append(
             (
                 "not separated",
-                f"motors {together} had currents that depend on each other: the correction holds for such "
-                "drives",
+                f"motors {together} had no current of their own: the correction holds for such drives",
             )
         )
     return tuple(facts)

@@ -246,6 +246,7 @@ def _posterior_sd(drive: _Drive, field: Array) -> Array:
     noise_rad = rms(yaw[known] - columns @ solve_columns(columns, yaw[known]))
     per_block = max(1.0, len(columns) * MOTOR_FIELD.block_s / (drive.t_s[-1] - drive.t_s[0]))
     scale = np.abs(columns).max(axis=0)
+    scale[scale == 0.0] = 1.0  # a motor without current: only the prior knows its field
     information = (columns / scale).T @ (columns / scale) / (per_block * noise_rad**2)
     prior = np.zeros(columns.shape[1])
     prior[-field.size :] = 1.0 / (MOTOR_FIELD.prior_sd_per_a * scale[-field.size :]) ** 2

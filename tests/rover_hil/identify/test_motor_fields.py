@@ -2,6 +2,7 @@
 
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,17 @@ def test_motors_that_always_act_alike_are_named_and_uncertain(tmp_path: Path) ->
     assert sd.min() > 0.05
     assert not fit.separate.any()
     assert math.sqrt(np.mean(fit.after_deg**2)) < 0.6
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_motors_without_any_current_stay_unknown(command: Command, tmp_path: Path) -> None:
+    write_motor_drive(tmp_path / "drive.mcap", FIELDS, 9, patterns=((4, 0, 0, 0), (-3, 0, 0, 0)), legs=16)
+    assert command("calibrate", "compass", "drive.mcap", "--motors", "--out", "m.toml") == 0
+    assert "motors 2, 3, 4 had no current of their own" in command.out
+    found = tomllib.loads(Path("m.toml").read_text("utf-8"))
+    assert found["per_ampere"][0] == pytest.approx((0.05, -0.03), abs=0.005)
+    assert found["per_ampere"][1:] == [[0.0, 0.0]] * 3
+    assert min(sd for pair in found["per_ampere_sd"][1:] for sd in pair) > 0.1
 
 
 def test_motors_that_do_not_matter_are_not_written(command: Command, tmp_path: Path) -> None:
