@@ -204,9 +204,11 @@ def _lint(model: Machine, data: Path, shortening: Shortening) -> LintReport:
     objection = object_to(model, runs)
     if objection is not None:
         return LintReport(problems=(objection.reason,))
-    for note in (*slower_channels(model, runs), *try_model(model, runs)):
-        _note(note)
-    with show_steps("checking the effects"):
+    with show_steps("trying the model") as step:
+        notes = (*slower_channels(model, runs), *try_model(model, runs))
+        for note in notes:
+            _note(note)
+        step("checking the effects")
         return lint(model.refined(runs), runs)
 
 

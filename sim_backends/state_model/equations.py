@@ -82,7 +82,7 @@ class Equations:
         self._require_different(
             "quantities", [*self.states, *self.inputs, *self.condition_units, *self._unknowns]
         )
-        self._require_different("signals", [*self._signal_names])
+        self._require_different("signals (inputs, channels, ports)", [*self._signal_names])
         known = {**self.states, **self._signal_units, **{one.name: one.unit for one in self.parameters}}
         for effect in self.port_effects:
             for name in (effect.port, *effect.states, *effect.elsewhere):

@@ -1,14 +1,18 @@
 """The command line, run in this process."""
 
+import re
 import sys
 
 import pytest
 
 from rover_hil.app.app import main
 
+PROGRESS = re.compile(r"^ *\d+\.\d s  .*\n", re.MULTILINE)
+"""Lines of a step that takes two seconds, as any may on a busy machine."""
+
 
 class Command:
-    """Runs commands and keeps what they print."""
+    """Runs commands and keeps what they print, except the progress."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self._monkeypatch = monkeypatch
@@ -20,7 +24,8 @@ class Command:
         self._monkeypatch.setattr(sys, "argv", ["rover-hil", *arguments])
         with pytest.raises(SystemExit) as caught:
             main()
-        self.out, self.error = self._capsys.readouterr()
+        self.out, error = self._capsys.readouterr()
+        self.error = PROGRESS.sub("", error)
         return caught.value.code if isinstance(caught.value.code, int) else 0
 
 

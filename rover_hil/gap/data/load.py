@@ -45,6 +45,8 @@ def load_model(name: str) -> Model:
         module: object = importlib.import_module(f"{models.__name__}.{name.replace('-', '_')}.model")
     else:
         file, _, factory_name = name.rpartition(":")
+        if not file and name.endswith(".py"):
+            raise ConfigError(f"{name}: name the function that makes the model, like {name}:make")
         if not file.endswith(".py"):
             raise ConfigError(
                 f"there is no model '{name}': use {', '.join(SHIPPED)}, file.py:factory or unit.toml"

@@ -229,6 +229,7 @@ def test_one_file_per_run(tmp_path: Path) -> None:
     ("name", "words"),
     [
         ("no-such-model", "there is no model"),
+        ("axis.py", "axis.py: name the function that makes the model, like axis.py:make"),
         ("nowhere.py:make", "check the path"),
         (CART.replace("make_cart", "make_cat"), "no function 'make_cat'"),
     ],

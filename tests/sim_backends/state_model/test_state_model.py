@@ -164,7 +164,7 @@ def test_a_name_of_a_state_and_an_input_is_refused() -> None:
 
 
 def test_a_name_of_a_port_and_an_input_is_refused() -> None:
-    with pytest.raises(ConfigError, match="two signals are called 'push'"):
+    with pytest.raises(ConfigError, match=r"two signals \(inputs, channels, ports\) are called 'push'"):
         replace(mass(), ports=(Port(name="push", unit="N", force_sd=1.0),))
 
 

@@ -195,7 +195,7 @@ def _repeats(machine: Machine, run: Run, runs: Sequence[Run], allowed: Allowed) 
         inputs = {name: (scale if name in changed else 1.0) * run.inputs[name] for name in machine.inputs}
         if not all(fits(one, inputs[name], times_s) for name, one in limits.items()):
             continue
-        words = f"repeat {run.name}"
+        words = f"repeat run {run.name}"
         if scale != 1.0:
             words += f" with {' and '.join(changed)} times {scale:g}"
         yield _Inputs(words, inputs, "repeat", scale == 1.0)
