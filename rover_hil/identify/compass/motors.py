@@ -160,7 +160,7 @@ def _headings(path: Path, record: CompassRecord) -> Array:
                 with_current |= {wheel.wheel} if wheel.current_a is not None else set()
         for heading in samples.headings:
             known = currents.at(message.t_ns) if heading.device == record.device else None
-            if known is not None:
+            if known is not None and math.isfinite(heading.heading_rad):
                 rows.append(((message.t_ns - record.start_ns) / 1e9, heading.heading_rad, *known))
     missing = ", ".join(str(wheel) for wheel in range(count) if wheel not in with_current)
     if missing:

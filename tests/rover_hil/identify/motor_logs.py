@@ -34,6 +34,7 @@ def write_motor_drive(
     turn_rad_s: float = 0.9,
     legs: int = 48,
     has_currents: bool = True,
+    lost_heading: int = -1,
 ) -> None:
     """Write a drive of legs with and without current, the rover turned between them.
 
@@ -47,6 +48,7 @@ def write_motor_drive(
         turn_rad_s: Yaw rate for a second between two legs.
         legs: Number of legs.
         has_currents: Whether the drive reports them.
+        lost_heading: Number of a heading that is no number; -1 for none.
     """
     rng = np.random.default_rng(seed)
     config = Config.model_validate(CONFIG)
@@ -65,7 +67,7 @@ def write_motor_drive(
             own = sum(field * each for field, each in zip(fields, current, strict=True))
             north = 1j + own * cmath.rect(1.0, yaw)
             shown = yaw - (cmath.phase(north) - math.pi / 2) + math.radians(noise_deg) * rng.standard_normal()
-            heading = math.remainder(shown, math.tau)
+            heading = math.nan if step == lost_heading else math.remainder(shown, math.tau)
             read_rate = rate + bias + 0.002 * rng.standard_normal()
             log.received("compass", Received(t_ns, b"$"))
             log.samples(

@@ -77,6 +77,13 @@ def test_a_field_stronger_than_that_of_the_earth_is_refused(tmp_path: Path) -> N
     assert "move the compass away" in problem or "error on held-out parts" in problem
 
 
+def test_a_heading_that_is_no_number_is_left_out(tmp_path: Path) -> None:
+    write_motor_drive(tmp_path / "drive.mcap", FIELDS, 3, patterns=EACH_BY_ITSELF, legs=16, lost_heading=300)
+    fit = fit_motor_fields(tmp_path / "drive.mcap", None, DAY)
+    assert np.isfinite(fit.before_deg).all()
+    assert math.sqrt(np.mean(fit.after_deg**2)) < 0.6
+
+
 def test_a_drive_in_one_direction_does_not_show_the_field(tmp_path: Path) -> None:
     """It is explained well by half of the field, which would be wrong in other directions."""
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, 7, patterns=EACH_BY_ITSELF, turn_rad_s=0.05)
