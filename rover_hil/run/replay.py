@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from controllers.control_loop import StepOutput
+from controllers.motion.kinematics import make_kinematics
 from controllers.operator import OperatorInput
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
@@ -257,6 +258,7 @@ class _Estimates(_Replayer):
     def __init__(self, log: LogReader, config: Config, is_used: Callable[[Sample], bool]) -> None:
         super().__init__(log, config)
         self._is_used = is_used
+        self._steering_count = len(make_kinematics(config.rover).steering_rates_rad_s)
         self.output: StepOutput | None = None
 
     def _run_cycle(self, t_ns: int) -> None:
@@ -273,7 +275,9 @@ class _Estimates(_Replayer):
             speed_rad_s=record["speed_rad_s"],
             steering_rad=record.get("steering_rad"),
         )
-        if len(given.speed_rad_s) != rig.drive.wheel_count:
+        if len(given.speed_rad_s) != rig.drive.wheel_count or (
+            given.steering_rad is not None and len(given.steering_rad) != self._steering_count
+        ):
             raise LogError(
                 f"{self._log.path} is damaged: {ESTIMATE} at {t_ns} ns: set-points of other wheels"
             )

@@ -11,9 +11,10 @@ from controllers.estimation.guarded_filter import Innovation
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample
 from rover_hil.config import Config, load_config
-from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.data_files import collect_data_files, restore_config
 from rover_hil.recording.reader import LogReader
-from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE
+from rover_hil.recording.schema import CYCLE, ESTIMATE, ESTIMATE_SHAPE
+from rover_hil.recording.writer import LogWriter
 from rover_hil.run.replay import estimate_again
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs
 from rover_hil.tune.logs.objective import consistency, mean_nees, pooled_terms
@@ -58,6 +59,21 @@ def test_the_values_of_the_log_give_its_estimates_and_others_the_same_set_points
     # The wheels turned as they were commanded in the log, so their odometry is the same.
     assert other[-1].odometry == same[-1].odometry
     assert any(a.command.speed_rad_s != b.command.speed_rad_s for a, b in zip(same, other, strict=True))
+
+
+@pytest.mark.parametrize(
+    "command", [{"speed_rad_s": [1.0, 1.0]}, {"speed_rad_s": [1.0, 1.0, 1.0], "steering_rad": [0.1]}]
+)
+def test_set_points_of_other_wheels_are_damage(tmp_path: Path, command: dict[str, object]) -> None:
+    config, path = load_config("robotino"), tmp_path / "run.mcap"
+    with LogWriter(
+        path, 1, config.model_dump_json(by_alias=True).encode(), collect_data_files(config), "real"
+    ) as log:
+        for t_ns in (20_000_000, 40_000_000):
+            log.write_json(ESTIMATE, t_ns, {"command": {"t_ns": t_ns, "expires_ns": t_ns, **command}})
+            log.write_json(CYCLE, t_ns, {"late_ns": 0, "work_ns": 0})
+    with pytest.raises(LogError, match="set-points of other wheels"):
+        list(estimate_again(LogReader(path), config))
 
 
 def test_the_true_noise_is_consistent_and_others_are_not(drive: tuple[Config, JudgedLog]) -> None:
