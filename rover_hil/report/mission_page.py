@@ -48,7 +48,7 @@ def mission_page(name: str, mission: MissionSettings | None) -> str:
     )
     drawing = Drawing(
         "Path seen from above",
-        "The rover starts at the ring and looks along x. See whether every corner lies in the free place.",
+        "The rover starts at the ring and looks along x. See whether every corner lies in the free space.",
         lambda: _draw(mission, legs),
     )
     return render(
@@ -88,7 +88,16 @@ def _draw(mission: MissionSettings, legs: tuple[Leg, ...]) -> Figure:
             axes.plot(*end, "s", color=style.ENCODERS)
         if len(legs) <= MOST_WORDS:
             words = [f"{leg.speed_m_s or mission.speed_m_s:g} m/s"]
-            axes.annotate(words[0], middle, fontsize=8, color=style.TRUTH)
+            axes.annotate(
+                words[0],
+                middle,
+                fontsize=8,
+                color=style.TRUTH,
+                ha="center",
+                xytext=(0, 10),
+                textcoords="offset points",
+                bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"},
+            )
             if leg.wait_s > 0.0:
                 axes.annotate(f"{leg.wait_s:g} s", end, fontsize=8, xytext=(4, 4), textcoords="offset points")
     axes.legend(loc="best")

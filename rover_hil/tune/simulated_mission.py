@@ -66,7 +66,8 @@ def simulate_mission(config: Config, seed: int) -> SimulatedMission:
     reversals = reversals_per_s(set_points_rad_s, period_s, stability.reversal_rad_s)
     refused = ""
     if mode is not Mode.FINISHED:
-        refused = f"the mission was not finished, the rover was {mode.value} after {truth.t_s[-1]:.0f} s"
+        words = mode.value.replace("_", " ")
+        refused = f"the mission was not finished: mode '{words}' after {truth.t_s[-1]:.0f} s"
     elif reversals > stability.reversals_per_s:
         refused = f"a wheel set-point reversed {reversals:.2f} times per second"
     corners, true_path = corner_points(config.mission), TruePath.of(truth)

@@ -327,7 +327,7 @@ def _page(record: CompassRecord, fit: CompassFit) -> str:
         grade="attention" if fit.problem else "plain",
         title=f"Compass: not calibrated, {fit.problem}"
         if fit.problem
-        else f"Compass {record.device}: calibrated",
+        else f"Calibration of '{record.device}'",
         facts=_facts(record, fit),
         pictures=draw_pictures(drawings),
     )

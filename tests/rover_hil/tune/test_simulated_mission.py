@@ -177,11 +177,9 @@ def test_unstable_gains_are_refused(tmp_path: Path) -> None:
 def test_an_unfinished_mission_is_refused(tmp_path: Path) -> None:
     config = make_config(tmp_path)
     late = config.model_copy(update={"loop": config.loop.model_copy(update={"time_limit_s": 2.0})})
-    assert (
-        simulate_mission(late, 1).refused == "the mission was not finished, the rover was running after 2 s"
-    )
+    assert simulate_mission(late, 1).refused == "the mission was not finished: mode 'running' after 2 s"
     walled = with_plant(config, bumper_x_m=0.05)
-    assert "emergency_stop" in simulate_mission(walled, 1).refused
+    assert "emergency stop" in simulate_mission(walled, 1).refused
 
 
 MISSION_FAST = """
