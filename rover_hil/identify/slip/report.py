@@ -77,8 +77,9 @@ def _surface_table(title: str, errors: Errors) -> Table:
 
 def _direction_table(errors: Errors) -> Table:
     sectors = range(-180, 180, SECTOR_DEG)
-    title = "Cross-validation per direction of travel, degrees: rms"
-    heads = [f"{sector}..{sector + SECTOR_DEG}" for sector in sectors]
+    half = SECTOR_DEG // 2
+    title = f"Cross-validation per direction of travel, ± {half} degrees: rms"
+    heads = [str(sector + half) for sector in sectors]
     table = Table(Column("map", no_wrap=True), *heads, title=title, title_justify="left")
     for name, found in errors.items():
         parts: dict[int, list[RunError]] = {}

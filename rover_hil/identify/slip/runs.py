@@ -13,7 +13,7 @@ from drivers.errors import LogError
 from drivers.files import resolved
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW
-from rover_hil.datasets.marks import ENDING, FORMER_ENDING
+from rover_hil.datasets.marks import ENDING, FORMER_ENDING, marks_file
 from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
 from rover_hil.identify.slip.averages import read_average_runs
 from rover_hil.identify.slip.log_runs import read_log_run
@@ -60,7 +60,8 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
                 f"{path} holds no run with a camera: expected files that end in {', '.join(SUFFIXES)}"
             )
         found.update(runs)
-        other_files.update(set(inside) - set(runs))
+        of_runs = {marks_file(run) for run in runs}
+        other_files.update(set(inside) - set(runs) - of_runs)
     return RunFiles(tuple(sorted(found)), tuple(sorted(other_files)))
 
 

@@ -52,7 +52,10 @@ def test_every_half_second_of_a_leg_has_its_mean_slip(tmp_path: Path, slip: floa
 
 def test_the_file_of_positions_is_no_run_of_its_own(tmp_path: Path) -> None:
     log = drive_by_tape(tmp_path)
-    assert find_runs([tmp_path]).files == (log,)
+    write_positions(tmp_path, (0.5, 1.0, 2.0, 0.0), name="lost")
+    found = find_runs([tmp_path])
+    assert found.files == (log,)
+    assert found.other_files == (tmp_path / "lost.positions.csv",)  # that of the log is used
 
 
 @pytest.mark.parametrize(
