@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter, SymmetricalLogLocator
 
 from rover_hil.pages.picture import Drawing
 from rover_hil.terrain.figures import COLOURS, legend, plots
@@ -25,6 +26,9 @@ CELL_COLUMNS = (
     "sinkage_m",
     "sinkage_fitted_m",
 )
+
+LINEAR_MM_S = 5.0
+"""Below this rim speed the axis is linear."""
 
 
 def fit_table(fit: SoilFit) -> Table:
@@ -113,7 +117,11 @@ def _draw_cells(tests: WheelTests, cells: Table) -> Figure:
             axes.plot(speed, measured, "o", color=colour, markersize=5)
             axes.plot(speed, fitted, color=colour, label=f"{angle:g}°")
     for axes, label in zip(panels, ("drawbar pull (N)", "side force (N)"), strict=True):
-        axes.set_xscale("symlog", linthresh=5.0)
+        axes.set_xscale("symlog", linthresh=LINEAR_MM_S)
+        axes.xaxis.set_major_locator(
+            SymmetricalLogLocator(base=10.0, linthresh=LINEAR_MM_S, subs=(1.0, 2.0, 5.0))
+        )
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.set_xlabel("rim speed (mm/s)")
         axes.set_ylabel(label)
     return legend(figure, panels[0], 7)

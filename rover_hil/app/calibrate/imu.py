@@ -145,11 +145,13 @@ def _today() -> str:
 
 
 def _facts(fit: ResponseFit, response: GyroResponse) -> tuple[tuple[str, str], ...]:
-    no_low_pass = " (no low-pass found)" if response.bandwidth_sd_hz >= response.bandwidth_hz else ""
+    bandwidth = f"{response.bandwidth_hz:.1f} +- {response.bandwidth_sd_hz:.1f} Hz"
+    if response.bandwidth_sd_hz >= response.bandwidth_hz:
+        bandwidth = f"no low-pass found (fit: {bandwidth})"
     return (
         ("gain", f"{response.gain:.3f} +- {response.gain_sd:.3f}"),
         ("delay", f"{1e3 * response.delay_s:.1f} +- {1e3 * response.delay_sd_s:.1f} ms"),
-        ("bandwidth", f"{response.bandwidth_hz:.1f} +- {response.bandwidth_sd_hz:.1f} Hz{no_low_pass}"),
+        ("bandwidth", bandwidth),
         ("not explained", f"{100 * fit.residual:.0f} % of the readings"),
         ("turns in place", f"{fit.seconds:.0f} s"),
     )

@@ -259,5 +259,6 @@ def _print(
     for name, value in _facts(record, fit):
         console.print(f"{name}: {value}")
     console.print(f"picture: {page}")
-    done = f"written to {out}" + (f" and entered into {entered}" if entered else "")
+    into = f" and entered into {entered}" if entered else "; --enter enters it into the configuration"
+    done = f"written to {out}{into}"
     console.print(f"not written: {fit.problem}" if fit.problem else done)

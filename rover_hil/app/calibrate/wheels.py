@@ -116,7 +116,8 @@ def calibrate_wheels(
         for name, value in facts:
             console.print(f"{name}: {value}")
         console.print(f"picture: {page}")
-        done = f"proposal written to {out}" + (f" and entered into {source}" if enter else "")
+        into = f" and entered into {source}" if enter else "; --enter enters it into the configuration"
+        done = f"proposal written to {out}{into}"
         console.print(f"not written: {problem}" if problem else done)
     return EXIT_NO if problem else EXIT_OK
 
