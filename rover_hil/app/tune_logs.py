@@ -80,7 +80,7 @@ def tune_by_logs(
                 lambda values, _: evaluate_logs(drive(values, range(len(held))), by_logs.objective),
                 config,
                 start,
-                trial_store.candidates()[:1],  # one of several would be better on few logs by chance
+                trial_store.candidates(),
             )
     result = summarise_logs(
         study,

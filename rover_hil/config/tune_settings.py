@@ -136,8 +136,8 @@ class CaseSettings(Settings):
 
     Attributes:
         train: Number of scenarios that the search uses.
-        ranking: Number of further scenarios that, with those of the search, decide which of its five best
-            trials is taken: the best of many trials was also lucky with its scenarios.
+        ranking: Number of further scenarios that decide which of the five best trials is taken: the best of
+            many trials was also lucky with the scenarios of the search.
         held_out: Number of scenarios on which old and new gains are compared. The three have no seed in
             common.
     """

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Generic
 
-import numpy as np
-
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.tune.journal import Attempt
@@ -61,17 +59,16 @@ def compare(
 def _rank(
     config: Config, tune: TuneSettings, candidates: Sequence[Attempt], drive: MissionRunner
 ) -> tuple[list[Attempt], list[tuple[Attempt, str]]]:
-    """Return the candidates by their cost in the scenarios of search and ranking, and the rejected ones."""
+    """Return the candidates by their cost in the ranking scenarios, and those rejected there."""
     ranked: list[tuple[float, int, Attempt]] = []
     declined: list[tuple[Attempt, str]] = []
     for attempt in candidates:
         values = with_values(config, attempt.values)
         more = evaluate(drive, values, ranking_seeds(tune.cases), tune.objective)
-        if more.refused:
+        if more.cost is None:
             declined.append((attempt, more.refused))
-            continue
-        costs = [*attempt.case_costs.values(), *more.case_costs.values()]
-        ranked.append((float(np.quantile(costs, tune.objective.quantile)), attempt.number, attempt))
+        else:
+            ranked.append((more.cost, attempt.number, attempt))
     return [attempt for _, _, attempt in sorted(ranked)], declined
 
 
@@ -81,7 +78,9 @@ def compare_by(
     start: dict[str, float],
     candidates: Sequence[Attempt],
 ) -> Comparison[RunT]:
-    """Accept the first candidate that no held-out case rejects and that costs less there than the start.
+    """Accept the first candidate that no held-out case rejects, if it costs less there than the start.
+
+    Only one is compared by its cost: of several, one would be better than the start by chance.
 
     Args:
         evaluate_held_out: Evaluates a configuration on the held-out cases, up to a cost that is too high.
@@ -103,6 +102,8 @@ def compare_by(
                 declined=tuple(declined),
             )
         declined.append((attempt, tuned.refused or "not better than the start on held-out cases"))
+        if not tuned.refused:
+            break
     return Comparison(
         verdict=Verdict.NONE_ACCEPTABLE if before.cost is None else Verdict.CONFIRMED,
         start=before,

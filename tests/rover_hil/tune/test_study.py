@@ -13,7 +13,7 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ObjectiveSettings, TunableSettings
-from rover_hil.tune.comparison import Verdict, compare
+from rover_hil.tune.comparison import Verdict, compare, compare_by
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import case_cost, describe, evaluate
 from rover_hil.tune.parameters import check_parameters
@@ -201,6 +201,24 @@ def test_what_is_not_better_on_held_out_scenarios_is_not_taken(tmp_path: Path) -
     assert comparison.verdict is Verdict.CONFIRMED
     ((attempt, reason),) = comparison.declined
     assert (attempt.number, reason) == (3, "not better than the start on held-out cases")
+
+
+def test_a_second_candidate_has_no_try_by_cost(tmp_path: Path) -> None:
+    """One of several is better than the start by chance; one that is rejected gives way to the next."""
+    config = make_config(tmp_path)
+    tune = check_parameters(config)
+
+    def taken(*candidates: Attempt) -> Verdict:
+        drive, seeds = FakeRuns().drive, held_out_seeds(tune.cases)
+        return compare_by(
+            lambda values, limit: evaluate(drive, values, seeds, tune.objective, limit),
+            config,
+            {},
+            candidates,
+        ).verdict
+
+    assert taken(attempt_with(0.9), attempt_with(0.2)) is Verdict.CONFIRMED
+    assert taken(attempt_with(0.03), attempt_with(0.2)) is Verdict.IMPROVED
 
 
 def test_the_start_is_kept_when_nothing_is_better(tmp_path: Path) -> None:
