@@ -14,7 +14,7 @@ from drivers.clock import SystemClock, seconds
 LINE_S = 2.0
 """Least time between lines."""
 MOST_COUNTED = 1000
-"""Progress over more than this, such as bytes, is shown in percent."""
+"""Progress over more than this, such as bytes, or over seconds, is shown in percent."""
 
 
 @contextmanager
@@ -69,7 +69,7 @@ def _progress_words(progress: Progress) -> str:
             continue
         if task.total is None:
             return task.description
-        if task.total > MOST_COUNTED:
+        if task.total > MOST_COUNTED or not isinstance(task.total, int):
             return f"{task.description}, {task.percentage:.0f} %"
         return f"{task.description}, {task.completed:g} of {task.total:g}"
     return ""

@@ -31,10 +31,14 @@ def test_a_counted_task_is_shown_without_a_terminal() -> None:
         assert stream.was_written.wait(LIMIT_S)
         progress.update(task, completed=3)
         stream.was_written.clear()
-        progress.add_task("writing", total=2_000_000, completed=500_000)
+        writing = progress.add_task("writing", total=2_000_000, completed=500_000)
+        assert stream.was_written.wait(LIMIT_S)
+        stream.was_written.clear()
+        progress.update(progress.add_task("listening", total=2.0), completed=1.48)
+        progress.update(writing, completed=2_000_000)
         assert stream.was_written.wait(LIMIT_S)
     lines = [line.split(" s  ")[1] for line in stream.getvalue().splitlines()]
-    assert lines == ["fitting, 0 of 3", "fitting, 1 of 3", "writing, 25 %"]
+    assert lines == ["fitting, 0 of 3", "fitting, 1 of 3", "writing, 25 %", "listening, 74 %"]
 
 
 def test_what_is_soon_done_leaves_no_line() -> None:
