@@ -52,6 +52,8 @@ POSITIONS = {
 }
 """Wheels in the order of the configuration."""
 NAMES = {"frames": "camera", "rate": "imu", "heading": "compass"}
+Made = dict[Path, bytes | None]
+"""Files beside the configuration that were written, and what they held before."""
 
 
 def init(out: Path, *, ports: Path | None, dbc: Path | None, force: bool) -> int:
@@ -74,17 +76,20 @@ def init(out: Path, *, ports: Path | None, dbc: Path | None, force: bool) -> int
             raise ConfigError(f"no DBC file {dbc}: correct --dbc")
         read_messages(dbc)
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
-    made: list[Path] = []
+    made: Made = {}
     try:
         return _set_up(out, ports, dbc, made, console, force=force)
     except BaseException:
-        for path in made:
-            path.unlink(missing_ok=True)
+        for path, earlier in made.items():
+            if earlier is None:
+                path.unlink(missing_ok=True)
+            else:
+                path.write_bytes(earlier)
         raise
 
 
 def _set_up(
-    out: Path, ports: Path | None, dbc: Path | None, made: list[Path], console: Console, *, force: bool
+    out: Path, ports: Path | None, dbc: Path | None, made: Made, console: Console, *, force: bool
 ) -> int:
     found = _look(ports, console)
     if dbc is not None and not any("can" in each.kinds for each in found):
@@ -156,7 +161,7 @@ def _look(ports: Path | None, console: Console) -> list[Found]:
 
 
 def _drive_of(
-    found: Found, dbc: Path | None, out: Path, made: list[Path], console: Console, *, force: bool
+    found: Found, dbc: Path | None, out: Path, made: Made, console: Console, *, force: bool
 ) -> AnyDeviceSettings | None:
     """Return the settings of the drives behind a port, or None where they are not known."""
     if not isinstance(found.settings, CanWheelsSettings):
@@ -194,6 +199,8 @@ def _drive_of(
         if not answer:
             return None
         dbc = Path(answer)
+    path = dbc.with_name(f"{out.stem}_can.toml")
+    check_file(path, force=force, option=OUT)
     guess = guess_mapping(dbc, found.frames)
     console.print(f"wheels {', '.join(map(str, guess.nodes))} of {dbc}:")
     for key, value in guess.every_wheel.items():
@@ -207,9 +214,7 @@ def _drive_of(
         ticks = ask_number("Encoder ticks per turn of the encoder", 1, 1e8)
         guess.every_wheel["position"]["ticks_per_revolution"] = ticks
     gear = ask_number("Turns of the encoder per turn of the wheel (gear ratio)", 0.001, 1000, 1.0)
-    path = dbc.with_name(f"{out.stem}_can.toml")
-    check_file(path, force=force, option=OUT)
-    made.append(path)
+    made[path] = path.read_bytes() if path.exists() else None
     write_mapping(path, dbc, guess, found.frames, gear_ratio=gear)
     console.print(f"mapping written: {path}")
     return bus.model_copy(update={"mapping": str(path)})
@@ -295,9 +300,7 @@ def _steered(
     return {"kinematics": "wheels", "wheels": wheels}
 
 
-def _turn_wheels(
-    drive: DriveSettings, kinematics: str, made: list[Path], console: Console
-) -> AnyDeviceSettings:
+def _turn_wheels(drive: DriveSettings, kinematics: str, made: Made, console: Console) -> AnyDeviceSettings:
     """Turn each wheel after a question; return the drive with order and signs of its wheels."""
     places = POSITIONS[kinematics]
     settings: AnyDeviceSettings = drive  # type: ignore[assignment]  # a drive of the registry
@@ -362,7 +365,7 @@ def _reordered(
     wheels: list[int],
     signs: list[int],
     steering_signs: list[int],
-    made: list[Path],
+    made: Made,
     console: Console,
 ) -> AnyDeviceSettings:
     if isinstance(settings, VescSettings | CanopenWheelsSettings):
@@ -384,12 +387,12 @@ def _reordered(
     )
 
 
-def _own_copy(mapping: str, made: list[Path]) -> Path:
+def _own_copy(mapping: str, made: Made) -> Path:
     """Copy a shipped mapping and its DBC file into the current folder; return the copy."""
     path = Path(f"{mapping}_own.toml")
     for source, target in ((f"{mapping}.toml", path), (f"{mapping}.dbc", Path(f"{mapping}.dbc"))):
         check_file(target, force=False, option="folder")
-        made.append(target)
+        made[target] = None
         write_file(target, (SHIPPED_FOLDER / source).read_text("utf-8"))
     return path
 

@@ -278,6 +278,29 @@ BO_ {288 + node} Wheel{node}_Setpoint: 6 Host
     }  # fmt: skip
 
 
+def test_a_mapping_of_an_earlier_configuration_is_kept_where_the_command_ends_early(
+    command: Command, answers: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    config = load_config("el-dorado-crab")
+    found = probing.Found(
+        settings=config.devices["wheels"],
+        what="CAN bus",
+        kinds=frozenset({"can"}),
+        rate_hz=100.0,
+        frames=tuple(wheel_frames("el-dorado-crab")),
+    )
+    monkeypatch.setattr(init, "_look", lambda *_: [found])
+    shutil.copy(SHIPPED_FOLDER / "steered_wheel.dbc", tmp_path / "mine.dbc")
+    mapping = tmp_path / "rover_can.toml"
+    mapping.write_text("mine", "utf-8")
+    assert command("init", "rover.toml", "--dbc", "mine.dbc") == 2
+    assert_one_sentence(command.error, "rover_can.toml exists", "--force")  # before any question
+    answers += ["yes", "4096", "1"]
+    assert command("init", "rover.toml", "--dbc", "mine.dbc", "--force") == 2
+    assert "got no answer" in command.error
+    assert mapping.read_text("utf-8") == "mine"
+
+
 @pytest.mark.parametrize("measured", ["position", "speed"])
 @pytest.mark.parametrize(
     ("state", "command"), [("SteerAngle", "SteerTarget"), ("Angle", "Angle"), ("steeringPos", "SteerRef")]
@@ -358,7 +381,7 @@ def test_a_rover_with_four_steered_wheels_is_described(
         ("rear right", "yes"),
     ):
         answers += [place, "yes", points_left]
-    init._turn_wheels(bus, kind, [], console)
+    init._turn_wheels(bus, kind, {}, console)
     assert answers == []
     assert steered == [(wheel, angle) for wheel in range(4) for angle in (init.STEER_RAD, 0.0)]
     signs = [wheel.steering_sign for wheel in load_mapping("mine.toml").mapping.wheel]
@@ -422,11 +445,11 @@ def test_canopen_drives_are_proposed_and_put_in_order(answers: list[str]) -> Non
     found = probing.Found(settings=bus, what="", kinds=frozenset({"can"}), rate_hz=1.0, frames=frames)
     answers += ["yes", "2000", "30", "4000"]
     console = Console(file=io.StringIO())
-    drive = init._drive_of(found, None, Path("rover.toml"), [], console, force=False)
+    drive = init._drive_of(found, None, Path("rover.toml"), {}, console, force=False)
     assert isinstance(drive, CanopenWheelsSettings)
     assert [wheel.node for wheel in drive.wheel] == [1, 2]
     assert (drive.counts_per_motor_turn, drive.gear_ratio, drive.rpm_limit) == (2000, 30.0, 4000)
-    turned = init._reordered(drive, [1, 0], [-1, 1], [1, 1], [], console)
+    turned = init._reordered(drive, [1, 0], [-1, 1], [1, 1], {}, console)
     assert isinstance(turned, CanopenWheelsSettings)
     assert [(wheel.node, wheel.sign) for wheel in turned.wheel] == [(2, -1), (1, 1)]
 
