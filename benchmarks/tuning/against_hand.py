@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.cluster_option import add_cluster_option
-from benchmarks.tuning.tasks import OBJECTIVE
+from benchmarks.tuning.tasks import OBJECTIVE, without_camera
 from drivers.clock import seconds, stopwatch_ns
 from rover_hil.config import Config, load_config
 from rover_hil.config.tune_settings import MOST_CASES, CaseSettings, TunableSettings, TuneSettings
@@ -94,7 +94,7 @@ class CountedRuns:
 
 def make_start(task: str, seed: int, train: int) -> tuple[Config, Config]:
     """Return the configuration of the start of a task, and the one tuned by hand."""
-    by_hand = _without_camera(load_config("el-dorado")) if task == "four_wheels" else load_config("robotino")
+    by_hand = without_camera(load_config("el-dorado")) if task == "four_wheels" else load_config("robotino")
     ranges = FOUR_WHEELS if task == "four_wheels" else ROBOTINO
     shipped = by_hand.tune
     assert shipped is not None
@@ -109,19 +109,6 @@ def make_start(task: str, seed: int, train: int) -> tuple[Config, Config]:
     )
     by_hand = by_hand.model_copy(update={"tune": tune})
     return (with_values(by_hand, POOR) if task == "poor" else by_hand), by_hand
-
-
-def _without_camera(config: Config) -> Config:
-    devices = {name: settings for name, settings in config.devices.items() if name != config.roles.camera}
-    scomp = config.scomp
-    assert scomp is not None
-    return config.model_copy(
-        update={
-            "devices": devices,
-            "roles": config.roles.model_copy(update={"camera": None}),
-            "scomp": scomp.model_copy(update={"rig": None}),
-        }
-    )
 
 
 @dataclass(frozen=True, slots=True)

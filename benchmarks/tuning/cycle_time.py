@@ -14,26 +14,13 @@ import sys
 import time
 
 from benchmarks.program.step_time import make_peer
-from rover_hil.config import Config, load_config
+from benchmarks.tuning.tasks import without_camera
+from rover_hil.config import load_config
 from rover_hil.tune.scenarios import with_scenario
 from rover_hil.tune.simulated_mission import drive
 
 PEER_CYCLES = 2000
 BAR = 5
-
-
-def without_camera(config: Config) -> Config:
-    """Return a four-wheel rover that estimates its slip by the tilt alone."""
-    if config.scomp is None:
-        return config
-    devices = {name: device for name, device in config.devices.items() if name != config.roles.camera}
-    return config.model_copy(
-        update={
-            "devices": devices,
-            "roles": config.roles.model_copy(update={"camera": None}),
-            "scomp": config.scomp.model_copy(update={"rig": None, "steer_against_drift": False}),
-        }
-    )
 
 
 def main() -> int:

@@ -55,3 +55,17 @@ def held_out_cost(config: Config) -> float | None:
         held_out_seeds(settings.cases),
         settings.objective,
     ).cost
+
+
+def without_camera(config: Config) -> Config:
+    """Return a four-wheel rover that estimates its slip by the tilt alone."""
+    devices = {name: settings for name, settings in config.devices.items() if name != config.roles.camera}
+    scomp = config.scomp
+    assert scomp is not None
+    return config.model_copy(
+        update={
+            "devices": devices,
+            "roles": config.roles.model_copy(update={"camera": None}),
+            "scomp": scomp.model_copy(update={"rig": None}),
+        }
+    )

@@ -165,7 +165,7 @@ def write_results(
     data = TuningData(
         tune=config.tune, corners=corner_points(config.mission), attempts=attempts, comparison=comparison
     )
-    result_json = to_json(result, indent=2).decode()
+    result_json = to_json(result, indent=2, inf_nan_mode="null").decode()
     texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}
     write_files_of(folder, texts, config_text, _changed(result), _provenance(result))
     return result_json

@@ -140,7 +140,7 @@ def write_log_results(
         sentence=log_sentence(result),
         pictures=draw_log_report(data),
     )
-    result_json = to_json(result, indent=2).decode()
+    result_json = to_json(result, indent=2, inf_nan_mode="null").decode()
     changed = {key: change for key, change in result.values.items() if change.after != change.before}
     provenance = (
         None
