@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.cluster_option import add_cluster_option
-from benchmarks.tuning.tasks import OBJECTIVE, without_camera
+from benchmarks.tuning.tasks import FOUR_WHEELS, OBJECTIVE, without_camera
 from drivers.clock import seconds, stopwatch_ns
 from rover_hil.config import Config, load_config
 from rover_hil.config.tune_settings import MOST_CASES, CaseSettings, TunableSettings, TuneSettings
@@ -52,14 +52,6 @@ ROBOTINO = {
     "mission.heading_gain_per_s": (0.05, 10.0, "1/s"),
     "mission.approach_gain_per_s": (0.3, 10.0, "1/s"),
     "filter.gyro_bias_rad_s": (1e-6, 0.1, "rad/s"),
-}
-FOUR_WHEELS = {
-    "mission.lookahead_m": (0.05, 2.0, "m"),
-    "mission.heading_gain_per_s": (0.1, 5.0, "1/s"),
-    "mission.yaw_rate_limit_rad_s": (0.03, 0.3, "rad/s"),
-    "filter.heading_noise_rad": (0.005, 0.5, "rad"),
-    "filter.gyro_noise_rad_sqrt_s": (1e-4, 0.05, "rad/sqrt(s)"),
-    "filter.gyro_bias_rad_s": (1e-4, 0.1, "rad/s"),
 }
 """Lowest and greatest value, and the unit."""
 
@@ -95,7 +87,11 @@ class CountedRuns:
 def make_start(task: str, seed: int, train: int) -> tuple[Config, Config]:
     """Return the configuration of the start of a task, and the one tuned by hand."""
     by_hand = without_camera(load_config("el-dorado")) if task == "four_wheels" else load_config("robotino")
-    ranges = FOUR_WHEELS if task == "four_wheels" else ROBOTINO
+    ranges = (
+        {key: (low, high, unit) for key, (low, _, high, unit) in FOUR_WHEELS.items()}
+        if task == "four_wheels"
+        else ROBOTINO
+    )
     shipped = by_hand.tune
     assert shipped is not None
     tune = TuneSettings(

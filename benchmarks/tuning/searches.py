@@ -1,6 +1,7 @@
 """Which search finds good values with the fewest simulated missions.
 
-    python -m benchmarks.tuning.searches [--missions 300] [--seeds 1] [--processes 2] [--out FILE]
+    python -m benchmarks.tuning.searches [--missions 300] [--tasks TASK ...] [--searches SEARCH ...]
+        [--processes 2] [--out FILE]
 
 Each search begins at deliberately poor values and may use the same number of missions. Prints JSON: for each
 task and search the best cost on the training scenarios after every batch, the number of missions until then,

@@ -20,29 +20,43 @@ NOISE: dict[str, tuple[float, float, float, str]] = {
     "filter.gyro_rate_noise_rad_s": (1e-4, 0.1, 0.1, "rad/s"),
     "mission.yaw_rate_limit_rad_s": (0.1, 0.15, 3.0, "rad/s"),
 }
+FOUR_WHEELS: dict[str, tuple[float, float, float, str]] = {
+    "mission.lookahead_m": (0.05, 2.0, 2.0, "m"),
+    "mission.heading_gain_per_s": (0.1, 0.1, 5.0, "1/s"),
+    "mission.yaw_rate_limit_rad_s": (0.03, 0.03, 0.3, "rad/s"),
+    "filter.heading_noise_rad": (0.005, 0.5, 0.5, "rad"),
+    "filter.gyro_noise_rad_sqrt_s": (1e-4, 0.05, 0.05, "rad/sqrt(s)"),
+    "filter.gyro_bias_rad_s": (1e-4, 1e-4, 0.1, "rad/s"),
+}
 """Lowest, start and greatest value, and the unit."""
 TASKS = {
     "gains": {**GAINS, "filter.gyro_bias_rad_s": NOISE["filter.gyro_bias_rad_s"]},
     "gains and noise": {**GAINS, **NOISE},
+    "four wheels": FOUR_WHEELS,
 }
 
 
 def make_task(name: str) -> Config:
-    """Return the shipped Robotino with poor values, and with [tune]."""
+    """Return the rover of a task with poor values, and with [tune]."""
     return with_values(tuned_by_hand(name), {key: start for key, (_, start, _, _) in TASKS[name].items()})
 
 
 def tuned_by_hand(name: str) -> Config:
-    """Return the shipped Robotino with the [tune] of a task."""
+    """Return the shipped rover of a task with the task's [tune]."""
+    if name == "four wheels":
+        rover, cases = without_camera(load_config("el-dorado")), CaseSettings(train=4, held_out=12)
+    else:
+        rover, cases = load_config("robotino"), CaseSettings(train=8, held_out=24)
+    assert rover.tune is not None
     tune = TuneSettings(
         parameters={
             key: TunableSettings(low=low, high=high, scale="log", unit=unit)
             for key, (low, _, high, unit) in TASKS[name].items()
         },
-        objective=OBJECTIVE,
-        cases=CaseSettings(train=8, held_out=24),
+        objective=rover.tune.objective if name == "four wheels" else OBJECTIVE,
+        cases=cases,
     )
-    return load_config("robotino").model_copy(update={"tune": tune})
+    return rover.model_copy(update={"tune": tune})
 
 
 def held_out_cost(config: Config) -> float | None:
