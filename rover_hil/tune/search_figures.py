@@ -29,7 +29,7 @@ class TradeOffAxis:
 
 def draw_search(attempts: Sequence[Attempt], cases: str) -> Figure:
     """Draw the cost of every trial, and the best so far."""
-    figure, axes = plot(2.8, "trial", f"cost on the training {cases}")
+    figure, axes = plot(3.4, "trial", f"cost on the training {cases}")
     known = [(attempt.number, attempt.cost) for attempt in attempts if attempt.cost is not None]
     given_up = [(a.number, a.at_least) for a in attempts if a.cost is None and not a.refused]
     refused = [attempt.number for attempt in attempts if attempt.refused]
