@@ -72,7 +72,7 @@ def identify(drive: Drive, truth: TruePath, rover: RoverGeometry | None = None) 
         gyro=fit_gyro(drive, truth),
         trace=trace,
     )
-    parameters = _checked(parameters.model_copy(update={"roll": fit_roll(windows, parameters)}))
+    parameters = _checked(parameters.model_copy(update={"roll": fit_roll(windows, parameters, notes)}))
     return Identification(parameters=parameters, windows=windows, slip_rms=slip_rms, notes=tuple(notes))
 
 
@@ -177,7 +177,7 @@ def _pitch_update(found: Array, covariance: Array) -> dict[str, object]:
     }
 
 
-def fit_roll(windows: Windows, parameters: ScompParameters) -> DriftFromRoll:
+def fit_roll(windows: Windows, parameters: ScompParameters, notes: list[str]) -> DriftFromRoll:
     """Fit the share of the drift that the roll explains; the residual gives its uncertainty."""
     beta = windows.slip_angle_rad
     alone, alone_s = _at_least(beta, SCOMP_FIT.roll.least_alone_deg), _smooth_time_s(beta)
@@ -196,10 +196,16 @@ def fit_roll(windows: Windows, parameters: ScompParameters) -> DriftFromRoll:
         precision = weight * float(expected @ expected) + prior_weight
         gain = (weight * float(expected @ beta) + SCOMP_FIT.roll.gain_prior[0] * prior_weight) / precision
     residual = beta - gain * expected
+    rest = _at_least(residual, SCOMP_FIT.roll.least_rest_deg)
+    if math.degrees(rest) > SCOMP_FIT.roll.told_rest_deg and rest > SCOMP_FIT.roll.told_share * alone:
+        notes.append(
+            f"the roll explains little of the drift: {math.degrees(alone):.0f} deg rms, of which "
+            f"{math.degrees(rest):.0f} deg remain; without the wheel's trace the course is not known better"
+        )
     return DriftFromRoll(
         gain=gain,
         gain_sd=math.hypot(precision**-0.5, SCOMP_FIT.roll.transfer * abs(gain)),
-        rest=_at_least(residual, SCOMP_FIT.roll.least_rest_deg),
+        rest=rest,
         rest_time_s=_smooth_time_s(residual),
         alone=alone,
         alone_time_s=alone_s,

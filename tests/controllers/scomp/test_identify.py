@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controllers.slip.scomp.motion_model import expected_drift, tilt_along
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ModelError
-from rover_hil.identify.scomp.fit import _checked, fit_gyro, fit_pitch, identify
+from rover_hil.identify.scomp.fit import _checked, fit_gyro, fit_pitch, fit_roll, identify
 from rover_hil.scomp.drive import Drive, TruePath
 from rover_hil.scomp.windows import Windows, cut, true_velocity
 from tests.controllers.scomp.drives import fitted, read, sideways
@@ -49,6 +50,19 @@ def test_intervals_cover_the_truth() -> None:
     assert abs(pitch.rolling_resistance - 0.02) < 3.0 * pitch.rolling_resistance_sd
     assert 0.001 < pitch.rolling_resistance_sd < 0.03
     assert pitch.stiffness_follows > 0.0
+
+
+@pytest.mark.parametrize(("noise_deg", "is_told"), [(0.5, False), (40.0, True)])
+def test_drift_that_the_roll_does_not_explain_is_told(noise_deg: float, is_told: bool) -> None:
+    parameters, rng = ScompParameters(), np.random.default_rng(3)
+    roll = np.radians(rng.uniform(-14.0, 14.0, 60))
+    drift = [expected_drift(parameters, *tilt_along(parameters, 0.1, each, 0.0)) for each in roll.tolist()]
+    angle = np.array(drift) + np.radians(noise_deg) * rng.standard_normal(60)
+    windows = replace(windows_of(0.06, 80.0), slip_angle_rad=angle, pitch_rad=np.full(60, 0.1), roll_rad=roll)
+    notes: list[str] = []
+    fitted_roll = fit_roll(windows, parameters, notes)
+    assert math.degrees(fitted_roll.rest) == pytest.approx(max(noise_deg, 1.5), rel=0.2)
+    assert [note.partition(":")[0] for note in notes] == ["the roll explains little of the drift"] * is_told
 
 
 def test_sensors_of_the_field_test() -> None:
