@@ -107,29 +107,19 @@ def make_start(task: str, seed: int, train: int) -> tuple[Config, Config]:
     return (with_values(by_hand, POOR) if task == "poor" else by_hand), by_hand
 
 
-@dataclass(frozen=True, slots=True)
-class Unseen:
-    """Costs on scenarios that decided nothing; None where the mission was rejected."""
-
-    costs: Sequence[float | None]
-
-    @property
-    def rejected(self) -> int:
-        """Number of rejected missions."""
-        return sum(1 for cost in self.costs if cost is None)
-
-
-def drive_unseen(config: Config, drive: MissionRunner, count: int) -> Unseen:
-    """Return the costs on so many scenarios."""
+def drive_unseen(config: Config, drive: MissionRunner, count: int) -> list[float | None]:
+    """Return the costs on so many scenarios that decided nothing; None where the mission was rejected."""
     assert config.tune is not None
     objective = config.tune.objective
     missions = drive(config, range(FIRST_UNSEEN_SEED, FIRST_UNSEEN_SEED + count))
-    return Unseen([None if mission.refused else case_cost(mission, objective) for mission in missions])
+    return [None if mission.refused else case_cost(mission, objective) for mission in missions]
 
 
-def compare_unseen(found: Unseen, by_hand: Unseen, quantile: float, seed: int) -> dict[str, object]:
+def compare_unseen(
+    found: Sequence[float | None], by_hand: Sequence[float | None], quantile: float, seed: int
+) -> dict[str, object]:
     """Return the quantiles of both over their common scenarios, and how much less those found cost."""
-    pairs = zip(by_hand.costs, found.costs, strict=True)
+    pairs = zip(by_hand, found, strict=True)
     costs = np.array([pair for pair in pairs if None not in pair], dtype=float).T
     rng = np.random.default_rng(seed)
     draws = rng.integers(costs.shape[1], size=(DRAWS, costs.shape[1]))
@@ -141,7 +131,7 @@ def compare_unseen(found: Unseen, by_hand: Unseen, quantile: float, seed: int) -
         "mean": dict(zip(("by hand", "found"), np.round(costs.mean(axis=1), 3).tolist(), strict=True)),
         "better_by": round(float(1.0 - tuned / hand), 4),
         "better_by_sd": round(float(np.std(1.0 - drawn_tuned / drawn_hand)), 4),
-        "rejected": {"by hand": by_hand.rejected, "found": found.rejected},
+        "rejected": {"by hand": by_hand.count(None), "found": found.count(None)},
     }
 
 
@@ -158,8 +148,7 @@ def run(
     attempts, best = study.attempts(), study.candidates()
     comparison = compare(start, settings, best, drive)
     found = with_values(start, comparison.values)
-    costs = drive_unseen(found, drive, unseen), drive_unseen(by_hand, drive, unseen)
-    first_24 = [Unseen(each.costs[:24]) for each in costs]
+    found_costs, hand_costs = (drive_unseen(each, drive, unseen) for each in (found, by_hand))
     quantile = settings.objective.quantile
     return {
         "task": task,
@@ -169,11 +158,12 @@ def run(
         "given_up": sum(1 for attempt in attempts if attempt.cost is None and not attempt.refused),
         "missions": missions,
         "minutes": round(search_s / 60.0, 2),
+        "start_train_cost": attempts[0].cost,
         "train_cost": best[0].cost if best else None,
         "verdict": comparison.verdict,
         "declined": len(comparison.declined),
-        "unseen": compare_unseen(*costs, quantile, seed),
-        "first_24": compare_unseen(first_24[0], first_24[1], quantile, seed),
+        "unseen": compare_unseen(found_costs, hand_costs, quantile, seed),
+        "first_24": compare_unseen(found_costs[:24], hand_costs[:24], quantile, seed),
         "values": comparison.values,
     }
 

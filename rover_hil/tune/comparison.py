@@ -31,7 +31,7 @@ class Comparison(Generic[RunT]):
         start: The old values.
         tuned: The new ones; the same as `start` unless the verdict is IMPROVED.
         values: The new values by key.
-        declined: Candidates that were driven here and not taken, with the reason.
+        declined: Candidates that were rejected here, or not better than the start, with the reason.
     """
 
     verdict: Verdict

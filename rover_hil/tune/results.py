@@ -59,8 +59,8 @@ class TuningResult:
         start_refused: Why the old values are rejected; empty when they are acceptable.
         values: Every tunable value, changed or not.
         held_out: Measured values on the held-out cases, by the objective's names.
-        declined: Candidates that were driven on the ranking or held-out cases and not taken: their cost in
-            the search and that of the start, and the reason.
+        declined: Candidates that a ranking or held-out case rejected, or that were not better than the start
+            on the held-out ones: their cost in the search and that of the start, and the reason.
         importance: See `importance`.
         changed_rovers: Costs on rovers that are not quite the simulated one.
     """
