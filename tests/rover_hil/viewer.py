@@ -20,6 +20,7 @@ class Viewer:
             "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n".encode()
         )
         self._data = b""
+        self._subscribed: dict[int, int] = {}
         while b"\r\n\r\n" not in self._data:
             self._data += self._receive()
         head, _, self._data = self._data.partition(b"\r\n\r\n")
@@ -30,6 +31,7 @@ class Viewer:
 
     def subscribe(self, channels: dict[int, int]) -> None:
         """Subscribe to channels: subscription by channel."""
+        self._subscribed = channels
         pairs = [{"id": number, "channelId": channel} for channel, number in channels.items()]
         self._send(json.dumps({"op": "subscribe", "subscriptions": pairs}).encode())
 
@@ -40,6 +42,9 @@ class Viewer:
             kind, payload = self._frame()
         if kind == 1:
             told: dict[str, Any] = json.loads(payload)
+            # The server tells of a channel a moment before it accepts a subscription to it.
+            if told["op"] == "status" and told["message"].startswith("Unknown channel ID"):
+                self.subscribe(self._subscribed)
             return told
         subscription, time_ns = struct.unpack_from("<IQ", payload, 1)
         return subscription, time_ns, payload[13:]
