@@ -1,10 +1,10 @@
-# make setup | run | test | test-kernel | safety-coverage | check | reference | site | wheel | mutation
+# make setup | run | test | test-slow | test-kernel | safety-coverage | check | reference | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-kernel safety-coverage check reference site wheel mutation
+.PHONY: setup run test test-slow test-kernel safety-coverage check reference site wheel mutation
 
 setup: $(STAMP)
 
@@ -21,7 +21,12 @@ run: setup
 	$(BIN)/rover-hil run robotino --virtual
 
 test: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+
+# Processes, browsers, clusters and whole tutorials: minutes. Installs Chromium, its driver and groff where they are missing.
+test-slow: setup
+	.ci/slow_tools
+	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
 
 # Part of the nightly, not of `make test`: minutes, and 90 MB of Debian's packages in .cache/kernel the first time.
 test-kernel: setup

@@ -123,6 +123,7 @@ def digest() -> str:
     return hashlib.sha256(repr(outputs).encode()).hexdigest()
 
 
+@pytest.mark.slow
 def test_the_same_inputs_give_the_same_outputs_whatever_the_hash_seed() -> None:
     program = "from tests.controllers.test_control_loop import digest; print(digest())"
     digests = {
@@ -181,6 +182,7 @@ CYCLES = st.lists(
 
 @settings(max_examples=100)
 @given(cycles=CYCLES, has_mission=st.booleans())
+@pytest.mark.slow
 def test_no_stream_of_samples_makes_it_raise_or_ask_for_too_much(
     cycles: list[tuple[int, bool, list[Sample]]], has_mission: bool
 ) -> None:

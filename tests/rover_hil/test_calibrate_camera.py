@@ -121,6 +121,7 @@ def options(folder: Path, kind: Kind, out: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", ["charuco", "chessboard"])
+@pytest.mark.slow
 def test_the_camera_is_found(kind: Kind, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     folder: Path = request.getfixturevalue(kind)
     result = CliRunner().invoke(app, options(folder, kind, tmp_path / "rig.json"))

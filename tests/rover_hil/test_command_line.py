@@ -155,6 +155,7 @@ def test_measured_run_from_csv_to_report(command: Command, shared_data: Path, tm
     assert summary["distance_encoders_m"] > 1.2 * summary["distance_truth_m"]
 
 
+@pytest.mark.slow
 def test_two_processes_over_pseudo_terminals_and_ctrl_c(command: Command, tmp_path: Path) -> None:
     """Simulator and loop as separate processes, ended by ctrl-C: the run is complete and replays."""
     program = Path(sys.executable).with_name("rover-hil")

@@ -78,7 +78,7 @@ def test_the_manual_page_has_every_command_and_option() -> None:
             assert f"\\fB{option.spelling}\\fR" in sections[command.name]
 
 
-@pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
+@pytest.mark.slow
 def test_the_manual_page_is_set_without_warnings() -> None:
     done = subprocess.run(
         [shutil.which("groff") or "", "-man", "-Tutf8", "-ww", "-Kutf8", PAGE],

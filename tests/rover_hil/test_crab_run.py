@@ -20,6 +20,8 @@ from rover_hil.scomp.files import read_drive
 from rover_hil.scomp.odometry import estimate_track
 from tests.rover_hil.test_virtual_run import records, replay_file
 
+pytestmark = pytest.mark.slow
+
 LENGTH_M = 1.0
 
 

@@ -50,6 +50,7 @@ def final_error_m(summary: Summary) -> float:
 
 
 @pytest.mark.parametrize("name", ROVERS)
+@pytest.mark.slow
 def test_fixes_correct_the_estimate_and_late_ones_count_from_their_exposure(
     name: str, tmp_path: Path
 ) -> None:

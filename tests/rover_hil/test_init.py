@@ -93,6 +93,7 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return lines
 
 
+@pytest.mark.slow
 def test_a_rover_with_its_own_dbc_file_gets_a_valid_configuration(
     command: Command, ports: Path, answers: list[str], tmp_path: Path
 ) -> None:

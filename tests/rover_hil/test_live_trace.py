@@ -22,6 +22,8 @@ from rover_hil.run.live_trace import LiveTraceFinder
 from tests.rover_hil.conftest import EL_DORADO_S
 from tests.rover_hil.test_virtual_run import with_changes
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def log(el_dorado_log: Path) -> Path:

@@ -66,6 +66,7 @@ def errors_and_nees(path: Path) -> tuple[float, float]:
     return math.sqrt(float(np.mean(squares))), float(np.mean(nees))
 
 
+@pytest.mark.slow
 def test_a_fix_every_two_seconds_shrinks_the_true_error_and_the_covariance_is_honest(tmp_path: Path) -> None:
     path, blind_path = tmp_path / "run.mcap", tmp_path / "blind.mcap"
     assert run_virtual(config_with(), path, 60.0, None).end is End.FINISHED

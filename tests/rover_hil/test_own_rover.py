@@ -21,6 +21,7 @@ SIX_DBC = (EXAMPLES / "can" / "six_wheels.dbc").read_text("utf-8")
 
 
 @pytest.mark.parametrize("name", ["differential", "six_wheels", "mecanum"])
+@pytest.mark.slow
 def test_the_rover_ends_near_its_goal(name: str) -> None:
     config = load_config(str(EXAMPLES / f"{name}.toml"), VIRTUAL_RUN_CHECKS)
     assert config.mission is not None
@@ -103,6 +104,7 @@ def test_the_simulated_rover_has_the_wheels_of_the_configuration_unless_it_has_i
     assert {wheel.radius_m for wheel in plant.wheels} == {0.051}
 
 
+@pytest.mark.slow
 def test_a_jammed_steering_stops_the_rover_for_good_after_three_attempts() -> None:
     config = load_config(str(EXAMPLES / "six_wheels.toml"), VIRTUAL_RUN_CHECKS)
     simulation = config.require_simulation()

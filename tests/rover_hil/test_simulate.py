@@ -52,6 +52,7 @@ def newest_position_rad(board: WheelDrive, default_rad: float) -> float:
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.slow
 def test_it_serves_until_it_is_told_to_end_and_leaves_nothing(tmp_path: Path, end: signal.Signals) -> None:
     port = tmp_path / "ports" / "board"
     clock = SystemClock()

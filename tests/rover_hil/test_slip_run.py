@@ -62,6 +62,7 @@ def rehearse(correction: dict[str, object] | None, site: int) -> tuple[Mode, flo
 
 
 @pytest.mark.parametrize("site", [1, 3])
+@pytest.mark.slow
 def test_the_torque_correction_is_stable_with_the_gain_and_bound_it_ships_with(site: int) -> None:
     plain_mode, plain = rehearse(None, site)
     mode, reversals = rehearse({}, site)
@@ -69,6 +70,7 @@ def test_the_torque_correction_is_stable_with_the_gain_and_bound_it_ships_with(s
     assert reversals <= plain + 0.3
 
 
+@pytest.mark.slow
 def test_it_is_positive_feedback_that_only_the_bound_tames() -> None:
     _, tamed = rehearse({"gain_rad_s_nm": 50.0, "bound_rad_s": 0.1}, 1)
     _, wild = rehearse({"gain_rad_s_nm": 50.0, "bound_rad_s": 5.0}, 1)

@@ -149,6 +149,7 @@ class LateStops(LogReader):
         ("in the step, stopped after the command",),
     ],
 )
+@pytest.mark.slow
 def test_a_run_in_which_it_stopped_the_drive_replays_exactly(
     stalls: tuple[str, ...], reader: type[LogReader], tmp_path: Path
 ) -> None:

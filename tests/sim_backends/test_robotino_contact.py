@@ -103,6 +103,7 @@ def test_the_wheels_carry_the_weight() -> None:
     assert OFFSET_M * (loads @ np.cos(angles)) / loads.sum() == pytest.approx(-0.017)
 
 
+@pytest.mark.slow
 def test_steady_states_are_the_measured_ones(shared_data: Path) -> None:
     _, cells = measured_cells(shared_data / "robotino_2023")
     surfaces = shipped_surfaces()

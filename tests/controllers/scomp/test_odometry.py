@@ -147,6 +147,7 @@ def test_a_drive_of_one_row_is_refused() -> None:
         estimate_track(one, PARAMETERS)
 
 
+@pytest.mark.slow
 def test_an_unknown_clockwise_compass_is_noticed() -> None:
     drive, _ = read(mounds())
     assert drive.compass_rad is not None

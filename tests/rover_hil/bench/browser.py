@@ -7,9 +7,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
+
+import pytest
 
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.config import read_config_text
@@ -22,11 +23,12 @@ WAIT_S = 40.0
 CONFIG = "rover.toml"
 
 
-def missing() -> str:
-    """Return what a test in a browser lacks here; "" for nothing."""
-    lacking = [name for name in ("nicegui", "selenium") if find_spec(name) is None]
-    lacking += [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
-    return f"not installed: {', '.join(lacking)}" if lacking else ""
+def program(name: str) -> str:
+    """Return the path of a program of the browser; fail where it is missing: a skip would hide a fault."""
+    path = shutil.which(name)
+    if path is None:
+        pytest.fail(f"{name} is not installed; `make test-slow` installs it")
+    return path
 
 
 @contextmanager
@@ -60,13 +62,11 @@ class Page:
         from selenium import webdriver
 
         options = webdriver.ChromeOptions()
-        options.binary_location = shutil.which("chromium") or ""
+        options.binary_location = program("chromium")
         for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu"):
             options.add_argument(argument)
         options.add_argument("--window-size=1400,1400")
-        service = webdriver.ChromeService(
-            shutil.which("chromedriver") or "", popen_kw={"start_new_session": True}
-        )
+        service = webdriver.ChromeService(program("chromedriver"), popen_kw={"start_new_session": True})
         self.driver = webdriver.Chrome(options=options, service=service)
         self._group = service.process.pid
         self._clock = SystemClock()

@@ -10,9 +10,9 @@ from drivers.clock import seconds
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import replay
-from tests.rover_hil.bench.browser import Page, missing, serving
+from tests.rover_hil.bench.browser import Page, serving
 
-pytestmark = [pytest.mark.skipif(bool(missing()), reason=missing() or "-"), pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 
 @pytest.fixture(scope="module")

@@ -64,12 +64,14 @@ def verdict_on(model: WheelsModel, base: Values, effects: Mapping[str, Values]) 
     ).verdict
 
 
+@pytest.mark.slow
 def test_a_resistance_of_the_ground_is_no_smaller_wheel_only(model: WheelsModel) -> None:
     """Softer ground, a base parameter, imitates it near the start: the fit must begin at a great one."""
     verdict = verdict_on(model, {}, {"rolling_resistance": {"share": 0.15}})
     assert ["rolling_resistance"] in verdict.confidence_set, verdict.sentence
 
 
+@pytest.mark.slow
 def test_a_base_parameter_far_from_its_nominal_value_contradicts_a_name(model: WheelsModel) -> None:
     """No effect explains a late gyro."""
     verdict = verdict_on(model, {"gyro_age_s": 0.1}, {"wheel_radius": {"error": -0.05}})

@@ -107,6 +107,7 @@ def test_the_likeliest_scatter_is_none_where_there_is_none() -> None:
     assert variance < 1e-3
 
 
+@pytest.mark.slow
 def test_exact_data_is_no_division_by_zero() -> None:
     runs = axis_runs(3, Drive(noise=0.0), dry=0.0125)
     verdict = analyse(make_axis(), runs, seed=3).verdict

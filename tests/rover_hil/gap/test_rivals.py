@@ -24,6 +24,7 @@ def test_a_law_that_the_catalogue_does_not_have_is_not_named_for_sure(fan: float
     assert verdict.verdict is Answer.PARTLY_NAMED, verdict.sentence
 
 
+@pytest.mark.slow
 def test_a_term_that_explains_as_much_as_a_name_is_told() -> None:
     analysis = analysis_of(make_axis(), 2, fan=2e-4)
     assert analysis.findings is not None

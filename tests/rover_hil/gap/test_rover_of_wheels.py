@@ -105,6 +105,7 @@ def analyse(command: Command, tmp_path: Path, unrendered: None) -> Analyse:
     return run
 
 
+@pytest.mark.slow
 def test_no_gap_where_there_is_none(analyse: Analyse) -> None:
     assert analyse(TrueDifferential(), "truth")["verdict"] == "NO_GAP"
 
@@ -117,6 +118,7 @@ def test_no_gap_where_there_is_none(analyse: Analyse) -> None:
         (TrueDifferential(track_m=0.33), "fixes", "base_radius", 0.1, "turn_rad_s"),
     ],
 )
+@pytest.mark.slow
 def test_the_effect_is_named_with_its_size_and_the_gap_shrinks(
     analyse: Analyse, rover: TrueDifferential, poses: Poses, name: str, size: float, channel: str
 ) -> None:

@@ -32,6 +32,7 @@ def test_without_effect_there_is_no_gap(tmp_path: Path, kind: str) -> None:
     assert verdict.verdict is Answer.NO_GAP, verdict.sentence
 
 
+@pytest.mark.slow
 def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) -> None:
     model = make_model()
     runs = read_side_slope(folder_with(tmp_path, 2, "white", flow=0.006))
@@ -47,6 +48,7 @@ def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) 
     assert again.verdict is Answer.NO_GAP, again.sentence
 
 
+@pytest.mark.slow
 def test_a_cable_that_pulls_back_gets_no_name_of_the_catalogue(tmp_path: Path) -> None:
     model = make_model()
     verdict = analyse(model, read_side_slope(folder_with(tmp_path, 3, "white", tether=20.0))).verdict

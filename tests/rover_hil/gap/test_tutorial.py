@@ -14,6 +14,8 @@ import pytest
 from rover_hil.app.app import main
 from tests.rover_hil.gap.gap_data import TUTORIAL, tutorial_files
 
+pytestmark = pytest.mark.slow
+
 COMMAND = re.compile(r"^(python|rover-hil) .*$", re.MULTILINE)
 PROGRAM = "from rover_hil.app.app import main; main()"
 

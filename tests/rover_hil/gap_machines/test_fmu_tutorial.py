@@ -21,7 +21,7 @@ from sim_backends.fmu.unit_file import (
 )
 from tests.fmu_unit import needs_a_unit
 
-pytestmark = needs_a_unit
+pytestmark = [*needs_a_unit, pytest.mark.slow]
 ROOT = Path(__file__).resolve().parents[3]
 TUTORIAL = ROOT / "docs/tutorials/gap_fmu.md"
 REFERENCE = ROOT / "docs/reference/gap_fmu.md"

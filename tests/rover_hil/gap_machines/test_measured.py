@@ -9,6 +9,8 @@ from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from tests.rover_hil.gap_machines.emps import emps_model, emps_runs
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def emps(shared_data: Path) -> Verdict:

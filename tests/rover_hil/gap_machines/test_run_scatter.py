@@ -49,6 +49,7 @@ def test_a_small_scatter_of_a_parameter_is_no_gap() -> None:
     assert "loss by" in verdict.sentence
 
 
+@pytest.mark.slow
 def test_a_large_scatter_is_a_gap_without_a_name_and_its_size_is_reported() -> None:
     verdict = answer(0.15)
     assert verdict.verdict is Answer.UNNAMED
@@ -62,6 +63,7 @@ def test_a_large_scatter_is_a_gap_without_a_name_and_its_size_is_reported() -> N
     assert scatter == pytest.approx(error, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_same_effect_in_every_run_is_named_beside_scatter() -> None:
     verdict = answer(0.01, drag=0.15)
     assert [one.name for one in verdict.effects] == ["quadratic_drag"]

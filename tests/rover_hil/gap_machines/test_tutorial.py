@@ -19,6 +19,8 @@ from rover_hil.gap.machines.linter import lint
 from rover_hil.gap.machines.model_trial import try_model
 from rover_hil.gap.output import results
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[3]
 TUTORIAL = ROOT / "docs/tutorials/gap_machine.md"
 EFFECTS = ROOT / "docs/reference/gap_effects.md"

@@ -18,6 +18,7 @@ def test_without_a_hidden_effect_there_is_no_gap() -> None:
     assert float(str(budget["upper_before"])) <= float(str(budget["tolerance"])) == SENSOR_RAD_S
 
 
+@pytest.mark.slow
 def test_dry_friction_is_named_with_its_size_and_closes_the_gap() -> None:
     verdict = analyse(axis_model(), measured_runs(dry=DRY)).verdict
     assert verdict.verdict is Answer.NAMED
@@ -31,6 +32,7 @@ def test_dry_friction_is_named_with_its_size_and_closes_the_gap() -> None:
     assert verdict.gap["speed_sensor"]["noise_floor"] == SENSOR_RAD_S
 
 
+@pytest.mark.slow
 def test_without_its_card_friction_is_a_draft_of_the_form_of_a_sign() -> None:
     verdict = analyse(axis_model(has_friction=False), measured_runs(dry=DRY)).verdict
     assert verdict.verdict in (Answer.UNNAMED, Answer.PARTLY_NAMED)
@@ -38,6 +40,7 @@ def test_without_its_card_friction_is_a_draft_of_the_form_of_a_sign() -> None:
     assert float(verdict.draft[0]["coefficient"]) == pytest.approx(-DRY, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_force_that_differs_between_runs_is_a_gap_without_a_name_in_units_of_the_channel() -> None:
     verdict = analyse(axis_model(), measured_runs(disturbance=4.0)).verdict
     assert verdict.verdict is Answer.UNNAMED
@@ -46,6 +49,7 @@ def test_a_force_that_differs_between_runs_is_a_gap_without_a_name_in_units_of_t
     assert float(str(verdict.error_budget["speed_sensor"]["model_error_before"])) > 3.0 * SENSOR_RAD_S
 
 
+@pytest.mark.slow
 def test_the_model_error_is_the_misfit_without_the_sensor() -> None:
     analysis = analyse(axis_model(), measured_runs(disturbance=4.0))
     assert analysis.machine is not None
@@ -57,6 +61,7 @@ def test_the_model_error_is_the_misfit_without_the_sensor() -> None:
     assert before.model_error < before.upper
 
 
+@pytest.mark.slow
 def test_the_same_data_gives_the_same_verdict() -> None:
     first, second = (analyse(axis_model(), measured_runs(dry=DRY)).verdict for _ in range(2))
     assert first.sentence == second.sentence

@@ -25,6 +25,7 @@ def as_rows(fields: tuple[complex, ...]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.slow
 def test_the_field_of_each_motor_is_found(tmp_path: Path, seed: int) -> None:
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, seed, patterns=EACH_BY_ITSELF)
     fit = fit_motor_fields(tmp_path / "drive.mcap", None, DAY)

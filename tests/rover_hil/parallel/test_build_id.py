@@ -18,6 +18,7 @@ def build_after(first: str) -> str:
 
 
 @pytest.mark.parametrize("package", ["cv2", "sklearn"])
+@pytest.mark.slow
 def test_a_package_that_brings_libraries_of_its_own_changes_nothing(package: str) -> None:
     pytest.importorskip(package)
     assert build_after("") == build_after(f"import {package}; ") == build_id()

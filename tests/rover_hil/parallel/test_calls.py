@@ -14,6 +14,8 @@ from drivers.errors import LogError
 from rover_hil.parallel.calls import HERE, Calls, open_calls
 from tests.rover_hil.parallel.cluster import DELAY, running_scheduler, running_worker, wait_for_workers
 
+pytestmark = pytest.mark.slow
+
 FILES = 8
 
 

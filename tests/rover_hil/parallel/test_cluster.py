@@ -23,6 +23,8 @@ from rover_hil.tune.study import MissionStudy
 from tests.rover_hil.parallel.cluster import running_scheduler, running_worker, slow_answer, wait_for_workers
 from tests.rover_hil.tune.tuning import FakeRuns, make_config, write_config
 
+pytestmark = pytest.mark.slow
+
 TRIALS = 9
 START_LIMIT_S = 60.0
 

@@ -15,6 +15,8 @@ from rover_hil.tune.parallel_missions import open_missions
 from rover_hil.tune.simulated_mission import simulate_mission
 from tests.rover_hil.tune.tuning import make_config
 
+pytestmark = pytest.mark.slow
+
 POLL_S = 0.05
 LIMIT_S = 60.0
 PARENT = """

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from rover_hil.report.write import write_report
-from tests.rover_hil.bench.browser import Page, missing
+from tests.rover_hil.bench.browser import Page
 from tests.rover_hil.report.test_read_run import Drive, write_log
 
-pytestmark = [pytest.mark.skipif(bool(missing()), reason=missing() or "-"), pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ def page_of(log_path: Path) -> str:
     return (folder / "report.html").read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_a_log_without_truth_says_so(tmp_path: Path) -> None:
     log_path = write_log(tmp_path / "run.mcap", Drive(has_truth=False, origin="real"))
     summary = json.loads(write_report(log_path, tmp_path / "out"))
@@ -33,12 +34,14 @@ def test_a_log_without_truth_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("t_s", [0.0, PERIOD_S])
+@pytest.mark.slow
 def test_a_single_cycle_is_enough(tmp_path: Path, t_s: float) -> None:
     with open_log(tmp_path / "run.mcap", "virtual") as log:
         write_cycle(log, Drive(), t_s)
     assert "ended after 0.0 s without saying why" in page_of(tmp_path / "run.mcap")
 
 
+@pytest.mark.slow
 def test_numbers_that_are_not_finite_never_reach_the_summary(tmp_path: Path) -> None:
     log_path = write_log(tmp_path / "run.mcap", Drive(estimate_is_nan=True, duration_s=6.0))
     summary = json.loads(write_report(log_path, tmp_path / "out"), parse_constant=pytest.fail)
@@ -46,6 +49,7 @@ def test_numbers_that_are_not_finite_never_reach_the_summary(tmp_path: Path) -> 
     assert (tmp_path / "out" / "summary.json").read_text("utf-8") == to_json(summary, indent=2).decode()
 
 
+@pytest.mark.slow
 def test_the_page_is_complete_and_needs_nothing_else(tmp_path: Path) -> None:
     html = page_of(write_log(tmp_path / "run.mcap", Drive(stop=(4.0, 6.0), origin="<b>odd</b> & co")))
     titles = re.findall(r"<h2>(.*?)</h2>", html)
@@ -78,6 +82,7 @@ def test_the_page_is_complete_and_needs_nothing_else(tmp_path: Path) -> None:
     assert '"base_radius_m": 0.125' in html.replace("&#34;", '"')
 
 
+@pytest.mark.slow
 def test_the_same_log_gives_the_same_page(tmp_path: Path) -> None:
     log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=3.0))
     pages = []

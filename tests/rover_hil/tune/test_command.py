@@ -219,6 +219,7 @@ def test_bad_input_leaves_nothing(run: Callable[..., int], tmp_path: Path) -> No
     assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
 
 
+@pytest.mark.slow
 def test_a_small_tuning_for_real(run: Callable[..., int], tmp_path: Path) -> None:
     tune_table = SMALL.replace("path_rms_m = 0.05\nclosure_m = 0.1", "heading_deg = 3")
     write_config(tmp_path, tune_table, POOR)
