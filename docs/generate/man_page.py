@@ -12,7 +12,7 @@ EXIT_CODES = (
     ("1", "the answer is no, as described for each command"),
     ("2", "the input cannot be used; one line per mistake on standard error"),
     ("130", "ended by ctrl-C; a run that ctrl-C ends has 0, as its log is complete"),
-    ("143", "ended by SIGTERM; a run that SIGTERM or a lost terminal ends has 1"),
+    ("143", "ended by SIGTERM or a lost terminal; a run that these end while the rover drives has 1"),
 )
 SEE_ALSO = "rover-hil COMMAND --help shows the same for one command."
 

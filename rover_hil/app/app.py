@@ -21,6 +21,7 @@ from rover_hil.app.options import (
     LONGEST_S,
     ClusterOption,
     ConfigArgument,
+    DriveOption,
     ForceOption,
     Group,
     JsonOption,
@@ -30,6 +31,7 @@ from rover_hil.app.options import (
     out_option,
 )
 from rover_hil.app.terrain.commands import terrain_app
+from rover_hil.run.end_signals import held_signals
 
 app = typer.Typer(
     help="Drive a slipping rover and know where it really is.",
@@ -85,7 +87,8 @@ def run(
 
     Example: `rover-hil run robotino --virtual`
     """
-    from rover_hil.app.run import run_rover
+    with held_signals():
+        from rover_hil.app.run import run_rover
 
     sys.exit(
         run_rover(
@@ -114,7 +117,8 @@ def simulate(
 
     Example: `rover-hil simulate robotino`, and in another terminal `rover-hil run robotino`
     """
-    from rover_hil.app.simulate import simulate as simulate_rover
+    with held_signals():
+        from rover_hil.app.simulate import simulate as simulate_rover
 
     sys.exit(simulate_rover(config, duration, model))
 
@@ -145,7 +149,8 @@ def replay(
     Data: `rover-hil sample runs` writes such a log; a whole run is
     `rover-hil run robotino --virtual --out runs/first`.
     """
-    from rover_hil.app.replay import replay_log
+    with held_signals():
+        from rover_hil.app.replay import replay_log
 
     sys.exit(
         replay_log(
@@ -171,7 +176,8 @@ def sample(
 
     Example: `rover-hil sample runs`
     """
-    from rover_hil.app.sample.command import list_samples, write_sample
+    with held_signals():
+        from rover_hil.app.sample.command import list_samples, write_sample
 
     sys.exit(list_samples() if name is None else write_sample(name, out=out, force=force))
 
@@ -189,7 +195,8 @@ def compare(
 
     Data: `rover-hil sample runs` writes these runs; of your own, any runs with changes between them.
     """
-    from rover_hil.app.compare import compare_logs
+    with held_signals():
+        from rover_hil.app.compare import compare_logs
 
     sys.exit(compare_logs(runs, out=out, force=force, as_json=json))
 
@@ -211,7 +218,8 @@ def export(
     Data: `rover-hil sample runs` writes such a log; a whole run is
     `rover-hil run robotino --virtual --out runs/first`.
     """
-    from rover_hil.app.export import export_log
+    with held_signals():
+        from rover_hil.app.export import export_log
 
     wanted = {"csv": csv, "parquet": parquet, "rosbag2": rosbag2}
     formats = [name for name, is_wanted in wanted.items() if is_wanted]
@@ -226,6 +234,10 @@ def init(
         Path | None,
         typer.Option(help="Also look into this folder, e.g. the `ports` that `rover-hil simulate` serves."),
     ] = None,
+    drive: Annotated[
+        bool,
+        typer.Option("--drive", help="Let answers that do not come from a terminal, too, turn the wheels."),
+    ] = False,
     force: ForceOption = False,
 ) -> None:
     """Set a rover up: find its devices, ask what cannot be found, write a configuration.
@@ -239,9 +251,10 @@ def init(
 
     Data: the devices of your rover, connected; docs/how-to/set_a_rover_up.md shows it with emulated ones.
     """
-    from rover_hil.app.init import init as set_up
+    with held_signals():
+        from rover_hil.app.init import init as set_up
 
-    sys.exit(set_up(out, ports=ports, dbc=dbc, force=force))
+    sys.exit(set_up(out, ports=ports, dbc=dbc, may_drive=drive, force=force))
 
 
 @app.command()
@@ -263,7 +276,8 @@ def check(
 
     Example: `rover-hil check robotino`
     """
-    from rover_hil.app.check import check_config
+    with held_signals():
+        from rover_hil.app.check import check_config
 
     sys.exit(check_config(config, schema=schema, preview=preview, force=force, as_json=json))
 
@@ -273,6 +287,7 @@ def commission(
     config: ConfigArgument,
     out: Annotated[Path, out_option("Folder for logs, marks and report.")] = Path("commissioning"),
     virtual: Annotated[bool, typer.Option("--virtual", help="Drive the simulated rover.")] = False,
+    drive: DriveOption = False,
     side: Annotated[
         float, number_option("Side of the squares, length of the line, m.", "m", 0.4, 20.0)
     ] = 1.0,
@@ -300,8 +315,9 @@ def commission(
 
     Data: your rover, chalk and a tape measure; docs/how-to/commission_a_rover.md.
     """
-    from rover_hil.app.commission import Plan
-    from rover_hil.app.commission import commission as commission_rover
+    with held_signals():
+        from rover_hil.app.commission import Plan
+        from rover_hil.app.commission import commission as commission_rover
 
     plan = Plan(side_m=side, laps=laps, tape_sd_m=tape_sd)
     sys.exit(
@@ -309,6 +325,7 @@ def commission(
             config,
             plan=plan,
             virtual=virtual,
+            drive=drive,
             again=again,
             enter=enter,
             out=out,
@@ -330,7 +347,8 @@ def bench(
 
     Example: `rover-hil bench robotino`, then open `http://localhost:8484` in a browser
     """
-    from rover_hil.app.bench import serve_bench
+    with held_signals():
+        from rover_hil.app.bench import serve_bench
 
     sys.exit(serve_bench(config, port, out))
 
@@ -343,7 +361,8 @@ def doctor(config: ConfigArgument, json: JsonOption = False) -> None:
 
     Example: `rover-hil doctor robotino`
     """
-    from rover_hil.app.doctor import examine
+    with held_signals():
+        from rover_hil.app.doctor import examine
 
     sys.exit(examine(config, as_json=json))
 
@@ -382,7 +401,8 @@ def tune(
     docs/how-to/bench_tuning.md. For logs `rover-hil sample noise`; docs/how-to/tune_from_logs.md.
     """
     if logs is not None or held_out is not None:
-        from rover_hil.app.tune_logs import tune_by_logs
+        with held_signals():
+            from rover_hil.app.tune_logs import tune_by_logs
 
         sys.exit(
             tune_by_logs(
@@ -398,7 +418,8 @@ def tune(
                 cluster=cluster,
             )
         )
-    from rover_hil.app.tune import tune as tune_rover
+    with held_signals():
+        from rover_hil.app.tune import tune as tune_rover
 
     sys.exit(
         tune_rover(
@@ -434,7 +455,8 @@ def scomp(
     Data: `rover-hil sample sand` writes such a log; a whole run is
     `rover-hil run el-dorado --virtual --out runs/sand`.
     """
-    from rover_hil.app.scomp import run_scomp
+    with held_signals():
+        from rover_hil.app.scomp import run_scomp
 
     sys.exit(run_scomp(log, params=params, out=out, online=online, force=force, as_json=json))
 
@@ -515,7 +537,8 @@ def gap(
     Data: `rover-hil sample slope` writes runs, `rover-hil sample wheels` the configuration and its drives; of
     your own: docs/reference/gap_models.md names the columns.
     """
-    from rover_hil.app.gap import Shortening, check_effects, find_gap, named_model, rover_of
+    with held_signals():
+        from rover_hil.app.gap import Shortening, check_effects, find_gap, named_model, rover_of
 
     shortening = Shortening(cut_s=cut, warm_up_s=warm_up)
     if config is None and len(data or ()) != 1:
@@ -586,7 +609,8 @@ def ftrace(
     Data: `rover-hil sample frames` writes the files, `rover-hil sample sand` the log; of your own:
     docs/how-to/measure_a_wheel_trace.md.
     """
-    from rover_hil.app.ftrace import trace_angles
+    with held_signals():
+        from rover_hil.app.ftrace import trace_angles
 
     sys.exit(
         trace_angles(
@@ -628,7 +652,8 @@ def import_robotino(
     Data: `rover-hil sample robotino` writes a simulated drive in this format; measured ones are in
     github.com/BrOleg5/research-wheel-slippage, `datasets/one_surface_type/gray_surface`.
     """
-    from rover_hil.app.import_robotino import import_run
+    with held_signals():
+        from rover_hil.app.import_robotino import import_run
 
     sys.exit(
         import_run(
@@ -656,7 +681,8 @@ def import_rosbag(
     Data: `rover-hil sample bag` writes the bag and the file of topics; for yours,
     docs/how-to/import_a_bag.md names the keys.
     """
-    from rover_hil.app.import_rosbag import import_bag
+    with held_signals():
+        from rover_hil.app.import_rosbag import import_bag
 
     sys.exit(import_bag(bag, topics_path=topics, out=out, force=force, as_json=json))
 

@@ -6,12 +6,14 @@ from rich.console import Console
 
 from drivers.clock import PacedClock
 from drivers.errors import ConfigError
+from rover_hil.app.drive import order_drive
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.run import run_real, run_virtual
 from rover_hil.bench.views import RunOrder
 from rover_hil.config import load_config
 from rover_hil.report.write import write_report
 from rover_hil.run.checks import ROVER_CHECKS
+from rover_hil.run.drive_order import rover_words
 from rover_hil.run.executive import Operator, RunResult
 
 NO_NICEGUI = "the page needs NiceGUI: install it with `pip install rover-hil[bench]`"
@@ -41,6 +43,7 @@ def serve_bench(config_name: str, port: int, out: Path) -> int:
     session = Session(config, out, stem, run_order, report_order)
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"page: http://localhost:{listener.getsockname()[1]}")
+    console.print(f"Real runs move {rover_words(config_name, config.devices)}.")
     console.print("End with ctrl-C; a run that goes on then is ended too.")
     try:
         serve(session, stem, listener)
@@ -55,7 +58,14 @@ def run_order(order: RunOrder, operator: Operator, clock: PacedClock | None) -> 
     """Run what the page ordered, as `run` does; raises RoverHilError as `run_virtual` and `run_real`."""
     if clock is not None:
         return run_virtual(order.config, order.log_path, order.limit_s, None, clock=clock, operator=operator)
-    return run_real(order.config, order.log_path, order.limit_s, None, realtime=False, operator=operator)
+    return run_real(
+        order.config,
+        order.log_path,
+        order.limit_s,
+        None,
+        order=order_drive(order.source, order.config),
+        operator=operator,
+    )
 
 
 def report_order(order: RunOrder) -> None:

@@ -14,6 +14,7 @@ from controllers.motion.settings import MissionSettings, WaypointsMission
 from controllers.slip.effort.settings import YAW_PROBE
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.ask import ask, ask_number
+from rover_hil.app.drive import permit_drive
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.key_presses import enter_was_pressed
@@ -34,6 +35,7 @@ from rover_hil.pages.render import render
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.drive_order import DriveOrder
 
 PAGE_NAME = "commissioning.html"
 LINE = "line"
@@ -89,7 +91,16 @@ class Plan:
 
 
 def commission(
-    source: str, *, plan: Plan, virtual: bool, again: bool, enter: bool, out: Path, as_json: bool, force: bool
+    source: str,
+    *,
+    plan: Plan,
+    virtual: bool,
+    drive: bool,
+    again: bool,
+    enter: bool,
+    out: Path,
+    as_json: bool,
+    force: bool,
 ) -> int:
     """Drive, ask for the measured marks, and write the report; returns the exit code: 1 if it did not pass.
 
@@ -97,6 +108,7 @@ def commission(
         source: The configuration.
         plan: What is driven.
         virtual: Drive the simulated rover; its true pose plays the tape measure.
+        drive: Drive the real one without a question.
         again: Drive nothing: use the logs and marks that are in the folder.
         enter: Enter `excite_real_rover` into the configuration where the excitation has passed.
         out: Folder for logs, marks and report.
@@ -108,13 +120,10 @@ def commission(
         LogError: A log or a file of marks is missing or damaged.
     """
     config = load_config(source, VIRTUAL_RUN_CHECKS[-1:] if virtual else ROVER_CHECKS)
-    if enter and (virtual or source in shipped_configs()):
-        raise ConfigError(
-            "--enter: the excitation must pass on the real rover: leave --virtual out, and name a TOML file "
-            "of yours"
-        )
-    if enter and not _is_excited(config):
-        raise ConfigError(f'--enter: {source} does not excite the yaw: set use = "yaw_probe" in [slip] first')
+    if enter:
+        _check_enter(config, source, virtual=virtual)
+    if again and drive:
+        raise ConfigError("--again drives nothing: leave --drive out")
     page = out / PAGE_NAME
     refuse_overwrite(page, force=force or again)
     names = plan.names()
@@ -125,9 +134,10 @@ def commission(
     else:
         refuse_overwrite(*(out / f"{name}.mcap" for name in names), force=force)
         require_room(config, [plan.mission(name, DEFAULT_SPEED_M_S) for name in names], "lower --side")
+        order = permit_drive(source, config, virtual=virtual, drive=drive)
         rng = np.random.default_rng(SEED)
         for name in names:
-            _drive(config, plan, name, out, rng, virtual=virtual)
+            _drive(config, plan, name, out, rng, order)
     drives = [_read(out / f"{name}.mcap", name) for name in names]
     worth = find_worth(drives)
     is_entered = enter and not worth.doubts
@@ -159,8 +169,18 @@ def commission(
     return EXIT_NO if worth.doubts else EXIT_OK
 
 
+def _check_enter(config: Config, source: str, *, virtual: bool) -> None:
+    if virtual or source in shipped_configs():
+        raise ConfigError(
+            "--enter: the excitation must pass on the real rover: leave --virtual out, and name a TOML file "
+            "of yours"
+        )
+    if not _is_excited(config):
+        raise ConfigError(f'--enter: {source} does not excite the yaw: set use = "yaw_probe" in [slip] first')
+
+
 def _drive(
-    config: Config, plan: Plan, name: str, out: Path, rng: np.random.Generator, *, virtual: bool
+    config: Config, plan: Plan, name: str, out: Path, rng: np.random.Generator, order: DriveOrder | None
 ) -> None:
     """Drive once, and write the marks that were measured."""
     speed_m_s = DEFAULT_SPEED_M_S if config.mission is None else config.mission.speed_m_s
@@ -173,25 +193,25 @@ def _drive(
     limit_s = SLOWNESS * 4.0 * plan.side_m / speed_m_s + 5.0 * WAIT_S + SPARE_S
     driven = config.model_copy(update={"mission": mission})
     log = out / f"{name}.mcap"
-    if not virtual:
+    if order is not None:
         ask(f"{name}: put the rover on its start mark, nose along the line, and press Enter", "ready")
     presses_ns: list[int] = []
     with show_steps(f"driving {name}") as step:
 
         def show(output: StepOutput) -> None:
-            if not virtual and enter_was_pressed():
+            if order is not None and enter_was_pressed():
                 presses_ns.append(output.t_ns)
             pose = output.estimate
-            keys = "" if virtual else f"  Enter on a mark: {len(presses_ns)}"
+            keys = "" if order is None else f"  Enter on a mark: {len(presses_ns)}"
             step(f"{name}: x {pose.x_m:+.2f} m  y {pose.y_m:+.2f} m  {output.reason}{keys}")
 
-        if virtual:
+        if order is None:
             result = run_virtual(driven, log, limit_s, show)
         else:
-            result = run_real(driven, log, limit_s, show, realtime=False)
+            result = run_real(driven, log, limit_s, show, order=order)
     require_finished(result, name)
     poses = read_poses(log)
-    if virtual:
+    if order is None:
         marks = _true_marks(log, poses.stops_s, plan.tape_sd_m, rng)
     else:
         marks = _asked_marks(name, poses, presses_ns, plan)

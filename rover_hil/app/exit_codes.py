@@ -13,7 +13,7 @@ EXIT_TERMINATED = 143
 """Ended by SIGTERM, or by the loss of the terminal."""
 
 
-def exit_terminated(reason: str = "ended by SIGTERM") -> NoReturn:
+def exit_terminated(reason: str) -> NoReturn:
     """End the program from outside, with one sentence."""
     print(f"rover-hil: {reason}", file=sys.stderr)  # noqa: T201 - not a result
     sys.exit(EXIT_TERMINATED)

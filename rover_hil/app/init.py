@@ -10,13 +10,14 @@ from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import SystemClock
-from drivers.device_settings import CanDeviceSettings, DriveSettings
+from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError, NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from drivers.vesc.settings import VescSettings
 from rover_hil.app.ask import ask, ask_choice, ask_number, ask_yes
 from rover_hil.app.check import examine_config
+from rover_hil.app.drive import permit_turning
 from rover_hil.app.error_message import readable_line
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.steps import show_steps
@@ -24,6 +25,7 @@ from rover_hil.config import schema_text
 from rover_hil.config.loader import SCHEMA_NAME
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.pages.atomic_write import check_file, unfinished, write_file
+from rover_hil.run.drive_order import port_of
 from rover_hil.setting_up.config_text import Answers, config_text
 from rover_hil.setting_up.drives import (
     canopen_nodes,
@@ -56,13 +58,14 @@ Made = dict[Path, bytes | None]
 """Files beside the configuration that were written, and what they held before."""
 
 
-def init(out: Path, *, ports: Path | None, dbc: Path | None, force: bool) -> int:
+def init(out: Path, *, ports: Path | None, dbc: Path | None, may_drive: bool, force: bool) -> int:
     """Set a rover up; returns the exit code: 1 where no drive was found, or the result has mistakes.
 
     Args:
         out: Configuration to write.
         ports: Folder with further ports, or None.
         dbc: DBC file of the drives on the CAN bus, or None.
+        may_drive: The wheels may be turned without a terminal, where the answers allow it.
         force: Replace an earlier configuration.
 
     Raises:
@@ -78,7 +81,7 @@ def init(out: Path, *, ports: Path | None, dbc: Path | None, force: bool) -> int
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     made: Made = {}
     try:
-        return _set_up(out, ports, dbc, made, console, force=force)
+        return _set_up(out, ports, dbc, made, console, may_drive=may_drive, force=force)
     except BaseException:
         for path, earlier in made.items():
             if earlier is None:
@@ -89,7 +92,14 @@ def init(out: Path, *, ports: Path | None, dbc: Path | None, force: bool) -> int
 
 
 def _set_up(
-    out: Path, ports: Path | None, dbc: Path | None, made: Made, console: Console, *, force: bool
+    out: Path,
+    ports: Path | None,
+    dbc: Path | None,
+    made: Made,
+    console: Console,
+    *,
+    may_drive: bool,
+    force: bool,
 ) -> int:
     found = _look(ports, console)
     if dbc is not None and not any("can" in each.kinds for each in found):
@@ -101,7 +111,7 @@ def _set_up(
             recognised = _drive_of(each, dbc, out, made, console, force=force)
             if recognised is not None and drive is None:
                 drive = recognised, each.what
-        elif ask_yes(f"Use {each.what}, {_place_of(each.settings)}?", default=True):
+        elif ask_yes(f"Use {each.what}, {port_of(each.settings)}?", default=True):
             name = _name_of(each)
             devices[f"{name}_{len(devices)}" if name in devices else name] = (each.settings, each.what)
     if drive is None or not isinstance(drive[0], DriveSettings):
@@ -114,7 +124,7 @@ def _set_up(
     codec = drive[0].make_codec("wheels")
     limits_rad = codec.steering_limits_rad if isinstance(codec, SteeringCodec) else {}
     kinematics, rover = _rover(codec.wheel_count, limits_rad, console)
-    settings = _turn_wheels(drive[0], kinematics, made, console)
+    settings = _turn_wheels(drive[0], drive[1], kinematics, made, console, may_drive=may_drive)
     speed = ask_number("Greatest speed of the wheels to begin with, rad/s", 0.5, 200.0, 5.0)
     gyro = next((name for name, (each, _) in devices.items() if _has(found, each, "rate")), None)
     compasses = [name for name, (each, _) in devices.items() if each.type == "nmea_compass"]
@@ -300,12 +310,14 @@ def _steered(
     return {"kinematics": "wheels", "wheels": wheels}
 
 
-def _turn_wheels(drive: DriveSettings, kinematics: str, made: Made, console: Console) -> AnyDeviceSettings:
+def _turn_wheels(
+    drive: DriveSettings, what: str, kinematics: str, made: Made, console: Console, *, may_drive: bool
+) -> AnyDeviceSettings:
     """Turn each wheel after a question; return the drive with order and signs of its wheels."""
     places = POSITIONS[kinematics]
     settings: AnyDeviceSettings = drive  # type: ignore[assignment]  # a drive of the registry
     console.print("Each wheel can now be turned a little, to find its place and its sign.")
-    if not ask_yes("Are ALL wheels lifted off the ground and free, and is nobody near them?", default=False):
+    if permit_turning(what, drive, drive=may_drive) is None:
         console.print("no wheel was turned: check order and sign with the wheels lifted before you drive")
         return settings
     order: dict[str, tuple[int, int, int]] = {}
@@ -403,12 +415,6 @@ def _has(found: Sequence[Found], settings: AnyDeviceSettings, kind: str) -> bool
 
 def _name_of(found: Found) -> str:
     return next(name for kind, name in (*NAMES.items(), ("", "device")) if kind in found.kinds or not kind)
-
-
-def _place_of(settings: AnyDeviceSettings) -> str:
-    if isinstance(settings, CanDeviceSettings):
-        return settings.channel
-    return str(getattr(settings, "port", None) or getattr(settings, "path", ""))
 
 
 def _first_radius(rover: dict[str, object]) -> float:

@@ -26,6 +26,9 @@ ConfigArgument = Annotated[
         autocompletion=_shipped_configs,
     ),
 ]
+DriveOption = Annotated[
+    bool, typer.Option("--drive", help="Drive the real rover without a question; needed without a terminal.")
+]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
 ClusterOption = Annotated[
     str | None,

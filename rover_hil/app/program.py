@@ -1,24 +1,21 @@
-"""The `rover-hil` program: loads the commands in a way that ctrl-C ends even that with one sentence."""
-
-import signal
-from types import FrameType
+"""The `rover-hil` program: loads the commands in a way that a signal ends even that with one sentence."""
 
 from rover_hil.app.exit_codes import exit_interrupted, exit_terminated
+from rover_hil.run.end_signals import Terminated, held_signals, take_signals
 
 
 def main() -> None:
     """Load the commands and run the command line.
 
-    SIGTERM ends a command like an error, so that its temporary files are removed.
+    A signal ends a command like an error, so that its temporary files are removed.
     """
-
-    def on_terminate(number: int, frame: FrameType | None) -> None:
-        exit_terminated()
-
-    signal.signal(signal.SIGTERM, on_terminate)
     try:
-        from rover_hil.app.app import main as run_command_line
+        take_signals()
+        with held_signals():
+            from rover_hil.app.app import main as run_command_line
 
         run_command_line()
     except KeyboardInterrupt:
         exit_interrupted()
+    except Terminated as end:
+        exit_terminated(str(end))

@@ -2,11 +2,9 @@
 
 import gc
 import json
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from types import FrameType
 
 from rich.console import Console
 from rich.live import Live
@@ -17,7 +15,7 @@ from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
-from rover_hil.app.end_signals import end_signals
+from rover_hil.app.drive import order_drive
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_terminated, exit_unfinished
 from rover_hil.app.options import LOG_NAME
 from rover_hil.config import Config, load_config
@@ -29,8 +27,11 @@ from rover_hil.recording.writer import LogWriter, Mirror
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.composition import build_real_rig, build_virtual_rig
+from rover_hil.run.drive_order import DriveOrder
+from rover_hil.run.end_signals import EndRequest, held_signals
 from rover_hil.run.excitation import for_real_rover
-from rover_hil.run.executive import End, Executive, Operator, RunResult
+from rover_hil.run.executive import End, Executive, Operator, RunResult, end_by
+from rover_hil.run.linear_algebra import allocate_linear_algebra
 from rover_hil.run.real_time import enter_realtime
 from rover_hil.run.watchdog import Watchdog
 from sim_backends.world.plant import Truth
@@ -85,7 +86,10 @@ def run_rover(
             if virtual:
                 result = run_virtual(config, log_path, limit_s, show, mirror)
             else:
-                result = run_real(config, log_path, limit_s, show, realtime=realtime, mirror=mirror)
+                order = order_drive(config_name, config)
+                result = run_real(
+                    config, log_path, limit_s, show, order=order, realtime=realtime, mirror=mirror
+                )
         except KeyboardInterrupt:
             if not log_path.exists():
                 raise
@@ -176,7 +180,8 @@ def run_virtual(
         ConfigError: The simulation is missing or does not fit the devices.
     """
     clock = clock or VirtualClock()
-    with ExitStack() as resources:
+    with held_signals() as request, ExitStack() as resources:
+        allocate_linear_algebra()
         with unfinished(log_path) as part:
             log = resources.enter_context(
                 _open_log(part, log_path, config, clock.now_ns(), "virtual", mirror)
@@ -188,13 +193,20 @@ def run_virtual(
                 log.truth(now_ns, truth)
                 return truth
 
+            request.obey()
             rig.connect(CONNECT_TIMEOUT_S)
             resources.enter_context(closing(rig))
             executive = Executive(
-                rig, log, config.loop.rate_hz, on_cycle=record_truth, on_status=show, operator=operator
+                rig,
+                log,
+                config.loop.rate_hz,
+                on_cycle=record_truth,
+                on_status=show,
+                operator=operator,
+                end_request=request,
             )
         _note_path(log, config, clock.now_ns())
-        return _execute(executive, log, limit_s)
+        return _execute(executive, log, limit_s, request)
 
 
 def run_real(
@@ -203,22 +215,38 @@ def run_real(
     limit_s: float,
     show: StatusDisplay | None,
     *,
-    realtime: bool,
+    order: DriveOrder,
+    realtime: bool = False,
     mirror: Mirror | None = None,
     operator: Operator | None = None,
 ) -> RunResult:
-    """Run the rover of `config` on its real ports, into the log `log_path`; arguments as for `run_virtual`.
+    """Run the rover of `config` on its real ports, into the log `log_path`, and say which one moves.
+
+    Args:
+        config: As for `run_virtual`, like those that are not named here.
+        log_path: As there.
+        limit_s: End after this time.
+        show: As there.
+        order: The order to move this rover.
+        realtime: Use the SCHED_FIFO scheduler.
+        mirror: As there.
+        operator: As there.
 
     Raises:
+        ConfigError: The user has no right to use the scheduler.
         NotConnectedError: A device cannot be opened.
+        KeyboardInterrupt: Ctrl-C came before the drive was opened.
+        Terminated: Another signal came before.
     """
     clock = SystemClock(REALTIME_SPIN_S if realtime else 0.0)
     if realtime:
         enter_realtime()
-    with ExitStack() as resources:
+    with held_signals() as request, ExitStack() as resources:
+        allocate_linear_algebra()
         with unfinished(log_path) as part:
             log = resources.enter_context(_open_log(part, log_path, config, clock.now_ns(), "real", mirror))
             rig = build_real_rig(config, clock, log)
+            request.obey()
             try:
                 rig.connect(CONNECT_TIMEOUT_S)
             except NotConnectedError as error:
@@ -233,14 +261,22 @@ def run_real(
                 log.watchdog,
             )
             executive = Executive(
-                rig, log, config.loop.rate_hz, on_status=show, watchdog=watchdog, operator=operator
+                rig,
+                log,
+                config.loop.rate_hz,
+                on_status=show,
+                watchdog=watchdog,
+                operator=operator,
+                end_request=request,
             )
+            request.obey()
+        Console(stderr=True).print(f"moving {order.rover}", highlight=False, markup=False, soft_wrap=True)
         _note_path(log, config, clock.now_ns())
         gc.collect()
         gc.freeze()  # what start-up made need not be looked at again in every collection
         watchdog.start()
         try:
-            return _execute(executive, log, limit_s)
+            return _execute(executive, log, limit_s, request)
         finally:
             watchdog.end()
 
@@ -291,16 +327,10 @@ def _note_path(log: LogWriter, config: Config, t_ns: int) -> None:
         log.path(t_ns, corner_points(config.mission))
 
 
-def _execute(executive: Executive, log: LogWriter, limit_s: float) -> RunResult:
-    def on_signal(signal_number: int, frame: FrameType | None) -> None:
-        executive.request_stop(signal_number)
-
-    previous = {number: signal.signal(number, on_signal) for number in end_signals()}
-    try:
-        result = executive.run(limit_s)
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+def _execute(executive: Executive, log: LogWriter, limit_s: float, request: EndRequest) -> RunResult:
+    result = executive.run(limit_s)
+    if request.number is not None and (result.end, result.reason) == end_by(request.number):
+        request.answer()
     log.write_json(END, executive.now_ns(), end_record(result))
     return result
 

@@ -27,6 +27,7 @@ from drivers.errors import ConfigError
 from rover_hil.bench.loop_process import LoopProcess, ReportFunction, RunFunction
 from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder, View
 from rover_hil.config import Config
+from rover_hil.run.drive_order import rover_words
 from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End
 
@@ -179,9 +180,12 @@ class Session:
             changed = ""
             if is_real:
                 config, changed = for_real_rover(config)
+                moving = f"moving {rover_words(self._stem, config.devices)}"
+                changed = f"{moving}; {changed}" if changed else moving
             name = self._free_name()
             self._armed_until_ns = 0
             self._order = RunOrder(
+                source=self._stem,
                 config=config,
                 log_path=self.folder / name / LOG_NAME,
                 limit_s=BY_HAND_LIMIT_S if kind is Kind.BY_HAND else config.loop.time_limit_s,

@@ -17,12 +17,14 @@ class RunOrder:
     """Run a rover.
 
     Attributes:
+        source: Name of the configuration.
         config: As to be run, its mission included.
         log_path: Log to write; the report goes beside it.
         limit_s: End after this time.
         is_virtual: Run the simulated rover.
     """
 
+    source: str
     config: Config
     log_path: Path
     limit_s: float

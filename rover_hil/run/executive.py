@@ -15,6 +15,7 @@ from drivers.samples import Sample, SentCommand
 from rover_hil.recording.schema import COMMAND, CYCLE, OPERATOR, operator_record, set_point_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
+from rover_hil.run.end_signals import EndRequest
 from rover_hil.run.watchdog import Watchdog
 from sim_backends.world.plant import Truth
 
@@ -31,6 +32,14 @@ class End(StrEnum):
     TERMINATED = "terminated"
     EMERGENCY_STOP = "emergency stop"
     DEVICE_FAILED = "device failed"
+
+
+def end_by(number: signal.Signals) -> tuple[End, str]:
+    """Return how and why a run ends at a signal: ctrl-C is the user's request, others come from outside."""
+    if number == signal.SIGINT:
+        return End.STOPPED_BY_USER, "stopped by the user"
+    what = "the terminal or connection was lost" if number == signal.SIGHUP else "ended from outside"
+    return End.TERMINATED, f"{what} ({number.name})"
 
 
 @dataclass(slots=True)
@@ -102,6 +111,7 @@ class Executive:
         on_status: Called about ten times per second of real time, for a live display.
         watchdog: Fed every cycle; None in simulated time, where the loop cannot hang unseen.
         operator: Operates the run; None where nobody does.
+        end_request: Looked at in each cycle; None where no signal ends the run.
     """
 
     def __init__(
@@ -114,6 +124,7 @@ class Executive:
         on_status: Callable[[StepOutput], None] | None = None,
         watchdog: Watchdog | None = None,
         operator: Operator | None = None,
+        end_request: EndRequest | None = None,
     ) -> None:
         self._rig = rig
         self._clock = rig.clock
@@ -125,27 +136,8 @@ class Executive:
         self._operator = operator
         self._healths: Sequence[Health] = ()
         self._truth: Truth | None = None
+        self._end_request = end_request or EndRequest()
         self._stop_request: tuple[End, str] | None = None
-        self._is_stopping = False
-
-    def request_stop(self, number: int) -> None:
-        """End the run after the present cycle; for signal handlers.
-
-        Args:
-            number: The signal: ctrl-C is the user's request, any other comes from outside.
-
-        Raises:
-            KeyboardInterrupt: At the second request, so that a cycle that hangs ends too; never while the
-                drive is being stopped.
-        """
-        if self._stop_request is not None and not self._is_stopping:
-            raise KeyboardInterrupt
-        if number == signal.SIGINT:
-            self._stop_request = (End.STOPPED_BY_USER, "stopped by the user")
-        else:
-            name = signal.Signals(number).name
-            what = "the terminal or connection was lost" if number == signal.SIGHUP else "ended from outside"
-            self._stop_request = (End.TERMINATED, f"{what} ({name})")
 
     def now_ns(self) -> int:
         """Return the time on the rig's clock."""
@@ -190,7 +182,7 @@ class Executive:
                 if self._is_over(output, now_ns, end_ns, result):
                     break
         finally:
-            self._is_stopping = True
+            self._end_request.shield()
             self._rig.drive.stop()
             self._log.health(self._clock.now_ns(), self._rig.healths())
         result.duration_s = seconds(now_ns - start_ns)
@@ -228,6 +220,8 @@ class Executive:
     def _wanted_end(self) -> tuple[End, str] | None:
         if self._operator is not None:
             self._stop_request = self._operator.end() or self._stop_request
+        if self._end_request.number is not None:
+            self._stop_request = end_by(self._end_request.number)
         return self._stop_request
 
     def _is_over(self, output: StepOutput, now_ns: int, end_ns: int, result: RunResult) -> bool:

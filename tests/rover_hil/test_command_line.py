@@ -162,15 +162,20 @@ def test_two_processes_over_pseudo_terminals_and_ctrl_c(command: Command, tmp_pa
     clock = SystemClock()
     simulator = subprocess.Popen([program, "simulate", "robotino"], cwd=tmp_path, stdout=subprocess.DEVNULL)
     runner: subprocess.Popen[bytes] | None = None
+    messages = tmp_path / "messages"
     try:
         deadline_ns = clock.now_ns() + nanoseconds(RUN_LIMIT_S)
         while not (tmp_path / "ports" / "imu").exists():
             assert clock.now_ns() < deadline_ns
             assert simulator.poll() is None
             clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
-        runner = subprocess.Popen(
-            [program, "run", "robotino", "--out", "a"], cwd=tmp_path, stdout=subprocess.DEVNULL
-        )
+        with messages.open("w") as sink:
+            runner = subprocess.Popen(
+                [program, "run", "robotino", "--out", "a"],
+                cwd=tmp_path,
+                stdout=subprocess.DEVNULL,
+                stderr=sink,
+            )
         log_path = tmp_path / "a" / "run.mcap"
         while not log_path.exists() or log_path.stat().st_size < 100_000:
             assert clock.now_ns() < deadline_ns
@@ -178,6 +183,8 @@ def test_two_processes_over_pseudo_terminals_and_ctrl_c(command: Command, tmp_pa
             clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
         runner.send_signal(signal.SIGINT)
         assert runner.wait(RUN_LIMIT_S) == 0
+        moving = "moving the rover of robotino (board at ports/board, imu at ports/imu)"
+        assert messages.read_text("utf-8").startswith(moving)
         runner = None
     finally:
         simulator.send_signal(signal.SIGINT)

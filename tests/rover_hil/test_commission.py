@@ -28,6 +28,7 @@ from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import marks_file, read_marks
 from rover_hil.recording.schema import ESTIMATE
 from rover_hil.recording.writer import LogWriter
+from rover_hil.run.drive_order import DriveOrder
 from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -261,7 +262,7 @@ def test_marks_at_the_start_alone_measure_no_slip(command: Command, config: Conf
 def test_measured_positions_are_asked_for_and_kept(
     command: Command, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def drive(driven: Config, log: Path, *rest: object, realtime: bool) -> object:
+    def drive(driven: Config, log: Path, *rest: object, order: DriveOrder) -> object:
         write_drive(log, config, log.stem)
         return SimpleNamespace(end=End.FINISHED, reason="")
 
@@ -270,7 +271,7 @@ def test_measured_positions_are_asked_for_and_kept(
     line = "\nyes\n0.33\n0.01\n1.5\nno\nyes\n1.0\n0.02\n\n"
     square = "\n" + "no\n" * 3 + "yes\n0.01\n0.02\n-88\n"
     monkeypatch.setattr(sys, "stdin", io.StringIO(line + square * 2))
-    assert command("commission", "robotino", "--laps", "1", "--side", "1", "--out", "runs") == 1
+    assert command("commission", "robotino", "--laps", "1", "--side", "1", "--drive", "--out", "runs") == 1
     assert "5 marks" not in command.out
     assert "4 marks were measured, 6 are needed" in command.out
     marks = read_marks(Path("runs/line.positions.csv"))
@@ -304,7 +305,7 @@ def test_enter_pressed_while_it_drives_marks_a_place(
     monkeypatch.setattr(Plan, "names", lambda plan: ["line"])
     answers = "\nyes\n0.1\n0\n\nyes\n0.33\n0\n0\nno\nyes\n1.0\n0\n0\n"
     monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
-    assert command("commission", "robotino", "--side", "1", "--out", "runs") == 1
+    assert command("commission", "robotino", "--side", "1", "--drive", "--out", "runs") == 1
     assert "line, Enter at 2.0 s: was it measured?" in command.error
     marks = read_marks(Path("runs/line.positions.csv"))
     assert marks.t_s[:2] == pytest.approx(presses_s)

@@ -16,7 +16,8 @@ from rover_hil.app.run import _execute
 from rover_hil.config import load_config
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
-from rover_hil.run.executive import End, Executive
+from rover_hil.run.end_signals import EndRequest, held_signals
+from rover_hil.run.executive import End, Executive, RunResult
 from rover_hil.run.replay_link import ReplayLink
 
 SET_POINTS = (0x110, 0x111, 0x112, 0x113)
@@ -35,7 +36,15 @@ class Bench:
         self.links: ReplayLinks
         self.rig, self.links = build_replay_rig(config, clock, self.log)
         self.rig.connect(0.0)
-        self.executive = Executive(self.rig, self.log, config.loop.rate_hz)
+        self.rate_hz = config.loop.rate_hz
+        self.request = EndRequest()
+        self.executive = Executive(self.rig, self.log, self.rate_hz, end_request=self.request)
+
+    def run(self, limit_s: float) -> RunResult:
+        """Run as the program does, with signals held."""
+        with held_signals() as request:
+            executive = Executive(self.rig, self.log, self.rate_hz, end_request=request)
+            return _execute(executive, self.log, limit_s, request)
 
     @property
     def wheels(self) -> ReplayLink[bytes]:
@@ -82,7 +91,7 @@ def test_a_signal_ends_the_run_after_the_cycle(
 ) -> None:
     handler = signal.getsignal(number)
     bench.before_sending({THIRD_CYCLE: lambda: os.kill(os.getpid(), number)})
-    result = _execute(bench.executive, bench.log, 5.0)
+    result = bench.run(5.0)
     assert (result.end, result.reason, result.cycles) == (end, reason, 3)
     assert tuple(bench.identifiers()) == SET_POINTS * 6
     assert signal.getsignal(number) is handler
@@ -92,7 +101,7 @@ def test_a_lost_connection_does_not_end_a_run_under_nohup(bench: Bench) -> None:
     previous = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         bench.before_sending({THIRD_CYCLE: lambda: os.kill(os.getpid(), signal.SIGHUP)})
-        assert _execute(bench.executive, bench.log, 0.1).end is End.TIME_OVER
+        assert bench.run(0.1).end is End.TIME_OVER
     finally:
         signal.signal(signal.SIGHUP, previous)
 
@@ -100,14 +109,14 @@ def test_a_lost_connection_does_not_end_a_run_under_nohup(bench: Bench) -> None:
 def test_a_second_signal_does_not_wait_for_the_cycle_but_the_drive_is_stopped(bench: Bench) -> None:
     bench.before_sending({THIRD_CYCLE: interrupt, THIRD_CYCLE + 1: interrupt})
     with pytest.raises(KeyboardInterrupt):
-        _execute(bench.executive, bench.log, 5.0)
+        bench.run(5.0)
     assert tuple(bench.identifiers()[-12:]) == SET_POINTS * 3
     assert len(bench.wheels.sent) == THIRD_CYCLE + 12
 
 
 def test_no_signal_interrupts_the_stopping_of_the_drive(bench: Bench) -> None:
     bench.before_sending({THIRD_CYCLE: interrupt, IN_THE_STOP: interrupt, IN_THE_STOP + 1: interrupt})
-    result = _execute(bench.executive, bench.log, 5.0)
+    result = bench.run(5.0)
     assert result.end is End.STOPPED_BY_USER
     assert tuple(bench.identifiers()) == SET_POINTS * 6
 
@@ -176,7 +185,7 @@ def test_ctrl_c_while_the_disk_hangs_ends_the_run(bench: Bench, monkeypatch: pyt
 
     def wait(is_ended: Callable[[], bool]) -> None:
         answers.append(is_ended())
-        bench.executive.request_stop(signal.SIGINT)
+        bench.request.note(signal.SIGINT)
         answers.append(is_ended())
 
     monkeypatch.setattr(bench.log, "wait_while_disk_hangs", wait)

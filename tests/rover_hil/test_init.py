@@ -99,7 +99,9 @@ def test_a_rover_with_its_own_dbc_file_gets_a_valid_configuration(
 ) -> None:
     shutil.copy(EXAMPLES / "can" / "differential.dbc", tmp_path / "mine.dbc")
     answers += ANSWERS
-    assert command("init", "rover.toml", "--dbc", "mine.dbc", "--ports", "ports") == 0, command.error
+    assert command("init", "rover.toml", "--dbc", "mine.dbc", "--ports", "ports", "--drive") == 0, (
+        command.error
+    )
     assert answers == []
     assert "rover.toml is written and valid" in command.error
     config = load_config("rover.toml")
@@ -382,7 +384,7 @@ def test_a_rover_with_four_steered_wheels_is_described(
         ("rear right", "yes"),
     ):
         answers += [place, "yes", points_left]
-    init._turn_wheels(bus, kind, {}, console)
+    init._turn_wheels(bus, "drives", kind, {}, console, may_drive=True)
     assert answers == []
     assert steered == [(wheel, angle) for wheel in range(4) for angle in (init.STEER_RAD, 0.0)]
     signs = [wheel.steering_sign for wheel in load_mapping("mine.toml").mapping.wheel]

@@ -13,6 +13,7 @@ from rover_hil.config import Config
 from rover_hil.pages.atomic_write import unfinished
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
+from rover_hil.run.end_signals import END_REQUEST
 
 POLL_S = 0.02
 CONNECT_TIMEOUT_S = 2.0
@@ -73,4 +74,5 @@ def _listen(
             clock.sleep_until(now_ns)
             now_ns = clock.now_ns()
     except KeyboardInterrupt:
+        END_REQUEST.answer()
         Console(stderr=True).print("ended by ctrl-C; using what was recorded")

@@ -9,12 +9,14 @@ import typer
 from drivers.errors import ConfigError
 from rover_hil.app.options import (
     ConfigArgument,
+    DriveOption,
     ForceOption,
     Group,
     JsonOption,
     number_option,
     out_option,
 )
+from rover_hil.run.end_signals import held_signals
 
 calibrate_app = typer.Typer(cls=Group, help="Calibrate sensors.")
 
@@ -55,10 +57,11 @@ def calibrate_camera(
     Data: `rover-hil sample board` writes these files; for pictures by your camera and rover.json,
     docs/how-to/measure_a_wheel_trace.md describes them.
     """
-    from math import radians
+    with held_signals():
+        from math import radians
 
-    from rover_hil.app.calibrate.camera import calibrate_camera as calibrate
-    from rover_hil.ftrace.calibration import Board, GroundTarget
+        from rover_hil.app.calibrate.camera import calibrate_camera as calibrate
+        from rover_hil.ftrace.calibration import Board, GroundTarget
 
     sys.exit(
         calibrate(
@@ -79,6 +82,7 @@ def calibrate_imu(
     source: Annotated[str, typer.Argument(help="Configuration whose rover is to turn, or a log (.mcap).")],
     out: Annotated[Path, out_option("File to write, TOML; page and log beside it have its name.")],
     virtual: Annotated[bool, typer.Option("--virtual", help="Turn the simulated rover.")] = False,
+    drive: DriveOption = False,
     turns: Annotated[
         int | None,
         number_option("Whole turns in each sense: find mounting, scale and bias instead.", "turns", 1, 50),
@@ -114,7 +118,8 @@ def calibrate_imu(
     Data: a drive of your rover on firm ground, or a log of one; docs/how-to/calibrate_the_gyro.md.
     """
     if turns is not None:
-        from rover_hil.app.calibrate.mounting import calibrate_mounting
+        with held_signals():
+            from rover_hil.app.calibrate.mounting import calibrate_mounting
 
         sys.exit(
             calibrate_mounting(
@@ -123,6 +128,7 @@ def calibrate_imu(
                 made=made,
                 device=device,
                 virtual=virtual,
+                drive=drive,
                 by_hand=by_hand,
                 enter=enter,
                 out=out,
@@ -132,9 +138,10 @@ def calibrate_imu(
         )
     if made is not None or device is not None or by_hand or enter:
         raise ConfigError("--made, --device, --by-hand and --enter belong to --turns: add it")
-    from rover_hil.app.calibrate.imu import calibrate_imu as calibrate
+    with held_signals():
+        from rover_hil.app.calibrate.imu import calibrate_imu as calibrate
 
-    sys.exit(calibrate(source, virtual=virtual, out=out, as_json=as_json, force=force))
+    sys.exit(calibrate(source, virtual=virtual, drive=drive, out=out, as_json=as_json, force=force))
 
 
 @calibrate_app.command("compass")
@@ -143,6 +150,7 @@ def calibrate_compass(
     log: Annotated[Path | None, typer.Option(help="Use this log of turns instead of driving.")] = None,
     device: Annotated[str | None, typer.Option(help="The compass, where there are several.")] = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="Turn the simulated rover.")] = False,
+    drive: DriveOption = False,
     by_hand: Annotated[
         bool, typer.Option("--by-hand", help="Drive nothing; you turn the rover, or carry the sensor around.")
     ] = False,
@@ -187,7 +195,8 @@ def calibrate_compass(
     if motors:
         if by_hand or dip is not None:
             raise ConfigError("--motors drives the rover: leave --by-hand and --dip out")
-        from rover_hil.app.calibrate.motors import calibrate_motors
+        with held_signals():
+            from rover_hil.app.calibrate.motors import calibrate_motors
 
         sys.exit(
             calibrate_motors(
@@ -195,6 +204,7 @@ def calibrate_compass(
                 log=log,
                 device=device,
                 virtual=virtual,
+                drive=drive,
                 side_m=side,
                 out=out,
                 enter=enter,
@@ -202,7 +212,8 @@ def calibrate_compass(
                 force=force,
             )
         )
-    from rover_hil.app.calibrate.compass import calibrate_compass as calibrate
+    with held_signals():
+        from rover_hil.app.calibrate.compass import calibrate_compass as calibrate
 
     sys.exit(
         calibrate(
@@ -210,6 +221,7 @@ def calibrate_compass(
             log=log,
             device=device,
             virtual=virtual,
+            drive=drive,
             by_hand=by_hand,
             turns=turns,
             dip_deg=dip,
@@ -234,6 +246,7 @@ def calibrate_wheels(
         typer.Option(help="Turns on the spot, LOG=TURNS, counter-clockwise positive; repeat it."),
     ] = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="Drive the simulated rover.")] = False,
+    drive: DriveOption = False,
     length: Annotated[float, number_option("Length of a straight drive, m.", "m", 0.5, 50.0)] = 2.0,
     turns: Annotated[int, number_option("Turns of a drive on the spot.", "turns", 1, 50)] = 3,
     tape_sd: Annotated[
@@ -259,7 +272,8 @@ def calibrate_wheels(
     Data: drives of your rover and a tape measure, or logs of such drives;
     docs/how-to/calibrate_the_wheels.md.
     """
-    from rover_hil.app.calibrate.wheels import calibrate_wheels as calibrate
+    with held_signals():
+        from rover_hil.app.calibrate.wheels import calibrate_wheels as calibrate
 
     sys.exit(
         calibrate(
@@ -267,6 +281,7 @@ def calibrate_wheels(
             lines=line or [],
             spins=spin or [],
             virtual=virtual,
+            drive=drive,
             length_m=length,
             turns=turns,
             tape_sd_m=tape_sd,
@@ -297,6 +312,7 @@ def calibrate_time(
 
     Data: your log of turns to and fro for half a minute; docs/how-to/calibrate_the_times.md.
     """
-    from rover_hil.app.calibrate.time import calibrate_time as calibrate
+    with held_signals():
+        from rover_hil.app.calibrate.time import calibrate_time as calibrate
 
     sys.exit(calibrate(log, out=out, as_json=as_json, force=force))

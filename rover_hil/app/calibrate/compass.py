@@ -1,7 +1,6 @@
 """`rover-hil calibrate compass`: hard and soft iron or deviation, from whole turns."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
@@ -18,6 +17,7 @@ from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.app.calibrate.by_hand import record_by_hand
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
+from rover_hil.app.drive import permit_drive
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
@@ -36,6 +36,7 @@ from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.drive_order import DriveOrder
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.settings import SimulationSettings
 
@@ -58,6 +59,7 @@ def calibrate_compass(
     log: Path | None,
     device: str | None,
     virtual: bool,
+    drive: bool,
     by_hand: bool,
     turns: int,
     dip_deg: float | None,
@@ -75,6 +77,7 @@ def calibrate_compass(
         log: Log of turns to use instead of driving.
         device: Name of the compass; None where there is only one.
         virtual: Turn the simulated rover.
+        drive: Turn the real one by its wheels, without a question.
         by_hand: Drive nothing: the user turns the rover or the sensor.
         turns: Whole turns in each sense.
         dip_deg: Angle of the earth's field below the horizontal, or None.
@@ -89,7 +92,7 @@ def calibrate_compass(
     """
     if source.endswith(LOG_SUFFIX):
         log = log or Path(source)
-    _check_options(source, log, virtual=virtual, by_hand=by_hand)
+    _check_options(source, log, virtual=virtual, drive=drive, by_hand=by_hand)
     config = None if source.endswith(LOG_SUFFIX) else load_config(source, ROVER_CHECKS)
     if enter and (config is None or source in shipped_configs()):
         raise ConfigError(f"--enter: {source} cannot be edited: name a TOML file of yours")
@@ -102,7 +105,11 @@ def calibrate_compass(
     log_path = out.with_suffix(LOG_SUFFIX)
     page = check_results(out, () if log is not None else (log_path,), force=force)
     if log is None and config is not None and device is not None:
-        _record(config, device, log_path, virtual=virtual, by_hand=by_hand, turns=turns)
+        if by_hand:
+            _record_by_hand(config, device, log_path, turns)
+        else:
+            order = permit_drive(source, config, virtual=virtual, drive=drive)
+            _record(config, device, log_path, turns, order)
     log = log or log_path
     with show_steps("fitting"):
         record = read_record(log, device)
@@ -119,11 +126,11 @@ def calibrate_compass(
     return EXIT_NO if fit.problem else EXIT_OK
 
 
-def _check_options(source: str, log: Path | None, *, virtual: bool, by_hand: bool) -> None:
-    if log is not None and (virtual or by_hand):
-        raise ConfigError(f"{log} is a log: leave --virtual and --by-hand out")
-    if virtual and by_hand:
-        raise ConfigError("--virtual turns the simulated rover, --by-hand a real one: leave one of them out")
+def _check_options(source: str, log: Path | None, *, virtual: bool, drive: bool, by_hand: bool) -> None:
+    if log is not None and (virtual or drive or by_hand):
+        raise ConfigError(f"{log} is a log: leave --virtual, --drive and --by-hand out")
+    if by_hand and (virtual or drive):
+        raise ConfigError("--by-hand drives nothing: leave --virtual and --drive out")
     if virtual:
         load_config(source, VIRTUAL_RUN_CHECKS[-1:])
 
@@ -158,13 +165,9 @@ def _print(
         )
 
 
-def _record(config: Config, device: str, log_path: Path, *, virtual: bool, by_hand: bool, turns: int) -> None:
+def _record(config: Config, device: str, log_path: Path, turns: int, order: DriveOrder | None) -> None:
     """Turn the rover into a log, and show how far it is."""
     coverage, wanted = Coverage(), 2 * turns
-    if by_hand:
-        with show_steps("connecting") as step:
-            _record_by_hand(config, device, log_path, wanted, coverage, step)
-        return
     driven = turning_config(config, device, turns)
     require_room(config, [driven.mission], "turn it yourself with --by-hand")
     limit_s = driven.loop.time_limit_s
@@ -174,12 +177,12 @@ def _record(config: Config, device: str, log_path: Path, *, virtual: bool, by_ha
             coverage.add(output.estimate.yaw_rad)
             step(f"{coverage.text(wanted)}  {output.reason}")
 
-        if virtual:
+        if order is None:
             simulation = with_magnetic_frames(config, device, on_firm_floor(driven.require_simulation()))
             driven = driven.model_copy(update={"simulation": simulation})
             result = run_virtual(driven, log_path, limit_s, show)
         else:
-            result = run_real(driven, log_path, limit_s, show, realtime=False)
+            result = run_real(driven, log_path, limit_s, show, order=order)
     require_uninterrupted(result)
     if result.end is None or result.end.name != "FINISHED":
         Console(stderr=True).print(f"the turns ended early: {result.reason}", soft_wrap=True)
@@ -255,29 +258,24 @@ def _rings(radius_m: float, turns: int) -> tuple[tuple[float, float], ...]:
     return tuple(points)
 
 
-def _record_by_hand(
-    config: Config,
-    device: str,
-    log_path: Path,
-    wanted: float,
-    coverage: Coverage,
-    step: Callable[[str], None],
-) -> None:
+def _record_by_hand(config: Config, device: str, log_path: Path, turns: int) -> None:
     """Record compass and gyro while the user turns them; ends when that is enough, or with ctrl-C."""
+    coverage, wanted = Coverage(), 2 * turns
     names = tuple(dict.fromkeys((device, *((config.roles.gyro,) if config.roles.gyro else ()))))
     yaw_rad, last_ns = 0.0, 0
+    with show_steps("connecting") as step:
 
-    def take(samples: list[Sample]) -> bool:
-        nonlocal yaw_rad, last_ns
-        for sample in samples:
-            if isinstance(sample, RateSample) and sample.device == names[-1]:
-                yaw_rad += sample.rate_z_rad_s * (seconds(sample.t_ns - last_ns) if last_ns else 0.0)
-                last_ns = sample.t_ns
-                coverage.add(wrap_rad(yaw_rad))
-        step(f"turn it slowly by hand, in both senses; ctrl-C ends: {coverage.text(wanted)}")
-        return coverage.turns >= wanted and coverage.covered >= COMPASS_FIT.least_covered
+        def take(samples: list[Sample]) -> bool:
+            nonlocal yaw_rad, last_ns
+            for sample in samples:
+                if isinstance(sample, RateSample) and sample.device == names[-1]:
+                    yaw_rad += sample.rate_z_rad_s * (seconds(sample.t_ns - last_ns) if last_ns else 0.0)
+                    last_ns = sample.t_ns
+                    coverage.add(wrap_rad(yaw_rad))
+            step(f"turn it slowly by hand, in both senses; ctrl-C ends: {coverage.text(wanted)}")
+            return coverage.turns >= wanted and coverage.covered >= COMPASS_FIT.least_covered
 
-    record_by_hand(config, names, log_path, SLOWEST_BY_HAND_S * wanted, take)
+        record_by_hand(config, names, log_path, SLOWEST_BY_HAND_S * wanted, take)
 
 
 def _facts(record: CompassRecord, fit: CompassFit) -> tuple[tuple[str, str], ...]:

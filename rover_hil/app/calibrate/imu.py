@@ -10,6 +10,7 @@ from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.calibrate.results import check_results
+from rover_hil.app.drive import permit_drive
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
@@ -34,7 +35,9 @@ SPARE_S = 15.0
 """In addition to the turns: settling, and stops."""
 
 
-def calibrate_imu(source: str, *, virtual: bool, out: Path, as_json: bool, force: bool = False) -> int:
+def calibrate_imu(
+    source: str, *, virtual: bool, drive: bool = False, out: Path, as_json: bool, force: bool = False
+) -> int:
     """Identify the gyro and write its constants; returns the exit code: 1, and no file, if they are not sure.
 
     The page with the picture is written first, also where the constants are not sure.
@@ -42,6 +45,7 @@ def calibrate_imu(source: str, *, virtual: bool, out: Path, as_json: bool, force
     Args:
         source: A configuration, whose rover is driven, or a log.
         virtual: Drive the simulated rover, on firm ground.
+        drive: Drive the real one without a question.
         out: File to write; the page has its name with `.html`, the log of the drive with `.mcap`.
         as_json: Print JSON instead of text.
         force: Replace earlier files.
@@ -53,12 +57,12 @@ def calibrate_imu(source: str, *, virtual: bool, out: Path, as_json: bool, force
     log_path = out.with_suffix(LOG_SUFFIX)
     is_log = source.endswith(LOG_SUFFIX)
     page = check_results(out, () if is_log else (log_path,), force=force)
-    if is_log and virtual:
-        raise ConfigError(f"{source} is a log: leave --virtual out, or name a configuration")
+    if is_log and (virtual or drive):
+        raise ConfigError(f"{source} is a log: leave --virtual and --drive out, or name a configuration")
     if is_log:
         log_path = Path(source)
     else:
-        _drive(source, log_path, virtual=virtual)
+        _drive(source, log_path, virtual=virtual, drive=drive)
     turns = read_turns(log_path)
     fit = fit_response(turns)
     response = _response(fit, log_path)
@@ -81,15 +85,16 @@ def calibrate_imu(source: str, *, virtual: bool, out: Path, as_json: bool, force
     return EXIT_OK
 
 
-def _drive(name: str, log_path: Path, *, virtual: bool) -> None:
+def _drive(name: str, log_path: Path, *, virtual: bool, drive: bool) -> None:
     """Let the rover of a configuration turn in place, into a log."""
     config = turning_config(load_config(name, VIRTUAL_RUN_CHECKS if virtual else RUN_CHECKS))
+    order = permit_drive(name, config, virtual=virtual, drive=drive)
     limit_s = config.loop.time_limit_s
-    if virtual:
+    if order is None:
         config = config.model_copy(update={"simulation": on_firm_floor(config.require_simulation())})
         result = run_virtual(config, log_path, limit_s, None)
     else:
-        result = run_real(config, log_path, limit_s, lambda output: None, realtime=False)
+        result = run_real(config, log_path, limit_s, lambda output: None, order=order)
     require_uninterrupted(result)
 
 

@@ -12,6 +12,7 @@ from drivers.errors import ConfigError
 from rover_hil.app.calibrate.compass import LOG_SUFFIX, turning_config, with_magnetic_frames
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
+from rover_hil.app.drive import permit_drive
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
@@ -29,6 +30,7 @@ from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.drive_order import DriveOrder
 
 DEFAULT_SPEED_M_S = 0.15
 WAIT_S = 3.0
@@ -43,6 +45,7 @@ def calibrate_motors(
     log: Path | None,
     device: str | None,
     virtual: bool,
+    drive: bool,
     side_m: float,
     out: Path | None,
     enter: bool,
@@ -58,6 +61,7 @@ def calibrate_motors(
         log: Log of a drive to use instead of driving.
         device: Name of the compass; None where there is only one.
         virtual: Drive the simulated rover.
+        drive: Drive the real one without a question.
         side_m: Side of the two squares that are driven, one to the left and one to the right.
         out: File to write; None for a name from configuration and device.
         enter: Enter the file into the configuration.
@@ -70,8 +74,8 @@ def calibrate_motors(
     """
     if source.endswith(LOG_SUFFIX):
         log = log or Path(source)
-    if log is not None and virtual:
-        raise ConfigError(f"{log} is a log: leave --virtual out")
+    if log is not None and (virtual or drive):
+        raise ConfigError(f"{log} is a log: leave --virtual and --drive out")
     checks = VIRTUAL_RUN_CHECKS[-1:] if virtual else ROVER_CHECKS
     config = None if source.endswith(LOG_SUFFIX) else load_config(source, checks)
     if enter and (config is None or source in shipped_configs()):
@@ -84,7 +88,8 @@ def calibrate_motors(
     log_path = out.with_suffix(LOG_SUFFIX)
     page = check_results(out, () if log is not None else (log_path,), force=force)
     if log is None and config is not None and device is not None:
-        _drive(config, device, log_path, side_m, virtual=virtual)
+        order = permit_drive(source, config, virtual=virtual, drive=drive)
+        _drive(config, device, log_path, side_m, order)
     with show_steps("fitting"):
         fit = fit_motor_fields(log or log_path, device, today(wall_time_ns()).isoformat())
         write_file(page, _page(fit))
@@ -96,7 +101,7 @@ def calibrate_motors(
     return EXIT_NO if fit.problem else EXIT_OK
 
 
-def _drive(config: Config, device: str, log_path: Path, side_m: float, *, virtual: bool) -> None:
+def _drive(config: Config, device: str, log_path: Path, side_m: float, order: DriveOrder | None) -> None:
     """Drive a square to the left and one to the right, with a stop at each corner."""
     speed_m_s = DEFAULT_SPEED_M_S if config.mission is None else config.mission.speed_m_s
     corners = [(side_m, 0.0), (side_m, side_m), (0.0, side_m), (0.0, 0.0)]
@@ -125,12 +130,12 @@ def _drive(config: Config, device: str, log_path: Path, side_m: float, *, virtua
             pose = output.estimate
             step(f"x {pose.x_m:+.2f} m  y {pose.y_m:+.2f} m  {output.reason}")
 
-        if virtual:
+        if order is None:
             simulation = with_magnetic_frames(config, device, on_firm_floor(driven.require_simulation()))
             driven = driven.model_copy(update={"simulation": simulation})
             result = run_virtual(driven, log_path, limit_s, show)
         else:
-            result = run_real(driven, log_path, limit_s, show, realtime=False)
+            result = run_real(driven, log_path, limit_s, show, order=order)
     require_finished(result, "the squares")
 
 

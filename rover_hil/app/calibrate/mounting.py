@@ -16,6 +16,7 @@ from rover_hil.app.calibrate.by_hand import record_by_hand
 from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import LOG_SUFFIX, on_firm_floor
 from rover_hil.app.calibrate.results import check_results
+from rover_hil.app.drive import permit_drive
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
@@ -32,6 +33,7 @@ from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.drive_order import DriveOrder
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.settings import SimulationSettings
 
@@ -49,6 +51,7 @@ def calibrate_mounting(
     made: str | None,
     device: str | None,
     virtual: bool,
+    drive: bool,
     by_hand: bool,
     enter: bool,
     out: Path,
@@ -66,6 +69,7 @@ def calibrate_mounting(
             or a compass in the log, or to ask.
         device: Name of the sensor; None for `roles.gyro`.
         virtual: Turn the simulated rover.
+        drive: Turn the real one by its wheels, without a question.
         by_hand: Drive nothing: the user turns the rover.
         enter: Enter the values into the configuration.
         out: File to write, TOML; page and log beside it have its name.
@@ -77,10 +81,10 @@ def calibrate_mounting(
         LogError: The log is damaged or holds no turns.
     """
     is_log = source.endswith(LOG_SUFFIX)
-    if is_log and (virtual or by_hand or enter):
-        raise ConfigError(f"{source} is a log: leave --virtual, --by-hand and --enter out")
-    if virtual and by_hand:
-        raise ConfigError("--virtual turns the simulated rover, --by-hand a real one: leave one of them out")
+    if is_log and (virtual or drive or by_hand or enter):
+        raise ConfigError(f"{source} is a log: leave --virtual, --drive, --by-hand and --enter out")
+    if by_hand and (virtual or drive):
+        raise ConfigError("--by-hand drives nothing: leave --virtual and --drive out")
     if enter and source in shipped_configs():
         raise ConfigError(f"--enter: {source} cannot be edited: name a TOML file of yours")
     known = None if made is None else _numbers(made)
@@ -89,7 +93,11 @@ def calibrate_mounting(
     if not is_log:
         config = load_config(source, VIRTUAL_RUN_CHECKS[-1:] if virtual else ROVER_CHECKS)
         device, _ = sensor_of(config, device)
-        _record(config, device, log_path, virtual=virtual, by_hand=by_hand, turns=turns)
+        if by_hand:
+            _record_by_hand(config, device, log_path, turns)
+        else:
+            order = permit_drive(source, config, virtual=virtual, drive=drive)
+            _record(config, device, log_path, turns, order)
     record = read_inertial(Path(source) if is_log else log_path, device)
     found, biases = find_turns(record)
     known_rad, reference, sd_deg = _known(record, found, known, is_log=is_log)
@@ -147,17 +155,18 @@ def _known(
     return known_rad, name, EXACT_SD_DEG if name.startswith("simulated") else TURN_SD_DEG
 
 
-def _record(config: Config, device: str, log_path: Path, *, virtual: bool, by_hand: bool, turns: int) -> None:
-    if by_hand:
-        names = tuple(dict.fromkeys((device, *config.roles.headings)))
-        with show_steps("connecting") as step:
+def _record_by_hand(config: Config, device: str, log_path: Path, turns: int) -> None:
+    names = tuple(dict.fromkeys((device, *config.roles.headings)))
+    with show_steps("connecting") as step:
 
-            def take(samples: list[Sample]) -> bool:
-                step(f"rest, {turns} turns left, rest, {turns} turns right, rest; then ctrl-C")
-                return False
+        def take(samples: list[Sample]) -> bool:
+            step(f"rest, {turns} turns left, rest, {turns} turns right, rest; then ctrl-C")
+            return False
 
-            record_by_hand(config, names, log_path, LONGEST_BY_HAND_S, take)
-        return
+        record_by_hand(config, names, log_path, LONGEST_BY_HAND_S, take)
+
+
+def _record(config: Config, device: str, log_path: Path, turns: int, order: DriveOrder | None) -> None:
     # The turns are driven by the wheels: a gyro whose mounting is not known may count the wrong way.
     roles = config.roles.model_copy(update={"gyro": None})
     driven = turning_config(config.model_copy(update={"roles": roles}), device, turns)
@@ -167,12 +176,12 @@ def _record(config: Config, device: str, log_path: Path, *, virtual: bool, by_ha
         def show(output: StepOutput) -> None:
             step(f"yaw {math.degrees(output.estimate.yaw_rad):+.0f} deg  {output.reason}")
 
-        if virtual:
+        if order is None:
             simulation = _with_accelerations(config, device, on_firm_floor(driven.require_simulation()))
             driven = driven.model_copy(update={"simulation": simulation})
             result = run_virtual(driven, log_path, driven.loop.time_limit_s, show)
         else:
-            result = run_real(driven, log_path, driven.loop.time_limit_s, show, realtime=False)
+            result = run_real(driven, log_path, driven.loop.time_limit_s, show, order=order)
     require_uninterrupted(result)
 
 

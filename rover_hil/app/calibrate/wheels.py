@@ -15,6 +15,7 @@ from rover_hil.app.ask import ask_number
 from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.app.calibrate.imu import on_firm_floor
 from rover_hil.app.calibrate.results import check_results
+from rover_hil.app.drive import permit_drive
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
@@ -38,6 +39,7 @@ from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.drive_order import DriveOrder
 
 SPARE_S = 30.0
 DRIVES = 2
@@ -51,6 +53,7 @@ def calibrate_wheels(
     lines: Sequence[str],
     spins: Sequence[str],
     virtual: bool,
+    drive: bool,
     length_m: float,
     turns: int,
     tape_sd_m: float,
@@ -67,6 +70,7 @@ def calibrate_wheels(
         lines: Straight drives as LOG=METRES. Without these and `spins` the rover is driven.
         spins: Turns on the spot as LOG=TURNS, counter-clockwise positive.
         virtual: Drive the simulated rover; its true motion is what is known.
+        drive: Drive the real one without a question.
         length_m: Length of a straight drive.
         turns: Turns of a drive on the spot.
         tape_sd_m: Standard deviation of a known distance.
@@ -91,7 +95,10 @@ def calibrate_wheels(
         [_known(each, "--spin") for each in spins],
     )
     if not known_lines and not known_spins:
-        known_lines, known_spins = _drive(config, out, length_m, turns, virtual=virtual, force=force)
+        order = permit_drive(source, config, virtual=virtual, drive=drive)
+        known_lines, known_spins = _drive(config, out, length_m, turns, order, force=force)
+    elif virtual or drive:
+        raise ConfigError("--line and --spin are of logs: leave --virtual and --drive out")
     line_odometry = [read_odometry(path) for path, _ in known_lines]
     spin_odometry = [read_odometry(path) for path, _ in known_spins]
     rover = _one_geometry([*line_odometry, *spin_odometry])
@@ -166,7 +173,7 @@ def _spin_factor(known: Sequence[Known], drives: Sequence[Odometry], turn_sd_rad
 
 
 def _drive(
-    config: Config, out: Path, length_m: float, turns: int, *, virtual: bool, force: bool
+    config: Config, out: Path, length_m: float, turns: int, order: DriveOrder | None, *, force: bool
 ) -> tuple[list[Known], list[Known]]:
     """Drive lines and turns, and return what the user, or the simulation, knows of them."""
     kinematics = make_kinematics(config.rover)
@@ -193,23 +200,21 @@ def _drive(
                     f"{name}: x {pose.x_m:+.2f} m  yaw {math.degrees(pose.yaw_rad):+.0f} deg  {output.reason}"
                 )
 
-            if virtual:
+            if order is None:
                 simulation = on_firm_floor(driven.require_simulation())
                 result = run_virtual(
                     driven.model_copy(update={"simulation": simulation}), path, limit_s, show
                 )
             else:
-                result = run_real(driven, path, limit_s, show, realtime=False)
+                result = run_real(driven, path, limit_s, show, order=order)
         require_finished(result, name)
-        distance_m, turned = _true_motion(path) if virtual else (math.nan, math.nan)
+        distance_m, turned = _true_motion(path) if order is None else (math.nan, math.nan)
         if name.startswith("line"):
-            asked = (
-                distance_m if virtual else ask_number("Distance from start to end by tape, m", 0.05, 1000.0)
-            )
-            lines.append((path, asked))
+            words = "Distance from start to end by tape, m"
+            lines.append((path, distance_m if order is None else ask_number(words, 0.05, 1000.0)))
         else:
             words = "Turns really made, e.g. 2.98, negative for clockwise"
-            spins.append((path, turned if virtual else ask_number(words, -100.0, 100.0)))
+            spins.append((path, turned if order is None else ask_number(words, -100.0, 100.0)))
     return lines, spins
 
 

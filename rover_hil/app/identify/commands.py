@@ -13,6 +13,7 @@ from rover_hil.app.options import (
     JsonOption,
     out_option,
 )
+from rover_hil.run.end_signals import held_signals
 
 identify_app = typer.Typer(cls=Group, help="Fit models from logs or measured data.")
 
@@ -33,7 +34,8 @@ def identify_slip(
     Data: `rover-hil sample floors` writes these folders; measured ones are in `datasets` of
     github.com/BrOleg5/research-wheel-slippage.
     """
-    from rover_hil.app.identify.slip import identify_slip as identify
+    with held_signals():
+        from rover_hil.app.identify.slip import identify_slip as identify
 
     sys.exit(identify(train, test=test or [], force=force, as_json=json, out=out, cluster=cluster))
 
@@ -58,7 +60,8 @@ def identify_probe(
     Data: `rover-hil sample probe` writes such logs; yours need a yaw excitation and an overhead camera:
     docs/how-to/fit_slip_maps.md gives the settings.
     """
-    from rover_hil.app.identify.probe import identify_probe as identify
+    with held_signals():
+        from rover_hil.app.identify.probe import identify_probe as identify
 
     sys.exit(
         identify(
@@ -91,7 +94,8 @@ def identify_motor(
     Data: `rover-hil sample runs` writes such a log; a whole run is
     `rover-hil run robotino --virtual --out runs/first`.
     """
-    from rover_hil.app.identify.motor import identify_motor as identify
+    with held_signals():
+        from rover_hil.app.identify.motor import identify_motor as identify
 
     sys.exit(identify(logs, out=out, force=force, as_json=json, cluster=cluster))
 
@@ -119,6 +123,7 @@ def identify_scomp(
     Data: `rover-hil sample drive` writes these files; for your own drive and its tracked path,
     docs/reference/scomp_files.md names the columns.
     """
-    from rover_hil.app.identify.scomp import identify_scomp as identify
+    with held_signals():
+        from rover_hil.app.identify.scomp import identify_scomp as identify
 
     sys.exit(identify(log, truth=truth, out=out, pictures=pictures, force=force, as_json=json))

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rover_hil.app.options import ClusterOption, ForceOption, Group, JsonOption, out_option
+from rover_hil.run.end_signals import held_signals
 
 terrain_app = typer.Typer(cls=Group, help="Wheels and rovers on soil: forces, slopes, soil numbers.")
 RoverOption = Annotated[str, typer.Option(help="`paper_001`, or a TOML file; see docs/reference/terrain.md.")]
@@ -38,8 +39,9 @@ def terrain_wheel(
 
     Example: `rover-hil terrain wheel --slip 0:0.8:0.1 --slip-angle-deg -10,0,10`
     """
-    from rover_hil.app.terrain import solve
-    from rover_hil.terrain.setup import Output
+    with held_signals():
+        from rover_hil.app.terrain import solve
+        from rover_hil.terrain.setup import Output
 
     sys.exit(
         solve.wheel(
@@ -76,8 +78,9 @@ def terrain_traverse(
 
     Example: `rover-hil terrain traverse --slope-deg 10,15,20 --roll-deg 0:20:5 --mass-kg 23.8 --out slope`
     """
-    from rover_hil.app.terrain import solve
-    from rover_hil.terrain.setup import Choice, Output
+    with held_signals():
+        from rover_hil.app.terrain import solve
+        from rover_hil.terrain.setup import Choice, Output
 
     choice = Choice(rover, wheel, soil)
     sys.exit(
@@ -110,8 +113,9 @@ def terrain_climb(
 
     Example: `rover-hil terrain climb --wheel wh31 --soil hit_lss1`
     """
-    from rover_hil.app.terrain import solve
-    from rover_hil.terrain.setup import Choice, Output
+    with held_signals():
+        from rover_hil.app.terrain import solve
+        from rover_hil.terrain.setup import Choice, Output
 
     choice = Choice(rover, wheel, soil)
     sys.exit(
@@ -135,8 +139,9 @@ def terrain_papers(
 
     Example: `rover-hil terrain papers --out papers`
     """
-    from rover_hil.app.terrain import solve
-    from rover_hil.terrain.setup import Output
+    with held_signals():
+        from rover_hil.app.terrain import solve
+        from rover_hil.terrain.setup import Output
 
     sys.exit(solve.papers(Output(out, json, force)))
 
@@ -165,8 +170,9 @@ def terrain_fit(
     Data: `rover-hil sample test_bed` writes this folder; for plates.csv and wheel.csv of your test bed,
     docs/reference/terrain.md names the columns.
     """
-    from rover_hil.app.terrain.fit import fit
-    from rover_hil.terrain.setup import Output
+    with held_signals():
+        from rover_hil.app.terrain.fit import fit
+        from rover_hil.terrain.setup import Output
 
     output = Output(out, json, force)
     sys.exit(

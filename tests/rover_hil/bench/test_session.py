@@ -81,7 +81,11 @@ def test_a_real_run_needs_arming_each_time_and_for_half_a_minute(
     assert not session.snapshot(0, 0).is_armed
     # The excitation has not passed a commissioning on the real rover.
     assert order.config.slip is None
-    assert "the yaw excitation is off" in session.snapshot(0, 0).message
+    message = session.snapshot(0, 0).message
+    assert message.startswith(
+        "moving the rover of robotino (board at ports/board, imu at ports/imu); the yaw excitation is off"
+    )
+    assert order.source == "robotino"
 
 
 @pytest.mark.parametrize("disarm", ["emergency stop", "lost browser"])

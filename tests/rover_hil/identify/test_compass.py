@@ -106,7 +106,10 @@ def test_bad_input_is_one_sentence(command: Command, tmp_path: Path) -> None:
         (("turns.mcap",), "--out is missing"),
         (("turns.mcap", "--out", "c.toml", "--device", "wheels"), "'wheels' is no compass"),
         (("el-dorado", "--enter"), "--enter: el-dorado cannot be edited"),
-        (("el-dorado", "--virtual", "--by-hand"), "leave one of them out"),
+        (
+            ("el-dorado", "--virtual", "--by-hand"),
+            "--by-hand drives nothing: leave --virtual and --drive out",
+        ),
         (("docs/examples/none.toml",), "no configuration"),
         (("turns.mcap", "--out", "c.html"), "name a file that ends with .toml"),
     ):

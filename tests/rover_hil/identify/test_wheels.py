@@ -124,7 +124,7 @@ def test_after_a_drive_that_was_not_completed_nothing_is_asked_and_driven(
 
     monkeypatch.setattr(calibrate_wheels, "run_real", drive)
     monkeypatch.setattr(calibrate_wheels, "ask_number", lambda *arguments: pytest.fail("asked"))
-    assert command("calibrate", "wheels", "robotino", "--out", "out.toml") == 1
+    assert command("calibrate", "wheels", "robotino", "--drive", "--out", "out.toml") == 1
     assert_one_sentence(command.error, "line1", "wheel 1: stalled")
     assert len(drives) == 1
     assert not Path("out.html").exists()

@@ -1,0 +1,32 @@
+"""The order to move a real rover, without which no run drives one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drivers.device_settings import CanDeviceSettings, DeviceSettings
+
+
+@dataclass(frozen=True, slots=True)
+class DriveOrder:
+    """Someone has ordered to move a real rover.
+
+    Made only by `rover_hil.app.drive`, which has asked or told the user.
+
+    Attributes:
+        rover: Which one, in words.
+    """
+
+    rover: str
+
+
+def rover_words(source: str, devices: Mapping[str, DeviceSettings]) -> str:
+    """Return in words which rover a configuration drives: its file, and the port of each device."""
+    places = ", ".join(f"{name} at {port_of(settings)}" for name, settings in devices.items())
+    return f"the rover of {source} ({places})"
+
+
+def port_of(settings: DeviceSettings) -> str:
+    """Return where a device is connected: a serial port, a network interface, or the path of a camera."""
+    if isinstance(settings, CanDeviceSettings):
+        return settings.channel
+    return str(getattr(settings, "port", None) or getattr(settings, "path", ""))
