@@ -1,6 +1,6 @@
 """One cycle of the controller: samples in, wheel set-points out. Pure: time is an argument."""
 
-import math
+import cmath
 import operator
 from collections.abc import Sequence
 
@@ -42,6 +42,7 @@ class StepOutput:
         t_ns: Time of the cycle.
         mode: State of the controller.
         reason: Why the rover is stopped; empty while it may move.
+        suspicion: What may be wrong although it stops nothing; empty for nothing.
         estimate: Pose of the filter.
         odometry: Pose of the wheels alone.
         odometry_rebases: Number of times the odometry lost its base, together with the motion in between.
@@ -73,6 +74,7 @@ class StepOutput:
     contradiction: ContradictionReport | None = None
     steering_rad: tuple[float, ...] | None = None
     crab: CrabReport | None = None
+    suspicion: str = ""
 
 
 class ControlLoop:
@@ -215,6 +217,7 @@ class ControlLoop:
             contradiction=self._estimator.contradiction.report if is_fresh else None,
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
+            suspicion="" if self._follower is None else self._supervisor.suspicion,
         )
 
     def _mode(self) -> Mode:
@@ -238,7 +241,7 @@ class ControlLoop:
             return None
         supervisor, odometry = self._supervisor, self._estimator.odometry
         driven_from, self._driven_to = self._driven_to, odometry.pose
-        distance_m = math.hypot(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
+        driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
         supervisor.update(
             Cycle(
                 now_ns=now_ns,
@@ -247,7 +250,9 @@ class ControlLoop:
                 innovations=innovations,
                 commanded_rad_s=self._commanded_rad_s,
                 measured_rad_s=odometry.wheel_speed_rad_s,
-                distance_m=distance_m,
+                distance_m=abs(driven_m),
+                travel_m=driven_m * cmath.rect(1.0, estimate.yaw_rad - odometry.pose.yaw_rad),
+                yaw_rad=estimate.yaw_rad,
                 is_still=self._estimator.is_still,
                 evidence=self._estimator.evidence,
                 gyro_bias_rad_s=estimate.gyro_bias_rad_s,
@@ -255,13 +260,14 @@ class ControlLoop:
                 unseen_m=self._estimator.unseen_m,
                 unseen_rad=self._estimator.unseen_rad,
                 slip=self._valid_slip(),
+                sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
                 set_steering_rad=self._steering_rad,
                 steering_rad=self._estimator.steering.angles_rad,
                 steering_ns=self._estimator.steering.reported_ns,
             )
         )
-        for wheel_rad, yaw_rad in supervisor.doubts:
-            self._estimator.doubt(wheel_rad, yaw_rad)
+        for doubt in supervisor.doubts:
+            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
         drift_rad = 0.0

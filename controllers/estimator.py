@@ -210,7 +210,7 @@ class Estimator:
         x_m, y_m = self._compensated_m
         self._compensated_m = (kept * x_m + removed_x_m, kept * y_m + removed_y_m)
 
-    def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float) -> None:
+    def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float, *, is_unseen: bool = True) -> None:
         """Widen the estimate by motion that was measured wrongly.
 
         A gyro that was wrong has also misled the slip compensation: a gyro without a signal looks like wheels
@@ -220,6 +220,8 @@ class Estimator:
         Args:
             wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
             yaw_rad: Greatest error of the yaw.
+            is_unseen: Whether the doubt counts as motion that was not measured, which may keep the rover
+                stopped; else the estimate only becomes as uncertain as it is.
         """
         x_m, y_m, by_wheels_rad = greatest_motion(self._effects, wheel_rad or (0.0,) * len(self._effects))
         if yaw_rad:
@@ -228,7 +230,11 @@ class Estimator:
             self._filter.doubt_slip()
             if self._slip is not None:
                 self._slip.doubt_gyro()
-        self._widen((x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0)))
+        greatest = (x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0))
+        if is_unseen:
+            self._widen(greatest)
+        else:
+            self._filter.widen(*greatest)
 
     def _is_still(self, now_ns: int) -> bool:
         """Return whether the wheels have been at rest for a while, as commanded.

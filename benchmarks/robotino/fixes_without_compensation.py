@@ -17,32 +17,20 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.cluster_option import add_cluster_option
-from benchmarks.safety.missions import drive, robotino
+from benchmarks.safety.missions import drive, robotino, with_fixes
 from controllers.safety import Mode
 from rover_hil.config import Config
 from rover_hil.parallel.executor import open_executor
 
 VALUES = (0.0, 0.1, 0.2, 0.3, 0.4)
 EVERY_CYCLES = 25
-CAMERA = {
-    "type": "overhead_camera",
-    "source": "live_folder",
-    "path": "frames",
-    "max_age_s": 10.0,
-    "marker_id": 7,
-    "marker_size_m": 0.12,
-    "marker_height_m": 0.22,
-    "calibration": "simulated",
-}
 
 
 def configured(seed: int, unsure_slip_sd: float, fixes_per_s: float) -> Config:
     """Return the shipped Robotino on a random site, with fixes and without compensation."""
     table = robotino(seed).model_dump(by_alias=True)
     table["slip"], table["filter"] = None, {"unsure_slip_sd": unsure_slip_sd}
-    table["devices"]["overhead"] = {**CAMERA, "frame_rate_hz": fixes_per_s}
-    table["roles"]["fixes"] = ["overhead"]
-    return Config.model_validate(table)
+    return with_fixes(Config.model_validate(table), fixes_per_s)
 
 
 def mission(seed: int, unsure_slip_sd: float, fixes_per_s: float) -> tuple[str, int, float, float]:

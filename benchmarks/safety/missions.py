@@ -1,4 +1,7 @@
-"""Missions of both shipped rovers on random slippery ground, with samples that may be falsified."""
+"""Missions on random slippery ground, with samples that may be falsified.
+
+Rovers: both shipped ones, and the Robotino of `tests/nature/omni_contact.py`, which shares no code with them.
+"""
 
 import math
 from collections.abc import Callable
@@ -17,6 +20,9 @@ from rover_hil.config import Config, load_config
 from rover_hil.run.composition import build_virtual_rig
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.site import random_site
+from sim_backends.world.plant import Plant
+from sim_backends.world.world import World
+from tests.nature.omni_contact import Floor, OmniContact
 
 STEEPEST_DEG = 12.0
 OVER = (Mode.FINISHED, Mode.EMERGENCY_STOP)
@@ -50,6 +56,57 @@ def el_dorado(seed: int) -> Config:
 
 
 ROVERS = {"robotino": robotino, "el-dorado": el_dorado}
+
+MakePlant = Callable[[int], Plant]
+"""From the time of the first step to a rover that takes the place of the configured one."""
+
+
+def slippery_floor(seed: int) -> Floor:
+    """Return a slippery ground of the Robotino of `tests/nature`, with a relaxation length of 1 to 15 mm."""
+    rng = np.random.default_rng(seed)
+    return Floor.slippery(rng, rng.uniform(0.001, 0.015))
+
+
+def with_drooping_drives(config: Config) -> Config:
+    """Return the configuration that fits the drives of the Robotino of `tests/nature`.
+
+    They droop by up to 1.6 rad/s under the greatest load of `Floor.slippery`: friction of 0.13 Nm and a
+    contact that bears 0.4 of 46 N on 0.04 m, at 0.55 Nm per rad/s.
+    """
+    safety = config.safety.model_copy(update={"stall_set_point_rad_s": 1.7, "creep_rad": 20.0})
+    return config.model_copy(update={"safety": safety})
+
+
+def omni_contact(seed: int) -> MakePlant:
+    """Return the Robotino of `tests/nature` on slippery ground."""
+    return lambda start_ns: OmniContact(slippery_floor(seed), start_ns)
+
+
+CAMERA = {
+    "type": "overhead_camera",
+    "source": "live_folder",
+    "path": "frames",
+    "max_age_s": 10.0,
+    "marker_id": 7,
+    "marker_size_m": 0.12,
+    "marker_height_m": 0.22,
+    "calibration": "simulated",
+}
+
+
+def with_fixes(config: Config, fixes_per_s: float) -> Config:
+    """Return the rover with an overhead camera."""
+    table = config.model_dump(by_alias=True)
+    table["devices"]["overhead"] = {**CAMERA, "frame_rate_hz": fixes_per_s}
+    table["roles"]["fixes"] = ["overhead"]
+    return Config.model_validate(table)
+
+
+def _put(world: World, plant: Plant) -> None:
+    """Put another rover in the place of the configured one, also where the emulators see it."""
+    world.plant = plant
+    for device in (*world.byte_devices.values(), *world.image_devices.values()):
+        vars(device.emulator)["_plant"] = plant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +166,7 @@ def drive(
     *,
     paused_s: tuple[float, float] = (0.0, 0.0),
     limit_s: float = 120.0,
+    make_plant: MakePlant | None = None,
 ) -> Driven:
     """Run the loop on the simulated rover of `config` to its end.
 
@@ -117,10 +175,13 @@ def drive(
         falsify: What reaches the loop of each sample.
         paused_s: From when until when the process does not run; the world goes on.
         limit_s: The run ends after this time.
+        make_plant: Makes a rover that takes the place of the simulated one of `config`.
     """
     clock = VirtualClock()
     rig, world = build_virtual_rig(config, clock, NoTap())
     start_ns = now_ns = clock.now_ns()
+    if make_plant is not None:
+        _put(world, make_plant(start_ns))
     begin = world.plant.truth()
     driven = Driven()
     rig.connect(timeout_s=1.0)

@@ -1,11 +1,15 @@
 """Stop rule about a rover that does not get on although its wheels turn."""
 
+import cmath
+import math
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
+from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from drivers.samples import PoseFixSample, Sample
 from drivers.settings import Settings
 
 
@@ -13,30 +17,187 @@ class EntrapmentSettings(Settings):
     """When wheels that turn without moving the rover stop it.
 
     Attributes:
-        entrapment_m: The rover stops until restart when its wheels have travelled this far without a break at
-            a slip of at least `entrapment_slip`: they dig in.
-        entrapment_slip: Only valid slip of the yaw excitation counts.
+        entrapment_m: The rover stops until restart when its wheels have travelled this far straight ahead and
+            pose fixes show no progress. Without fixes nothing decides: the slip of the yaw excitation over
+            this travel is shown as a suspicion.
+        entrapment_slip: Slip from which on the yaw excitation raises the suspicion. Fixes must be able to
+            show it: where they are noisier, a longer travel is needed.
     """
 
     entrapment_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.5
     entrapment_slip: Annotated[float, Field(ge=0.5, le=1.0)] = 0.85
 
 
-class EntrapmentRule(StopRule):
-    """Adds up the travel of the wheels at a slip near 1. Smaller slip clears; unknown slip does not."""
+DEVIATIONS = 2.0
+"""A displacement between two fixes is progress from this many standard deviations on; 1 in 20 is noise."""
+
+LOOKS = 5
+"""Fixes are compared at most this often in `entrapment_m`: each comparison may take noise for progress."""
+
+STRAIGHT = 0.7
+"""Least distance between the ends of a travel over its length: that of a right angle of equal sides."""
+
+
+class _Seen(NamedTuple):
+    """A fix, and what the wheels had travelled by then.
+
+    Attributes:
+        fixed_m: Place by the fix, in its frame.
+        fixed_rad: Yaw by the fix.
+        sd_m: Standard deviation of the place in each axis.
+        wheels_m: Place by the wheels, in the local frame.
+        yaw_rad: Estimated yaw.
+        length_m: Length of the travel of the wheels.
+    """
+
+    fixed_m: complex
+    fixed_rad: float
+    sd_m: float
+    wheels_m: complex
+    yaw_rad: float
+    length_m: float
+
+
+class _Progress(NamedTuple):
+    """Travel of the wheels between two fixes, and what of it the fixes show.
+
+    Attributes:
+        wheels_m: Distance between both ends by the wheels.
+        length_m: Length of their travel.
+        moved_m: Displacement by the fixes along it; negative backwards.
+        noise_m: A displacement below this is none.
+    """
+
+    wheels_m: float
+    length_m: float
+    moved_m: float
+    noise_m: float
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the rover has moved along the travel, or against it."""
+        return abs(self.moved_m) > self.noise_m
+
+
+class ProgressByFixes:
+    """Compares the travel of the wheels with the displacement between fixes of one device.
+
+    A window begins at the last fix that has shown progress. The rover may have got stuck just after the fix
+    before that: `lost_m` counts from there.
+
+    Args:
+        settings: What counts as no progress.
+
+    Attributes:
+        lost_m: Travel of the wheels on which the fixes have shown no progress; 0 where they cannot tell.
+    """
 
     def __init__(self, settings: EntrapmentSettings) -> None:
         self._settings = settings
-        self._travelled_m = 0.0
+        self._begin: _Seen | None = None
+        self._last: _Seen | None = None
+        self._before_m = 0.0
+        self.lost_m = 0.0
+
+    def take(self, seen: _Seen) -> None:
+        """Take a fix; those on less than a `LOOKS`-th of `entrapment_m` are left out."""
+        begin, last = self._begin, self._last
+        if begin is None or last is None:
+            self._begin = self._last = seen
+            return
+        if seen.length_m - last.length_m < self._settings.entrapment_m / LOOKS:
+            return
+        self._last = seen
+        whole, newest = _compare(begin, seen), _compare(last, seen)
+        self.lost_m = 0.0
+        if whole.is_seen:
+            self._begin = seen
+            self._before_m = max(0.0, newest.wheels_m - abs(newest.moved_m))
+        elif whole.wheels_m < STRAIGHT * whole.length_m:
+            self._begin, self._before_m = seen, 0.0
+        elif whole.noise_m <= (1.0 - self._settings.entrapment_slip) * whole.wheels_m:
+            self.lost_m = self._before_m + whole.wheels_m
+
+
+def _compare(begin: _Seen, end: _Seen) -> _Progress:
+    """Compare two fixes in the body frame of the first."""
+    wheels_m = (end.wheels_m - begin.wheels_m) * cmath.rect(1.0, -begin.yaw_rad)
+    fixed_m = (end.fixed_m - begin.fixed_m) * cmath.rect(1.0, -begin.fixed_rad)
+    along = wheels_m / abs(wheels_m) if wheels_m else 1.0 + 0j
+    return _Progress(
+        wheels_m=abs(wheels_m),
+        length_m=end.length_m - begin.length_m,
+        moved_m=(fixed_m * along.conjugate()).real,
+        noise_m=DEVIATIONS * math.hypot(begin.sd_m, end.sd_m),
+    )
+
+
+class EntrapmentRule(StopRule):
+    """Stops where fixes show that the rover does not get on; the slip reading alone is a suspicion.
+
+    Progress is the displacement along the travel of the wheels. A rover that slips much and moves is not
+    entrapped.
+    """
+
+    observes = (PoseFixSample,)
+
+    def __init__(self, settings: EntrapmentSettings, roles: DeviceRoles) -> None:
+        self._settings = settings
+        self._fixes = {device: ProgressByFixes(settings) for device in roles.fixes}
+        self._arrived: list[PoseFixSample] = []
+        self._wheels_m, self._length_m = 0j, 0.0
+        self._slipped_m = 0.0
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        """Take a pose fix."""
+        if isinstance(sample, PoseFixSample) and sample.device in self._fixes and _is_usable(sample):
+            self._arrived.append(sample)
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
-        """Take the travel of a cycle; return a reason when the rover is entrapped."""
-        if cycle.slip is not None:
-            is_held = cycle.slip >= self._settings.entrapment_slip
-            self._travelled_m = self._travelled_m + cycle.distance_m if is_held else 0.0
-        if self._travelled_m >= self._settings.entrapment_m:
-            text = (
-                f"rover: entrapped, its wheels travelled {self._settings.entrapment_m:g} m at a slip of "
-                f"at least {self._settings.entrapment_slip:g}: free it and restart"
+        """Take the travel and the fixes of a cycle; return a reason when the rover does not get on."""
+        self._wheels_m += cycle.travel_m
+        self._length_m += cycle.distance_m
+        for fix in self._arrived:
+            self._fixes[fix.device].take(
+                _Seen(
+                    fixed_m=complex(fix.x_m, fix.y_m),
+                    fixed_rad=fix.yaw_rad,
+                    sd_m=fix.position_std_m,
+                    wheels_m=self._wheels_m,
+                    yaw_rad=cycle.yaw_rad,
+                    length_m=self._length_m,
+                )
             )
-            yield StopReason("entrapment", text, Severity.FINAL)
+        self._arrived.clear()
+        for device, progress in self._fixes.items():
+            if progress.lost_m >= self._settings.entrapment_m:
+                text = (
+                    f"rover: entrapped, its wheels travelled {progress.lost_m:.2f} m and {device} shows no "
+                    "progress: free it and restart"
+                )
+                yield StopReason("entrapment", text, Severity.FINAL)
+        yield from self._suspect(cycle)
+        if cycle.sees_no_motion:
+            text = (
+                "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
+                "camera is covered, turned, or in the dark"
+            )
+            yield StopReason("no motion seen", text, Severity.SUSPICION)
+
+    def _suspect(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Add up the travel at a slip near 1. Smaller slip clears; unknown slip does not."""
+        settings = self._settings
+        if cycle.slip is not None:
+            is_held = cycle.slip >= settings.entrapment_slip
+            self._slipped_m = self._slipped_m + cycle.distance_m if is_held else 0.0
+        if self._slipped_m >= settings.entrapment_m:
+            text = (
+                f"rover: may be entrapped, by the yaw excitation its wheels travelled "
+                f"{settings.entrapment_m:g} m at a slip of at least {settings.entrapment_slip:g}"
+            )
+            yield StopReason("may be entrapped", text, Severity.SUSPICION)
+
+
+def _is_usable(fix: PoseFixSample) -> bool:
+    numbers = (fix.x_m, fix.y_m, fix.yaw_rad, fix.position_std_m)
+    return all(map(math.isfinite, numbers)) and fix.position_std_m > 0.0

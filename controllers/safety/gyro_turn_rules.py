@@ -9,6 +9,7 @@ from pydantic import Field
 from controllers.estimation.turn_evidence import TurnEvidence
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.yaw_fixes import YawFixes
 from drivers.settings import Settings
 
 
@@ -25,6 +26,8 @@ class GyroTurnSettings(Settings):
             for this long.
         gyro_follow_share: Least share of these changes that the gyro measures.
         gyro_follow_rad_s: Standard deviation of the turn rate from which on its changes count.
+        gyro_turn_rad: The rover stops when its wheels have turned it by this much, on the spot or nearly, and
+            the gyro has measured less than `gyro_follow_share` of the turn.
     """
 
     gyro_difference_rad: Annotated[float, Field(ge=0.005, le=3.0)] = 0.05
@@ -32,6 +35,7 @@ class GyroTurnSettings(Settings):
     gyro_follow_s: Annotated[float, Field(ge=0.1, le=60.0)] = 0.7
     gyro_follow_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.1
     gyro_follow_rad_s: Annotated[float, Field(ge=0.001, le=10.0)] = 0.05
+    gyro_turn_rad: Annotated[float, Field(ge=0.02, le=10.0)] = 0.5
 
 
 class GyroDifferenceRule(StopRule):
@@ -93,11 +97,19 @@ NOISE_SHARE = 3.0
 """Changes count beyond this multiple of the noise's variance, whose averages scatter; chosen by hand."""
 
 
+AGAINST = -0.5
+"""Correlation of gyro and wheels below which the gyro turns against them: slip does not change a sign."""
+
+
 class GyroFollowsRule(StopRule):
     """Stops when the gyro does not follow the changes of the wheels' turn rate: dead, wrong axis, wrong sign.
 
     Slip takes away part of a change, never the sign. The regression of the gyro on the wheels over a moving
     average is free of the bias and of steady slip.
+
+    Wheels that sweep without grip look like a gyro without a signal: the stop is recoverable. While pose
+    fixes agree with the yaw it is a suspicion only: they decide. A gyro that has turned against the wheels
+    all the time is wrong: that stop is final.
 
     Wheels with time stamps of their own seem to turn the rover when a stamp is wrong, and back again in the
     next increment: such noise is known by successive turn rates that go opposite ways, and does not count.
@@ -106,11 +118,12 @@ class GyroFollowsRule(StopRule):
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._gyro = roles.gyro
+        self._fixes = YawFixes(roles)
         self._begin_anew()
 
     def _begin_anew(self) -> None:
         self._moments, self._noise = _Moments(), _WheelNoise()
-        self._lost_s = self._wheels_rad = 0.0
+        self._lost_s = self._against_s = self._wheels_rad = 0.0
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Take the evidence of a cycle; return a reason while the gyro does not follow."""
@@ -118,6 +131,7 @@ class GyroFollowsRule(StopRule):
             self._begin_anew()
         if cycle.evidence is not None:
             self._take(cycle.evidence)
+        self._fixes.take(cycle)
         if self._lost_s:
             share = self._moments.covariance / self._moments.wheel_variance
             text = (
@@ -125,9 +139,13 @@ class GyroFollowsRule(StopRule):
                 f"rate for {self._settings.gyro_follow_s:g} s: no signal, wrong axis, wrong sign, or wheels "
                 "without grip"
             )
-            is_lost = self._lost_s >= self._settings.gyro_follow_s
-            severity = Severity.STOP if is_lost else Severity.SIGN
-            yield StopReason("gyro follows", text, severity, yaw_rad=self._wheels_rad)
+            yield StopReason("gyro follows", text, self._severity(cycle.now_ns), yaw_rad=self._wheels_rad)
+
+    def _severity(self, now_ns: int) -> Severity:
+        follow_s = self._settings.gyro_follow_s
+        if self._lost_s < follow_s:
+            return Severity.SIGN
+        return Severity.FINAL if self._against_s >= follow_s else self._fixes.severity(now_ns)
 
     def _take(self, evidence: TurnEvidence) -> None:
         settings, moments, wheels = self._settings, self._moments, evidence.wheels
@@ -138,16 +156,19 @@ class GyroFollowsRule(StopRule):
         is_turning = wheel_variance > least_variance
         if is_turning and moments.covariance < settings.gyro_follow_share * wheel_variance:
             self._lost_s += wheels.duration_s
+            is_against = moments.correlation < AGAINST
+            self._against_s = self._against_s + wheels.duration_s if is_against else 0.0
             self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
         elif is_turning:
-            self._lost_s = self._wheels_rad = 0.0
+            self._lost_s = self._against_s = self._wheels_rad = 0.0
 
 
 class _Moments:
-    """Moving averages of two rates, their product and a square."""
+    """Moving averages of two rates, their product and their squares."""
 
     def __init__(self) -> None:
-        self._weight = self._wheels = self._gyro = self._square = self._product = 0.0
+        self._weight = self._wheels = self._gyro = 0.0
+        self._square = self._gyro_square = self._product = 0.0
 
     def add(self, duration_s: float, wheels_rad: float, gyro_rad: float) -> None:
         wheels, gyro = wheels_rad / duration_s, gyro_rad / duration_s
@@ -156,6 +177,7 @@ class _Moments:
         self._wheels += share * (wheels - self._wheels)
         self._gyro += share * (gyro - self._gyro)
         self._square += share * (wheels * wheels - self._square)
+        self._gyro_square += share * (gyro * gyro - self._gyro_square)
         self._product += share * (wheels * gyro - self._product)
 
     @property
@@ -165,6 +187,13 @@ class _Moments:
     @property
     def covariance(self) -> float:
         return (self._product - self._wheels / self._weight * self._gyro) / self._weight
+
+    @property
+    def correlation(self) -> float:
+        """Of both rates, -1 to 1; 0 for a gyro that does not change at all."""
+        gyro_variance = self._gyro_square / self._weight - (self._gyro / self._weight) ** 2
+        size = math.sqrt(max(0.0, gyro_variance * self.wheel_variance))
+        return self.covariance / size if size > 0.0 else 0.0
 
 
 class _WheelNoise:

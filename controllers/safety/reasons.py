@@ -15,12 +15,17 @@ class Severity(StrEnum):
     """What a reason requires.
 
     SIGN: nothing yet, but distance driven meanwhile is no evidence that the cause is gone.
+    SUSPICION: nothing but to be shown: it does not decide whether something is wrong.
     STOP: stop; motion resumes when the reason is gone.
+    RECOVERABLE: stop, also a healthy rover may show this. Motion resumes after a rest, with a wider pose, but
+        only once: see `SafetySupervisor`.
     FINAL: stop until restart.
     """
 
     SIGN = "sign"
+    SUSPICION = "suspicion"
     STOP = "stop"
+    RECOVERABLE = "recoverable"
     FINAL = "final"
 
 
@@ -53,6 +58,8 @@ class Cycle(NamedTuple):
         commanded_rad_s: Set-points of the cycle before.
         measured_rad_s: Measured speeds of the wheels.
         distance_m: Driven since the cycle before, by the wheels.
+        travel_m: The same as a vector in the local frame, turned by the estimated yaw: x + i y.
+        yaw_rad: The estimated yaw.
         is_still: Whether the wheels report, and have been at rest for a while.
         evidence: Turn of the rover by gyro and by wheels; None where one of them did not measure it.
         gyro_bias_rad_s: Estimated reading of the gyro at rest.
@@ -60,6 +67,7 @@ class Cycle(NamedTuple):
         unseen_m: Standard deviation of the position from motion that was not measured.
         unseen_rad: The same of the yaw.
         slip: Valid slip of the rover; None where it is unknown.
+        sees_no_motion: Whether the rear camera has seen no motion of the ground for some travel.
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
         steering_ns: Time of the newest reported steering angle of each wheel that has reported one.
@@ -72,6 +80,8 @@ class Cycle(NamedTuple):
     commanded_rad_s: tuple[float, ...] = ()
     measured_rad_s: tuple[float, ...] = ()
     distance_m: float = 0.0
+    travel_m: complex = 0j
+    yaw_rad: float = 0.0
     is_still: bool = False
     evidence: TurnEvidence | None = None
     gyro_bias_rad_s: float = 0.0
@@ -79,6 +89,7 @@ class Cycle(NamedTuple):
     unseen_m: float = 0.0
     unseen_rad: float = 0.0
     slip: float | None = None
+    sees_no_motion: bool = False
     set_steering_rad: tuple[float, ...] = ()
     steering_rad: tuple[float, ...] = ()
     steering_ns: Mapping[int, int] = MappingProxyType({})

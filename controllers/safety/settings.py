@@ -22,9 +22,14 @@ from controllers.safety.gyro_reading_rules import (
     StuckGyroRule,
 )
 from controllers.safety.gyro_sample_rate_rule import GyroSampleRateRule, GyroSampleRateSettings
-from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
+from controllers.safety.gyro_turn_rules import (
+    GyroDifferenceRule,
+    GyroFollowsRule,
+    GyroTurnSettings,
+)
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
+from controllers.safety.missed_turn_rule import MissedTurnRule
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
@@ -48,6 +53,8 @@ class SafetySettings(
         expiry_s: A command holds for this long after its cycle.
         settle_s: All required devices must be fresh for this long before the first motion.
         recover_s: And for this long before motion resumes after a stop.
+        suspicion_rest_s: And for this long after a stop that a healthy rover may show, too. Such a stop
+            happens once: the second before `forget_stops_m`, or the third in a mission, lasts until restart.
         identical_stops: The rover stays stopped until restart when it stops this many times for the same
             cause: driving may bring back a cause that cannot be seen at rest.
         forget_stops_m: Stops for a cause are forgotten after this distance without a sign of that cause.
@@ -56,6 +63,7 @@ class SafetySettings(
     expiry_s: Annotated[float, Field(ge=0.01, le=1.0)] = 0.15
     settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
     recover_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
+    suspicion_rest_s: Annotated[float, Field(ge=0.0, le=60.0)] = 2.0
     identical_stops: Annotated[int, Field(ge=1, le=100)] = 3
     forget_stops_m: Annotated[float, Field(ge=0.01, le=1000.0)] = 1.0
 
@@ -80,13 +88,14 @@ def make_rules(
         GyroJumpRule(settings, roles),
         GyroDifferenceRule(settings, roles),
         GyroFollowsRule(settings, roles),
+        MissedTurnRule(settings, roles),
         GyroRestRule(settings, roles),
         GyroSampleRateRule(settings, roles),
         *(() if roles.gyro is None else (HeadingTurnRule(settings, roles, heading_lag_s),)),
         InnovationMonitor(settings),
         DisplacedFixRule(settings),
         StallMonitor(settings, wheel_count),
-        EntrapmentRule(settings),
+        EntrapmentRule(settings, roles),
         SteeringMonitor(settings),
         UnseenMotionRule(settings, roles),
     )

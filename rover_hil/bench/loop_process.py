@@ -9,6 +9,7 @@ from multiprocessing.connection import Connection
 from typing import TypeAlias
 
 from controllers.motion.kinematics import make_kinematics
+from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.clock import PacedClock
 from drivers.errors import RoverHilError
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
@@ -143,7 +144,10 @@ def _run(
 ) -> None:
     clock = PacedClock() if order.is_virtual else None
     wheel_count = make_kinematics(order.config.rover).wheel_count
-    operator = PageOperator(orders, sender, wheel_count, clock, _frame_choice(order.config))
+    unwatched = find_unwatched_yaw(order.config, order.config.device_roles())
+    operator = PageOperator(
+        orders, sender, wheel_count, clock, _frame_choice(order.config), str(unwatched or "")
+    )
     try:
         result = run(order, operator, clock)
         sender.put({"kind": "ended", "reason": result.reason})

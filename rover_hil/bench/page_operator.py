@@ -38,6 +38,7 @@ class PageOperator:
         wheel_count: Number of wheels.
         clock: The clock of a simulated run, or None.
         frames: Chooses the frames to be shown, or None.
+        yaw_unwatched: That nothing in the run would notice a wrong yaw; empty where something does.
     """
 
     def __init__(
@@ -47,11 +48,13 @@ class PageOperator:
         wheel_count: int,
         clock: PacedClock | None,
         frames: FrameChoice | None = None,
+        yaw_unwatched: str = "",
     ) -> None:
         self._orders = orders
         self._notices = notices
         self._clock = clock
         self._frames = frames
+        self._yaw_unwatched = yaw_unwatched
         self._first_truth: Truth | None = None
         self._end: tuple[End, str] | None = None
         self._wanted: OperatorInput | None = None
@@ -145,6 +148,7 @@ class PageOperator:
             "slip": slip,
             "slip_names": slip_names,
             "slip_reason": slip_reason,
+            "suspicion": "; ".join(filter(None, (output.suspicion, self._yaw_unwatched))),
             "current_a": list(self._current_a),
             "set_rad_s": view.sent.speed_rad_s,
             "limit": output.limit.value,

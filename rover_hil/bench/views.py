@@ -64,6 +64,7 @@ class View(TypedDict):
         slip: Slip ratio of each wheel, or of the rover where only that is estimated; None where not valid.
         slip_names: What each entry of `slip` is.
         slip_reason: Why the first entry that is not valid is not.
+        suspicion: What may be wrong although it stops nothing; empty for nothing.
         current_a: Newest current of each wheel; None before the first.
         set_rad_s: Set-points as sent.
         work_us: Longest time of a cycle since the view before; `late_us` likewise.
@@ -84,6 +85,7 @@ class View(TypedDict):
     slip: list[float | None]
     slip_names: list[str]
     slip_reason: str
+    suspicion: str
     current_a: list[float | None]
     set_rad_s: Sequence[float]
     limit: str

@@ -1,15 +1,17 @@
 """Check settings that are valid one by one but do not fit each other."""
 
+from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.config import Config
 from rover_hil.doctor.finding import Finding, ok, problem, warning
+from rover_hil.run.excitation import for_real_rover
 
 CHECK = "configuration"
 
 
 def check_consistency(config: Config) -> list[Finding]:
-    """Compare the times in the configuration with the period of the loop."""
+    """Compare the times in the configuration with the period of the loop, and find what nothing watches."""
     findings: list[Finding] = []
     rate_hz, expiry_s = config.loop.rate_hz, config.safety.expiry_s
     if expiry_s * rate_hz < 2:
@@ -35,4 +37,13 @@ def check_consistency(config: Config) -> list[Finding]:
                     f"in [devices.{name}] set max_age_s = {3 / rate_hz:g}, or raise rate_hz in [loop]",
                 )
             )
+    findings += _check_yaw(config)
     return findings or [ok(CHECK, "times", "the periods and limits fit each other")]
+
+
+def _check_yaw(config: Config) -> list[Finding]:
+    unwatched = find_unwatched_yaw(for_real_rover(config)[0], config.device_roles())
+    if unwatched is None:
+        return []
+    cause = "a wrong yaw looks like a rover that keeps its heading"
+    return [warning(CHECK, "yaw unwatched", unwatched.what, cause, unwatched.help)]

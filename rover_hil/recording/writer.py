@@ -132,6 +132,7 @@ class LogWriter:
         self._close_lock = threading.Lock()
         self._next_views_ns = {VIEW_POSE: start_ns, VIEW_TRUE_POSE: start_ns}
         self._shown = ("", "")
+        self._is_suspected = False
         try:
             self._file = ChunkedFile(self._stream, "rover_hil")
             self._file.add_metadata(
@@ -362,6 +363,9 @@ class LogWriter:
             self._shown = shown
             level = views.WARNING if output.reason else views.INFORMATION
             self._put_event(t_ns, level, "mode", ": ".join(filter(None, shown)))
+        if output.suspicion and not self._is_suspected:
+            self._put_event(t_ns, views.WARNING, "suspicion", output.suspicion)
+        self._is_suspected = bool(output.suspicion)
 
     def _put_truth(self, topic: str, t_ns: int, truth: TruePose) -> None:
         self._put_text(topic, t_ns, truth_text(truth))

@@ -78,6 +78,7 @@ class _Collector:
         self._uncompared: Counter[str] = Counter()
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
+        self._suspicions: list[str] = []
         self._limits: list[Limit] = []
         self._health: list[Health] = []
         self._link_events: list[LinkEvent] = []
@@ -165,6 +166,7 @@ class _Collector:
         pose_s = self._seconds(pose["t_ns"])
         self._modes.append(Mode(output["mode"]))
         self._reasons.append(output["reason"])
+        self._suspicions.append(output.get("suspicion", ""))
         self._limits.append(Limit(output["limit"]))
         self._rows["time", ""].append((t_s,))
         self._rows["estimate", ""].append(
@@ -254,6 +256,7 @@ class _Collector:
             t_s=np.array(self._rows["time", ""])[:, 0],
             mode=self._modes,
             reason=self._reasons,
+            suspicion=self._suspicions,
             limit=self._limits,
             late_us=times_us[:, 0],
             work_us=times_us[:, 1],

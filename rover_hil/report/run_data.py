@@ -20,6 +20,7 @@ class Cycles:
     t_s: Array
     mode: Sequence[Mode]
     reason: Sequence[str]
+    suspicion: Sequence[str]
     limit: Sequence[Limit]
     late_us: Array
     work_us: Array

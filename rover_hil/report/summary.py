@@ -10,6 +10,7 @@ import numpy as np
 from controllers.motion.limits import Limit
 from controllers.motion.planar import wrap_angle
 from controllers.safety import Mode
+from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
@@ -125,6 +126,8 @@ class Summary:
         uncompared_measurements: How many could not be compared with the estimate, by name: fixes that came
             too late, numbers that are not finite.
         stops: Safety stops.
+        suspicions: In how many cycles what was suspected and stopped nothing, numbers in it left out.
+        yaw_unwatched: That nothing would have noticed a wrong yaw, and what would; else empty.
         devices: Health facts at the end of the run.
     """
 
@@ -158,6 +161,8 @@ class Summary:
     refused_innovations: dict[str, int]
     uncompared_measurements: dict[str, int]
     stops: tuple[Stop, ...]
+    suspicions: dict[str, int]
+    yaw_unwatched: str
     devices: tuple[Health, ...]
 
 
@@ -203,6 +208,8 @@ def summarise(run: RunData) -> Summary:
         },
         uncompared_measurements=dict(run.uncompared),
         stops=_stops(run),
+        suspicions=dict(Counter(_NUMBER.sub("...", each) for each in cycles.suspicion if each).most_common()),
+        yaw_unwatched=str(find_unwatched_yaw(run.config, run.config.device_roles()) or ""),
         devices=tuple(run.health),
     )
 

@@ -103,10 +103,18 @@ def facts(summary: Summary) -> list[Fact]:
         found.append(Fact("skipped cycles", f"{summary.skipped} of {summary.cycles}", work))
     for name, count in summary.uncompared_measurements.items():
         found.append(Fact(name, str(count), "measurements that could not be compared with the estimate"))
+    found += _doubt_facts(summary)
     if summary.mode is not Mode.OBSERVING:
         stopped_s = sum(stop.end_s - stop.start_s for stop in summary.stops)
         detail = f"{stopped_s:.1f} s in all" if summary.stops else ""
         found.append(Fact("safety stops", str(len(summary.stops)), detail))
+    return found
+
+
+def _doubt_facts(summary: Summary) -> list[Fact]:
+    found = [Fact("may be wrong", f"in {count} cycles", what) for what, count in summary.suspicions.items()]
+    if summary.yaw_unwatched:
+        found.append(Fact("yaw", "unwatched", summary.yaw_unwatched.removeprefix("yaw unwatched: ")))
     return found
 
 

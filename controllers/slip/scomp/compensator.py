@@ -154,6 +154,13 @@ class ScompCompensator:
         return DriftSource.TILT if self._tilt.is_known else DriftSource.NONE
 
     @property
+    def sees_no_motion(self) -> bool:
+        """Whether frames have shown no motion of the ground for some travel of the wheels."""
+        blind = SCOMP.correction
+        is_blind = self._blind_m >= blind.blind_m and self._blind_frames >= blind.blind_frames
+        return self._finder is not None and is_blind
+
+    @property
     def states(self) -> ScompStates:
         """The states in the pose filter."""
         return self._states
@@ -356,9 +363,7 @@ class ScompCompensator:
             return "slip angle taken from the trace anew"
         if self._finder is None or self._has_trace():
             return ""
-        blind = SCOMP.correction
-        is_blind = self._blind_m >= blind.blind_m and self._blind_frames >= blind.blind_frames
-        return NO_MOTION if is_blind else NO_TRACE
+        return NO_MOTION if self.sees_no_motion else NO_TRACE
 
 
 @dataclass(slots=True)

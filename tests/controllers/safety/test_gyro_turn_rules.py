@@ -2,10 +2,12 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
@@ -116,7 +118,8 @@ def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: fl
     severities = [reason.severity for reasons in found for reason in reasons]
     begin = len(found) - len(severities)
     # 0.7 s: 35 cycles, the first one included.
-    assert severities == [Severity.SIGN] * 34 + [Severity.STOP] * (150 - begin - 34)
+    last = Severity.FINAL if share < 0.0 else Severity.RECOVERABLE
+    assert severities == [Severity.SIGN] * 34 + [last] * (150 - begin - 34)
     assert begin < 12
     (reason,) = found[-1]
     assert reason.cause == "gyro follows"
@@ -129,6 +132,60 @@ def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: fl
     assert int(measured) == percent
     # As far as the two differ: the steady turn, and the gyro's bias the other way.
     assert reason.yaw_rad == pytest.approx(((1.0 - share) * 0.4 - 0.1) * STEP_S * len(severities), rel=0.1)
+
+
+def noisy(rule: GyroFollowsRule, share: float, noise: float, duration_s: float) -> list[StopReason]:
+    """Return the last reasons where the gyro measures a share of the changes, and noise."""
+    rng = np.random.default_rng(1)
+    found: list[StopReason] = []
+    for index in range(round(duration_s / STEP_S)):
+        rate_rad_s = 0.3 * math.sin(math.tau * 2.0 * index * STEP_S)
+        gyro_rad_s = share * rate_rad_s + noise * rng.standard_normal()
+        found = check(rule, evidence(gyro_rad_s * STEP_S, rate_rad_s * STEP_S, 0.0))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("share", "noise", "severity"),
+    [(0.0, 0.05, Severity.RECOVERABLE), (-0.1, 0.1, Severity.RECOVERABLE), (-0.5, 0.02, Severity.FINAL)],
+)
+def test_only_a_gyro_that_turns_against_the_wheels_stops_for_good(
+    share: float, noise: float, severity: Severity
+) -> None:
+    (reason,) = noisy(follows(), share, noise, 3.0)
+    assert reason.severity is severity
+
+
+def test_a_gyro_must_turn_against_the_wheels_for_as_long_as_it_does_not_follow_them() -> None:
+    rule = follows()
+    turn(rule, 0.0, 0.5)
+    assert [reason.severity for reason in turn(rule, -1.0, 0.7)] == [Severity.RECOVERABLE]
+    assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.FINAL]
+    turn(rule, 0.0, 0.5)
+    assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.RECOVERABLE]
+
+
+def test_a_gyro_that_follows_again_has_not_turned_against_the_wheels() -> None:
+    rule = follows()
+    turn(rule, -1.0, 0.8)
+    assert turn(rule, 1.0, 2.0) == []
+    severities = [reason.severity for reasons in cycles(rule, -1.0, 0.9) for reason in reasons]
+    assert Severity.FINAL not in severities[:34]
+
+
+def test_while_fixes_agree_with_the_yaw_a_gyro_that_does_not_follow_is_a_suspicion() -> None:
+    rule = GyroFollowsRule(GyroTurnSettings(), replace(ROLES, fixes=("overhead",)))
+
+    def fix(*, accepted: bool) -> None:
+        innovation = Innovation(name="overhead yaw", residual=0.0, variance=1.0, nis=0.0, accepted=accepted)
+        list(rule.check(Cycle(now_ns=0, innovations=(innovation,))))
+
+    fix(accepted=True)
+    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.SUSPICION]
+    assert [reason.severity for reason in turn(rule, -1.0, 2.0)] == [Severity.FINAL]
+    fix(accepted=False)
+    turn(rule, 1.0, 2.0)
+    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.RECOVERABLE]
 
 
 def test_small_changes_are_no_evidence() -> None:
@@ -151,7 +208,7 @@ def test_a_pause_of_the_changes_neither_counts_nor_clears() -> None:
     rule = follows()
     assert [reason.severity for reason in turn(rule, 0.0, 0.3)] == [Severity.SIGN]
     assert [reason.severity for reason in turn(rule, 0.0, 5.0, amplitude_rad_s=0.0)] == [Severity.SIGN]
-    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.STOP]
+    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.RECOVERABLE]
 
 
 def test_the_difference_counts_from_the_rest() -> None:
@@ -182,7 +239,7 @@ def test_the_limits_are_exact() -> None:
     assert step(rule, 0.0, 0.0, long_s) + step(rule, 0.0, 0.0, long_s) == []
     (sign,) = step(rule, 0.125, 0.125 * 0.125, half_s)
     (stop,) = step(rule, 0.125, 0.125 * 0.125, half_s)
-    assert (sign.severity, stop.severity) == (Severity.SIGN, Severity.STOP)
+    assert (sign.severity, stop.severity) == (Severity.SIGN, Severity.RECOVERABLE)
 
 
 def jittered(rule: GyroFollowsRule, duration_s: float, swing_rad_s: float, share: float) -> list[StopReason]:

@@ -12,8 +12,9 @@ from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.settings import SafetySettings
+from controllers.safety.supervisor import Doubt
 from drivers.clock import nanoseconds
 from drivers.samples import (
     AttitudeSample,
@@ -469,6 +470,101 @@ def test_running_means_that_every_part_is_fresh(heard: list[list[bool]]) -> None
         is_fresh = all(now_ns - t <= limit * MS for t, limit in zip(newest_ns, limits_ms, strict=True))
         if not is_fresh:
             assert mode is Mode.SAFE_STOP
+
+
+class Named(StopRule):
+    """Gives the reasons that a test has set."""
+
+    def __init__(self) -> None:
+        self.reasons: list[StopReason] = []
+
+    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+        return self.reasons
+
+
+class Suspected:
+    """A supervisor with one rule, which runs."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.rule = Named()
+        monkeypatch.setattr("controllers.safety.supervisor.make_rules", lambda *_: (self.rule,))
+        self.supervisor = SafetySupervisor(SafetySettings(settle_s=0.0, recover_s=0.5), GYRO_ONLY, 2)
+        self.now_ns = 0
+        self.cycle()
+
+    def cycle(self, *reasons: StopReason, distance_m: float = 0.0) -> Mode:
+        self.now_ns += 100 * MS
+        self.rule.reasons = list(reasons)
+        self.supervisor.update(Cycle(now_ns=self.now_ns, distance_m=distance_m))
+        return self.supervisor.mode
+
+    def rest_s(self) -> float:
+        """Return how long it takes until the rover runs again."""
+        start_ns = self.now_ns
+        while self.cycle() is not Mode.RUNNING:
+            assert self.supervisor.mode is Mode.SAFE_STOP
+        return (self.now_ns - start_ns) / SECOND_NS
+
+
+NO_GRIP = StopReason("no grip", "imu: no grip", Severity.RECOVERABLE, yaw_rad=0.5)
+FINALLY = "imu: no grip; stopped {} times for this, stays stopped until restart"
+
+
+def test_a_recoverable_stop_rests_for_two_seconds_and_widens_what_cannot_keep_it_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = Suspected(monkeypatch)
+    assert run.cycle(NO_GRIP) is Mode.SAFE_STOP
+    assert run.supervisor.reason == "imu: no grip"
+    assert run.supervisor.doubts == [Doubt((), 0.5, is_unseen=False)]
+    assert run.rest_s() == pytest.approx(2.1)
+    assert run.cycle(NO_GRIP._replace(cause="fault", severity=Severity.STOP)) is Mode.SAFE_STOP
+    assert run.supervisor.doubts == [Doubt((), 0.5, is_unseen=True)]
+    assert run.rest_s() == pytest.approx(0.6)
+
+
+def test_another_reason_during_the_rest_does_not_shorten_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(NO_GRIP)
+    run.cycle(StopReason("fault", "fault"))
+    assert run.rest_s() == pytest.approx(2.1)
+
+
+def test_the_second_suspicion_before_a_metre_without_one_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(NO_GRIP)
+    run.rest_s()
+    run.cycle(distance_m=0.99)
+    assert run.cycle(NO_GRIP) is Mode.EMERGENCY_STOP
+    assert run.supervisor.reason == FINALLY.format(2)
+
+
+def test_the_third_suspicion_of_a_mission_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    for _ in range(2):
+        assert run.cycle(NO_GRIP) is Mode.SAFE_STOP
+        run.rest_s()
+        run.cycle(distance_m=1.0)
+    assert run.cycle(NO_GRIP) is Mode.EMERGENCY_STOP
+    assert run.supervisor.reason == FINALLY.format(3)
+
+
+def test_suspicions_of_different_causes_are_counted_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    for cause in ("no grip", "missed turn"):
+        assert run.cycle(NO_GRIP._replace(cause=cause)) is Mode.SAFE_STOP
+        run.rest_s()
+
+
+def test_a_suspicion_is_shown_and_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    suspicion = StopReason("entrapped", "rover: may be entrapped", Severity.SUSPICION, yaw_rad=1.0)
+    assert run.cycle(suspicion, suspicion._replace(text="other")) is Mode.RUNNING
+    assert run.supervisor.suspicion == "rover: may be entrapped"
+    assert run.supervisor.reason == ""
+    assert run.supervisor.doubts == []
+    assert run.cycle() is Mode.RUNNING
+    assert run.supervisor.suspicion == ""
 
 
 class Listener(StopRule):

@@ -49,7 +49,7 @@ def test_a_stop_adds_the_doubt_of_its_wheels_once_and_that_of_the_yaw_as_it_grow
     supervisor = SafetySupervisor(SafetySettings(), NOTHING, 2)
 
     def doubts(*stops: StopReason) -> list[tuple[tuple[float, ...], float]]:
-        return [(wheel_rad, round(yaw_rad, 9)) for wheel_rad, yaw_rad in supervisor._doubts(stops)]
+        return [(wheel_rad, round(yaw_rad, 9)) for wheel_rad, yaw_rad, _ in supervisor._doubts(stops)]
 
     first = StopReason("stall", "", wheel_rad=(1.0, 2.0), yaw_rad=0.3)
     assert doubts(first, first) == [((1.0, 2.0), 0.3), ((), 0.0)]
@@ -75,9 +75,10 @@ def test_a_stop_of_a_cycle_is_in_its_doubts() -> None:
         )
         if supervisor.doubts:
             break
-    ((wheel_rad, yaw_rad),) = supervisor.doubts
+    ((wheel_rad, yaw_rad, is_unseen),) = supervisor.doubts
     assert wheel_rad == pytest.approx((2.0,))
     assert yaw_rad == 0.0
+    assert is_unseen
 
 
 def innovation(name: str, residual: float | None) -> Innovation:
