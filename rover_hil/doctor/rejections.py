@@ -60,16 +60,25 @@ _STANDING_CAMERA = Advice(
     "connect the camera without a hub, or lower frame_rate_hz in [devices.{device}]",
 )
 
+_COMPASS_OUTPUT = (
+    "set it to send HDG, HDM, HDT or THS; a GNSS receiver with two antennas has THS (Unicore UM982: send "
+    "GPTHS 0.1, and SAVECONFIG to keep it), one with a single antenna has no heading, only a course"
+)
 _ADVICE = {
     "other_sentence": Advice(
         Level.OK,
         "the device sends sentences, but none with heading, rate or attitude",
-        "set it to send HDG, HDM, HDT or THS",
+        _COMPASS_OUTPUT,
     ),
     "other_type": Advice(
         Level.OK,
         "the device sends frames, but none with acceleration, rate or angle",
         "enable the outputs 0x51, 0x52 and 0x53 with the manufacturer's program",
+    ),
+    "no_magnetic_field": Advice(
+        Level.PROBLEM,
+        "the sensor sends 0x61 frames (Bluetooth models), without the magnetic field of the calibration",
+        "remove calibration from [devices.{device}] to use the sensor's own yaw",
     ),
     "other_traffic": Advice(
         Level.OK,
@@ -172,6 +181,7 @@ _ADVICE = {
     ),
 }
 _XSENS_OUTPUT = "set the output with MT Manager: rate of turn, acceleration, quaternion, as float, frame ENU"
+_VECTORNAV_OUTPUT = "set the asynchronous output to YMR: send $VNWRG,06,14*59, and $VNWNV*57 to keep it"
 _ADVICE_OF_TYPE = {
     "can_wheels": {
         "implausible_jump": Advice(
@@ -293,7 +303,12 @@ _ADVICE_OF_TYPE = {
         "other_message": Advice(
             Level.OK,
             "the device sends messages, but none with rates, angles or accelerations",
-            "set the asynchronous output to YMR: send $VNWRG,06,14*59, and $VNWNV*57 to keep it",
+            _VECTORNAV_OUTPUT,
+        ),
+        "not_tracking": Advice(
+            Level.WARNING,
+            "the navigation filter of the sensor has not settled: the yaw of its INS messages is not valid",
+            "give its antennas the sky and drive it around, or " + _VECTORNAV_OUTPUT,
         ),
         "format": Advice(
             Level.WARNING,
