@@ -1,9 +1,21 @@
 """Positions of drives that count in a register of limited size."""
 
+from typing import TypeAlias
+
 from drivers.clock import NANOSECONDS_PER_SECOND
 
 LONGEST_BUNCHING_NS = 100_000_000
 """Readings may arrive in bunches, so at least this much time is assumed between two of them."""
+
+_TOLERANCE = 1.01
+"""Angles of 0 to 360 deg may be given with a little noise beyond."""
+
+_SUDDEN = 4
+"""A step this many times the one before is no acceleration; where a wheel turns by less than a fifth of a
+revolution between two readings, the end of the revolution is such a step."""
+
+_Reading: TypeAlias = tuple[int, float]
+"""Time in ns and counts."""
 
 
 class PositionCounter:
@@ -12,39 +24,83 @@ class PositionCounter:
     When the next reading continues from a refused one, the device has restarted its counter: the position
     continues from its last value, and the turns in between are unknown and not counted.
 
+    Refused is: a step faster than the motor; a reading further from another one than the span, as the
+    register is then larger than told; and, where the revolution is given, a sudden step of more than half of
+    it while all readings lie within one, as the register then ends at a revolution.
+
     Args:
-        span: Number of counts after which the register wraps.
+        span: Counts after which the register wraps; None for never.
         largest_rate_per_s: Counts per second that the motor cannot exceed.
+        revolution: Counts per revolution, where the register may end there although `span` differs.
+
+    Attributes:
+        is_ambiguous: The last step was more than a quarter of the span. At twice this speed whole spans are
+            lost unnoticed.
     """
 
-    def __init__(self, span: int, largest_rate_per_s: float) -> None:
+    def __init__(
+        self, span: float | None, largest_rate_per_s: float, revolution: float | None = None
+    ) -> None:
         self._span = span
         self._largest_rate_per_s = largest_rate_per_s
-        self._accepted: tuple[int, int] | None = None
-        self._suspect: tuple[int, int] | None = None
-        self._position = 0
+        self._revolution = revolution
+        self.reset()
 
     def reset(self) -> None:
         """Start from the device's own count at the next reading."""
-        self._accepted = self._suspect = None
+        self._accepted: _Reading | None = None
+        self._suspect: _Reading | None = None
+        self._extent = (0.0, 0.0)
+        self._last_step: float | None = None
+        self._spans = 0
+        self._shift = 0.0
+        self.is_ambiguous = False
 
-    def count(self, t_ns: int, raw: int) -> int | None:
+    def count(self, t_ns: int, raw: float) -> float | None:
         """Return the position in counts, or None for a jump."""
-        base = self._accepted
-        if base is not None and not self._can_follow(base, t_ns, raw):
-            base, self._suspect = self._suspect, (t_ns, raw)
-            if base is None or not self._can_follow(base, t_ns, raw):
+        before = self._accepted
+        if before is None:
+            before, self._extent = (t_ns, raw), (raw, raw)
+        elif not self._can_follow(before, self._extent, t_ns, raw):
+            suspect, self._suspect = self._suspect, (t_ns, raw)
+            if suspect is None or not self._can_follow(suspect, (suspect[1], suspect[1]), t_ns, raw):
                 return None
-        self._position = raw if base is None else self._position + self._step(base[1], raw)
+            self._shift, self._spans = self._position(before[1]) - suspect[1], 0
+            before, self._extent = suspect, (suspect[1], suspect[1])
+        step = self._step(before[1], raw)
+        if self._span is not None:
+            self._spans += round((step - (raw - before[1])) / self._span)
+            self.is_ambiguous = 4 * abs(step) > self._span
+        self._last_step = None if self._accepted is None else abs(step)
+        self._extent = min(self._extent[0], raw), max(self._extent[1], raw)
         self._accepted, self._suspect = (t_ns, raw), None
-        return self._position
+        return self._position(raw)
 
-    def _can_follow(self, before: tuple[int, int], t_ns: int, raw: int) -> bool:
+    def _position(self, raw: float) -> float:
+        return raw + self._shift + (0 if self._span is None else self._spans * self._span)
+
+    def _can_follow(self, before: _Reading, extent: tuple[float, float], t_ns: int, raw: float) -> bool:
         elapsed_ns = max(t_ns - before[0], LONGEST_BUNCHING_NS)
-        return abs(self._step(before[1], raw)) <= (
-            self._largest_rate_per_s * elapsed_ns / NANOSECONDS_PER_SECOND
+        step = abs(self._step(before[1], raw))
+        if step > self._largest_rate_per_s * elapsed_ns / NANOSECONDS_PER_SECOND:
+            return False
+        apart = max(extent[1], raw) - min(extent[0], raw)
+        if self._span is not None and apart > _TOLERANCE * self._span:
+            return False
+        return not self._is_end_of_revolution(t_ns - before[0], step, apart)
+
+    def _is_end_of_revolution(self, elapsed_ns: int, step: float, apart: float) -> bool:
+        return (
+            self._revolution is not None
+            and self._revolution / 2 < step
+            and apart < self._revolution
+            and elapsed_ns <= LONGEST_BUNCHING_NS
+            and self._last_step is not None
+            and step > _SUDDEN * self._last_step
         )
 
-    def _step(self, before: int, after: int) -> int:
-        half = self._span // 2
+    def _step(self, before: float, after: float) -> float:
+        if self._span is None:
+            return after - before
+        half = self._span / 2
         return (after - before + half) % self._span - half

@@ -13,6 +13,7 @@ from pathlib import Path
 os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 import cv2
+import numpy as np
 
 from drivers.camera.images import FrameFormat, decode_jpeg, format_of, retrieve, retrieve_jpeg
 from drivers.camera.parameters import FrameSourceParameters
@@ -39,8 +40,9 @@ class V4l2Link(ThreadedLink[CameraImage]):
     """A camera of this machine; the newest frames win.
 
     A camera that rejects a setting is not opened. Its time stamps are checked at the start: where they are
-    not within the last second of the host's clock, images carry no capture time. A frame whose stamp is
-    that of the frame before is the same frame again and is not delivered.
+    not within the last second of the host's clock, or stand still, images carry no capture time. A frame that
+    has the stamp of the frame before is not delivered where it is the same again; where its picture differs,
+    the stamps stand still, and images carry no capture time from then on.
 
     Args:
         settings: The camera's settings.
@@ -57,6 +59,7 @@ class V4l2Link(ThreadedLink[CameraImage]):
         self._stamps_are_captures = False
         self._stamp_ns = 0
         self._moved_ns = 0
+        self._newest: CameraImage | None = None
 
     def _open_handle(self) -> None:
         path = Path(self._settings.path)
@@ -126,10 +129,15 @@ class V4l2Link(ThreadedLink[CameraImage]):
     def _check_stamps(self, capture: cv2.VideoCapture) -> None:
         self._grab_first(capture)
         ages_ns: list[int] = []
+        stamps_ns: set[int] = set()
         for _ in range(CHECKED_STAMPS):
             self._grab_first(capture)
-            ages_ns.append(self._clock.now_ns() - _read_stamp_ns(capture))
-        self._stamps_are_captures = all(0 < age_ns < NANOSECONDS_PER_SECOND for age_ns in ages_ns)
+            stamp_ns = _read_stamp_ns(capture)
+            stamps_ns.add(stamp_ns)
+            ages_ns.append(self._clock.now_ns() - stamp_ns)
+        is_fresh = all(0 < age_ns < NANOSECONDS_PER_SECOND for age_ns in ages_ns)
+        self._stamps_are_captures = is_fresh and len(stamps_ns) > 1
+        self._newest = None
         self._stamp_ns = 0
         self._moved_ns = self._clock.now_ns()
 
@@ -147,18 +155,25 @@ class V4l2Link(ThreadedLink[CameraImage]):
             return None
         t_ns = self._clock.now_ns()
         stamp_ns = _read_stamp_ns(capture)
-        if stamp_ns == self._stamp_ns != 0:  # a driver that always gives 0 stamps nothing
-            if t_ns - self._moved_ns >= STANDSTILL_PERIODS * self._period_ns:
-                raise NotConnectedError(f"{self.where} repeats one frame: check its cable")
-            self._clock.sleep_until(t_ns + self._period_ns)
-            return None
+        is_standing = stamp_ns == self._stamp_ns != 0  # a driver that always gives 0 stamps nothing
+        image = self._retrieve(capture, None if is_standing or not self._stamps_are_captures else stamp_ns)
+        if is_standing and self._newest is not None:
+            if _are_same(image, self._newest):
+                if t_ns - self._moved_ns >= STANDSTILL_PERIODS * self._period_ns:
+                    raise NotConnectedError(f"{self.where} repeats one frame: check its cable")
+                self._clock.sleep_until(t_ns + self._period_ns)
+                return None
+            self._stamps_are_captures = False
+        self._newest = image
         self._stamp_ns = stamp_ns
         self._moved_ns = t_ns
-        t_capture_ns = stamp_ns if self._stamps_are_captures else None
+        return Received(t_ns, image)
+
+    def _retrieve(self, capture: cv2.VideoCapture, t_capture_ns: int | None) -> CameraImage:
         if self._settings.fourcc != JPEG_FOURCC:
-            return Received(t_ns, CameraImage(retrieve(capture), t_capture_ns))
+            return CameraImage(retrieve(capture), t_capture_ns)
         compressed = retrieve_jpeg(capture)
-        return Received(t_ns, CameraImage(decode_jpeg(compressed), t_capture_ns, compressed))
+        return CameraImage(decode_jpeg(compressed), t_capture_ns, compressed)
 
     def _require_slow(self, asked_ns: int) -> None:
         """Raise unless a frame that has not come may still be on its way, as with a camera at 1 Hz."""
@@ -169,6 +184,11 @@ class V4l2Link(ThreadedLink[CameraImage]):
 
     def _write(self, payload: bytes) -> bool:
         return False
+
+
+def _are_same(image: CameraImage, other: CameraImage) -> bool:
+    """Return whether two pictures are equal to the last bit, as no two exposures of a sensor are."""
+    return image.jpeg == other.jpeg and np.array_equal(image.image, other.image)
 
 
 def _read_stamp_ns(capture: cv2.VideoCapture) -> int:

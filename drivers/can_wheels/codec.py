@@ -1,134 +1,22 @@
 """CAN frames to wheel samples and back, by a mapping and its DBC file."""
 
-from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
 
-from drivers.can_faults import BusMonitor, FaultBoard, fault_text
+from drivers.can_faults import BusMonitor, FaultBoard
 from drivers.can_frame import EXTENDED_FLAG, unpack_can_frame
-from drivers.can_wheels.mapping import FixedFrame, SignalName
+from drivers.can_wheels.layout import choices_of
+from drivers.can_wheels.mapping import FixedFrame, WheelMapping
 from drivers.can_wheels.mapping_file import BusDescription
 from drivers.can_wheels.messages import MessageReader, MessageWriter, bus_id, raw_values
+from drivers.can_wheels.parts import FaultPart, Part, PowerPart, StatePart, WheelMotion, WheelPart
 from drivers.can_wheels.signals import Scale
 from drivers.driver import Rejection
 from drivers.link import Received
-from drivers.samples import PowerSample, Sample, WheelSample
+from drivers.operation_check import OperationCheck
+from drivers.samples import Sample
 
 NOT_A_FRAME = (Rejection("not_a_frame"),)
 OTHER_TRAFFIC = (Rejection("other_traffic"),)
-
-
-class Unwrapper:
-    """Counts the turns of a position that wraps at the end of its range.
-
-    Args:
-        span: Size of the range, in raw steps.
-    """
-
-    def __init__(self, span: float) -> None:
-        self._span = span
-        self._turns = 0
-        self._last: float | None = None
-
-    def reset(self) -> None:
-        """Forget the turns."""
-        self._turns = 0
-        self._last = None
-
-    def unwrap(self, raw: float) -> float:
-        """Return the position without jumps, given that it moved less than half the range."""
-        if self._last is not None:
-            step = raw - self._last
-            if 2 * step > self._span:
-                self._turns -= 1
-            elif 2 * step < -self._span:
-                self._turns += 1
-        self._last = raw
-        return raw + self._turns * self._span
-
-
-class _WheelPart:
-    """The signals of one wheel in one message."""
-
-    def __init__(self, device: str, bus: BusDescription, wheel: int, scales: Mapping[str, Scale]) -> None:
-        mapping = bus.mapping.wheel[wheel]
-        span = bus.position_span(mapping) if "position" in scales else None
-        self._device = device
-        self._wheel = wheel
-        self._current_is_signed = mapping.current_is_signed
-        self._position = scales.get("position")
-        self._speed = scales.get("speed")
-        self._current = scales.get("current")
-        self._voltage = scales.get("voltage")
-        self._steering = scales.get("steering")
-        self.unwrapper = None if span is None else Unwrapper(span)
-        self.signals = tuple(scale.signal for scale in scales.values())
-
-    def reset(self) -> None:
-        if self.unwrapper is not None:
-            self.unwrapper.reset()
-
-    def read(self, t_ns: int, values: Mapping[str, float]) -> Sample:
-        position, speed, current, voltage = self._position, self._speed, self._current, self._voltage
-        steering = self._steering
-        return WheelSample(
-            device=self._device,
-            t_ns=t_ns,
-            wheel=self._wheel,
-            position_rad=None if position is None else self._position_rad(position, values),
-            speed_rad_s=None if speed is None else speed.to_si(values[speed.signal]),
-            current_a=None if current is None else current.to_si(values[current.signal]),
-            current_is_signed=self._current_is_signed,
-            voltage_v=None if voltage is None else voltage.to_si(values[voltage.signal]),
-            steering_rad=None if steering is None else steering.to_si(values[steering.signal]),
-        )
-
-    def _position_rad(self, scale: Scale, values: Mapping[str, float]) -> float:
-        raw = values[scale.signal]
-        return scale.to_si(raw if self.unwrapper is None else self.unwrapper.unwrap(raw))
-
-
-class _PowerPart:
-    """The signals of the supply in one message."""
-
-    def __init__(self, device: str, voltage: Scale, current: Scale | None) -> None:
-        self._device = device
-        self._voltage = voltage
-        self._current = current
-        self.signals = tuple(scale.signal for scale in (voltage, current) if scale is not None)
-
-    def reset(self) -> None:
-        """Nothing is remembered."""
-
-    def read(self, t_ns: int, values: Mapping[str, float]) -> Sample:
-        voltage, current = self._voltage, self._current
-        return PowerSample(
-            device=self._device,
-            t_ns=t_ns,
-            voltage_v=voltage.to_si(values[voltage.signal]),
-            current_a=None if current is None else current.to_si(values[current.signal]),
-        )
-
-
-class _FaultPart:
-    """One error word or flag in a message."""
-
-    def __init__(self, board: FaultBoard, bus: BusDescription, wheel: int | None, name: SignalName) -> None:
-        signal = bus.message(name.message).get_signal_by_name(name.signal)
-        self._board = board
-        self._wheel = wheel
-        self._source = f"{name.message}.{name.signal}"
-        self._names = {value: str(text) for value, text in (signal.choices or {}).items()}
-        self.signals = (name.signal,)
-
-    def reset(self) -> None:
-        """The fault board is reset as a whole."""
-
-    def read(self, t_ns: int, values: Mapping[str, float]) -> Sample | None:
-        code = int(values[self.signals[0]])
-        return self._board.report(t_ns, self._wheel, self._source, code, fault_text(code, self._names))
-
-
-_Part: TypeAlias = _WheelPart | _PowerPart | _FaultPart
 
 
 class _Outbox:
@@ -144,15 +32,19 @@ class _Outbox:
 class CanWheelsCodec:
     """Frames of one CAN bus, as a mapping describes them.
 
-    Every sample holds the values of one message. A wheel's speed is given only where the drive itself reports
-    one; positions are finer. Positions count from the drive's own zero; after a break of the link, turns may
-    be missing. A float32 position in revolutions, as of ODrives, is resolved to 0.4 mrad of the motor up to
-    1024 revolutions and to 12 mrad up to 32768: restart such a drive from time to time.
+    Every sample holds the values of one frame: where a multiplexer chooses what a frame holds, only those. A
+    wheel's speed is given only where the drive itself reports one; positions are finer. Positions count from
+    the drive's own zero; after a break of the link, turns may be missing. A float32 position in revolutions,
+    as of ODrives, is resolved to 0.4 mrad of the motor up to 1024 revolutions and to 12 mrad up to 32768:
+    restart such a drive from time to time.
 
     Rejections: "not_a_frame"; "other_traffic", identifiers that the mapping does not use, normal on a shared
     bus; "too_short"; "checksum"; "counter_repeat" and "counter_backwards", old data; "frames_lost", which
     accompanies the samples of the message that showed the gap; "not_finite"; "out_of_range";
-    "bus_lost_arbitration" and "bus_warning", reports of the CAN controller that are not faults.
+    "implausible_jump", see `PositionCounter`; "negative_as_unsigned", see `SignCheck`, whose value is missing
+    in the sample; "speed_contradicts_position", see `SpeedCheck`, and "position_ambiguous", a step of more
+    than a quarter of the position's range, which accompany samples; "bus_lost_arbitration" and "bus_warning",
+    reports of the CAN controller that are not faults.
 
     Args:
         device: Name of the device in the configuration.
@@ -164,7 +56,8 @@ class CanWheelsCodec:
         self._bus = bus
         self._board = FaultBoard(device)
         self._bus_monitor = BusMonitor(self._board)
-        self._inboxes: dict[int, tuple[MessageReader, tuple[_Part, ...]]] = {}
+        self._operations = [OperationCheck() for _ in bus.mapping.wheel]
+        self._inboxes: dict[int, tuple[MessageReader, tuple[Part, ...]]] = {}
         for name, parts in self._parts_by_message(device).items():
             message = bus.message(name)
             signals = {signal for part in parts for signal in part.signals}
@@ -205,9 +98,8 @@ class CanWheelsCodec:
             results.append(rejection)
         if values is not None:
             for part in parts:
-                sample = part.read(item.t_ns, values)
-                if sample is not None:
-                    results.append(sample)
+                if part.signals[0] in values:
+                    results += part.read(item.t_ns, values)
         return results
 
     def encode_start(self) -> Sequence[bytes]:
@@ -215,7 +107,9 @@ class CanWheelsCodec:
         return self._encode_fixed(self._bus.mapping.start)
 
     def encode_stop(self) -> Sequence[bytes]:
-        """Return the [[stop]] messages of the mapping."""
+        """Return the [[stop]] messages of the mapping; drives may be in any state from now on."""
+        for operation in self._operations:
+            operation.note_stop()
         return self._encode_fixed(self._bus.mapping.stop)
 
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
@@ -234,6 +128,8 @@ class CanWheelsCodec:
 
         A steering angle without a signal in the mapping is given as 0.
         """
+        for operation in self._operations:
+            operation.note_set_point()
         self._steering_rad = list(steering_rad)
         angles = [0.0] * self.wheel_count
         meant = [0.0] * self.wheel_count
@@ -251,22 +147,24 @@ class CanWheelsCodec:
             payloads.append(outbox.writer.write(raw_by_signal))
         return payloads, tuple(meant), tuple(angles)
 
-    def _parts_by_message(self, device: str) -> dict[str, list[_Part]]:
-        mapping = self._bus.mapping
-        parts: dict[str, list[_Part]] = {}
+    def _parts_by_message(self, device: str) -> dict[str, list[Part]]:
+        bus, mapping = self._bus, self._bus.mapping
+        parts: dict[str, list[Part]] = {}
         for index, wheel in enumerate(mapping.wheel):
-            by_message: dict[str, dict[str, Scale]] = {}
-            for quantity, scale in self._bus.wheel_scales(wheel).items():
-                by_message.setdefault(scale.message, {})[quantity] = scale
-            for message, scales in by_message.items():
-                parts.setdefault(message, []).append(_WheelPart(device, self._bus, index, scales))
+            motion = WheelMotion(bus, index)
+            for scales in _scales_by_frame(bus, wheel):
+                message = next(iter(scales.values())).message
+                parts.setdefault(message, []).append(WheelPart(device, bus, index, scales, motion))
             for name in wheel.fault:
-                parts.setdefault(name.message, []).append(_FaultPart(self._board, self._bus, index, name))
+                parts.setdefault(name.message, []).append(FaultPart(self._board, bus, index, name))
+            if wheel.state is not None:
+                part = StatePart(self._board, bus, index, wheel.state, self._operations[index])
+                parts.setdefault(wheel.state.message, []).append(part)
         for name in mapping.fault:
-            parts.setdefault(name.message, []).append(_FaultPart(self._board, self._bus, None, name))
+            parts.setdefault(name.message, []).append(FaultPart(self._board, bus, None, name))
         if mapping.power is not None:
-            voltage, current = self._bus.power_scales(mapping.power)
-            parts.setdefault(voltage.message, []).append(_PowerPart(device, voltage, current))
+            voltage, current = bus.power_scales(mapping.power)
+            parts.setdefault(voltage.message, []).append(PowerPart(device, voltage, current))
         return parts
 
     def _make_outboxes(self) -> list[_Outbox]:
@@ -299,3 +197,12 @@ class CanWheelsCodec:
             self._writer(frame.message).write(raw_values(self._bus.message(frame.message), frame.signals))
             for frame in frames
         ]
+
+
+def _scales_by_frame(bus: BusDescription, wheel: WheelMapping) -> list[dict[str, Scale]]:
+    """Return the conversions of a wheel's signals by quantity, those together that come in one frame."""
+    found: dict[object, dict[str, Scale]] = {}
+    for quantity, scale in bus.wheel_scales(wheel).items():
+        choices = choices_of(bus.message(scale.message), scale.signal)
+        found.setdefault((scale.message, choices), {})[quantity] = scale
+    return list(found.values())

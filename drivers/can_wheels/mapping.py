@@ -52,11 +52,19 @@ class PositionSource(MeasuredSignal):
         ticks_per_revolution: Size of the unit "ticks".
         wrap: The position wraps after this much, in its unit. Default: the whole range of an integer
             signal, never for a float. Turns are lost where it moves more than half of that between messages.
+        turns: Signal of the same message that counts how often the position has wrapped, where there is one.
     """
 
     unit: Literal["rad", "rev", "deg", "ticks"]
     ticks_per_revolution: Positive | None = None
     wrap: Positive | None = None
+    turns: str | None = None
+
+    def names(self) -> Iterator[tuple[str, str | None, float | None]]:
+        """Yield the position and the count of its turns."""
+        yield from super().names()
+        if self.turns is not None:
+            yield self.message, self.turns, None
 
     @property
     def si_per_unit(self) -> float:
@@ -64,6 +72,11 @@ class PositionSource(MeasuredSignal):
         if self.unit == "ticks":
             return 2.0 * math.pi / (self.ticks_per_revolution or math.nan)
         return {"rad": 1.0, "rev": 2.0 * math.pi, "deg": math.pi / 180.0}[self.unit]
+
+    @property
+    def units_per_revolution(self) -> float:
+        """One revolution of the encoder, in its unit."""
+        return 2.0 * math.pi / self.si_per_unit
 
     @model_validator(mode="after")
     def _check_ticks(self) -> Self:
@@ -138,6 +151,22 @@ class VoltageSource(MeasuredSignal):
         return {"V": 1.0, "mV": 1e-3}[self.unit]
 
 
+class StateSource(SignalName):
+    """The signal with the state of a wheel's drive.
+
+    Attributes:
+        operating: Values with which the drive obeys set-points. Any other one is a fault from a second after
+            the first set-point until the drive is stopped.
+    """
+
+    operating: Annotated[tuple[int, ...], Field(min_length=1)]
+
+    def names(self) -> Iterator[tuple[str, str | None, float | None]]:
+        """Yield the signal with each of the values."""
+        for value in self.operating:
+            yield self.message, self.signal, value
+
+
 class WheelMapping(Settings):
     """One wheel.
 
@@ -153,6 +182,7 @@ class WheelMapping(Settings):
         steering_setpoint: Signal of the steering set-point; it may be in the message of the speed.
         steering_sign: -1 where steering angles count clockwise.
         fault: Error words and flags of the wheel's drive; 0 means no fault.
+        state: State of the wheel's drive, for drives that may leave operation without an error word.
     """
 
     node: int | str
@@ -168,6 +198,7 @@ class WheelMapping(Settings):
     steering_setpoint: SteeringSource | None = None
     steering_sign: Literal[1, -1] = 1
     fault: tuple[SignalName, ...] = ()
+    state: StateSource | None = None
 
     @model_validator(mode="after")
     def _check_sources(self) -> Self:

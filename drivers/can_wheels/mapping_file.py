@@ -1,9 +1,7 @@
 """Reads a mapping and its DBC file, and checks that they fit each other."""
 
 import re
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 
 import cantools
@@ -13,7 +11,6 @@ from pydantic import ValidationError
 from drivers.can_wheels.mapping import (
     CanWheelsMapping,
     MeasuredSignal,
-    NamesSignals,
     PowerMapping,
     Protection,
     Setpoint,
@@ -21,10 +18,11 @@ from drivers.can_wheels.mapping import (
     SteeringSource,
     WheelMapping,
 )
-from drivers.can_wheels.signals import Scale, make_scale, raw_limits, raw_value
+from drivers.can_wheels.mapping_check import close_match, find_mistakes
+from drivers.can_wheels.signals import Scale, make_scale
 from drivers.errors import ConfigError
 from drivers.files import SETTINGS_BYTES, is_file, read_bytes
-from drivers.settings import Settings, direct_mistakes, read_toml
+from drivers.settings import direct_mistakes, read_toml
 
 SHIPPED_FOLDER = Path(__file__).parent
 MOST_BITS = 512
@@ -91,6 +89,34 @@ class BusDescription:
             return span if signal.is_float else round(span)
         return None if signal.is_float else 2**signal.length
 
+    def turn_scale(self, wheel: WheelMapping) -> Scale | None:
+        """Return the conversion of a wheel's count of turns to raw steps of its position, if there is one."""
+        source, span = wheel.position, self.position_span(wheel)
+        if source is None or source.turns is None or span is None:
+            return None
+        return make_scale(source.message, self.message(source.message).get_signal_by_name(source.turns), span)
+
+    def counter_span(self, wheel: WheelMapping) -> float | None:
+        """Return after how many raw steps a wheel's position wraps together with its count of turns."""
+        turns, span = self.turn_scale(wheel), self.position_span(wheel)
+        if turns is None or span is None:
+            return span
+        signal = self.message(turns.message).get_signal_by_name(turns.signal)
+        return None if signal.is_float else abs(turns.si_per_raw) * 2**signal.length
+
+    def unmarked_revolution(self, wheel: WheelMapping) -> float | None:
+        """Return the raw steps of a revolution, where the mapping does not tell after what it wraps."""
+        source = wheel.position
+        if source is None or source.wrap is not None or source.turns is not None:
+            return None
+        revolution = source.units_per_revolution / abs(self._signal(source).scale)
+        span = self.position_span(wheel)
+        return revolution if span is None or revolution < span else None
+
+    def value_names(self, name: SignalName) -> dict[int, str]:
+        """Return the names that the DBC file gives to values of a signal."""
+        return {value: str(text) for value, text in (self._signal(name).choices or {}).items()}
+
     def _signal(self, name: SignalName) -> Signal:
         return self.message(name.message).get_signal_by_name(name.signal)
 
@@ -112,7 +138,7 @@ def load_mapping(name_or_path: str) -> BusDescription:
         raise ConfigError(_describe(path, error)) from error
     dbc_path = path.parent / mapping.dbc
     database = _load_database(path, dbc_path)
-    mistakes = list(_find_wrong_names(f"{path}: ", "", mapping, database))
+    mistakes = find_mistakes(f"{path}: ", mapping, database)
     if mistakes:
         raise ConfigError("\n".join(mistakes))
     return BusDescription(path, dbc_path, mapping, database)
@@ -126,7 +152,7 @@ def _mapping_path(name_or_path: str) -> Path:
     if not is_file(path):
         raise ConfigError(
             f"no mapping '{name_or_path}': give the path of a TOML file, relative to the current directory, "
-            f"or one of {', '.join(shipped)}{_close(name_or_path, shipped)}"
+            f"or one of {', '.join(shipped)}{close_match(name_or_path, shipped)}"
         )
     return path
 
@@ -194,16 +220,27 @@ def _describe(path: Path, error: ValidationError) -> str:
 def _load_database(mapping_path: Path, path: Path) -> Database:
     if not is_file(path):
         raise ConfigError(f"{mapping_path}: dbc: no file {path.name} in the same folder")
+    return read_dbc(path)
+
+
+def read_dbc(path: Path) -> Database:
+    """Read a DBC file; messages with mistakes are accepted, as most of a vehicle's are never used.
+
+    Raises:
+        ConfigError: The file cannot be read, or holds no CAN messages.
+    """
     try:
         text = read_bytes(path, SETTINGS_BYTES).decode("cp1252", "replace")
         _check_bits(path, text)
-        database = cantools.database.load_string(text.replace("\r\n", "\n"), database_format="dbc")
+        database = cantools.database.load_string(
+            text.replace("\r\n", "\n"), database_format="dbc", strict=False
+        )
     except OSError as error:
         raise ConfigError(f"cannot read DBC file {path}: {error.strerror}") from error
     except (cantools.Error, ValueError) as error:
-        raise ConfigError(f"cannot read DBC file {path}: {error}") from error
-    if not isinstance(database, Database):
-        raise ConfigError(f"{path} holds no CAN messages: give a DBC file")
+        raise ConfigError(f"cannot read DBC file {path}: {' '.join(str(error).split())}") from error
+    if not isinstance(database, Database) or not database.messages:
+        raise ConfigError(f"cannot read DBC file {path}: it holds no CAN messages")
     return database
 
 
@@ -215,64 +252,3 @@ def _check_bits(path: Path, text: str) -> None:
                 f"cannot read DBC file {path}: a signal of {length[:20]} bits from bit {start[:20]} "
                 "fits into no CAN frame"
             )
-
-
-def _find_wrong_names(where: str, key: str, value: object, database: Database) -> Iterator[str]:
-    """Yield what is wrong with the names below `value`; `key` is their place in the mapping file."""
-    if isinstance(value, NamesSignals):
-        for message_name, signal_name, held in value.names():
-            try:
-                message = _find_message(f"{where}{key}", database, message_name)
-                if signal_name is not None:
-                    signal = _find_signal(f"{where}{key}", message, signal_name)
-                    _check_fit(f"{where}{key}", value, signal, held)
-            except ConfigError as error:
-                yield str(error)
-    if isinstance(value, Settings):
-        for name in type(value).model_fields:
-            yield from _find_wrong_names(where, f"{key}.{name}".lstrip("."), getattr(value, name), database)
-    elif isinstance(value, tuple):
-        for index, part in enumerate(value):
-            yield from _find_wrong_names(where, f"{key}.{index}", part, database)
-
-
-def _check_fit(where: str, part: NamesSignals, signal: Signal, held: float | None) -> None:
-    low, high = raw_limits(signal)
-    if held is not None and not low <= raw_value(signal, held) <= high:
-        raise ConfigError(f"{where}: signal '{signal.name}' cannot hold {held:g}; correct the value")
-    first_bit = 0 if signal.byte_order == "little_endian" else 7
-    is_one_byte = signal.length == 8 and signal.start % 8 == first_bit
-    if isinstance(part, Protection) and signal.name == part.checksum and not is_one_byte:
-        raise ConfigError(
-            f"{where}: checksum '{signal.name}' is not one whole byte; only such checksums are supported"
-        )
-
-
-def _find_message(where: str, database: Database, name: str) -> Message:
-    messages = {message.name: message for message in database.messages}
-    message = messages.get(name)
-    if message is None:
-        raise ConfigError(f"{where}: the DBC file has no message '{name}'{_did_you_mean(name, messages)}")
-    if message.length > 8 or message.is_multiplexed():
-        raise ConfigError(
-            f"{where}: message '{name}' is multiplexed or longer than 8 bytes, which is not supported"
-        )
-    return message
-
-
-def _find_signal(where: str, message: Message, name: str) -> Signal:
-    signals = {signal.name: signal for signal in message.signals}
-    signal = signals.get(name)
-    if signal is None:
-        hint = _did_you_mean(name, signals)
-        raise ConfigError(f"{where}: message '{message.name}' has no signal '{name}'{hint}")
-    return signal
-
-
-def _did_you_mean(name: str, known: Iterable[str]) -> str:
-    return _close(name, known) or f"; it has {', '.join(list(known)[:8])}"
-
-
-def _close(name: str, known: Iterable[str]) -> str:
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"; did you mean '{close[0]}'?" if close else ""

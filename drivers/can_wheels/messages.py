@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 
 from cantools.database.can import Message
-from cantools.database.utils import create_encode_decode_formats
 
 from drivers.can_frame import EXTENDED_FLAG, CanFrame, pack_can_frame
+from drivers.can_wheels.layout import Layout
 from drivers.can_wheels.mapping import Protection
 from drivers.can_wheels.signals import raw_limits, raw_value
 from drivers.driver import Rejection
@@ -78,49 +78,16 @@ class _Checksum:
         return self._algorithm(data[: self.index] + data[self.index + 1 :])
 
 
-class Layout:
-    """Where the signals of a message are, of one that is not multiplexed.
-
-    cantools knows the layout; its own `encode` and `decode` look at each signal again in each message.
-    """
-
-    def __init__(self, message: Message) -> None:
-        self._length = message.length
-        self._formats = create_encode_decode_formats(message.signals, message.length)
-        orders = {signal.byte_order for signal in message.signals}
-        self._has_big, self._has_little = "big_endian" in orders, "little_endian" in orders
-        self._integers = [signal.name for signal in message.signals if not signal.is_float]
-
-    def unpack(self, data: bytes) -> dict[str, float]:
-        """Return the raw numbers by signal; `data` is as long as the message."""
-        values: dict[str, float] = {}
-        if self._has_big:
-            values.update(self._formats.big_endian.unpack(data))
-        if self._has_little:
-            values.update(self._formats.little_endian.unpack(data[::-1]))
-        return values
-
-    def pack(self, values: dict[str, float]) -> bytes:
-        """Return the message; `values` holds every signal, and is changed: integers are rounded."""
-        for name in self._integers:
-            values[name] = round(values[name])
-        bits = 0
-        if self._has_big:
-            bits |= int.from_bytes(self._formats.big_endian.pack(values), "big")
-        if self._has_little:
-            bits |= int.from_bytes(self._formats.little_endian.pack(values), "little")
-        return bits.to_bytes(self._length, "big")
-
-
 class _Protected:
     """Common part of reading and writing a message."""
 
-    def __init__(self, message: Message, protection: Protection | None) -> None:
+    def __init__(self, message: Message, signals: Iterable[str], protection: Protection | None) -> None:
         self._message = message
-        self._layout = Layout(message)
         self._checksum: _Checksum | None = None
         self._counter: str | None = None
         self._modulus = 1
+        counters = () if protection is None or protection.counter is None else (protection.counter,)
+        self._layout = Layout(message, {*signals, *counters})
         if protection is None:
             return
         if protection.checksum is not None and protection.algorithm is not None:
@@ -144,7 +111,8 @@ class MessageReader(_Protected):
     """
 
     def __init__(self, message: Message, signals: Iterable[str], protection: Protection | None) -> None:
-        super().__init__(message, protection)
+        signals = list(signals)
+        super().__init__(message, signals, protection)
         self._limits = tuple((name, *raw_limits(message.get_signal_by_name(name))) for name in signals)
         self._length = message.length
         self._last_counter: int | None = None
@@ -154,7 +122,7 @@ class MessageReader(_Protected):
         self._last_counter = None
 
     def read(self, data: bytes) -> tuple[Mapping[str, float] | None, Rejection | None]:
-        """Return the raw numbers by signal, or None, and the rejection, or None.
+        """Return the raw numbers of the signals that the frame holds, or None, and the rejection, or None.
 
         Longer data than the message has is accepted: many devices pad to eight bytes.
         """
@@ -168,8 +136,8 @@ class MessageReader(_Protected):
         if rejection is not None and rejection is not FRAMES_LOST:
             return None, rejection
         for name, low, high in self._limits:
-            value = values[name]
-            if not low <= value <= high:
+            value = values.get(name)
+            if value is not None and not low <= value <= high:
                 return None, OUT_OF_RANGE if math.isfinite(value) else NOT_FINITE
         return values, rejection
 
@@ -190,17 +158,21 @@ class MessageWriter(_Protected):
     Args:
         message: The message.
         protection: Its counter, which starts at 0, and checksum.
+        signals: Names of the signals to write; by default all.
     """
 
-    def __init__(self, message: Message, protection: Protection | None) -> None:
-        super().__init__(message, protection)
+    def __init__(
+        self, message: Message, protection: Protection | None, signals: Iterable[str] | None = None
+    ) -> None:
+        names = {signal.name for signal in message.signals} if signals is None else set(signals)
+        super().__init__(message, names, protection)
         self._template = {signal.name: signal.raw_initial or 0 for signal in message.signals}
         self._next_counter = 0
 
     def write(self, raw_values: Mapping[str, float]) -> bytes:
         """Return the 16-byte frame with raw numbers by signal, which must be within the signals' limits.
 
-        A missing signal takes the start value of the DBC file, or 0.
+        A missing signal takes the start value of the DBC file, or 0. Multiplexers choose which are written.
         """
         values = {**self._template, **raw_values}
         if self._counter is not None:

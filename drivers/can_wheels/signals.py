@@ -19,8 +19,13 @@ def raw_value(signal: Signal, physical: float) -> float:
 
 
 def raw_limits(signal: Signal) -> tuple[float, float]:
-    """Return the smallest and largest valid raw number, from the size of the signal and its DBC limits."""
+    """Return the smallest and largest valid raw number, from the size of the signal and its DBC limits.
+
+    A factor of 0, as in DBC files with signals that nobody uses, leaves the size.
+    """
     low, high = _size_limits(signal)
+    if signal.scale == 0:
+        return low, high
     bounds = [
         None if bound is None else (bound - signal.offset) / signal.scale
         for bound in (signal.minimum, signal.maximum)
@@ -50,6 +55,7 @@ class Scale:
     Attributes:
         low, high: Limits of the raw number.
         float_format: How the signal stores a float, None for an integer.
+        unsigned_span: Number of values of an integer that holds none below zero; None for any other.
     """
 
     message: str
@@ -59,6 +65,7 @@ class Scale:
     low: float
     high: float
     float_format: struct.Struct | None
+    unsigned_span: int | None
 
     @property
     def limits_si(self) -> tuple[float, float]:
@@ -90,4 +97,5 @@ def make_scale(message: str, signal: Signal, si_per_unit: float) -> Scale:
         low=low,
         high=high,
         float_format=FLOATS[signal.length] if signal.is_float else None,
+        unsigned_span=None if signal.is_float or signal.is_signed or signal.offset else 2**signal.length,
     )

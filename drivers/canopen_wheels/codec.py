@@ -43,8 +43,10 @@ from drivers.canopen_wheels.frames import (
 from drivers.canopen_wheels.parameters import CanopenWheelsParameters
 from drivers.driver import Rejection
 from drivers.link import Received
+from drivers.operation_check import OperationCheck
 from drivers.position_counter import PositionCounter
 from drivers.samples import FaultSample, Sample, WheelSample
+from drivers.speed_check import SPEED_CONTRADICTS_POSITION, SpeedCheck
 
 NOT_A_FRAME = (Rejection("not_a_frame"),)
 OTHER_TRAFFIC = (Rejection("other_traffic"),)
@@ -79,6 +81,8 @@ class _Drive:
         self.a_per_step = None if rated_a is None else wheel.sign * rated_a / 1000.0
         counts_per_s = _PLAUSIBLE_OVERSPEED * settings.rpm_limit / 60.0 * settings.counts_per_motor_turn
         self.counter = PositionCounter(2**32, counts_per_s)
+        self.speed_check = SpeedCheck(self.rad_per_count, 1.0 / self.units_per_rad_s)
+        self.operation = OperationCheck()
         self.objects = configuration(settings, self.node)
         self._resets_allowed = settings.fault_resets
         self.reset()
@@ -86,6 +90,7 @@ class _Drive:
     def reset(self) -> None:
         """Begin anew after a break of the link."""
         self.counter.reset()
+        self.speed_check.reset()
         self.resets_left = self._resets_allowed
         self.may_reset_fault = False
         self.is_off = False
@@ -93,6 +98,7 @@ class _Drive:
 
     def configure(self) -> None:
         """Begin the configuration anew."""
+        self.operation.note_stop()
         self.next_object = -1  # first the network state
         self.waited = 0
         self.state = State.NOT_READY
@@ -173,11 +179,13 @@ class CanopenWheelsCodec:
     """PDOs, heartbeats and emergencies to samples; wheel speeds to PDOs, heartbeat and configuration.
 
     TPDO 1 gives the speed, TPDO 2 the position and, with the rated current in the settings, the current.
-    Positions count from the drive's own zero. Faults: emergencies, the fault state of a drive, an object that
-    it refuses, a restart, and a drive that is no longer operational.
+    Positions count from the drive's own zero. Faults: emergencies, the fault state of a drive, a drive that
+    leaves "operation enabled" or does not come to it while set-points are sent, an object that it refuses, a
+    restart, and a drive that is no longer operational.
 
     Rejections: "not_a_frame"; "other_traffic"; "other_node", a CANopen message of a node that no wheel has;
-    "too_short"; "implausible_jump", see `PositionCounter`; "bus_lost_arbitration" and "bus_warning".
+    "too_short"; "implausible_jump", see `PositionCounter`; "speed_contradicts_position", which accompanies a
+    sample, see `SpeedCheck`; "bus_lost_arbitration" and "bus_warning".
 
     Args:
         name: Name of the device in the configuration.
@@ -248,6 +256,7 @@ class CanopenWheelsCodec:
         for drive, speed in zip(self._drives, speed_rad_s, strict=True):
             limit = self._velocity_limit
             velocity = round(min(max(speed * drive.units_per_rad_s, -limit), limit)) if may_turn else 0
+            drive.operation.note_set_point()
             payloads += drive.next_frames(velocity, is_standstill)
             meant.append(velocity / drive.units_per_rad_s)
         return payloads, tuple(meant)
@@ -259,6 +268,8 @@ class CanopenWheelsCodec:
         in CiA 402). "Shutdown" would by default switch the motor off at speed (605Bh); it goes to drives
         that are not enabled. The drive then misses this program's heartbeat, a fault, and stays off.
         """
+        for drive in self._drives:
+            drive.operation.note_stop()
         return [
             rpdo_1(drive.node, SWITCH_ON if drive.state is State.ENABLED else SHUTDOWN, 0)
             for drive in self._drives
@@ -270,15 +281,15 @@ class CanopenWheelsCodec:
         drive.is_operational = drive.is_started  # PDOs come in no other state
         if drive.is_enabled:
             drive.may_reset_fault = False  # the start has had its effect; a later fault awaits the next one
-        code = statusword if drive.state is State.FAULT else 0
+        is_at_fault = drive.operation.is_at_fault(t_ns, is_operating=drive.state is State.ENABLED)
+        code = statusword if is_at_fault or drive.state is State.FAULT else 0
+        state = drive.state.name.lower().replace("_", " ")
+        text = "fault" if drive.state is State.FAULT else f"the drive does not obey set-points: {state}"
+        speed_rad_s = velocity / drive.units_per_rad_s
+        drive.speed_check.note_speed(speed_rad_s)
         return (
-            *self._report(t_ns, drive, "state", code, "fault"),
-            WheelSample(
-                device=self._name,
-                t_ns=t_ns,
-                wheel=drive.index,
-                speed_rad_s=velocity / drive.units_per_rad_s,
-            ),
+            *self._report(t_ns, drive, "state", code, text),
+            WheelSample(device=self._name, t_ns=t_ns, wheel=drive.index, speed_rad_s=speed_rad_s),
         )
 
     def _read_position(self, t_ns: int, drive: _Drive, data: bytes) -> Sequence[Sample | Rejection]:
@@ -288,16 +299,17 @@ class CanopenWheelsCodec:
             current_a = _CURRENT.unpack_from(data, _POSITION.size)[0] * drive.a_per_step
         counts = drive.counter.count(t_ns, raw)
         if counts is None:
+            drive.speed_check.reset()
             return IMPLAUSIBLE_JUMP
-        return (
-            WheelSample(
-                device=self._name,
-                t_ns=t_ns,
-                wheel=drive.index,
-                position_rad=counts * drive.rad_per_count,
-                current_a=current_a,
-            ),
+        sample = WheelSample(
+            device=self._name,
+            t_ns=t_ns,
+            wheel=drive.index,
+            position_rad=counts * drive.rad_per_count,
+            current_a=current_a,
         )
+        is_wrong = drive.speed_check.contradicts(t_ns, counts * drive.rad_per_count)
+        return (sample, SPEED_CONTRADICTS_POSITION) if is_wrong else (sample,)
 
     def _read_emergency(self, t_ns: int, drive: _Drive, data: bytes) -> Sequence[Sample | Rejection]:
         code, _ = _EMERGENCY.unpack_from(data)

@@ -26,7 +26,10 @@ LONGEST_SENTENCE = 255
 FASTEST_TURN_DEG_MIN = 120_000.0
 """2000 deg/s, the widest range of the gyroscopes in use."""
 
+HEADING_ADDRESSES = frozenset({"HDG", "HDM", "HDT", "THS", "PASHR"})
 LINE_END = re.compile(rb"[\r\n]+")
+OTHER_TEXT = re.compile(rb"[#!%][A-Z][0-9A-Z]+,[ -~]*")
+"""Logs of Unicore and NovAtel receivers and sentences of AIS, which may stand among those of NMEA 0183."""
 BODY_AND_CHECKSUM = re.compile(rb"([ -)+-~]+)(?:\*([0-9A-Fa-f]{2}))?")
 PITCH_NAMES = frozenset({"PITCH", "PTCH", "TRIM"})
 ROLL_NAMES = frozenset({"ROLL", "HEEL"})
@@ -42,11 +45,12 @@ def encode_sentence(body: str) -> bytes:
 
 
 class NmeaCompassCodec:
-    """Reads HDG, HDM, HDT, THS, ROT, XDR and PASHR of any talker; every other sentence is "other_sentence".
+    """Reads HDG, HDM, HDT, THS, VHW, OSD, ROT, XDR and PASHR of any talker; others are "other_sentence".
 
     HDG and HDM give magnetic headings; HDG gives a true one too when it carries a variation; HDT, THS and
-    PASHR give true ones. Rejections: "framing", "checksum", "format", "empty", "invalid_mode", "range",
-    "other_sentence".
+    PASHR give true ones. A speed log (VHW) or radar (OSD) passes on the heading of a compass, later than the
+    compass itself: it is read as long as no other sentence brings one. Rejections: "framing", "checksum",
+    "format", "empty", "invalid_mode", "range", "other_sentence".
 
     Args:
         name: Name of the device in the configuration.
@@ -61,6 +65,7 @@ class NmeaCompassCodec:
         self._require_checksum = require_checksum
         self._deviation_table = deviation_table
         self._tail = b""
+        self._has_compass = False
         self._readers: dict[str, Callable[[bytes, int], list[Sample]]] = {
             "HDG": self._read_hdg,
             "HDM": self._read_hdm,
@@ -69,36 +74,44 @@ class NmeaCompassCodec:
             "ROT": self._read_rot,
             "XDR": self._read_xdr,
             "PASHR": self._read_pashr,
+            "VHW": self._read_vhw,
+            "OSD": self._read_osd,
         }
 
     def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
         """Return the samples and rejections of the lines that `item` completes."""
         *lines, tail = LINE_END.split(self._tail + item.payload)
-        self._tail = tail[-LONGEST_SENTENCE:]
+        self._tail = _shortened(tail)
         results: list[Sample | Rejection] = []
         for line in lines:
             if line:
-                results.extend(self._read_line(line[-LONGEST_SENTENCE:], item.t_ns))
+                results.extend(self._read_line(_shortened(line), item.t_ns))
         return results
 
     def reset(self) -> None:
-        """Forget a half-received line."""
+        """Forget a half-received line, and which sentences came."""
         self._tail = b""
+        self._has_compass = False
 
     def _read_line(self, line: bytes, t_ns: int) -> Sequence[Sample | Rejection]:
         try:
             body = self._checked_body(line)
             address = body.partition(b",")[0].decode("ascii")
             # Proprietary addresses start with P, all others with a talker of two letters.
-            reader = self._readers.get(address if address.startswith("P") else address[2:])
+            name = address if address.startswith("P") else address[2:]
+            reader = self._readers.get(name)
             if reader is None:
                 return (Rejection("other_sentence"),)
-            return reader(body, t_ns)
+            samples = reader(body, t_ns)
+            self._has_compass |= name in HEADING_ADDRESSES
+            return samples
         except _RejectedError as rejected:
             return (Rejection(str(rejected)),)
 
     def _checked_body(self, line: bytes) -> bytes:
         _, start, sentence = line.rpartition(b"$")
+        if OTHER_TEXT.fullmatch(line):
+            raise _RejectedError("other_sentence")
         match = BODY_AND_CHECKSUM.fullmatch(sentence)
         if not start or match is None:
             raise _RejectedError("framing")
@@ -137,6 +150,29 @@ class NmeaCompassCodec:
         # Other modes: estimated, manual, simulated, void. Such a heading is not measured.
         _require_letter(fields, "mi", "A", "invalid_mode")
         return [self._heading(t_ns, _number(fields, "headt", 0.0, 360.0), HeadingReference.TRUE)]
+
+    def _read_vhw(self, body: bytes, t_ns: int) -> list[Sample]:
+        fields = _parse(body)
+        is_true, is_magnetic = fields.get("hdgT", "") != "", fields.get("hdgM", "") != ""
+        if self._has_compass or not (is_true or is_magnetic):
+            raise _RejectedError("other_sentence")
+        samples: list[Sample] = []
+        if is_true:
+            _require_letter(fields, "hgdTu", "T", "format")
+            true_deg = _number(fields, "hdgT", 0.0, 360.0)
+            samples.append(self._heading(t_ns, true_deg, HeadingReference.TRUE))
+        if is_magnetic:
+            _require_letter(fields, "hgdMu", "M", "format")
+            magnetic_deg = self._corrected(_number(fields, "hdgM", 0.0, 360.0))
+            samples.append(self._heading(t_ns, magnetic_deg, HeadingReference.MAGNETIC))
+        return samples
+
+    def _read_osd(self, body: bytes, t_ns: int) -> list[Sample]:
+        fields = _parse(body)
+        if self._has_compass:
+            raise _RejectedError("other_sentence")
+        _require_letter(fields, "hdgstate", "A", "invalid_mode")
+        return [self._heading(t_ns, _number(fields, "hdg", 0.0, 360.0), HeadingReference.TRUE)]
 
     def _read_rot(self, body: bytes, t_ns: int) -> list[Sample]:
         fields = _parse(body)
@@ -196,6 +232,11 @@ class NmeaCompassCodec:
             roll_rad=None if roll_deg is None else math.radians(roll_deg),
             pitch_rad=None if pitch_deg is None else -math.radians(pitch_deg),
         )
+
+
+def _shortened(line: bytes) -> bytes:
+    """Return the end of a line, where a sentence may be; the begin of other text, which tells its kind."""
+    return line[:LONGEST_SENTENCE] if line[:1] in (b"#", b"!", b"%") else line[-LONGEST_SENTENCE:]
 
 
 def _parse(body: bytes) -> dict[str, object]:

@@ -11,7 +11,8 @@ A message carries no time and no counter: lost messages do not show, and a value
 passes the 8-bit checksum with probability 1/256 where the damage is more than one bit.
 
 Source: VN-100 user manual UM001 (asynchronous output types, serial checksum, communication protocol control
-register); VN-200 user manual UM004, sections 3.2 and 4; VectorNav programming library 1.1 (`vnupack.c`).
+register); VN-200 user manual UM004, sections 3.2 and 4 (VNINS and its status); VectorNav programming library
+1.1 (`vnupack.c`).
 """
 
 import math
@@ -60,6 +61,11 @@ _GROUPS: Mapping[str, tuple[str, ...]] = {
 """The groups of three numbers in each message."""
 _NUMBERS_BEHIND = {"VNIMU": 2}
 """Numbers behind the groups: temperature and pressure."""
+_INS_STATUS, _INS_ANGLES, _INS_FIELDS = 2, slice(3, 6), 15
+"""Fields of VNINS: time, week, status in hex, yaw, pitch, roll, position, velocity, three uncertainties."""
+_STATUS = re.compile(r"[0-9A-Fa-f]{4}")
+_INS_MODE, _TRACKING = 3, 2
+"""Two bits of the status: 0 not tracking, 1 aligning, 2 tracking, 3 without GNSS for 45 s."""
 
 
 class _RejectedError(Exception):
@@ -77,11 +83,11 @@ def crc16(data: bytes) -> int:
 
 
 class VectorNavCodec:
-    """Reads YMR, YPR, YBA, YIA, MAR, ACC, GYR and IMU messages.
+    """Reads YMR, YPR, YBA, YIA, MAR, ACC, GYR, IMU and INS messages; the yaw of INS is from true north.
 
     Rejections: "framing", "checksum", "format" (wrong number of fields, or a field that is not a number),
-    "range", "other_message", and "device_error" (`$VNERR`: the device refuses a command, or its output does
-    not fit through the line).
+    "range", "other_message", "not_tracking" (the filter behind an INS message has not settled), and
+    "device_error" (`$VNERR`: the device refuses a command, or its output does not fit through the line).
 
     Args:
         name: Name of the device in the configuration.
@@ -125,6 +131,8 @@ class VectorNavCodec:
             header, *fields = _checked_body(line).split(",")
             if header == "VNERR":
                 raise _RejectedError("device_error")
+            if header == "VNINS":
+                return self._read_ins(t_ns, fields)
             groups = _GROUPS.get(header)
             if groups is None:
                 raise _RejectedError("other_message")
@@ -137,7 +145,19 @@ class VectorNavCodec:
             return (Rejection(str(rejected)),)
         return samples
 
-    def _read_angles(self, t_ns: int, degrees: Vector) -> Sequence[Sample]:
+    def _read_ins(self, t_ns: int, fields: Sequence[str]) -> Sequence[Sample]:
+        status = fields[_INS_STATUS] if len(fields) > _INS_STATUS else ""
+        if _STATUS.fullmatch(status) is None:
+            raise _RejectedError("format")
+        numbers = _numbers([*fields[:_INS_STATUS], "0", *fields[_INS_STATUS + 1 :]], _INS_FIELDS)
+        if int(status, 16) & _INS_MODE != _TRACKING:
+            raise _RejectedError("not_tracking")
+        yaw_deg, pitch_deg, roll_deg = numbers[_INS_ANGLES]
+        return self._read_angles(t_ns, (yaw_deg, pitch_deg, roll_deg), HeadingReference.TRUE)
+
+    def _read_angles(
+        self, t_ns: int, degrees: Vector, reference: HeadingReference | None = None
+    ) -> Sequence[Sample]:
         yaw_deg, pitch_deg, roll_deg = degrees
         if not (abs(yaw_deg) <= 360.0 and abs(pitch_deg) <= 90.0 and abs(roll_deg) <= 180.0):
             raise _RejectedError("range")
@@ -146,7 +166,9 @@ class VectorNavCodec:
         )
         return (
             AttitudeSample(device=self._name, t_ns=t_ns, roll_rad=roll_rad, pitch_rad=pitch_rad),
-            HeadingSample(device=self._name, t_ns=t_ns, heading_rad=yaw_rad, reference=self._reference),
+            HeadingSample(
+                device=self._name, t_ns=t_ns, heading_rad=yaw_rad, reference=reference or self._reference
+            ),
         )
 
     def _read_rates(self, t_ns: int, rates_rad_s: Vector) -> Sequence[Sample]:

@@ -2,19 +2,20 @@
 
 The controllers send status messages by themselves. Status 1 gives the speed in electrical turns per minute
 (motor turns times pole pairs), status 5 the tachometer, which counts six steps per electrical turn in a
-signed 32-bit register and starts from 0 when the controller does. They never send their fault code: it is
-asked for with `COMM_GET_VALUES_SELECTIVE` in a short-buffer command, which does not feed the controller's
-timeout.
+signed 32-bit register and starts from 0 when the controller does. They never send their fault code, nor
+whether their timeout or kill switch keeps the motor off: both are asked for with `COMM_GET_VALUES_SELECTIVE`
+in short-buffer commands, which do not feed the controller's timeout.
 
 The motor current on the wire is negative when the motor brakes. In samples it is positive when it drives
 forwards, so it takes the sign of the duty cycle of the same message.
 
 There is no checksum beyond the bus' own, no counter and no time. Not detectable: a controller that repeats
 old values, wrong pole pairs or gear, a restart soon after the last one (see `PositionCounter`), a timeout
-that is switched off.
+that is switched off, an unplugged motor (its wheel does not turn, which stops the rover).
 
 Source: bldc `documentation/comm_can.md`; `comm/comm_can.c` (`comm_can_send_status1` to `status5`,
-`decode_msg`, `comm_can_send_buffer`) and `comm/commands.c` (mask bit 15), firmware 5.02 to 6.
+`decode_msg`, `comm_can_send_buffer`) and `comm/commands.c` (mask bits 15 and 21), firmware 5.02 to 6; where
+it is too old for the second, the answer is short and counts as other traffic.
 """
 
 import math
@@ -26,8 +27,10 @@ from drivers.can_faults import BusMonitor, FaultBoard
 from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.driver import Rejection
 from drivers.link import Received
+from drivers.operation_check import OperationCheck
 from drivers.position_counter import PositionCounter
 from drivers.samples import FaultSample, PowerSample, Sample, WheelSample
+from drivers.speed_check import SPEED_CONTRADICTS_POSITION, SpeedCheck
 from drivers.vesc.faults import fault_name
 from drivers.vesc.parameters import VescParameters
 
@@ -45,6 +48,14 @@ MOST_UNANSWERED = 20
 _SHORT_BUFFER = 8
 _GET_VALUES_SELECTIVE = 50
 _FAULT_MASK = 1 << 15
+_STATUS_MASK = 1 << 21
+_KEPT_OFF = (
+    "",
+    "timeout expired",
+    "kill switch active",
+    "timeout expired, kill switch active",
+)
+"""What keeps a motor off, by the two bits of the status."""
 _QUESTION = struct.Struct(">BBBI")
 _ANSWER = struct.Struct(">BBBIB")
 _PROCESS_AND_REPLY, _REPLY = 0, 1
@@ -76,8 +87,18 @@ def encode_command(command: Command, node: int, value: float) -> bytes:
 
 def encode_fault_question(node: int, host_id: int) -> bytes:
     """Return the frame that asks a controller for its fault code."""
-    question = _QUESTION.pack(host_id, _PROCESS_AND_REPLY, _GET_VALUES_SELECTIVE, _FAULT_MASK)
-    return _frame(_SHORT_BUFFER, node, question)
+    return _question(node, host_id, _FAULT_MASK)
+
+
+def encode_status_question(node: int, host_id: int) -> bytes:
+    """Return the frame that asks a controller whether its timeout or kill switch keeps the motor off."""
+    return _question(node, host_id, _STATUS_MASK)
+
+
+def _question(node: int, host_id: int, mask: int) -> bytes:
+    return _frame(
+        _SHORT_BUFFER, node, _QUESTION.pack(host_id, _PROCESS_AND_REPLY, _GET_VALUES_SELECTIVE, mask)
+    )
 
 
 def _frame(command: int, node: int, data: bytes) -> bytes:
@@ -97,18 +118,29 @@ class _Wheel:
         self.sign = wheel.sign
         largest_rate_per_s = settings.erpm_limit / 60.0 * STEPS_PER_ELECTRICAL_TURN
         self.counter = PositionCounter(2**32, largest_rate_per_s)
+        self.speed_check = SpeedCheck(self.rad_per_step, 1.0 / self.erpm_per_rad_s)
+        self.operation = OperationCheck()
+        self.unanswered = 0
+
+    def reset(self) -> None:
+        """Forget turns and questions after a break of the link."""
+        self.counter.reset()
+        self.speed_check.reset()
+        self.operation.note_stop()
         self.unanswered = 0
 
 
 class VescCodec:
-    """Status messages to samples; wheel speeds to set-points, and one question for a fault with each of them.
+    """Status messages to samples; wheel speeds to set-points, and with them questions for fault and status.
 
     Status 1 gives speed and current, status 5 the position and, from the first wheel's controller, the supply
-    voltage. Positions count from the controller's own zero.
+    voltage. Positions count from the controller's own zero. Beside the controller's own faults, a timeout or
+    kill switch that keeps the motor off while set-points are sent is one.
 
     Rejections: "not_a_frame"; "other_traffic"; "other_node", a status message of a controller that no wheel
     has; "too_short"; "implausible_jump", see `PositionCounter`; "no_fault_report", a controller that answers
-    no question for its fault; "bus_lost_arbitration" and "bus_warning".
+    no question for its fault; "speed_contradicts_position", which accompanies a sample, see `SpeedCheck`;
+    "bus_lost_arbitration" and "bus_warning".
 
     Args:
         name: Name of the device in the configuration.
@@ -134,8 +166,7 @@ class VescCodec:
         """Forget turns and questions; faults that are still active are reported again."""
         self._board.reset()
         for wheel in self._wheels:
-            wheel.counter.reset()
-            wheel.unanswered = 0
+            wheel.reset()
 
     def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
         """Return the samples and rejections of one frame."""
@@ -156,17 +187,19 @@ class VescCodec:
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
         """Return the set-points, whole electrical turns per minute within the limit, and what they mean.
 
-        A question for the fault of one wheel after the other is added to each call.
+        Questions for fault and status of one wheel after the other are added to each call.
         """
         payloads, meant = [], []
         for wheel, speed in zip(self._wheels, speed_rad_s, strict=True):
             erpm = round(min(max(speed * wheel.erpm_per_rad_s, -self._erpm_limit), self._erpm_limit))
             payloads.append(encode_command(Command.RPM, wheel.node, erpm))
             meant.append(erpm / wheel.erpm_per_rad_s)
+            wheel.operation.note_set_point()
         asked = self._wheels[self._next_question]
         self._next_question = (self._next_question + 1) % self.wheel_count
         asked.unanswered += 1
         payloads.append(encode_fault_question(asked.node, self._host_id))
+        payloads.append(encode_status_question(asked.node, self._host_id))
         return payloads, tuple(meant)
 
     def encode_stop(self) -> Sequence[bytes]:
@@ -174,6 +207,8 @@ class VescCodec:
 
         A current of 0 would release the motor at once, and the wheel would roll on.
         """
+        for wheel in self._wheels:
+            wheel.operation.note_stop()
         return ()
 
     def _read(self, t_ns: int, command: int, node: int, data: bytes) -> Sequence[Sample | Rejection]:
@@ -194,6 +229,7 @@ class VescCodec:
         erpm, current, duty = _SPEED_CURRENT_DUTY.unpack_from(data)
         drives_backwards = (duty or erpm) * wheel.sign < 0
         current_a = current / 10.0
+        wheel.speed_check.note_speed(erpm / wheel.erpm_per_rad_s)
         sample = WheelSample(
             device=self._name,
             t_ns=t_ns,
@@ -210,12 +246,14 @@ class VescCodec:
         tachometer, voltage = _TACHOMETER_VOLTAGE.unpack_from(data)
         steps = wheel.counter.count(t_ns, tachometer)
         if steps is None:
+            wheel.speed_check.reset()
             return IMPLAUSIBLE_JUMP
-        samples: list[Sample] = [
-            WheelSample(
-                device=self._name, t_ns=t_ns, wheel=wheel.index, position_rad=steps * wheel.rad_per_step
-            )
+        position_rad = steps * wheel.rad_per_step
+        samples: list[Sample | Rejection] = [
+            WheelSample(device=self._name, t_ns=t_ns, wheel=wheel.index, position_rad=position_rad)
         ]
+        if wheel.speed_check.contradicts(t_ns, position_rad):
+            samples.append(SPEED_CONTRADICTS_POSITION)
         if wheel.index == 0:
             samples.append(PowerSample(device=self._name, t_ns=t_ns, voltage_v=voltage / 10.0))
         return samples
@@ -224,13 +262,19 @@ class VescCodec:
         if len(data) < _ANSWER.size:
             return OTHER_TRAFFIC
         node, kind, command, mask, code = _ANSWER.unpack_from(data)
-        if (kind, command, mask) != (_REPLY, _GET_VALUES_SELECTIVE, _FAULT_MASK):
+        if (kind, command) != (_REPLY, _GET_VALUES_SELECTIVE) or mask not in (_FAULT_MASK, _STATUS_MASK):
             return OTHER_TRAFFIC
         wheel = self._wheel_of_node.get(node)
         if wheel is None:
             return OTHER_NODE
-        wheel.unanswered = 0
-        fault: FaultSample | None = self._board.report(
-            t_ns, wheel.index, f"VESC {node}", code, fault_name(code) if code else ""
+        if mask == _FAULT_MASK:
+            wheel.unanswered = 0
+            return self._report(t_ns, wheel, "", code, fault_name(code))
+        is_kept_off = wheel.operation.is_at_fault(t_ns, is_operating=not code & 3)
+        return self._report(t_ns, wheel, " status", code & 3 if is_kept_off else 0, _KEPT_OFF[code & 3])
+
+    def _report(self, t_ns: int, wheel: _Wheel, source: str, code: int, text: str) -> Sequence[FaultSample]:
+        fault = self._board.report(
+            t_ns, wheel.index, f"VESC {wheel.node}{source}", code, text if code else ""
         )
         return () if fault is None else (fault,)

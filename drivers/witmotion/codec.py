@@ -1,7 +1,12 @@
 """WitMotion frames: 0x55, type, four signed 16-bit little-endian words, sum of the first ten bytes.
 
-Source: WT901 data sheet v20-0702, sections 5.1.2 to 5.1.5. Sensor axes are right-handed with z up; angles are
-Euler angles in the order z, y, x against an east-north-up frame, so yaw is counter-clockwise.
+The Bluetooth models (WT901BLE, WT901BLECL on USB, WT9011DCL and others) send acceleration, rate and angle in
+one frame of 20 bytes: 0x55, 0x61, nine words of the same scales, no sum. Damaged words in it are not noticed,
+lost bytes are: a frame counts only where another begins behind it. A magnetic field is not sent.
+
+Source: WT901 data sheet v20-0702, sections 5.1.2 to 5.1.5; WT901BLECL manual, section 6.1.1. Sensor axes are
+right-handed with z up; angles are Euler angles in the order z, y, x against an east-north-up frame, so yaw is
+counter-clockwise.
 """
 
 import math
@@ -27,7 +32,10 @@ HEADER = 0x55
 ACCELERATION, RATE, ANGLE, MAGNETIC = 0x51, 0x52, 0x53, 0x54
 KNOWN_TYPES = frozenset({*range(0x50, 0x5B), 0x5F})
 REGISTERS = 0x5F
+COMBINED, LONG_REGISTERS = 0x61, 0x71
+"""Types of frames of 20 bytes: measurements, and the answer to a request for registers."""
 FRAME_SIZE = 11
+LONG_FRAME_SIZE = 20
 READ_BANDWIDTH = bytes((0xFF, 0xAA, 0x27, 0x1F, 0x00))
 """Request to read the register of the bandwidth; the answer is a frame of `REGISTERS`."""
 
@@ -39,6 +47,8 @@ OLDEST_TILT_NS = 500_000_000
 """The device sends the angle frame just before the magnetic one; some may be damaged in between."""
 
 _WORDS = struct.Struct("<BB4h")
+_LONG_WORDS = struct.Struct("<BB9h")
+_TYPES_BEHIND = frozenset({b""} | {bytes((kind,)) for kind in KNOWN_TYPES | {COMBINED, LONG_REGISTERS}})
 
 
 def encode_frame(frame_type: int, first: int, second: int, third: int, fourth: int = 0) -> bytes:
@@ -73,12 +83,13 @@ def _encode(frame_type: int, step: float, first: float, second: float, third: fl
 
 
 class WitMotionCodec:
-    """Reads acceleration, angular rate, angle and, with a calibration, magnetic frames.
+    """Reads acceleration, angular rate, angle, combined and, with a calibration, magnetic frames.
 
     Resynchronises by header, plausible type and sum. The sum catches every single-bit error in a frame; after
     a loss of synchronisation a chance match has probability 1/256 per candidate. Rejections: "framing" and
     "checksum" (once per stretch of unreadable bytes), "other_type", "no_attitude" (a magnetic frame
-    without an angle frame in the half second before it).
+    without an angle frame in the half second before it), "no_magnetic_field" (a combined frame where a
+    calibration asks for the field; its other quantities are read).
 
     Args:
         name: Name of the device in the configuration.
@@ -103,6 +114,7 @@ class WitMotionCodec:
             self._readers[MAGNETIC] = self._read_magnetic
         self._buffer = b""
         self._lost = False
+        self._follows_long = False
         self._tilt_rad = (0.0, 0.0)
         self._tilt_ns: int | None = None
 
@@ -112,17 +124,20 @@ class WitMotionCodec:
         results: list[Sample | Rejection] = []
         position = 0
         while position < len(data):
-            reason = _unreadable(data, position)
+            size = _frame_size(data, position)
+            reason = _unreadable(data, position, size)
             if reason is None:
-                if len(data) - position < FRAME_SIZE:
+                if not self._is_whole(data, position + size, size):
                     break
                 self._lost = False
+                self._follows_long = size == LONG_FRAME_SIZE
                 results.extend(self._read_frame(data, position, item.t_ns))
-                position += FRAME_SIZE
+                position += size
             else:
                 if not self._lost:
                     results.append(Rejection(reason))
                 self._lost = True
+                self._follows_long = False
                 next_header = data.find(HEADER, position + 1)
                 position = len(data) if next_header < 0 else next_header
         self._buffer = data[position:]
@@ -132,12 +147,30 @@ class WitMotionCodec:
         """Forget a half-received frame and the last attitude."""
         self._buffer = b""
         self._lost = False
+        self._follows_long = False
         self._tilt_ns = None
 
+    def _is_whole(self, data: bytes, end: int, size: int) -> bool:
+        """Return whether a frame has arrived; a long one, without a sum, needs another beside it."""
+        return end < len(data) or (end == len(data) and (size == FRAME_SIZE or self._follows_long))
+
     def _read_frame(self, data: bytes, position: int, t_ns: int) -> Sequence[Sample | Rejection]:
+        if data[position + 1] == COMBINED:
+            return self._read_combined(t_ns, _LONG_WORDS.unpack_from(data, position)[2:])
+        if data[position + 1] == LONG_REGISTERS:
+            return ()
         _, frame_type, first, second, third, _ = _WORDS.unpack_from(data, position)
         reader = self._readers.get(frame_type)
         return (Rejection("other_type"),) if reader is None else reader(t_ns, (first, second, third))
+
+    def _read_combined(self, t_ns: int, words: Sequence[float]) -> Sequence[Sample | Rejection]:
+        ax, ay, az, rx, ry, rz, roll, pitch, yaw = words
+        return (
+            *self._read_acceleration(t_ns, (ax, ay, az)),
+            *self._read_rate(t_ns, (rx, ry, rz)),
+            *self._read_angle(t_ns, (roll, pitch, yaw)),
+            *(() if self._calibration is None else (Rejection("no_magnetic_field"),)),
+        )
 
     def _read_acceleration(self, t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
         x, y, z = (word * ACCELERATION_STEP_M_S2 for word in self._mounting.vector_to_rover(words))
@@ -203,13 +236,22 @@ def _read_nothing(t_ns: int, words: Vector) -> Sequence[Sample | Rejection]:
     return ()
 
 
-def _unreadable(data: bytes, position: int) -> str | None:
+def _frame_size(data: bytes, position: int) -> int:
+    frame_type = data[position + 1] if position + 1 < len(data) else None
+    return LONG_FRAME_SIZE if frame_type in (COMBINED, LONG_REGISTERS) else FRAME_SIZE
+
+
+def _unreadable(data: bytes, position: int, size: int) -> str | None:
     """Return why no frame starts here; None when one does, or may do so once more bytes have arrived."""
     if data[position] != HEADER:
         return "framing"
+    end = position + size
+    if size == LONG_FRAME_SIZE:
+        behind = data[end : end + 2]
+        is_frame = not behind or (behind[0] == HEADER and behind[1:] in _TYPES_BEHIND)
+        return None if is_frame else "framing"
     if position + 1 < len(data) and data[position + 1] not in KNOWN_TYPES:
         return "framing"
-    end = position + FRAME_SIZE
     if end <= len(data) and sum(data[position : end - 1]) & 0xFF != data[end - 1]:
         return "checksum"
     return None

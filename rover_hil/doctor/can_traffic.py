@@ -59,7 +59,8 @@ def _arrivals_by_id(reception: Reception) -> dict[int, list[int]]:
 
 def _messages_of(mapping: CanWheelsMapping) -> Iterator[str]:
     for wheel in mapping.wheel:
-        for source in (wheel.position, wheel.speed, wheel.current, wheel.voltage, *wheel.fault):
+        measured = (wheel.position, wheel.speed, wheel.current, wheel.voltage, wheel.steering)
+        for source in (*measured, wheel.state, *wheel.fault):
             if source is not None:
                 yield source.message
     if mapping.power is not None:

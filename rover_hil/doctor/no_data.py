@@ -7,6 +7,7 @@ from drivers.device_settings import CanDeviceSettings, SerialDeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
+from drivers.vectornav.settings import VectorNavSettings
 from drivers.vesc.settings import VescSettings
 from rover_hil.doctor.finding import Finding, problem, warning
 from rover_hil.doctor.listening import Reception
@@ -15,7 +16,8 @@ from rover_hil.doctor.rejections import advice_for, list_reasons
 CHECK = "data"
 GARBLED = frozenset({"framing", "checksum"})
 
-_SENTENCE_NAME = re.compile(rb"\$([A-Z]{5})\b")
+_MESSAGE_NAME = re.compile(rb"(?<![^\r\n])[$#!%]([A-Z][A-Z0-9]{2,15}),")
+"""Name at the start of a line: NMEA 0183, AIS, and logs of VectorNav, Unicore and NovAtel devices."""
 
 
 def check_no_data(reception: Reception) -> list[Finding]:
@@ -30,7 +32,7 @@ def check_no_data(reception: Reception) -> list[Finding]:
     byte_count = sum(len(arrival.payload) for arrival in reception.arrivals)
     what = f"no usable data arrives; rejected: {reasons}" if reasons else f"{byte_count} undecodable bytes"
     cause, fix = _explain_rejection(reception)
-    return [problem(CHECK, reception.device, what + _sentences(reception), cause, fix)]
+    return [problem(CHECK, reception.device, what + _message_names(reception), cause, fix)]
 
 
 def _only_heartbeats(reception: Reception) -> Finding:
@@ -90,10 +92,10 @@ def _explain_rejection(reception: Reception) -> tuple[str, str]:
     return advice.cause, advice.fix.format(device=name)
 
 
-def _sentences(reception: Reception) -> str:
-    """Return which NMEA sentences a compass sent, to show that they are the wrong ones."""
-    if not isinstance(reception.settings, NmeaCompassSettings):
+def _message_names(reception: Reception) -> str:
+    """Return which messages a device that sends text has sent, to show that they are the wrong ones."""
+    if not isinstance(reception.settings, NmeaCompassSettings | VectorNavSettings):
         return ""
     data = b"".join(arrival.payload for arrival in reception.arrivals)
-    names = sorted({name.decode() for name in _SENTENCE_NAME.findall(data)})
-    return f"; sentences reception: {', '.join(names)}" if names else ""
+    names = sorted({name.decode() for name in _MESSAGE_NAME.findall(data)})
+    return f"; it sends {', '.join(names)}" if names else ""

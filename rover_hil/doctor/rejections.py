@@ -49,22 +49,36 @@ _OTHER_IMAGES = Advice(
     "size or depth of the images is not the configured one",
     "in [devices.{device}] set width and height to those of the images",
 )
+_CONTRADICTION = Advice(
+    Level.PROBLEM,
+    "the speed that a drive reports cannot have turned its wheel as the positions say: one of them is wrong",
+    "compare units, gear and counts per turn in [devices.{device}] with the drive; update its firmware",
+)
 _STANDING_CAMERA = Advice(
     Level.WARNING,
     "the camera, or the program that fills the folder, delivers the same frame again",
     "connect the camera without a hub, or lower frame_rate_hz in [devices.{device}]",
 )
 
+_COMPASS_OUTPUT = (
+    "set it to send HDG, HDM, HDT or THS; a GNSS receiver with two antennas has THS (Unicore UM982: send "
+    "GPTHS 0.1, and SAVECONFIG to keep it), one with a single antenna has no heading, only a course"
+)
 _ADVICE = {
     "other_sentence": Advice(
         Level.OK,
         "the device sends sentences, but none with heading, rate or attitude",
-        "set it to send HDG, HDM, HDT or THS",
+        _COMPASS_OUTPUT,
     ),
     "other_type": Advice(
         Level.OK,
         "the device sends frames, but none with acceleration, rate or angle",
         "enable the outputs 0x51, 0x52 and 0x53 with the manufacturer's program",
+    ),
+    "no_magnetic_field": Advice(
+        Level.PROBLEM,
+        "the sensor sends 0x61 frames (Bluetooth models), without the magnetic field of the calibration",
+        "remove calibration from [devices.{device}] to use the sensor's own yaw",
     ),
     "other_traffic": Advice(
         Level.OK,
@@ -114,6 +128,21 @@ _ADVICE = {
     "too_short": _OTHER_LAYOUT,
     "not_finite": _OTHER_LAYOUT,
     "out_of_range": _OTHER_LAYOUT,
+    "speed_contradicts_position": _CONTRADICTION,
+    "negative_as_unsigned": Advice(
+        Level.PROBLEM,
+        "a drive sends negative values in a signal that the DBC file calls unsigned: they would be read as "
+        "the largest ones, such as 6553.5 A",
+        "in the DBC file of [devices.{device}] write - in place of + behind the bits of currents and speeds, "
+        "as in `48|16@1-`",
+    ),
+    "position_ambiguous": Advice(
+        Level.PROBLEM,
+        "a wheel moves by more than a quarter of the range of its position between two messages, so whole "
+        "turns may be lost",
+        "send the messages more often; if the drive counts turns, name that signal as `turns` of position in "
+        "the mapping of [devices.{device}]",
+    ),
     "counter_repeat": _OLD_DATA,
     "counter_backwards": _OLD_DATA,
     "frames_lost": Advice(
@@ -152,7 +181,17 @@ _ADVICE = {
     ),
 }
 _XSENS_OUTPUT = "set the output with MT Manager: rate of turn, acceleration, quaternion, as float, frame ENU"
+_VECTORNAV_OUTPUT = "set the asynchronous output to YMR: send $VNWRG,06,14*59, and $VNWNV*57 to keep it"
 _ADVICE_OF_TYPE = {
+    "can_wheels": {
+        "implausible_jump": Advice(
+            Level.PROBLEM,
+            "a position jumped further than a wheel can turn: the drive has restarted, or its counter begins "
+            "anew elsewhere than the mapping says",
+            "check the supply of the drives; in the mapping of [devices.{device}] set wrap of position to "
+            "where the counter begins anew, e.g. 4096",
+        ),
+    },
     "canopen_wheels": {
         "other_traffic": Advice(
             Level.OK,
@@ -264,7 +303,12 @@ _ADVICE_OF_TYPE = {
         "other_message": Advice(
             Level.OK,
             "the device sends messages, but none with rates, angles or accelerations",
-            "set the asynchronous output to YMR: send $VNWRG,06,14*59, and $VNWNV*57 to keep it",
+            _VECTORNAV_OUTPUT,
+        ),
+        "not_tracking": Advice(
+            Level.WARNING,
+            "the navigation filter of the sensor has not settled: the yaw of its INS messages is not valid",
+            "give its antennas the sky and drive it around, or " + _VECTORNAV_OUTPUT,
         ),
         "format": Advice(
             Level.WARNING,

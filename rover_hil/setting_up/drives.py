@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cantools
 from cantools.database.can import Message, Signal
 
 from drivers.can_frame import CanFrame, pack_can_frame
 from drivers.can_wheels.codec import CanWheelsCodec
-from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
+from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping, read_dbc
 from drivers.can_wheels.messages import bus_id
 from drivers.driver import Rejection
 from drivers.errors import ConfigError
@@ -256,14 +255,9 @@ def read_messages(dbc: Path) -> list[Message]:
         ConfigError: The file cannot be read, or holds no messages.
     """
     try:
-        database = cantools.database.load_file(dbc)
-    except (OSError, UnicodeDecodeError, cantools.Error, ValueError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"cannot read DBC file {dbc}: {reason}; give another DBC file") from error
-    messages = list(getattr(database, "messages", ()))
-    if not messages:
-        raise ConfigError(f"cannot read DBC file {dbc}: it holds no CAN messages; give another DBC file")
-    return messages
+        return list(read_dbc(dbc).messages)
+    except ConfigError as error:
+        raise ConfigError(f"{error}; give another DBC file") from error
 
 
 def _number(frame: CanFrame) -> int:

@@ -8,7 +8,7 @@ after their watchdog has expired (an ODrive also requires that its errors are cl
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from heapq import heapify, heapreplace
 from typing import Annotated, Literal, TypeAlias
 
@@ -17,11 +17,12 @@ from cantools.database.can import Message
 from pydantic import Field
 
 from drivers.can_frame import EXTENDED_FLAG, CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
-from drivers.can_wheels.mapping import FixedFrame, Protection, SignalName, WheelMapping
+from drivers.can_wheels.layout import Choice, choices_of
+from drivers.can_wheels.mapping import FixedFrame, SignalName, StateSource, WheelMapping
 from drivers.can_wheels.mapping_file import BusDescription, load_mapping
 from drivers.can_wheels.messages import MessageReader, MessageWriter, bus_id, raw_values
 from drivers.can_wheels.settings import CanWheelsSettings
-from drivers.can_wheels.signals import Scale
+from drivers.can_wheels.signals import Scale, raw_value
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.settings import Settings
@@ -32,6 +33,8 @@ from sim_backends.world.world import EmulatedDevice
 
 RawSignal: TypeAlias = Callable[[Truth], float]
 """Returns the raw value of a signal for a given truth."""
+_Page: TypeAlias = tuple[tuple[str, int], ...]
+"""Multiplexers and their values."""
 
 
 class CanNodeSettings(Settings):
@@ -61,10 +64,11 @@ class CanNodeSettings(Settings):
 
 
 class _Outbox:
-    """One message to the host, and the sources of its signals."""
+    """One message to the host with a choice of its multiplexers, and the sources of its signals."""
 
-    def __init__(self, message: Message, protection: Protection | None, rate_hz: float) -> None:
-        self.writer = MessageWriter(message, protection)
+    def __init__(self, message: Message, writer: MessageWriter, page: _Page, rate_hz: float) -> None:
+        self.writer = writer
+        self.multiplexers = dict(page)
         self.signals: dict[str, RawSignal] = {}
         self.rate_hz = rate_hz
         empty = CanFrame(message.frame_id, bytes(message.length), message.is_extended_frame)
@@ -111,8 +115,7 @@ class CanNodes:
         self._stop = self._listen_for_frames(bus.mapping.stop)
         self._missing = set(range(len(self._start)))
         self._listen_for_setpoints()
-        self._outboxes: dict[str, _Outbox] = {}
-        self._fill_outboxes()
+        self._outboxes = self._make_outboxes()
         self._due = self._schedule(start_ns)
 
     @property
@@ -132,12 +135,12 @@ class CanNodes:
                 self._expire(wheel)
         truth = None
         while self._due[0][0] <= t_ns:
-            due_ns, name = self._due[0]
-            outbox = self._outboxes[name]
-            heapreplace(self._due, (due_ns + nanoseconds(1.0 / outbox.rate_hz), name))
+            due_ns, key = self._due[0]
+            outbox = self._outboxes[key]
+            heapreplace(self._due, (due_ns + nanoseconds(1.0 / outbox.rate_hz), key))
             truth = truth or self._plant.truth()
             values = {signal: raw_of(truth) for signal, raw_of in outbox.signals.items()}
-            self._to_host.put(t_ns, outbox.writer.write(values))
+            self._to_host.put(t_ns, outbox.writer.write({**outbox.multiplexers, **values}))
 
     def receive(self, t_ns: int, payload: bytes) -> None:
         """Process set-points, [[start]] and [[stop]] messages."""
@@ -215,33 +218,63 @@ class CanNodes:
             self._readers[key] = MessageReader(message, signals, self._bus.protection(name))
         return key
 
-    def _fill_outboxes(self) -> None:
+    def _make_outboxes(self) -> dict[tuple[str, _Page], _Outbox]:
+        sources: dict[str, dict[str, RawSignal]] = {}
+        rates_hz: dict[str, float] = {}
+        for message_name, signal, rate_hz, raw_of in self._sources():
+            sources.setdefault(message_name, {})[signal] = raw_of
+            rates_hz.setdefault(message_name, rate_hz)
+        outboxes: dict[tuple[str, _Page], _Outbox] = {}
+        for message_name, signals in sources.items():
+            message = self._bus.message(message_name)
+            choices = {signal: choices_of(message, signal) for signal in signals}
+            writer = MessageWriter(message, self._bus.protection(message_name), signals)
+            for page in _pages(choices.values()):
+                outbox = _Outbox(message, writer, page, rates_hz[message_name])
+                outbox.signals = {
+                    signal: raw_of
+                    for signal, raw_of in signals.items()
+                    if all(
+                        outbox.multiplexers.get(choice.multiplexer) in choice.values
+                        for choice in choices[signal]
+                    )
+                }
+                outboxes[message_name, page] = outbox
+        return outboxes
+
+    def _sources(self) -> Iterator[tuple[str, str, float, RawSignal]]:
+        """Yield message, signal, rate in Hz and source of all that the drives send."""
         mapping, settings = self._bus.mapping, self._settings
         for index, wheel in enumerate(mapping.wheel):
             for quantity, scale in self._bus.wheel_scales(wheel).items():
-                outbox = self._outbox(scale.message, settings.wheel_rate_hz)
-                outbox.signals[scale.signal] = self._raw_signal(quantity, index, wheel, scale)
+                raw_of = self._raw_signal(quantity, index, wheel, scale)
+                yield scale.message, scale.signal, settings.wheel_rate_hz, raw_of
+            turns = self._bus.turn_scale(wheel)
+            if turns is not None:
+                yield (
+                    turns.message,
+                    turns.signal,
+                    settings.wheel_rate_hz,
+                    self._raw_turns(index, wheel, turns),
+                )
         faults = [(index, name) for index, wheel in enumerate(mapping.wheel) for name in wheel.fault]
         for fault_wheel, name in [*faults, *((None, name) for name in mapping.fault)]:
-            outbox = self._outbox(name.message, settings.status_rate_hz)
-            outbox.signals[name.signal] = self._raw_fault(fault_wheel, name)
+            yield name.message, name.signal, settings.status_rate_hz, self._raw_fault(fault_wheel, name)
+        for wheel in mapping.wheel:
+            if wheel.state is not None:
+                state = wheel.state
+                yield state.message, state.signal, settings.status_rate_hz, self._raw_state(state)
         if mapping.power is not None:
             scale, _ = self._bus.power_scales(mapping.power)
-            outbox = self._outbox(scale.message, settings.status_rate_hz)
-            outbox.signals[scale.signal] = self._raw_supply(scale)
+            yield scale.message, scale.signal, settings.status_rate_hz, self._raw_supply(scale)
 
-    def _outbox(self, name: str, rate_hz: float) -> _Outbox:
-        if name not in self._outboxes:
-            self._outboxes[name] = _Outbox(self._bus.message(name), self._bus.protection(name), rate_hz)
-        return self._outboxes[name]
-
-    def _schedule(self, start_ns: int) -> list[tuple[int, str]]:
+    def _schedule(self, start_ns: int) -> list[tuple[int, tuple[str, _Page]]]:
         """Return the first due times: the messages of each rate spread evenly over their period."""
         due = []
         for rate_hz in {outbox.rate_hz for outbox in self._outboxes.values()}:
-            names = [name for name, outbox in self._outboxes.items() if outbox.rate_hz == rate_hz]
-            for index, name in enumerate(names):
-                due.append((start_ns + nanoseconds((index + 1) / len(names) / rate_hz), name))
+            keys = [key for key, outbox in self._outboxes.items() if outbox.rate_hz == rate_hz]
+            for index, key in enumerate(keys):
+                due.append((start_ns + nanoseconds((index + 1) / len(keys) / rate_hz), key))
         heapify(due)
         return due
 
@@ -254,20 +287,46 @@ class CanNodes:
             return lambda truth: scale.to_raw((truth.steering_rad or (0.0,) * (index + 1))[index])
         return self._raw_current(index, scale, is_signed=wheel.current_is_signed)
 
-    def _raw_position(self, index: int, wheel: WheelMapping, scale: Scale) -> RawSignal:
+    def _encoder_position_rad(self, truth: Truth, index: int, wheel: WheelMapping) -> float:
+        """Return the position of a wheel in whole ticks of its encoder."""
         per_turn = wheel.position and wheel.position.ticks_per_revolution
         ticks = per_turn or self._settings.encoder_ticks_per_revolution
         rad_per_tick = 2.0 * math.pi / ticks / wheel.gear_ratio
+        return math.floor(truth.wheel_position_rad[index] / rad_per_tick) * rad_per_tick
+
+    def _raw_position(self, index: int, wheel: WheelMapping, scale: Scale) -> RawSignal:
         span = self._bus.position_span(wheel)
 
         def raw_of(truth: Truth) -> float:
-            position_rad = math.floor(truth.wheel_position_rad[index] / rad_per_tick) * rad_per_tick
+            position_rad = self._encoder_position_rad(truth, index, wheel)
             if span is None:
                 return scale.to_raw(position_rad)
             raw = round((position_rad - scale.si_offset) / scale.si_per_raw) % span
             return raw if raw <= scale.high else raw - span
 
         return raw_of
+
+    def _raw_turns(self, index: int, wheel: WheelMapping, turns: Scale) -> RawSignal:
+        position = self._bus.wheel_scales(wheel)["position"]
+        raw_position = self._raw_position(index, wheel, position)
+        values = turns.high - turns.low + 1
+
+        def raw_of(truth: Truth) -> float:
+            position_rad = self._encoder_position_rad(truth, index, wheel)
+            counts = round((position_rad - position.si_offset) / position.si_per_raw)
+            wraps = round((counts - raw_position(truth) - turns.si_offset) / turns.si_per_raw)
+            return (wraps - turns.low) % values + turns.low
+
+        return raw_of
+
+    def _raw_state(self, state: StateSource) -> RawSignal:
+        signal = self._bus.message(state.message).get_signal_by_name(state.signal)
+        operating = state.operating[0]
+        off = next(
+            value for value in range(len(state.operating) + 2) if value and value not in state.operating
+        )
+        raw_on, raw_off = raw_value(signal, operating), raw_value(signal, off)
+        return lambda truth: raw_off if self._missing else raw_on
 
     def _raw_speed(self, index: int, scale: Scale) -> RawSignal:
         noise_rad_s = self._settings.speed_noise_rad_s
@@ -340,3 +399,9 @@ def make_can_node(
             "raise bit_rate or lower wheel_rate_hz"
         )
     return EmulatedDevice(name, nodes, to_host, to_device)
+
+
+def _pages(chosen: Iterable[tuple[Choice, ...]]) -> list[_Page]:
+    """Return what multiplexers must be set to, in frames that together hold each signal at least once."""
+    pages = {tuple((choice.multiplexer, min(choice.values)) for choice in choices) for choices in chosen}
+    return sorted(page for page in pages if not any(set(page) < set(other) for other in pages))

@@ -3,11 +3,12 @@
 Modelled: set-points in whole electrical turns per minute, release at a current of 0 (the wheel rolls on), the
 stop by the timeout's brake when no set-point arrives for `timeout_s`, status messages 1 to 5, current in
 steps of 0.1 A and negative when braking, six tachometer steps per electrical turn, answers to questions
-for the fault, faults that stop the motor.
+for fault and timeout, faults that stop the motor.
 
 Not modelled: set-points of duty cycle and of currents other than 0, minimum ERPM, the speed ramp, the duty
-cycle (sent from speed and sign of the current only), temperatures, energies, the size of the timeout's brake
-current, a wheel that rolls on after a fault, and what `sim_backends/devices/can_wheels.py` lists for the bus.
+cycle (sent from speed and sign of the current only), the kill switch, temperatures, energies, the size of the
+timeout's brake current, a wheel that rolls on after a fault, and what `sim_backends/devices/can_wheels.py`
+lists for the bus.
 
 Source: as for `drivers/vesc/codec.py`.
 """
@@ -100,6 +101,7 @@ class VescEmulator:
         self._electrical_turns = device.pole_pairs * device.gear_ratio
         self._speeds_rad_s = [0.0 for _ in device.wheel]
         self._deadlines_ns = [NEVER_NS for _ in device.wheel]
+        self._has_expired = [True for _ in device.wheel]
         self._released: set[int] = set()
         self._faults = [
             (
@@ -144,6 +146,7 @@ class VescEmulator:
         for wheel, deadline_ns in enumerate(self._deadlines_ns):
             if deadline_ns <= t_ns:
                 self._command(wheel, 0.0, NEVER_NS)
+                self._has_expired[wheel] = True
         truth = self._plant.truth()
         self._let_released_wheels_roll(truth)
         while self._due[0][0] <= t_ns:
@@ -162,7 +165,10 @@ class VescEmulator:
         command, data = frame.can_id >> 8, frame.data
         if command == 8 and len(data) == 7 and data[1:3] == b"\x00\x32":
             self._answer(t_ns, wheel, data[0], data[3:7])
-        elif command in (1, 3) and len(data) >= 4 and not self._fault_code(t_ns, wheel):
+        elif command in (1, 3) and len(data) >= 4:
+            self._has_expired[wheel] = False
+            if self._fault_code(t_ns, wheel):
+                return
             number = int.from_bytes(data[:4], "big", signed=True)
             if command == 3:
                 motor_turns_per_s = number / 60.0 / self._device.pole_pairs
@@ -186,10 +192,12 @@ class VescEmulator:
             self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
 
     def _answer(self, t_ns: int, wheel: int, asker: int, mask: bytes) -> None:
-        if mask != b"\x00\x00\x80\x00":
+        values = {0x8000: self._fault_code(t_ns, wheel), 0x20_0000: int(self._has_expired[wheel])}
+        value = values.get(int.from_bytes(mask, "big"))
+        if value is None:
             return
         node = self._device.wheel[wheel].node
-        data = bytes((node, 1, 0x32)) + mask + bytes((self._fault_code(t_ns, wheel),))
+        data = bytes((node, 1, 0x32)) + mask + bytes((value,))
         self._send(t_ns, 8, asker, data)
 
     def _fault_code(self, t_ns: int, wheel: int) -> int:

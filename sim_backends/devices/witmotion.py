@@ -5,15 +5,19 @@ coupling of tilt and turning in the x and y rates, and commands from the host, w
 """
 
 import math
-from typing import Annotated, Literal
+import struct
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from drivers.angles import wrap_rad
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
+from drivers.units import STANDARD_GRAVITY_M_S2
 from drivers.witmotion.codec import (
     FRAME_SIZE,
+    LONG_FRAME_SIZE,
     encode_acceleration,
     encode_angle,
     encode_magnetic,
@@ -26,7 +30,7 @@ from sim_backends.world.plant import Plant, Truth
 from sim_backends.world.sensor_errors import standard_normals
 from sim_backends.world.world import EmulatedDevice
 
-FrameKind = Literal["acceleration", "rate", "angle", "magnetic"]
+FrameKind = Literal["acceleration", "rate", "angle", "magnetic", "combined"]
 Counts = Annotated[float, Field(ge=-30_000, le=30_000)]
 Row = tuple[float, float, float]
 
@@ -36,6 +40,7 @@ class ImuEmulatorSettings(InertialErrorSettings):
 
     Attributes:
         frames: Frames in each set; always sent in the order acceleration, rate, angle, magnetic.
+            "combined" alone is the one frame of the Bluetooth models.
         field_counts: Horizontal part of the earth's field; the sensor counts about 10 per uT.
         dip_deg: Angle of the earth's field below the horizontal.
         hard_iron_counts: Field of the rover's magnets in the axes of the sensor.
@@ -52,6 +57,12 @@ class ImuEmulatorSettings(InertialErrorSettings):
     soft_iron: tuple[Row, Row, Row] = ((1.05, 0.02, 0.0), (0.02, 0.96, 0.0), (0.0, 0.0, 1.0))
     motor_field_counts_per_a: tuple[tuple[Counts, Counts, Counts], ...] = ()
     magnetic_noise_counts: Annotated[float, Field(ge=0, le=1000)] = 4.0
+
+    @model_validator(mode="after")
+    def _check_frames(self) -> Self:
+        if "combined" in self.frames and len(self.frames) > 1:
+            raise ValueError('frames: "combined" holds acceleration, rate and angle; leave the others out')
+        return self
 
 
 class ImuEmulator:
@@ -100,6 +111,8 @@ class ImuEmulator:
             burst += encode_angle(*sensor.angle(truth))
         if "magnetic" in frames:
             burst += encode_magnetic(*self._magnetic(truth))
+        if "combined" in frames:
+            burst += _combined(sensor.acceleration(truth), sensor.rate(truth), sensor.angle(truth))
         self._to_host.put(t_ns, burst)
         sensor.remember(truth)
 
@@ -124,6 +137,15 @@ class ImuEmulator:
         return x, y, z
 
 
+def _combined(acceleration: Row, rate: Row, angle: Row) -> bytes:
+    """Return a frame of nine words: shares of 16 g, 2000 deg/s and 180 deg in steps of 1/32768."""
+    words = [value / (16.0 * STANDARD_GRAVITY_M_S2) for value in acceleration]
+    words += [value / math.radians(2000.0) for value in rate]
+    words += [wrap_rad(value) / math.pi for value in angle]
+    steps = [max(-32768, min(32767, round(32768 * word))) for word in words]
+    return struct.pack("<BB9h", 0x55, 0x61, *steps)
+
+
 def make_imu(
     name: str,
     device: WitMotionSettings,
@@ -137,7 +159,8 @@ def make_imu(
     Raises:
         ConfigError: The line is too slow for the rate, or the field is of another number of motors.
     """
-    required_bits_s = 10.0 * FRAME_SIZE * len(emulator.frames) * emulator.rate_hz
+    size = sum(LONG_FRAME_SIZE if frame == "combined" else FRAME_SIZE for frame in emulator.frames)
+    required_bits_s = 10.0 * size * emulator.rate_hz
     if required_bits_s > device.baud_rate:
         raise ConfigError(
             f"simulated sensor '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "

@@ -34,6 +34,8 @@ class FakeCamera:
         fixed: Properties that the driver does not change, with their values.
         latency_ns: From the time stamp to the moment when `grab` returns.
         stamps_at_all: False for drivers that always say 0.
+        stamps_stand: The driver gives the stamp of the frame before again.
+        changes: The brightness grows from frame to frame.
         unplugged: `grab` fails at once while `isOpened` stays True.
         frozen: `grab` succeeds at once with the frame before.
         corrupt: `retrieve` succeeds without pixels.
@@ -47,6 +49,9 @@ class FakeCamera:
     fixed: dict[int, float] = field(default_factory=dict)
     latency_ns: int = 4_000_000
     stamps_at_all: bool = True
+    stamps_stand: bool = False
+    changes: bool = False
+    brightness: int = 90
     unplugged: bool = False
     frozen: bool = False
     corrupt: bool = False
@@ -100,14 +105,15 @@ class FakeCapture:
             return False
         if not camera.frozen:
             camera.clock.sleep_until(camera.clock.now_ns() + PERIOD_NS)
-            if camera.stamps_at_all:
+            camera.brightness += camera.changes
+            if camera.stamps_at_all and not (camera.stamps_stand and self.stamp_ms):
                 self.stamp_ms = (camera.clock.now_ns() - camera.latency_ns) // 1000 / 1000
         return True
 
     def retrieve(self) -> tuple[bool, MatLike | None]:
         if self.camera.corrupt:
             return True, None
-        pixels = np.full((48, 64, 3), 90, np.uint8)
+        pixels = np.full((48, 64, 3), self.camera.brightness, np.uint8)
         if self.properties.get(cv2.CAP_PROP_CONVERT_RGB, 1.0):
             return True, pixels
         data = bytearray(cv2.imencode(".jpg", pixels)[1].tobytes())
@@ -270,6 +276,39 @@ def test_a_frame_that_repeats_is_never_delivered_and_breaks_the_link_after_three
     with pytest.raises(NotConnectedError, match="repeats one frame"):
         link._read()
     assert camera.clock.now_ns() - newest_ns == 3 * PERIOD_NS
+
+
+@pytest.mark.parametrize("fourcc", ["MJPG", "YUYV"])
+@pytest.mark.parametrize("latency_ns", [4_000_000, 1_500_000_000, -33_000_000])
+def test_pictures_that_change_are_read_although_their_stamps_stand_still(
+    fourcc: str, latency_ns: int, camera: FakeCamera, device: Path
+) -> None:
+    camera.fixed = {cv2.CAP_PROP_FOURCC: float(int.from_bytes(fourcc.encode(), "little"))}
+    camera.latency_ns, camera.stamps_stand, camera.changes = latency_ns, True, True
+    link = open_link(camera, device, fourcc=fourcc)
+    for _ in range(10):
+        received = read(link)
+        assert received.payload.image.max() == pytest.approx(camera.brightness, abs=2)
+        assert (received.t_ns, received.payload.t_capture_ns) == (camera.clock.now_ns(), None)
+
+
+def test_stamps_that_come_to_stand_are_no_capture_times_any_more(camera: FakeCamera, device: Path) -> None:
+    camera.changes = True
+    link = open_link(camera, device)
+    assert read(link).payload.t_capture_ns is not None
+    camera.stamps_stand = True
+    assert [read(link).payload.t_capture_ns for _ in range(5)] == [None] * 5
+    camera.stamps_stand = False
+    assert read(link).payload.t_capture_ns is None
+
+
+def test_stamps_and_pictures_that_both_stand_still_are_one_frame(camera: FakeCamera, device: Path) -> None:
+    camera.stamps_stand = True
+    link = open_link(camera, device)
+    read(link)
+    assert link._read() is None
+    with pytest.raises(NotConnectedError, match="repeats one frame"):
+        link._read()
 
 
 def test_one_repeat_is_no_break(camera: FakeCamera, device: Path) -> None:

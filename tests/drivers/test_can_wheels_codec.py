@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.can_frame import unpack_can_frame
-from drivers.can_wheels.codec import CanWheelsCodec, Unwrapper
+from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import MessageReader, MessageWriter
+from drivers.position_counter import PositionCounter
 from drivers.samples import FaultSample, PowerSample, WheelSample
 from tests.drivers.can_wheels_frames import (
     assert_same,
@@ -143,18 +144,18 @@ def test_position_follows_the_wheel_across_the_end_of_its_range(steps: list[int]
     ticks = list(itertools.accumulate(steps, initial=start))
     for index, true_ticks in enumerate(ticks):
         payload = generic_state(0, true_ticks, 0, 0, index % 16)
-        (sample,) = wheel_samples(decode(codec, payload))
+        (sample,) = wheel_samples(decode(codec, payload, index * 1_000_000_000))
         assert sample.position_rad == pytest.approx(true_ticks * 2 * math.pi / 4096, abs=1e-9)
 
 
 @given(st.lists(st.floats(-179, 179), max_size=40))
-def test_unwrapper_follows_fractions_of_a_turn(steps: list[float]) -> None:
-    unwrapper = Unwrapper(360)
-    unwrapper.unwrap(0.0)
+def test_counter_follows_fractions_of_a_turn(steps: list[float]) -> None:
+    counter = PositionCounter(360, math.inf)
+    counter.count(0, 0.0)
     angle = 0.0
     for step in steps:
         angle += step
-        assert unwrapper.unwrap(angle % 360) == pytest.approx(angle, abs=1e-6)
+        assert counter.count(0, angle % 360) == pytest.approx(angle, abs=1e-6)
 
 
 def test_reset_forgets_turns_and_counters() -> None:

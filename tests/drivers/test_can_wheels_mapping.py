@@ -180,17 +180,6 @@ def test_start_message_without_signals_must_exist_too(tmp_path: Path) -> None:
         load_mapping(path)
 
 
-def test_multiplexed_message_is_refused(tmp_path: Path) -> None:
-    path = write_mapping(tmp_path, MINIMAL)
-    (tmp_path / "generic_wheel.dbc").write_text(
-        'VERSION ""\nBU_: A\nBO_ 1 Wheel0_State: 8 A\n SG_ Page M : 0|8@1+ (1,0) [0|0] "" A\n'
-        ' SG_ Speed m0 : 8|8@1+ (1,0) [0|0] "" A\n',
-        "utf-8",
-    )
-    with pytest.raises(ConfigError, match="'Wheel0_State' is multiplexed"):
-        load_mapping(path)
-
-
 def test_unknown_name_suggests_the_shipped_ones() -> None:
     with pytest.raises(
         ConfigError, match=r"no mapping 'odrive_06'.*generic_wheel.*did you mean 'odrive_0_6'"

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 
 from drivers import can_wheels
 from drivers.can_frame import unpack_can_frame
+from drivers.can_wheels.layout import Layout
 from drivers.can_wheels.mapping import Protection
-from drivers.can_wheels.messages import Layout, MessageReader, MessageWriter, crc8_j1850, sum8, xor8
+from drivers.can_wheels.messages import MessageReader, MessageWriter, crc8_j1850, sum8, xor8
 from drivers.can_wheels.signals import make_scale, raw_limits
 
 DBC = """VERSION ""
@@ -267,7 +268,8 @@ SHIPPED = [
     ids=lambda known: known.name,
 )
 def test_messages_are_packed_and_read_as_by_cantools(known: Message) -> None:
-    generator, layout = np.random.default_rng(known.frame_id), Layout(known)
+    generator = np.random.default_rng(known.frame_id)
+    layout = Layout(known, [signal.name for signal in known.signals])
     for _ in range(20):
         values: dict[str, float] = {}
         for signal in known.signals:

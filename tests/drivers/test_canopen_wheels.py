@@ -1,6 +1,7 @@
 """CANopen drives: recorded bytes, the way to operation, faults, rejections, and a peer of another make."""
 
 import math
+import struct
 from collections.abc import Callable, Sequence
 
 import canopen
@@ -324,6 +325,61 @@ def test_a_fault_is_reset_only_by_a_start_and_only_while_zero_speeds_are_command
     assert [step(codec)[0] for _ in range(2)] == ["201 80 00 00 00 00 00", "201 00 00 00 00 00 00"]
     codec.encode_start()
     assert step(codec)[0] == "201 80 00 00 00 00 00"  # the fault has stayed: tried again
+
+
+# Statuswords of CiA 402, as in `test_statuswords_of_a_recorded_start`
+
+
+@pytest.mark.parametrize(
+    ("statusword", "state"),
+    [("40 06", "switch on disabled"), ("21 06", "ready"), ("33 06", "switched on"), ("17 06", "quick stop")],
+)
+def test_a_drive_that_leaves_operation_is_a_fault_until_it_is_back(statusword: str, state: str) -> None:
+    codec = make_codec()
+    configure(codec)
+    enable(codec)
+    step(codec, 1.0)
+    assert len(receive(codec, 0x181, "37 06 00 00 00 00")) == 1
+    fault, _ = receive(codec, 0x181, statusword + "00 00 00 00")
+    assert isinstance(fault, FaultSample)
+    assert (fault.wheel, fault.text) == (0, f"node 1 state: the drive does not obey set-points: {state}")
+    cleared, _ = receive(codec, 0x181, "37 06 00 00 00 00")
+    assert isinstance(cleared, FaultSample)
+    assert (cleared.wheel, cleared.code) == (0, 0)
+
+
+def test_a_drive_that_does_not_come_to_operation_is_a_fault_after_a_second() -> None:
+    codec = make_codec()
+    configure(codec)
+    step(codec)
+    assert len(receive(codec, 0x181, "40 06 00 00 00 00", 0)) == 1
+    step(codec)
+    fault, _ = receive(codec, 0x181, "40 06 00 00 00 00", 1_000_000_000)
+    assert isinstance(fault, FaultSample)
+    assert fault.code == 0x0640
+
+
+def test_a_drive_that_was_stopped_may_leave_operation() -> None:
+    codec = make_codec()
+    configure(codec)
+    enable(codec)
+    step(codec, 1.0)
+    receive(codec, 0x181, "37 06 00 00 00 00")
+    codec.encode_stop()
+    assert len(receive(codec, 0x181, "33 06 00 00 00 00", 5_000_000_000)) == 1
+
+
+@pytest.mark.parametrize(("speed", "is_told"), [(1000, False), (-1000, True), (0, True), (100, True)])
+def test_a_speed_that_cannot_have_turned_the_wheel_is_told(speed: int, *, is_told: bool) -> None:
+    codec, found = make_codec(), set()
+    counts_per_s = 4096 * 1000 / 60
+    for index in range(50):
+        t_ns = 20_000_000 * index
+        receive(codec, 0x181, struct.pack("<Hi", 0x0637, speed).hex(), t_ns)
+        position = struct.pack("<ih", round(counts_per_s * 0.02 * index), 0).hex()
+        told = receive(codec, 0x281, position, t_ns + 1_000_000)
+        found |= {each.reason for each in told if isinstance(each, Rejection)}
+    assert found == ({"speed_contradicts_position"} if is_told else set())
 
 
 def test_a_restarted_drive_is_named_and_configured_again() -> None:

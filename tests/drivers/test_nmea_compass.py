@@ -219,6 +219,74 @@ def test_broken_lines_are_named(line: bytes, reason: str) -> None:
     assert list(decode(line + b"\r\n")) == [Rejection(reason)]
 
 
+# Headings that another device passes on: field tables of NMEA 0183
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("SDVHW,273.1,T,278.7,M,,N,,K", [(273.1, "true"), (278.7, "magnetic")]),
+        ("VWVHW,,T,12.0,M,4.2,N,7.8,K", [(12.0, "magnetic")]),
+        ("IIVHW,12.5,T,,,4.2,N,,", [(12.5, "true")]),
+        ("RAOSD,35.1,A,36.0,P,10.2,P,15.3,0.1,N", [(35.1, "true")]),
+    ],
+)
+def test_heading_of_a_speed_log_or_radar(body: str, expected: list[tuple[float, str]]) -> None:
+    assert headings(decode(encode_sentence(body))) == expected
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("VWVHW,,T,,M,4.2,N,7.8,K", "other_sentence"),  # a speed log without a compass
+        ("VWVHW,12.5,M,13.0,M,4.2,N,7.8,K", "format"),
+        ("VWVHW,12.5,T,13.0,T,4.2,N,7.8,K", "format"),
+        ("VWVHW,412.5,T,,M,4.2,N,7.8,K", "range"),
+        ("RAOSD,35.1,V,36.0,P,10.2,P,15.3,0.1,N", "invalid_mode"),
+    ],
+)
+def test_what_a_speed_log_or_radar_does_not_know_is_not_read(body: str, reason: str) -> None:
+    assert list(decode(encode_sentence(body))) == [Rejection(reason)]
+
+
+def test_a_compass_counts_more_than_what_passes_its_heading_on() -> None:
+    codec = NmeaCompassCodec("compass")
+    log = encode_sentence("VWVHW,12.5,T,,M,4.2,N,7.8,K")
+    assert len(headings(decode(log, codec))) == 1
+    assert headings(decode(encode_sentence("HEHDT,20.0,T"), codec)) == [(20.0, "true")]
+    assert list(decode(log, codec)) == [Rejection("other_sentence")]
+    codec.reset()
+    assert len(headings(decode(log, codec))) == 1
+
+
+def test_reported_speed_log_has_the_heading(shared_data: Path) -> None:
+    data = (shared_data / "field_reports" / "serial" / "speed_log_with_heading.nmea").read_bytes()
+    found = headings(decode(data))
+    assert len(found) == 100
+    true = [heading for heading, reference in found if reference == "true"]
+    magnetic = [heading for heading, reference in found if reference == "magnetic"]
+    assert (min(true), max(true), min(magnetic), max(magnetic)) == (273.1, 273.7, 278.7, 279.3)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"#AGRICA,70,GPS,FINE,2300,100000000,0,0,18,10;GNSS,232,24*00000000",
+        b"#BESTPOSA,COM1,0,83.5,FINESTEERING,1419,336148.000;SOL_COMPUTED" + b",0.0" * 200 + b"*6f08fa22",
+        b"!AIVDM,1,1,,B,177KQJ5000G?tO`K>RA1wUbN0TKH,0*5C",
+        b"%GPS,0123456789*hh",
+    ],
+)
+@pytest.mark.parametrize("size", [7, 4000])
+def test_text_of_another_kind_is_not_noise(line: bytes, size: int) -> None:
+    codec, data = NmeaCompassCodec("compass"), line + b"\r\n" + encode_sentence("HEHDT,20.0,T")
+    results = [
+        each for begin in range(0, len(data), size) for each in decode(data[begin : begin + size], codec)
+    ]
+    assert results[0] == Rejection("other_sentence")
+    assert headings(results[1:]) == [(20.0, "true")]
+
+
 def test_checksum_may_be_missing_but_never_wrong() -> None:
     codec = NmeaCompassCodec("compass", require_checksum=False)
     assert headings(decode(b"$HCHDM,238.4,M\r\n", codec)) == [(238.4, "magnetic")]

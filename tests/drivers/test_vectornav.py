@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -109,6 +110,40 @@ def test_published_imu_message_is_read_with_temperature_and_pressure_behind() ->
     assert isinstance(rate, RateSample)
     assert acceleration.z_m_s2 == -9.948
     assert rate.rate_z_rad_s == 0.044656
+
+
+INS = "VNINS,{},2300,{},+009.597,-000.201,-000.301,+50.0,+006.0,+00050.0,+0.0,+0.0,+0.0,02.0,00.5,00.10"
+
+
+@pytest.mark.parametrize("status", ["0002", "0006", "0306", "030A"])
+def test_yaw_of_a_tracking_navigation_filter_is_from_true_north(status: str) -> None:
+    """Order of the fields, units and modes as in the manual UM004."""
+    attitude, heading = decode(line(INS.format("+100000.000000", status)))
+    assert isinstance(attitude, AttitudeSample)
+    assert isinstance(heading, HeadingSample)
+    assert math.degrees(heading.heading_rad) == pytest.approx(90 - 9.597)
+    assert heading.reference is HeadingReference.TRUE
+    assert math.degrees(attitude.pitch_rad or 0.0) == pytest.approx(0.201)
+    assert math.degrees(attitude.roll_rad or 0.0) == pytest.approx(-0.301)
+
+
+@pytest.mark.parametrize("status", ["0004", "0005", "0003", "0100"])
+def test_yaw_of_a_filter_that_has_not_settled_is_rejected_by_its_name(status: str) -> None:
+    assert list(decode(line(INS.format("100000.0", status)))) == [Rejection("not_tracking")]
+
+
+@pytest.mark.parametrize("status", ["", "2", "00G2", "+002"])
+def test_navigation_message_with_another_status_is_malformed(status: str) -> None:
+    assert list(decode(line(INS.format("100000.0", status)))) == [Rejection("format")]
+    assert list(decode(line("VNINS,100000.0"))) == [Rejection("format")]
+
+
+def test_reported_navigation_messages_are_rejected_as_their_filter_does_not_track(shared_data: Path) -> None:
+    data = (shared_data / "field_reports" / "serial" / "vectornav_ins.txt").read_bytes()
+    assert set(decode(data)) == {Rejection("not_tracking")}
+    tracking = b"".join(line(text.decode()[1:-3].replace(",0004,", ",0006,")) for text in data.split())
+    yaws = [math.degrees(each.heading_rad) for each in decode(tracking) if isinstance(each, HeadingSample)]
+    assert (90 - max(yaws), 90 - min(yaws)) == pytest.approx((9.597, 9.677), abs=1e-9)
 
 
 @pytest.mark.parametrize("message", [WITH_COUNT, WITH_STATUS])

@@ -1,7 +1,10 @@
 """VESC frames: published bytes, signs, wrapping, restarts, faults, rejections."""
 
 import math
+import struct
 from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -15,6 +18,7 @@ from drivers.position_counter import PositionCounter
 from drivers.samples import FaultSample, PowerSample, Sample, WheelSample
 from drivers.vesc.codec import MOST_UNANSWERED, Command, VescCodec, encode_command, encode_fault_question
 from drivers.vesc.settings import VescSettings
+from tests.drivers.candump import feed
 
 POLE_PAIRS, GEAR = 7, 10.0
 WHEELS: list[dict[str, object]] = [{"node": 4}, {"node": 5, "sign": -1}]
@@ -143,6 +147,81 @@ def test_an_unknown_fault_is_reported_by_its_number() -> None:
     assert (fault.wheel, fault.code, fault.text) == (1, 200, "VESC 5: fault 200")
 
 
+# Controllers that do not obey: bit 21 of the mask in `commands.c` of the firmware
+
+
+STATUS = "000008FE#04 01 32 00 20 00 00"
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [(1, "timeout expired"), (2, "kill switch active"), (3, "timeout expired, kill switch active")],
+)
+def test_a_controller_that_stops_obeying_is_a_fault_until_it_obeys(code: int, text: str) -> None:
+    codec = make_codec()
+    codec.encode_speeds((2.0, 2.0))
+    assert list(decode(f"{STATUS} 00", codec, 0)) == []
+    (fault,) = decode(f"{STATUS} {code:02X}", codec, 10_000_000)
+    assert fault == FaultSample(
+        device="wheels", t_ns=10_000_000, wheel=0, code=code, text=f"VESC 4 status: {text}"
+    )
+    (cleared,) = decode(f"{STATUS} 00", codec, 20_000_000)
+    assert isinstance(cleared, FaultSample)
+    assert (cleared.code, cleared.wheel) == (0, 0)
+
+
+def test_a_controller_may_have_timed_out_before_the_first_set_point_and_after_the_stop() -> None:
+    codec = make_codec()
+    assert list(decode(f"{STATUS} 01", codec, 0)) == []
+    codec.encode_speeds((2.0, 2.0))
+    assert (
+        list(decode(f"{STATUS} 01", codec, 10_000_000)) == []
+    )  # the flag follows the set-point a little later
+    assert list(decode(f"{STATUS} 00", codec, 20_000_000)) == []
+    codec.encode_stop()
+    assert list(decode(f"{STATUS} 01", codec, 5_000_000_000)) == []
+
+
+def test_a_controller_that_never_obeys_is_a_fault_after_a_second() -> None:
+    codec = make_codec()
+    codec.encode_speeds((2.0, 2.0))
+    assert list(decode(f"{STATUS} 02", codec, 0)) == []
+    (fault,) = decode(f"{STATUS} 02", codec, 1_000_000_000)
+    assert isinstance(fault, FaultSample)
+    assert fault.code == 2
+
+
+def test_an_old_firmware_that_does_not_tell_its_status_obeys() -> None:
+    codec = make_codec()
+    codec.encode_speeds((2.0, 2.0))
+    assert list(decode(STATUS, codec)) == [Rejection("other_traffic")]
+
+
+# Speeds that contradict positions
+
+
+def test_reported_speed_of_zero_of_a_turning_motor_is_told(shared_data: Path) -> None:
+    text = (shared_data / "field_reports" / "can" / "vesc_speed_zero.log").read_text("utf-8")
+    codec = make_codec(wheel=[{"node": 0x17}], pole_pairs=5, gear_ratio=5.4)
+    results = feed(codec, text)
+    turned = [each.position_rad for _, each in results if isinstance(each, WheelSample) and each.position_rad]
+    assert [after - before for before, after in pairwise(turned)] == pytest.approx([2.327] * 19, abs=1e-3)
+    told = [each for _, each in results if isinstance(each, Rejection)]
+    assert told == [Rejection("speed_contradicts_position")]
+
+
+@pytest.mark.parametrize(("erpm", "is_told"), [(5000, False), (-5000, True), (0, True), (24_000, True)])
+def test_a_speed_that_cannot_have_turned_the_wheel_is_told(erpm: int, *, is_told: bool) -> None:
+    codec, found = make_codec(), set()
+    for index in range(50):
+        t_ns = 20_000_000 * index
+        decode("00000904#" + struct.pack(">ihh", erpm, 0, 100).hex(), codec, t_ns)
+        steps = round(5000 / 60 * 6 * 0.02 * index)
+        told = decode("00001B04#" + struct.pack(">ihh", steps, 240, 0).hex(), codec, t_ns + 1_000_000)
+        found |= {each.reason for each in told if isinstance(each, Rejection)}
+    assert found == ({"speed_contradicts_position"} if is_told else set())
+
+
 # Set-points
 
 
@@ -155,6 +234,7 @@ def test_set_points_are_whole_electrical_turns_and_one_wheel_is_asked() -> None:
         "00000304#00 00 05 39",
         "00000305#FF FF FA C7",
         "00000804#FE 00 32 00 00 80 00",
+        "00000804#FE 00 32 00 20 00 00",
     ]
     assert meant == pytest.approx((erpm / ERPM_PER_RAD_S, erpm / ERPM_PER_RAD_S))
     payloads, _ = codec.encode_speeds((0.0, 0.0))
@@ -162,6 +242,7 @@ def test_set_points_are_whole_electrical_turns_and_one_wheel_is_asked() -> None:
         "00000304#00 00 00 00",
         "00000305#00 00 00 00",
         "00000805#FE 00 32 00 00 80 00",
+        "00000805#FE 00 32 00 20 00 00",
     ]
 
 

@@ -257,3 +257,82 @@ def test_settings_load_hard_and_soft_iron(tmp_path: Path) -> None:
     (heading,) = codec.decode(Received(1, encode_frame(MAGNETIC, *map(int, raw))))
     assert isinstance(heading, HeadingSample)
     assert heading.heading_rad == pytest.approx(math.radians(45.0))
+
+
+# Frames of the Bluetooth models
+
+COMBINED_GOLDEN = bytes.fromhex("5561 0c00 e2ff f807 0000 0000 a400 6e00 24ff 401f")
+"""By the manual of the WT901BLECL: z 0.9961 g; z 10.01 deg/s; 0.604, -1.208 and 43.945 deg."""
+SECOND = bytes.fromhex("5561 0c00 e2ff f807 0000 0000 0000 6e00 24ff 5055")
+
+
+def combined(results: Sequence[Sample | Rejection]) -> list[float]:
+    """Return z acceleration in g, yaw rate, roll, pitch and yaw in deg of the last frame."""
+    acceleration, rate, attitude, heading = results[-4:]
+    assert isinstance(acceleration, AccelerationSample)
+    assert isinstance(rate, RateSample)
+    assert isinstance(attitude, AttitudeSample)
+    assert isinstance(heading, HeadingSample)
+    angles_rad = (attitude.roll_rad or 0.0, attitude.pitch_rad or 0.0, heading.heading_rad)
+    return [
+        acceleration.z_m_s2 / 9.80665,
+        math.degrees(rate.rate_z_rad_s),
+        *(math.degrees(angle_rad) for angle_rad in angles_rad),
+    ]
+
+
+def test_golden_combined_frame() -> None:
+    results = decode(COMBINED_GOLDEN + b"\x55")
+    assert len(results) == 4
+    assert combined(results) == pytest.approx([0.9961, 10.01, 0.604, -1.208, 43.945], abs=1e-3)
+
+
+def test_reported_stream_of_a_bluetooth_model(shared_data: Path) -> None:
+    data = (shared_data / "field_reports" / "serial" / "witmotion_bluetooth.bin").read_bytes()
+    results = decode(data)
+    assert len(results) == 4 * 99 + 4
+    yaws = {combined(results[: 4 * count])[4] for count in range(1, 101)}
+    assert (min(yaws), max(yaws)) == pytest.approx((43.95, 43.97), abs=6e-3)
+    assert combined(results)[0] == pytest.approx(0.996, abs=1e-3)
+
+
+@pytest.mark.parametrize("size", [1, 7, 20, 33])
+def test_combined_frames_may_come_in_any_pieces_and_are_read_when_they_are_whole(size: int) -> None:
+    codec, count = WitMotionCodec("imu"), 0
+    data = 5 * COMBINED_GOLDEN
+    for begin in range(0, len(data), size):
+        results = decode(data[begin : begin + size], codec)
+        assert not [each for each in results if isinstance(each, Rejection)]
+        count += len(results) // 4
+        whole = min(begin + size, len(data)) // 20
+        assert count == (whole if whole > 1 or begin + size > 20 else 0)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, 9, 19])
+def test_a_byte_lost_from_a_combined_frame_gives_no_sample(place: int) -> None:
+    damaged = COMBINED_GOLDEN[:place] + COMBINED_GOLDEN[place + 1 :]
+    results = decode(COMBINED_GOLDEN + SECOND + damaged + COMBINED_GOLDEN + COMBINED_GOLDEN)
+    good = [each for each in results if not isinstance(each, Rejection)]
+    assert len(results) == len(good) + 1
+    assert len(good) // 4 == (3 if place == 1 else 4)  # without its type it does not end the one before, too
+    assert combined(good) == pytest.approx([0.9961, 10.01, 0.604, -1.208, 43.945], abs=1e-3)
+
+
+def test_bytes_of_other_frames_that_look_like_a_combined_one_give_no_sample() -> None:
+    look_alike = encode_frame(ANGLE, 0x6155, 0x6155, 0x6155)
+    results = decode(look_alike[3:] + look_alike + ANGLE_GOLDEN + RATE_GOLDEN)
+    assert [type(each) for each in results] == [
+        Rejection, AttitudeSample, HeadingSample, AttitudeSample, HeadingSample, RateSample,
+    ]  # fmt: skip
+    assert results[0] == Rejection("framing")
+
+
+def test_an_answer_of_a_bluetooth_model_is_no_measurement() -> None:
+    answer = bytes.fromhex("5571 1f00 0400") + bytes(14)
+    assert len(decode(COMBINED_GOLDEN + answer + COMBINED_GOLDEN)) == 8
+
+
+def test_a_bluetooth_model_has_no_field_for_a_calibration() -> None:
+    results = decode(COMBINED_GOLDEN + b"\x55", WitMotionCodec("imu", None, no_iron()))
+    assert [type(each) for each in results] == [AccelerationSample, RateSample, AttitudeSample, Rejection]
+    assert results[-1] == Rejection("no_magnetic_field")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.app.app import _spread
 from rover_hil.recording.reader import LogReader
@@ -97,6 +98,32 @@ def test_a_missing_data_file_leaves_nothing(command: Command, tmp_path: Path) ->
     (tmp_path / "lost.toml").write_text(text.replace('"generic_wheel"', '"nothing.toml"'))
     assert command("run", "lost.toml", "--virtual", "--out", "a") == 2
     assert_one_sentence(command.error, "nothing.toml")
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [(("check",), 1), (("run", "--virtual", "--out", "a"), 2), (("run", "--out", "a"), 2), (("doctor",), 2)],
+)
+@pytest.mark.parametrize("signal", ["Position : 0|20@1-", "Current : 40|16@1-", "Speed : 0|16@1-"])
+def test_a_signal_with_factor_0_is_one_sentence(
+    command: Command, tmp_path: Path, arguments: tuple[str, ...], code: int, signal: str
+) -> None:
+    mapping = (SHIPPED_FOLDER / "generic_wheel.toml").read_text("utf-8")
+    (tmp_path / "mine.toml").write_text(mapping, "utf-8")
+    dbc = (SHIPPED_FOLDER / "generic_wheel.dbc").read_text("utf-8")
+    factor = "(1,0)" if signal.startswith("Pos") else "(0.001,0)"
+    assert f"{signal} {factor}" in dbc
+    (tmp_path / "generic_wheel.dbc").write_text(
+        dbc.replace(f"{signal} {factor}", f"{signal} (0,0)", 1), "utf-8"
+    )
+    text = (SHIPPED / "el-dorado.toml").read_text("utf-8")
+    (tmp_path / "rover.toml").write_text(text.replace('"generic_wheel"', '"mine.toml"'), "utf-8")
+    assert command(arguments[0], "rover.toml", *arguments[1:]) == code
+    told = command.out if code == 1 else command.error
+    name = signal.partition(" ")[0]
+    assert told.count(f"signal '{name}' of message 'Wheel0_") == told.count("has factor 0") == 1
+    assert "Traceback" not in command.out + command.error
     assert not (tmp_path / "a").exists()
 
 

@@ -4,6 +4,7 @@ import json
 import os
 import tty
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from pathlib import Path
 from typing import Literal
 
@@ -147,7 +148,7 @@ def test_a_healthy_rover_is_ready_and_its_brakes_are_never_released(terminal: Te
     [
         (lambda _: b"\xf8\x06" * 50, {}, ("undecodable bytes", "baud rate is wrong", "baud_rate")),
         (lambda _: b"\x80\xf8\r\n\x06\xe0", {}, ("framing", "baud rate is wrong", "now 4800")),
-        (lambda _: encode_sentence("GPGGA,1"), {}, ("reception: GPGGA", "none with heading", "HDG")),
+        (lambda _: encode_sentence("GPGGA,1"), {}, ("it sends GPGGA", "none with heading", "HDG")),
         (lambda _: b"$HCHDM,12.0,M\r\n", {}, ("checksum", "no checksum", "require_checksum = false")),
         (lambda _: b"", {}, ("nothing arrives", "the device is off", "xxd ")),
         (lambda _: HDM, {"max_age_s": 0.01}, ("required are 100.0 Hz", "too old", "set max_age_s")),
@@ -197,6 +198,44 @@ def test_a_device_without_a_role_may_be_slow(terminal: TerminalMaker) -> None:
     }
     finding = only(listen_to(make_config(devices, wheels="board"), imu.live), "imu", "data")
     assert finding.level is Level.WARNING
+
+
+@pytest.mark.parametrize(
+    ("stream", "device", "rate", "words"),
+    [
+        ("dual_antenna_default.txt", "nmea_compass", 4800, ("AGRICA, GNGGA, GNRMC", "THS", "GPTHS 0.1")),
+        ("vectornav_ins.txt", "vectornav", 115_200, ("VNINS", "has not settled", "$VNWRG,06,14*59")),
+    ],
+)
+def test_reported_stream_without_a_heading_is_refused_with_its_cause(
+    terminal: TerminalMaker, shared_data: Path, stream: str, device: str, rate: int, words: tuple[str, ...]
+) -> None:
+    lines = (shared_data / "field_reports" / "serial" / stream).read_bytes().splitlines(keepends=True)
+    waiting = cycle(lines)
+    port = terminal(0.005, lambda _: next(waiting))
+    devices: Devices = {
+        "device": {"type": device, "port": port.path, "baud_rate": rate},
+        "board": SILENT_BOARD,
+    }
+    finding = only(listen_to(make_config(devices, wheels="board"), port.live), "device", "data")
+    assert finding.level is Level.PROBLEM
+    assert all(word in f"{finding.what} {finding.cause} {finding.fix}" for word in words)
+
+
+@pytest.mark.parametrize(
+    ("stream", "device", "size"),
+    [("witmotion_bluetooth.bin", "witmotion", 20), ("speed_log_with_heading.nmea", "nmea_compass", 29)],
+)
+def test_reported_stream_with_a_heading_is_read(
+    terminal: TerminalMaker, shared_data: Path, stream: str, device: str, size: int
+) -> None:
+    data = (shared_data / "field_reports" / "serial" / stream).read_bytes()
+    pieces = cycle(data[place : place + size] for place in range(0, len(data), size))
+    port = terminal(0.005, lambda _: next(pieces))
+    devices: Devices = {"device": {"type": device, "port": port.path}, "board": SILENT_BOARD}
+    findings = listen_to(make_config(devices, wheels="board"), port.live)
+    assert not [each for each in findings if each.subject == "device" and each.level is Level.PROBLEM]
+    assert "rejected: none" in only(findings, "device", "data").what
 
 
 def test_a_wheel_missing_on_the_can_bus_is_named_and_nothing_is_sent() -> None:

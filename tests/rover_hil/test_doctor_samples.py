@@ -167,6 +167,9 @@ def test_a_broken_link_is_a_problem() -> None:
         ({"other_sentence": 500}, 100, None),
         ({"motor_fault": 1}, 100, Level.PROBLEM),
         ({"never_heard_of": 50}, 100, Level.WARNING),
+        ({"speed_contradicts_position": 1}, 1000, Level.PROBLEM),
+        ({"negative_as_unsigned": 1}, 1000, Level.PROBLEM),
+        ({"position_ambiguous": 1}, 1000, Level.PROBLEM),
         ({"checksum": 50}, 0, None),
     ],
 )

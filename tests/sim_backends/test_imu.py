@@ -48,6 +48,16 @@ def samples_of(
     return decode(run(plant, device, nanoseconds(duration_s)), device_settings.make_codec("imu"))
 
 
+def test_the_frame_of_a_bluetooth_model_tells_the_same() -> None:
+    plant = TurningPlant(yaw_rad=3.0, yaw_rate_rad_s=0.5, roll_rad=0.2, pitch_rad=-0.1, speed_m_s=0.8)
+    separate = samples_of(PERFECT, plant, 0.05)
+    plant = TurningPlant(yaw_rad=3.0, yaw_rate_rad_s=0.5, roll_rad=0.2, pitch_rad=-0.1, speed_m_s=0.8)
+    combined = samples_of(PERFECT.model_copy(update={"frames": ("combined",)}), plant, 0.05)
+    assert len(separate) == len(combined) == 8
+    for one, other in zip(separate, combined, strict=True):
+        assert replace(one, t_ns=0) == replace(other, t_ns=0)
+
+
 def rates_z_rad_s(samples: Sequence[Sample]) -> NDArray[np.float64]:
     return np.array([sample.rate_z_rad_s for sample in samples if isinstance(sample, RateSample)])
 

@@ -85,6 +85,19 @@ def test_wheels_stop_when_set_points_stop() -> None:
     assert drive.plant.speed_rad_s == [0.0] * 4
 
 
+def test_a_controller_that_has_timed_out_says_so() -> None:
+    drive = bench()
+    question = CanFrame(0x801, bytes((254, 0, 50, 0, 32, 0, 0)), is_extended=True)
+    answers = []
+    for speeds in (None, SPEEDS, None):
+        drive.run(0.6, speeds)
+        drive.device.to_device.put(drive.clock.now_ns(), pack_can_frame(question))
+        answers += faults(drive.run(0.04))
+    assert [(fault.wheel, fault.code, fault.text) for fault in answers] == [
+        (0, 1, "VESC 1 status: timeout expired")
+    ]
+
+
 def test_questions_do_not_feed_the_timeout() -> None:
     drive = bench()
     drive.run(0.2, SPEEDS)
