@@ -30,12 +30,12 @@ IMAGE_BYTES = 64 * MEGABYTE
 """A picture, as it is stored."""
 IMAGE_PIXELS = 2**26
 """Pixels of a picture: as many as the largest camera of a configuration has."""
-RECORD_BYTES = 256 * MEGABYTE
-"""A record of a log; the largest is an uncompressed picture."""
+RECORD_BYTES = 272 * MEGABYTE
+"""A record of a log; the largest is a picture of `IMAGE_PIXELS` in colour that does not pack, in base64."""
 LOG_COPY_BYTES = 256 * MEGABYTE
 """A log that travels with a call to another process or computer."""
-MESSAGE_JSON_BYTES = 2 * MEGABYTE
-"""A message of a log that holds JSON."""
+MESSAGE_JSON_BYTES = 4 * MEGABYTE
+"""A message of a log that holds JSON; the largest has the samples of a cycle in which all devices flood."""
 ATTACHMENTS_BYTES = 16 * MEGABYTE
 """Configuration and data files in a log, together."""
 CHUNK_BYTES = 32 * MEGABYTE
