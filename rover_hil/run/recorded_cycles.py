@@ -54,10 +54,9 @@ class RecordedCycles:
             self._start_ns = deadline_ns - self._period_ns
         elif deadline_ns != self._next_deadline_ns:
             after_s = seconds(self._next_deadline_ns - self._period_ns - self._log.start_ns)
-            missing = (deadline_ns - self._next_deadline_ns) / self._period_ns
             raise LogError(
-                f"log {self._log.path} is damaged: {missing:g} cycles are missing after {after_s:.3f} s; "
-                "what came later cannot be computed again"
+                f"log {self._log.path} is damaged: cycles are missing or not in order after {after_s:.3f} s; "
+                "what follows cannot be computed again"
             )
         missed = max(late_ns // self._period_ns, 0)
         self.skipped += missed
