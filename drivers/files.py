@@ -46,8 +46,8 @@ UNPACKED_PER_BYTE = 100
 log stays within it; a stranger's archive of 300 kB costs a reader 15 s, not minutes."""
 UNPACKED_PIXELS = 2**26
 UNPACKED_PIXELS_PER_BYTE = 2000
-"""Pictures of a log may together have this many pixels, and per byte of the file; the writer stays within it: a
-PNG file packs at most 1032 bytes into one, a JPEG file 512 pixels."""
+"""Pictures of a log may together have this many pixels, and per byte of the file. The writer stays within it:
+a PNG file packs at most 1032 bytes into one, a JPEG file 512 pixels."""
 LONGEST_NAME_BYTES = 255
 """A name between two slashes; what file systems allow."""
 LONGEST_PATH = 4095
