@@ -30,23 +30,24 @@ IMAGE_BYTES = 64 * MEGABYTE
 """A picture, as it is stored."""
 IMAGE_PIXELS = 2**26
 """Pixels of a picture: as many as the largest camera of a configuration has."""
-RECORD_BYTES = 256 * MEGABYTE
-"""A record of a log; the largest is an uncompressed picture."""
+RECORD_BYTES = 272 * MEGABYTE
+"""A record of a log; the largest is a picture of `IMAGE_PIXELS` in colour that does not pack, in base64."""
 LOG_COPY_BYTES = 256 * MEGABYTE
 """A log that travels with a call to another process or computer."""
-MESSAGE_JSON_BYTES = 2 * MEGABYTE
-"""A message of a log that holds JSON."""
+MESSAGE_JSON_BYTES = 8 * MEGABYTE
+"""A message of a log that holds JSON; the largest has the samples of a cycle in which all devices flood."""
 ATTACHMENTS_BYTES = 16 * MEGABYTE
 """Configuration and data files in a log, together."""
 CHUNK_BYTES = 32 * MEGABYTE
 """A compressed part of a log, unpacked."""
-UNPACKED_BYTES = 8 * MEGABYTE
+UNPACKED_BYTES = 64 * MEGABYTE
 UNPACKED_PER_BYTE = 100
-"""Compressed parts of a log may together be this large unpacked, and per byte of the file; the log of a rover
-that stands with silent devices repeats itself, and reaches half of it."""
+"""Compressed parts of a log may together be this large unpacked, and per byte of the file. The writer of a
+log stays within it; a stranger's archive of 300 kB costs a reader 15 s, not minutes."""
 UNPACKED_PIXELS = 2**26
 UNPACKED_PIXELS_PER_BYTE = 2000
-"""Pictures of a log may together have this many pixels, and per byte of the file; black ones pack well."""
+"""Pictures of a log may together have this many pixels, and per byte of the file. The writer stays within it:
+a PNG file packs at most 1032 bytes into one, a JPEG file 512 pixels."""
 LONGEST_NAME_BYTES = 255
 """A name between two slashes; what file systems allow."""
 LONGEST_PATH = 4095

@@ -170,7 +170,7 @@ def _messages(parts: LogParts, device: str) -> Iterator[Named]:
         "empty": b"",
         "million_numbers": b"[" + b"1," * 999_999 + b"1]",
         "huge_number": b'{"t_ns":' + b"9" * 4000 + b"}",
-        "3_mb": b'{"a":"' + b"x" * 3_000_000 + b'"}',
+        "9_mb": b'{"a":"' + b"x" * 9_000_000 + b'"}',
     }.items():
         for topic in (f"/link/{device}", "/samples", "/estimate", "/command", "/truth", "/health", "/end"):
             yield f"{name}_on_{topic[1:].replace('/', '_')}", partial(_with_message, parts, topic, data)

@@ -9,10 +9,13 @@ import simplejpeg
 from cv2.typing import MatLike
 
 from drivers.camera.parameters import FrameSourceParameters
-from drivers.files import IMAGE_BYTES, read_bytes
+from drivers.files import IMAGE_BYTES, IMAGE_PIXELS, read_bytes
 from drivers.samples import Image
 
 RATE_TOLERANCE = 0.01
+
+JPEG_PIXELS_PER_BYTE = 512
+"""Of a whole frame at most: each block of 8 x 8 pixels takes a bit or more (ITU-T T.81, Huffman coding)."""
 
 NO_PIXELS: Image = np.empty((0, 0), np.uint8)
 """Pixels of a frame that could not be decoded; the codec rejects it as empty."""
@@ -65,12 +68,28 @@ def retrieve_jpeg(capture: Capture) -> bytes:
     return _pixels_of(data if ok else None).tobytes()
 
 
+def jpeg_pixels(compressed: bytes) -> int:
+    """Return how many pixels a compressed frame has by its head.
+
+    0 where the head is damaged, or names more pixels than the bytes can hold or a picture may have: such a
+    frame was cut off or overwritten, and room for its pixels could be gigabytes.
+    """
+    try:
+        height, width, _, _ = simplejpeg.decode_jpeg_header(compressed)
+    except ValueError:
+        return 0
+    count = int(height * width)
+    return count if count <= min(IMAGE_PIXELS, JPEG_PIXELS_PER_BYTE * len(compressed)) else 0
+
+
 def decode_jpeg(compressed: bytes) -> Image:
     """Return the pixels of a compressed frame; `NO_PIXELS` when any part of it is damaged.
 
     A frame that was cut off or overwritten on its way still decodes in OpenCV, with old or grey pixels in the
     place of what is missing; libjpeg-turbo reports it. Damage that leaves a valid bit stream is not noticed.
     """
+    if not jpeg_pixels(compressed):
+        return NO_PIXELS
     try:
         pixels: Image = simplejpeg.decode_jpeg(compressed, colorspace="BGR", strict=True)
     except ValueError:

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from drivers.clock import SystemClock, seconds
 from drivers.errors import LogError
+from rover_hil.app.error_message import readable_line
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import log_at
@@ -16,6 +17,7 @@ from rover_hil.app.steps import show_progress
 from rover_hil.config import load_config
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
+from rover_hil.recording.made_with import changes_since, made_with
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.replay import ReplayResult, replay
@@ -47,6 +49,9 @@ def replay_log(
     path = log_at(path)
     log = LogReader(path)
     controller = None if config_name is None else load_config(config_name)
+    if not as_json:
+        for change in changes_since(log.made_with):
+            Console().print(readable_line(change), highlight=False, markup=False, soft_wrap=True)
     with (
         restore_config(log) as logged_config,
         show_progress() as progress,
@@ -57,7 +62,7 @@ def replay_log(
     if result.cycles == 0:
         raise LogError(f"log {path} holds no complete cycle")
     if as_json:
-        print_json({**_record(result), "log_is_complete": log.is_complete})
+        print_json(_record(result, log))
     else:
         _print_words(result, log)
     if live_port is not None:
@@ -80,11 +85,14 @@ def _stream(log: LogReader, port: int) -> None:
                 publish(message.topic, log.wall_offset_ns + message.t_ns, message.data)
 
 
-def _record(result: ReplayResult) -> dict[str, object]:
+def _record(result: ReplayResult, log: LogReader) -> dict[str, object]:
     return {
+        "made_with": log.made_with,
+        "replayed_with": dict(made_with()),
         "identical": not result.differences,
         "cycles": result.cycles,
         "differences": result.differences,
+        "log_is_complete": log.is_complete and result.has_end,
     }
 
 
@@ -92,6 +100,12 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
     console = Console()
     if not log.is_complete:
         console.print(f"{log.path} was cut off; everything up to the cut was replayed")
+    elif not result.has_end:
+        console.print(
+            f"{log.path} does not say how the run ended: it was interrupted, or its end was removed; "
+            "everything in the log was replayed",
+            soft_wrap=True,
+        )
     if not result.differences:
         console.print(f"{result.cycles} cycles replayed, every output identical")
         return

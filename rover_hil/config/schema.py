@@ -27,8 +27,10 @@ from sim_backends.settings import SimulationSettings
 
 def _check_device_name(name: str) -> str:
     # It is part of topics and of paths in the log.
-    if not re.fullmatch(r"\w[\w-]*", name):
-        raise ValueError(f"a device cannot be called '{name}', use letters, digits, _ and -")
+    if not re.fullmatch(r"\w[\w-]{0,63}", name):
+        raise ValueError(
+            f"a device cannot be called '{name}', use letters, digits, _ and -, at most 64 of them"
+        )
     return name
 
 

@@ -12,7 +12,8 @@ from functools import partial
 from typing import ParamSpec, TypeVar
 
 from drivers.errors import ConfigError
-from rover_hil.parallel.build_id import OWN_PACKAGES, build_id
+from rover_hil.parallel.build_id import build_id
+from rover_hil.recording.made_with import OWN_PACKAGES
 
 try:
     from distributed import Client, KilledWorker, Worker, get_worker

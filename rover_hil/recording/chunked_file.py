@@ -30,6 +30,7 @@ from mcap.records import (
 
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.files import CHUNK_BYTES as LARGEST_CHUNK_BYTES
+from drivers.files import UNPACKED_BYTES, UNPACKED_PER_BYTE, UNPACKED_PIXELS, UNPACKED_PIXELS_PER_BYTE
 from rover_hil.recording.mcap_records import HEAD, MAGIC
 
 CHUNK_NS = 7 * NANOSECONDS_PER_SECOND // 10
@@ -58,6 +59,7 @@ class _Chunk:
 
     first_ns: int
     last_ns: int = 0
+    pixels: int = 0
     content: bytearray = field(default_factory=bytearray)
     index: dict[int, bytearray] = field(default_factory=dict)
 
@@ -93,6 +95,8 @@ class ChunkedFile:
         self._channels: list[Channel] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
+        self._unpacked_bytes = 0
+        self._pixels = 0
         self._chunk_count = 0
         self._chunk_index = bytearray()  # as bytes: they are kept until the end, ten thousand in two hours
         self._first_ns = 0
@@ -138,8 +142,15 @@ class ChunkedFile:
         )
         return number
 
-    def add_message(self, channel: int, time_ns: int, data: bytes) -> None:
-        """Note a message; a chunk that has become long is written first."""
+    def add_message(self, channel: int, time_ns: int, data: bytes, pixels: int = 0) -> None:
+        """Note a message; a chunk that has become long is written first.
+
+        Args:
+            channel: Number of its channel.
+            time_ns: Since 1970.
+            data: Its content.
+            pixels: How many pixels the picture in it unpacks to.
+        """
         chunk = self._open
         if chunk is not None and (
             time_ns - chunk.first_ns >= CHUNK_NS or len(chunk.content) + len(data) >= CHUNK_BYTES
@@ -151,6 +162,7 @@ class ChunkedFile:
         if channel not in self._counts:
             self._introduce(chunk, channel)
         chunk.add(channel, time_ns, data)
+        chunk.pixels += pixels
 
     def flush(self) -> None:
         """Write what has been noted."""
@@ -171,15 +183,16 @@ class ChunkedFile:
         chunk.content += _encode(self._schemas[channel.schema_id - 1]) + _encode(channel)
 
     def _put_chunk(self, chunk: _Chunk) -> None:
+        self._pixels += chunk.pixels
         if len(chunk.content) > LARGEST_CHUNK_BYTES:
             self._put(bytes(chunk.content))
             self._counts[next(iter(chunk.index))] += 1
             return
-        packed = self._compressor.compress(bytes(chunk.content))
+        compression, packed = self._pack(bytes(chunk.content))
         checksum = zlib.crc32(chunk.content)
         start = self._place
         size = len(chunk.content)
-        name = COMPRESSION.encode()
+        name = compression.encode()
         head = (
             _CHUNK.pack(chunk.first_ns, chunk.last_ns, size, checksum) + struct.pack("<I", len(name)) + name
         )
@@ -197,7 +210,7 @@ class ChunkedFile:
             ChunkIndex(
                 chunk_length=chunk_end - start,
                 chunk_start_offset=start,
-                compression=COMPRESSION,
+                compression=compression,
                 compressed_size=len(packed),
                 message_end_time=chunk.last_ns,
                 message_index_length=self._place - chunk_end,
@@ -209,6 +222,22 @@ class ChunkedFile:
         self._first_ns = min(self._first_ns, chunk.first_ns) if self._chunk_count else chunk.first_ns
         self._last_ns = max(self._last_ns, chunk.last_ns)
         self._chunk_count += 1
+
+    def _pack(self, content: bytes) -> tuple[str, bytes]:
+        """Return the name of the compression and the packed chunk, within what a reader unpacks.
+
+        A device that repeats itself packs a thousand times. A chunk that would go beyond the limit is stored
+        as it is: its size makes room for a hundred times as much.
+        """
+        packed = self._compressor.compress(content)
+        self._unpacked_bytes += len(content)
+        size_bytes = self._place + len(packed)
+        if (
+            self._unpacked_bytes > UNPACKED_BYTES + UNPACKED_PER_BYTE * size_bytes
+            or self._pixels > UNPACKED_PIXELS + UNPACKED_PIXELS_PER_BYTE * size_bytes
+        ):
+            return "", content
+        return COMPRESSION, packed
 
     def _put_end(self) -> None:
         self._put(HEAD.pack(Opcode.DATA_END, 4) + struct.pack("<I", self._checksum))

@@ -6,6 +6,7 @@ log held uncompressed bitmaps. Both give the same pixels again, bit for bit.
 
 import base64
 import binascii
+import math
 import struct
 
 from drivers.errors import LogError
@@ -69,29 +70,34 @@ def picture_payload(record: PictureRecord) -> bytes:
         raise LogError(_DAMAGED) from error
 
 
+def pixels_of(image: CameraImage) -> int:
+    """Return how many pixels a reader of the image's record counts; see `pixels_in`."""
+    if image.jpeg is None:
+        return math.prod(image.image.shape[:2])
+    from drivers.camera.images import jpeg_pixels
+
+    return jpeg_pixels(image.jpeg)
+
+
 def pixels_in(data: bytes) -> int:
     """Return how many pixels a payload of `decode_image` unpacks to; 0 for a bitmap, which is not packed.
 
+    A JPEG frame that was damaged on its way is kept as it came, and has no pixels.
+
     Raises:
-        LogError: It is no picture, or holds more than `IMAGE_PIXELS`.
+        LogError: It is a PNG file that holds more than `IMAGE_PIXELS`, or is damaged.
     """
     picture = data[_STAMP.size :]
     if picture.startswith(_PNG_MARK) and len(picture) >= _PNG.size:
         _, kind, width, height = _PNG.unpack_from(picture)
-        if kind != b"IHDR":
+        if kind != b"IHDR" or width * height > IMAGE_PIXELS:
             raise LogError(_DAMAGED)
-    elif picture.startswith(_JPEG_MARK):
-        import simplejpeg
+        return int(width * height)
+    if picture.startswith(_JPEG_MARK):
+        from drivers.camera.images import jpeg_pixels
 
-        try:
-            height, width, _, _ = simplejpeg.decode_jpeg_header(picture)
-        except ValueError:
-            return 0  # a frame that was cut off on its way is kept as it came, and has no pixels
-    else:
-        return 0
-    if width * height > IMAGE_PIXELS:
-        raise LogError(_DAMAGED)
-    return int(width * height)
+        return jpeg_pixels(picture)
+    return 0
 
 
 def capture_time_ns(data: bytes) -> int | None:

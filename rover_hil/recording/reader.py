@@ -23,6 +23,7 @@ from drivers.files import (
     parse_json,
 )
 from rover_hil.recording.images import picture_payload, pixels_in
+from rover_hil.recording.made_with import FACTS
 from rover_hil.recording.mcap_records import DamagedRecordError, Record, read_records
 from rover_hil.recording.schema import (
     BYTES,
@@ -91,6 +92,8 @@ class LogReader:
 
     Attributes:
         wall_offset_ns: Wall-clock minus monotonic time; 0 in version 1, which does not hold it.
+        made_with: What the log was made with, by the names in `recording.made_with.FACTS`; empty in older
+            logs.
         texts: How this version of the log writes what a replay computes again.
         is_complete: After `messages` has ended, whether the log was closed properly. A killed run's log
             is not, and holds everything up to its last flush.
@@ -109,6 +112,7 @@ class LogReader:
         if metadata.get("schema") not in (LOG_SCHEMA, LOG_SCHEMA_1):
             raise LogError(f"{path} is not a log of this software: metadata 'schema' is not {LOG_SCHEMA}")
         self._is_first_version = metadata["schema"] == LOG_SCHEMA_1
+        self.made_with = {name: metadata[name] for name in FACTS if name in metadata}
         self.texts: type[Texts] = ExactTexts if self._is_first_version else Texts
         try:
             self.start_ns = int(metadata["start_ns"])

@@ -18,12 +18,14 @@ from controllers.control_loop import StepOutput
 from drivers.clock import NANOSECONDS_PER_SECOND, seconds, stopwatch_ns, wall_time_ns
 from drivers.driver import Health
 from drivers.errors import LogError
+from drivers.files import ATTACHMENTS_BYTES, MEGABYTE
 from drivers.link import CameraImage, LinkChange, LinkItem
 from drivers.samples import Sample
 from rover_hil.recording import views
 from rover_hil.recording.chunked_file import CHUNK_NS, ChunkedFile
-from rover_hil.recording.images import picture_record
+from rover_hil.recording.images import picture_record, pixels_of
 from rover_hil.recording.json_schema import topic_schema
+from rover_hil.recording.made_with import made_with
 from rover_hil.recording.schema import (
     BYTES,
     CAMERA,
@@ -98,7 +100,8 @@ class LogWriter:
 
     Raises:
         FileExistsError: `path` exists; a log is never overwritten.
-        LogError: The file cannot be written.
+        LogError: The file cannot be written, or could not be read: the configuration and its data files are
+            larger than a log may hold.
     """
 
     def __init__(
@@ -113,6 +116,7 @@ class LogWriter:
         mirror: Mirror | None = None,
     ) -> None:
         self._path = final_path or path
+        _check_attached(self._path, {CONFIG_ATTACHMENT: config_json, **attachments})
         self._stream = path.open("xb")
         self._failure = ""
         self._mirror = mirror
@@ -142,6 +146,7 @@ class LogWriter:
                     "start_ns": str(start_ns),
                     "origin": origin,
                     "wall_offset_ns": str(self._wall_offset_ns),
+                    **made_with(),
                 },
             )
             for name, data in {CONFIG_ATTACHMENT: config_json, **attachments}.items():
@@ -378,7 +383,8 @@ class LogWriter:
 
     def _put_picture(self, device: str, t_ns: int, image: CameraImage) -> None:
         record = picture_record(device, self._wall_offset_ns + t_ns, image)
-        self._put_text(f"{CAMERA}{device}", t_ns, strict_json(record))
+        self._write_payloads()
+        self._add(f"{CAMERA}{device}", t_ns, strict_json(record), pixels_of(image))
         self._picture_room.release()
 
     def _put_pose(self, topic: str, t_ns: int, frame: str, pose: TruePose) -> None:
@@ -390,13 +396,13 @@ class LogWriter:
     def _put_event(self, t_ns: int, level: int, name: str, message: str) -> None:
         self._add(VIEW_LOG, t_ns, views.log_view(self._wall_offset_ns + t_ns, level, name, message))
 
-    def _add(self, topic: str, t_ns: int, data: bytes) -> None:
+    def _add(self, topic: str, t_ns: int, data: bytes, pixels: int = 0) -> None:
         channel = self._channels.get(topic)
         if channel is None:
             schema = topic_schema(topic)
             channel = self._channels[topic] = self._file.add_channel(topic, schema.name, schema.text)
         time_ns = self._wall_offset_ns + t_ns
-        self._file.add_message(channel, time_ns, data)
+        self._file.add_message(channel, time_ns, data, pixels)
         if self._mirror is not None:
             self._mirror(topic, time_ns, data)
 
@@ -411,6 +417,16 @@ class LogWriter:
         with suppress(OSError):
             self._stream.close()
         return LogError(self._failure)
+
+
+def _check_attached(path: Path, attachments: Mapping[str, bytes]) -> None:
+    size_bytes = sum(len(name) + len(data) for name, data in attachments.items())
+    if size_bytes > ATTACHMENTS_BYTES:
+        limit = f"{ATTACHMENTS_BYTES / MEGABYTE:g} MB"
+        raise LogError(
+            f"cannot write log {path}: the configuration and the data files that it names hold "
+            f"{size_bytes / MEGABYTE:.1f} MB, the limit is {limit}; use smaller ones"
+        )
 
 
 _Item: TypeAlias = tuple[Callable[[LogWriter, str, int, Any], None], str, int, Any]

@@ -225,15 +225,26 @@ class Executive:
         return self._stop_request
 
     def _is_over(self, output: StepOutput, now_ns: int, end_ns: int, result: RunResult) -> bool:
-        if output.mode is Mode.FINISHED:
-            result.end, result.reason = End.FINISHED, "mission finished"
-        elif output.mode is Mode.EMERGENCY_STOP:
-            result.end, result.reason = End.EMERGENCY_STOP, output.reason
-        elif (wanted := self._wanted_end()) is not None:
-            result.end, result.reason = wanted
-        elif now_ns >= end_ns:
-            result.end = End.TIME_OVER
-            mode = output.mode.value.replace("_", " ")
-            result.reason = f"time over in mode '{mode}'{': ' if output.reason else ''}{output.reason}"
+        ended = end_by_controller(output) or self._wanted_end()
+        if ended is None and now_ns >= end_ns:
+            ended = end_by_time(output)
+        if ended is not None:
+            result.end, result.reason = ended
         result.mode = output.mode
         return result.end is not None
+
+
+BY_CONTROLLER = (End.FINISHED, End.EMERGENCY_STOP)
+
+
+def end_by_controller(output: StepOutput) -> tuple[End, str] | None:
+    """Return how and why a cycle ends the run; None where it goes on."""
+    if output.mode is Mode.FINISHED:
+        return End.FINISHED, "mission finished"
+    return (End.EMERGENCY_STOP, output.reason) if output.mode is Mode.EMERGENCY_STOP else None
+
+
+def end_by_time(output: StepOutput) -> tuple[End, str]:
+    """Return how and why a run ends whose time is over in this cycle."""
+    mode = output.mode.value.replace("_", " ")
+    return End.TIME_OVER, f"time over in mode '{mode}'{': ' if output.reason else ''}{output.reason}"

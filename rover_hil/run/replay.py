@@ -23,13 +23,18 @@ from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.recording.schema import (
     COMMAND,
     COMMAND_SHAPE,
+    END,
+    END_SHAPE,
     ESTIMATE,
     LINK_SHAPE,
     OPERATOR_SHAPE,
     SENT,
+    EndRecord,
 )
 from rover_hil.recording.text import Texts
 from rover_hil.run.composition import build_replay_rig
+from rover_hil.run.executive import BY_CONTROLLER, End, end_by_controller, end_by_time
+from rover_hil.run.recorded_cycles import DRIVEN, RecordedCycles
 from rover_hil.run.replay_link import ReplayLink
 
 PayloadT = TypeVar("PayloadT", bytes, CameraImage)
@@ -64,10 +69,17 @@ class Difference:
 
 @dataclass(slots=True)
 class ReplayResult:
-    """Outcome of a replay: the number of cycles, and the differences by name of the field."""
+    """Outcome of a replay.
+
+    Attributes:
+        cycles: How many were run.
+        by_field: The differences by name of the field.
+        has_end: Whether the log says how the run ended, or is of a run that was imported.
+    """
 
     cycles: int = 0
     by_field: dict[str, Difference] = field(default_factory=dict)
+    has_end: bool = False
 
     @property
     def differences(self) -> list[Difference]:
@@ -83,7 +95,7 @@ def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> Repl
     """Replay a log and compare every output; `on_cycle` is called after each cycle.
 
     Raises:
-        LogError: The log is damaged, or holds a device that its configuration does not have.
+        LogError: The log is damaged, lacks cycles, or holds a device that its configuration does not have.
     """
     replayer = _Comparer(log, config)
     for _ in replayer.cycles():
@@ -124,12 +136,14 @@ class _Replayer(ABC):
         self._expected: dict[str, LogMessage] = {}
         self._expected_sent: list[LogMessage] = []
         self._stops_ns: list[int] = []
+        self._end: LogMessage | None = None
+        self._recorded = RecordedCycles(log, config.loop.rate_hz)
 
     def cycles(self) -> Iterator[int]:
         """Run all cycles of the log; yield the time of each.
 
         Raises:
-            LogError: The log is damaged, or of a device that the configuration does not have.
+            LogError: The log is damaged, lacks cycles, or has a device that the configuration does not have.
         """
         self._rig.connect(timeout_s=0.0)
         for message in _in_order(self._log.messages()):
@@ -137,6 +151,7 @@ class _Replayer(ABC):
             if device:
                 self._feed(kind, device, message)
             elif kind == "cycle":
+                self._recorded.take(message)
                 self._operate(message.t_ns)
                 self._run_cycle(message.t_ns)
                 self._expected.clear()
@@ -145,6 +160,8 @@ class _Replayer(ABC):
                 yield message.t_ns
             elif kind == "watchdog":
                 self._stops_ns.append(message.t_ns)
+            elif message.topic == END:
+                self._end = message
             else:
                 self._expected[kind] = message
 
@@ -207,12 +224,13 @@ class _Comparer(_Replayer):
         self.result = ReplayResult()
         self._texts: type[Texts] = log.texts
         self._has_commanded = False
+        self._output: StepOutput | None = None
 
     def _run_cycle(self, t_ns: int) -> None:
         rig = self._rig
         rig.clock.sleep_until(t_ns)
         samples = rig.poll()
-        output = rig.loop.step(t_ns, samples)
+        output = self._output = rig.loop.step(t_ns, samples)
         self._compare("samples", t_ns, self._texts.samples(samples))
         self._compare("estimate", t_ns, self._texts.estimate(output))
         command = self._expected.get("command")
@@ -222,14 +240,20 @@ class _Comparer(_Replayer):
             self._compare("command", t_ns, self._texts.command(rig.drive.command(output.command)))
             self._compare_sent(t_ns, recorded_sent, "sent bytes")
             self._has_commanded = True
+        elif self._log.origin in DRIVEN:
+            self.result.note(t_ns, COMMAND[1:], None, list(output.command.speed_rad_s))
         self.result.cycles += 1
 
     def finish(self, *, is_complete: bool) -> None:
-        """Compare the stop after the last cycle, which ends every run that was not killed.
+        """Compare how the run ended, and the stop after the last cycle, where the run was not killed.
 
         A log that was cut off may end anywhere in the stop, and a run that was interrupted twice in the
-        middle of a cycle: there it is not compared.
+        middle of a cycle: there the stop is not compared.
+
+        Raises:
+            LogError: The log holds fewer cycles than its end counts.
         """
+        self._compare_end()
         if not is_complete or not self._has_commanded or self._expected.keys() & {"samples", "estimate"}:
             return
         stop_ns = max((message.t_ns for message in self._expected_sent), default=0)
@@ -237,6 +261,43 @@ class _Comparer(_Replayer):
         self._rig.clock.sleep_until(stop_ns)
         self._rig.drive.stop()
         self._compare_sent(self._rig.clock.now_ns(), recorded, "bytes of the final stop")
+
+    def _compare_end(self) -> None:
+        self.result.has_end = self._end is not None or self._log.origin not in DRIVEN
+        if self._end is None or self._output is None:
+            return
+        recorded = self._log.parse(self._end, END_SHAPE)
+        if recorded["cycles"] > self.result.cycles:
+            raise LogError(
+                f"log {self._log.path} is damaged: its run had {recorded['cycles']} cycles, the log holds "
+                f"{self.result.cycles}"
+            )
+        for name, was, now in _unequal_fields(
+            END[1:], dict(recorded), self._end_again(recorded, self._output)
+        ):
+            self.result.note(self._end.t_ns, name, was, now)
+
+    def _end_again(self, recorded: EndRecord, last: StepOutput) -> dict[str, object]:
+        """Return the record of the end as the replayed cycles give it.
+
+        What came from outside is taken from the log: a stop by the user, a signal, a device that failed, how
+        often the watchdog stopped the drive.
+        """
+        ended = end_by_controller(last)
+        if ended is None and recorded["end"] == End.TIME_OVER:
+            ended = end_by_time(last)
+        end, reason = (recorded["end"], recorded["reason"]) if ended is None else (ended[0].value, ended[1])
+        if ended is None and end in BY_CONTROLLER:
+            end, reason = None, ""
+        return {
+            **recorded,
+            "end": end,
+            "reason": reason,
+            "mode": last.mode.value,
+            "cycles": self._recorded.count,
+            "skipped": self._recorded.skipped,
+            "duration_s": self._recorded.duration_s,
+        }
 
     def _compare(self, topic: str, t_ns: int, replayed: bytes) -> None:
         expected = self._expected.get(topic)

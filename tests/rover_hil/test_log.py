@@ -229,10 +229,10 @@ def test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so(
         looks += 1
         return now_ns
 
-    def hang(file: ChunkedFile, channel: int, time_ns: int, data: bytes) -> None:
+    def hang(file: ChunkedFile, channel: int, time_ns: int, data: bytes, pixels: int) -> None:
         is_hanging.set()
         assert may_go_on.wait(PATIENCE_S)
-        add_message(file, channel, time_ns, data)
+        add_message(file, channel, time_ns, data, pixels)
 
     monkeypatch.setattr(ChunkedFile, "add_message", hang)
     monkeypatch.setattr(writer, "stopwatch_ns", look)

@@ -85,6 +85,8 @@ def main() -> int:
         arguments.markdown.write_text(table)
     print(table)
     missed = sum(bool(row.failures) for row in rows)
+    refused = sum(row.is_refused for row in rows)
+    console.print(f"{refused} of {len(rows)} logs refused by their own readers")
     console.print(f"{missed} of {len(rows)} cases miss a bar")
     return 1 if missed else 0
 

@@ -20,8 +20,10 @@ from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverS
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds
 from drivers.errors import LogError
 from rover_hil.config import Config
+from rover_hil.datasets.log import read_drive
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.report.read_run import read_run
 from rover_hil.run.replay import replay
 
 ZERO_BAR_MS = 150.0
@@ -116,6 +118,7 @@ class Row:
         wider_deg: Yaw sigma that was added, over that.
         outcome: Stopped, resumed, ended how.
         replays: Whether the replay of the log is identical.
+        is_refused: Whether a reader refused the log.
     """
 
     rover: str
@@ -140,6 +143,7 @@ class Row:
     wider_deg: float | None = None
     outcome: str = ""
     replays: bool | None = None
+    is_refused: bool = False
     message: str = ""
     rejected: dict[str, int] = field(default_factory=dict)
     lost: int = 0
@@ -197,6 +201,7 @@ def measure(title: str) -> Row:
         story = read_story(path, case.device)
         add_truth(story)
         row = judge(case, story, rover_config(case), window.begin_ns)
+        check_readers(row, path)
         check_replay(row, path)
     return row
 
@@ -233,6 +238,18 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
     return row
 
 
+def check_readers(row: Row, path: Path) -> None:
+    """Note whether a report, quantities and tables can be made of a log."""
+    try:
+        read_run(path)
+        read_drive(path)
+        for _ in LogReader(path).messages():
+            pass
+    except LogError as error:
+        row.is_refused = True
+        row.failures.append(f"refused: {error}")
+
+
 def check_replay(row: Row, path: Path) -> None:
     """Note whether the replay of a log gives the same outputs, and what differs."""
     try:
@@ -240,6 +257,7 @@ def check_replay(row: Row, path: Path) -> None:
         with restore_config(log) as config:
             differences = replay(log, config, lambda: None).differences
     except LogError as error:
+        row.is_refused = True
         row.failures.append(f"no replay: {error}")
         return
     row.replays = not differences
