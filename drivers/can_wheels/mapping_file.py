@@ -91,6 +91,11 @@ class BusDescription:
             return span if signal.is_float else round(span)
         return None if signal.is_float else 2**signal.length
 
+    def position_wrap_rad(self, wheel: WheelMapping) -> float | None:
+        """Return after which angle a wheel's position wraps; None where the mapping does not give it."""
+        span = self.position_span(wheel)
+        return None if span is None else span * abs(self.wheel_scales(wheel)["position"].si_per_raw)
+
     def _signal(self, name: SignalName) -> Signal:
         return self.message(name.message).get_signal_by_name(name.signal)
 

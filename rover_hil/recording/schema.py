@@ -189,6 +189,7 @@ class EstimateRecord(TypedDict):
     contradiction: NotRequired[ContradictionRecord | None]
     steering_rad: NotRequired[MaybeNumbers]
     crab: NotRequired[CrabRecord | None]
+    wheel_doubt: NotRequired[str | None]
     exact: NotRequired[str]
 
 
@@ -389,6 +390,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "contradiction": None if output.contradiction is None else _contradiction(output.contradiction),
         "steering_rad": output.steering_rad,
         "crab": None if output.crab is None else _crab(output.crab),
+        "wheel_doubt": output.wheel_doubt,
     }
 
 
