@@ -85,6 +85,7 @@ class Estimator:
         self._doubted = (0.0, 0.0)
         self._doubted_rad = (0.0,) * kinematics.wheel_count
         self._is_bias_known = False
+        self._has_doubted_bias = False
         self._is_commanded = False
         self.wheel_doubt: str | None = None
         self._effects = wheel_effects(kinematics)
@@ -293,18 +294,22 @@ class Estimator:
         rest = self._rest.follow(
             now_ns,
             self.odometry.still_since_ns if self.is_still else None,
-            (self._filter.gyro_bias_rad_s, self._filter.gyro_bias_rad2_s2),
+            (
+                self._filter.gyro_bias_rad_s,
+                # A bias that is doubted is no reason to take any turn for one.
+                min(self._filter.gyro_bias_rad2_s2, self._settings.gyro_bias_rad_s**2),
+            ),
             reports_speed=any(angle.contradicts_rest for angle in self._angles),
             is_commanded=self._is_commanded,
         )
         self.wheel_doubt = None
         if not rest.is_contradicted:
-            self._doubted = (0.0, 0.0)
+            self._doubted, self._has_doubted_bias = (0.0, 0.0), False
             return rest
         self.wheel_doubt = f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}"
-        rate_rad_s = self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
-        if rest.is_offset and not self._is_bias_known and not self._is_commanded:
-            self._filter.doubt_bias(rate_rad_s)
+        if not self._has_doubted_bias and self._is_perhaps_offset(rest):
+            self._has_doubted_bias = True
+            self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
         wheel_rad = [(self._fastest_rad_s or self._speed_limit_rad_s) * rest.unknown_s] * len(self._effects)
         reach_m = math.hypot(*greatest_motion(self._effects, wheel_rad)[:2])
         yaw_rad = 0.0 if Witness.ACCELEROMETER in rest.moving else abs(rest.turned_rad)
@@ -314,6 +319,10 @@ class Estimator:
         if added_m or added_rad:
             self._widen((added_m, added_m, added_rad))
         return rest
+
+    def _is_perhaps_offset(self, rest: Rest) -> bool:
+        """Return whether only the gyro contradicts a rest, and has never been seen at rest."""
+        return rest.moving == (Witness.GYRO,) and not self._is_bias_known and not self._is_commanded
 
     def _is_at_rest(self, rest: Rest) -> bool:
         """Return whether the rover is taken to be at rest; the gyro alone does not contradict a command."""

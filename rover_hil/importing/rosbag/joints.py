@@ -144,11 +144,16 @@ class JointSurvey:
         )
 
     def _wrapped(self, name: str, steps: "Steps") -> Joint:
-        wrap_rad = self._topic.wrap_rad or steps.find_wrap()
+        wrap_rad, restarts = (self._topic.wrap_rad, 0) if self._topic.wrap_rad else steps.find_wrap()
         where = f"topic {self._topic.topic}, joint {name}"
         if wrap_rad is None:
             self._check_jumps(where, steps)
             return Joint(has_angle=True)
+        if restarts:
+            self.notes.append(
+                f"{name}: the angle wraps after {wrap_rad:.4g} rad, and jumps {restarts} times besides"
+            )
+            return Joint(has_angle=True)  # the odometry counts the turns, and begins anew at the jumps
         if not steps.are_counted(wrap_rad):
             reason = (
                 f"the angle wraps after {wrap_rad:.4g} rad and comes every {steps.period_s:.2g} s: at "
@@ -202,20 +207,22 @@ class Steps:
         sizes_rad: list[float] = np.abs(self.steps_rad[self._is_jump()]).tolist()
         return sizes_rad
 
-    def find_wrap(self) -> float | None:
-        """Return after how many radians the angle wraps, one to four turns; None where it does not.
+    def find_wrap(self) -> tuple[float | None, int]:
+        """Return after how many radians the angle wraps, one to four turns, and how many jumps are no wraps.
 
-        At each wrap the wheel must go on as in the step before or after: an encoder that starts from zero
-        again does not.
+        At a wrap the wheel goes on as in the step before or after: an encoder that starts from zero again
+        does not. None for an angle that does not wrap, or jumps otherwise more often than it wraps.
         """
         for turns in range(1, MOST_TURNS + 1):
             wrap_rad = turns * TURN_RAD
             if self._range_rad > wrap_rad * (1.0 + ROUNDING):
                 continue
             wraps = np.abs(self.steps_rad) > 0.5 * wrap_rad
-            if wraps.any() and self._goes_on(wraps, wrap_rad):
-                return wrap_rad
-        return None
+            count = int(wraps.sum())
+            restarts = count - int(self._goes_on(wrap_rad)[wraps].sum())
+            if 2 * restarts < count:
+                return wrap_rad, restarts
+        return None, 0
 
     def are_counted(self, wrap_rad: float) -> bool:
         """Return whether no other number of turns fits the speed limit in any regular step."""
@@ -243,12 +250,13 @@ class Steps:
         before: Array = np.concatenate((rates[:1], rates[:-1]))
         return before
 
-    def _goes_on(self, wraps: NDArray[np.bool_], wrap_rad: float) -> bool:
+    def _goes_on(self, wrap_rad: float) -> NDArray[np.bool_]:
+        """Return at which steps the wheel goes on as before or after, were they wraps."""
         rates = _unwrapped(self.steps_rad, wrap_rad) / self._elapsed_s
         near = np.stack((np.concatenate((rates[:1], rates[:-1])), np.concatenate((rates[1:], rates[-1:]))))
         slack = 0.5 * np.abs(near).max(axis=0) + ESTIMATION.odometry.still_rad / self._elapsed_s
-        inside = (rates >= near.min(axis=0) - slack) & (rates <= near.max(axis=0) + slack)
-        return bool(inside[wraps].all())
+        inside: NDArray[np.bool_] = (rates >= near.min(axis=0) - slack) & (rates <= near.max(axis=0) + slack)
+        return inside
 
 
 def _unwrapped(steps_rad: Array, wrap_rad: float) -> Array:
