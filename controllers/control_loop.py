@@ -57,6 +57,7 @@ class StepOutput:
             without fresh motion.
         steering_rad: Present steering angles of the wheels; None where none steers.
         crab: Slip angle against which a rover that crabs turns its wheels; None while it does not crab.
+        wheel_doubt: Why the wheels do not measure the motion of the rover; None without a contradiction.
     """
 
     t_ns: int
@@ -75,6 +76,7 @@ class StepOutput:
     steering_rad: tuple[float, ...] | None = None
     crab: CrabReport | None = None
     suspicion: str = ""
+    wheel_doubt: str | None = None
 
 
 class ControlLoop:
@@ -189,7 +191,9 @@ class ControlLoop:
                 self._supervisor.observe(used, t_ns)
             if are_stamps_known or not isinstance(used, HeadingSample | PoseFixSample):
                 self._estimator.take(used, t_ns)
-        innovations = self._estimator.advance(now_ns, self._commanded_rad_s, self._steering_rad)
+        # Without a mission somebody else drives: zero is then no command.
+        commanded_rad_s = () if self._follower is None else self._commanded_rad_s
+        innovations = self._estimator.advance(now_ns, commanded_rad_s, self._steering_rad)
         estimate = self._estimator.estimate(now_ns)
         guidance = self._guide(now_ns, estimate, innovations)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
@@ -218,6 +222,7 @@ class ControlLoop:
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
             suspicion="" if self._follower is None else self._supervisor.suspicion,
+            wheel_doubt=self._estimator.wheel_doubt,
         )
 
     def _mode(self) -> Mode:

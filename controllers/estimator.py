@@ -11,9 +11,12 @@ from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
 from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
 from controllers.estimation.pose_fixes import FixQueue, Step, late
+from controllers.estimation.rest import Rest, RestWatch, Witness
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.stuck_encoder import StuckEncoders
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.estimation.unseen_motion import UnseenMotion
+from controllers.estimation.wheel_angle import WheelAngle
 from controllers.estimation.wheel_contradiction import WheelContradiction
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics, greatest_motion, wheel_effects
@@ -23,6 +26,7 @@ from controllers.roles import DeviceRoles
 from controllers.slip.protocol import SlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
+    AccelerationSample,
     HeadingReference,
     HeadingSample,
     LinkSample,
@@ -50,6 +54,7 @@ class Estimator:
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
         evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
         is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
+        wheel_doubt: Why the wheels do not measure the motion of the rover; None without a contradiction.
     """
 
     def __init__(
@@ -67,6 +72,22 @@ class Estimator:
         self.odometry = WheelOdometry(kinematics, wheel_speed_limit_rad_s)
         self._settings = settings
         self._roles = roles
+        wraps_rad = roles.wheel_wraps_rad or (None,) * kinematics.wheel_count
+        self._angles = [
+            WheelAngle(wheel_speed_limit_rad_s, roles.max_age_s(roles.wheels), wrap_rad)
+            for wrap_rad in wraps_rad
+        ]
+        self._speed_error_rad = [0.0] * kinematics.wheel_count
+        self._fastest_rad_s = 0.0
+        self._speed_limit_rad_s = wheel_speed_limit_rad_s
+        self._rest = RestWatch(settings)
+        self._stuck = StuckEncoders(settings, kinematics.wheel_count)
+        self._doubted = (0.0, 0.0)
+        self._doubted_rad = (0.0,) * kinematics.wheel_count
+        self._is_bias_known = False
+        self._has_doubted_bias = False
+        self._is_commanded = False
+        self.wheel_doubt: str | None = None
         self._effects = wheel_effects(kinematics)
         self._effects_at_rad = self.steering.angles_rad
         fastest_turn_rad_s = wheel_speed_limit_rad_s * sum(abs(effect[2]) for effect in self._effects)
@@ -100,6 +121,7 @@ class Estimator:
         self._unseen = UnseenMotion(self._effects)
         self.evidence: TurnEvidence | None = None
         self.is_still = False
+        self._is_resting = False
         self._yaw_source = YawSource.WHEELS
         self._bias_seen_ns: int | None = None
         self.motion_ns: int | None = None
@@ -109,14 +131,13 @@ class Estimator:
         device = sample.device
         if not self._has_known_time(sample, t_ns):
             return
+        if isinstance(sample, WheelSample) and device == self._roles.wheels:
+            sample = self._take_wheel(sample, t_ns)
         if self._slip is not None:
             self._slip.feed(sample, t_ns)
-        if isinstance(sample, WheelSample):
-            if device == self._roles.wheels:
-                self._take_wheel(sample, t_ns)
-        elif isinstance(sample, RateSample):
+        if isinstance(sample, RateSample | AccelerationSample):
             if device == self._roles.gyro:
-                self._gyro.feed(t_ns, sample.rate_z_rad_s)
+                self._take_inertial(sample, t_ns)
         elif isinstance(sample, HeadingSample):
             self._take_heading(sample, t_ns)
         elif isinstance(sample, PoseFixSample):
@@ -124,6 +145,8 @@ class Estimator:
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
             # After a break the codec counts turns from zero.
             self.odometry.rebase()
+            for angle in self._angles:
+                angle.reset()
 
     def _has_known_time(self, sample: Sample, t_ns: int) -> bool:
         silence = self._silences.get(sample.device)
@@ -135,11 +158,30 @@ class Estimator:
             silence.begin_anew()
         return True
 
-    def _take_wheel(self, sample: WheelSample, t_ns: int) -> None:
+    def _take_inertial(self, sample: RateSample | AccelerationSample, t_ns: int) -> None:
+        self._rest.readings.take(sample, t_ns)
+        if isinstance(sample, RateSample):
+            self._gyro.feed(t_ns, sample.rate_z_rad_s)
+
+    def _take_wheel(self, sample: WheelSample, t_ns: int) -> WheelSample:
+        """Take a sample of a wheel; return it with the continuous angle as its position."""
+        wheel = sample.wheel
         if sample.steering_rad is not None:
-            self.steering.measure(sample.wheel, t_ns, sample.steering_rad)
-        if sample.position_rad is not None:
-            self.odometry.feed(sample.wheel, t_ns, sample.position_rad)
+            self.steering.measure(wheel, t_ns, sample.steering_rad)
+        if not 0 <= wheel < len(self._angles):
+            return sample
+        angle = self._angles[wheel].take(t_ns, sample.position_rad, sample.speed_rad_s)
+        if angle is None:
+            return sample
+        if angle.is_new_base:
+            self.odometry.rebase()
+        self._speed_error_rad[wheel] += angle.error_rad
+        self.odometry.feed(wheel, t_ns, angle.angle_rad)
+        return (
+            sample
+            if angle.angle_rad == sample.position_rad
+            else replace(sample, position_rad=angle.angle_rad)
+        )
 
     def advance(
         self,
@@ -157,9 +199,11 @@ class Estimator:
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
         self.evidence = None
+        self._is_commanded = bool(set_speed_rad_s)
+        set_speed_rad_s = set_speed_rad_s or (0.0,) * len(self._effects)
         if any(set_speed_rad_s):
             self._driven_ns = now_ns
-        self._account_for_lost_motion(set_speed_rad_s or (0.0,) * len(self._effects))
+        self._account_for_lost_motion(set_speed_rad_s)
         if increment is not None and self._slip is not None:
             gyro_rate_rad_s = self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
             rolled = increment
@@ -169,13 +213,17 @@ class Estimator:
             self._note_compensation(rolled.duration_s, rolled.x_m - increment.x_m, rolled.y_m - increment.y_m)
         if increment is not None:
             increment = self._compare_wheels(increment)
-        is_still = self.is_still = self._is_still(now_ns)
+            self._account_for_speeds()
+        self.is_still = self._is_still(now_ns)
+        rest = self._follow_rest(now_ns)
+        is_still = self._is_at_rest(rest)
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
             self._wheel_turn = self._wheel_turn.with_increment(
                 self._effects, increment.turned_rad, increment.duration_s
             )
             self._fixes.move(self.motion_ns, self._move(increment, self._turn(increment, now_ns, is_still)))
+            self._doubt_stuck_wheels(increment)
         innovations = [
             self._correct_heading(sample, t_ns) for sample, t_ns in self._headings if self._is_usable(t_ns)
         ]
@@ -186,6 +234,7 @@ class Estimator:
         if is_still and gyro.t_ns != self._bias_seen_ns and self._roles.gyro is not None:
             self._bias_seen_ns = gyro.t_ns
             innovations.append(self._filter.correct_bias(self._roles.gyro, gyro.rate_rad_s))
+            self._is_bias_known |= innovations[-1].accepted
         if self.unseen_m or self.unseen_rad:
             self._unseen.limit(*self._variances())
         return tuple(innovations)
@@ -245,6 +294,80 @@ class Estimator:
         is_driven = self._driven_ns is not None and now_ns - self._driven_ns < nanoseconds(standstill_s)
         return not is_driven and self.odometry.is_still(now_ns, standstill_s)
 
+    def _follow_rest(self, now_ns: int) -> Rest:
+        """Compare a rest of the wheels with the other sensors; widen the estimate at a contradiction."""
+        self._fastest_rad_s = max(self._fastest_rad_s, *map(abs, self.odometry.wheel_speed_rad_s))
+        rest = self._rest.follow(
+            now_ns,
+            self.odometry.still_since_ns if self.is_still else None,
+            (
+                self._filter.gyro_bias_rad_s,
+                # A bias that is doubted is no reason to take any turn for one.
+                min(self._filter.gyro_bias_rad2_s2, self._settings.gyro_bias_rad_s**2),
+            ),
+            reports_speed=any(angle.contradicts_rest for angle in self._angles),
+            is_commanded=self._is_commanded,
+        )
+        self.wheel_doubt = None
+        if not rest.is_contradicted:
+            self._doubted, self._has_doubted_bias = (0.0, 0.0), False
+            return rest
+        self.wheel_doubt = f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}"
+        if not self._has_doubted_bias and self._is_perhaps_offset(rest):
+            self._has_doubted_bias = True
+            self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
+        wheel_rad = [(self._fastest_rad_s or self._speed_limit_rad_s) * rest.unknown_s] * len(self._effects)
+        reach_m = math.hypot(*greatest_motion(self._effects, wheel_rad)[:2])
+        yaw_rad = 0.0 if Witness.ACCELEROMETER in rest.moving else abs(rest.turned_rad)
+        before_m, before_rad = self._doubted
+        self._doubted = max(before_m, reach_m), max(before_rad, yaw_rad)
+        added_m, added_rad = map(_added, self._doubted, (before_m, before_rad))
+        if added_m or added_rad:
+            self._widen((added_m, added_m, added_rad))
+        return rest
+
+    def _is_perhaps_offset(self, rest: Rest) -> bool:
+        """Return whether only the gyro contradicts a rest, and has never been seen at rest."""
+        return rest.moving == (Witness.GYRO,) and not self._is_bias_known and not self._is_commanded
+
+    def _is_at_rest(self, rest: Rest) -> bool:
+        """Return whether the rover is taken to be at rest; the gyro alone does not contradict a command."""
+        is_offset = rest.is_offset and not self._is_bias_known
+        self._is_resting = self.is_still and (rest.holds or self._is_commanded or is_offset)
+        return self._is_resting
+
+    def _doubt_stuck_wheels(self, increment: BodyIncrement) -> None:
+        self._stuck.note(increment.turned_rad)
+        if self.evidence is None:
+            return
+        unknown_rad = self._stuck.unknown_rad(
+            self.evidence,
+            math.hypot(increment.x_m, increment.y_m),
+            self._effects,
+            self._filter.gyro_bias_rad2_s2,
+        )
+        before_rad = self._doubted_rad
+        self._doubted_rad = tuple(
+            math.copysign(max(abs(now), abs(before)), now) if now else 0.0
+            for now, before in zip(unknown_rad, before_rad, strict=True)
+        )
+        added_rad = [
+            math.copysign(_added(now, before), now)
+            for now, before in zip(self._doubted_rad, before_rad, strict=True)
+        ]
+        if any(added_rad):
+            self._filter.widen(*self._in_gyro_frame(greatest_motion(self._effects, added_rad)))
+        stuck = [str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown]
+        if stuck and not self.wheel_doubt:
+            self.wheel_doubt = (
+                f"wheel {', '.join(stuck)} does not turn, but the gyro contradicts the turn by the others"
+            )
+
+    def _in_gyro_frame(self, greatest: BodyMotion) -> BodyMotion:
+        """Return how far the body can have moved; its turn is known where there is a gyro."""
+        x_m, y_m, yaw_rad = greatest
+        return x_m, y_m, yaw_rad if self._roles.gyro is None else 0.0
+
     @property
     def rejected_rate_rad_s(self) -> float | None:
         """Newest reading of the gyro if the rover cannot turn that fast; else None."""
@@ -282,7 +405,7 @@ class Estimator:
 
     def _waiting_turn(self) -> tuple[float, float]:
         """Return the turn that waits for motion of the wheels or a reading of the gyro, and its variance."""
-        if self.is_still or self._yaw_source is not YawSource.GYRO:
+        if self._is_resting or self._yaw_source is not YawSource.GYRO:
             return 0.0, 0.0
         angle_rad, covered_s, variance_rad2 = self._gyro.turn
         if covered_s > 0.0:
@@ -309,8 +432,16 @@ class Estimator:
             if turn_unknown_s <= self._roles.max_age_s(self._roles.gyro) and self._roles.gyro is not None:
                 turn_unknown_s = 0.0  # the readings to come reach back
             self._widen(self._unseen.greatest_motion(odometry.lost_s, turn_unknown_s))
+            if not self._is_commanded or any(set_speed_rad_s):
+                self._widen(self._in_gyro_frame(greatest_motion(self._effects, odometry.frozen_rad)))
         is_measured = odometry.t_ns is not None
         self._unseen.note_speeds(odometry.wheel_speed_rad_s, set_speed_rad_s, is_measured=is_measured)
+
+    def _account_for_speeds(self) -> None:
+        """Widen the estimate by the errors of wheels whose angles are integrals of their speeds."""
+        if any(self._speed_error_rad):
+            self._filter.widen(*self._in_gyro_frame(greatest_motion(self._effects, self._speed_error_rad)))
+            self._speed_error_rad = [0.0] * len(self._effects)
 
     def _widen(self, greatest: BodyMotion) -> None:
         position_m2, yaw_rad2 = self._variances()
@@ -413,3 +544,8 @@ class Estimator:
         return self._filter.correct_heading(
             sample.device, sample.reference, sample.heading_rad, self._yaw_rate_rad_s() * lag_s
         )
+
+
+def _added(now: float, before: float) -> float:
+    """Return what is to be added to an uncertainty to reach a greater one: variances add up."""
+    return math.sqrt(max(0.0, now**2 - before**2))

@@ -20,6 +20,8 @@ class DeviceRoles:
             wrong, so it need not be required.
         gyro_rate_hz: Yaw rates per second that the gyro is set to send; None where it is unknown.
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
+        wheel_wraps_rad: Angle after which the position of each wheel wraps in its device, inf for never, None
+            where it is unknown; empty where all are.
     """
 
     wheels: str
@@ -30,6 +32,7 @@ class DeviceRoles:
     camera: str | None = None
     gyro_rate_hz: float | None = None
     wheel_age_s: float | None = None
+    wheel_wraps_rad: tuple[float | None, ...] = ()
 
     @property
     def motion_age_s(self) -> float:

@@ -137,6 +137,16 @@ class SteeringCodec(DriveCodec, Protocol):
         ...
 
 
+@runtime_checkable
+class WrappingCodec(Protocol):
+    """A codec that knows after which angle the device's own count of each wheel wraps, inf for never.
+
+    The codec counts the turns. A device that was silent for long may have turned by more.
+    """
+
+    wheel_wraps_rad: tuple[float | None, ...]
+
+
 class Driver(Generic[PayloadT]):
     """A device: link, codec and the facts about both.
 
@@ -373,6 +383,7 @@ class WheelDrive(Driver[bytes]):
         super().__init__(name, link, codec, clock, max_age_s=max_age_s, tap=tap)
         self._drive_codec = codec
         self.wheel_count = codec.wheel_count
+        self.wheel_wraps_rad = codec.wheel_wraps_rad if isinstance(codec, WrappingCodec) else ()
         self._steering_codec = (
             codec if isinstance(codec, SteeringCodec) and codec.steering_limits_rad else None
         )

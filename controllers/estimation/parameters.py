@@ -15,6 +15,7 @@ class OdometryParameters:
     plausible_speed: float = 1.5  # greatest plausible wheel speed, over the greatest set-point
     arrival_jitter_s: float = 0.05  # between two positions of a wheel
     still_rad: float = 0.005  # a wheel that has turned by less is at rest
+    reported_speed: float = 0.05  # a drive at rest reports a smaller speed, over the greatest set-point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -296,6 +296,15 @@ class PoseFilter:
         )
 
     @property
+    def gyro_bias_rad2_s2(self) -> float:
+        """Its variance."""
+        return self._filter.covariance[BIAS][BIAS]
+
+    def doubt_bias(self, error_rad_s: float) -> None:
+        """Make the bias uncertain by an error that it may have."""
+        self._filter.widen(BIAS, error_rad_s**2)
+
+    @property
     def slip_values(self) -> Array:
         """The states of the slip compensator, shape (n,)."""
         return np.array(self._filter.state[self._block])

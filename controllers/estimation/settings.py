@@ -30,6 +30,8 @@ class FilterSettings(Settings):
         gyro_rate_noise_rad_s: Standard deviation of one gyro reading.
         gyro_bias_rad_s: Standard deviation of the gyro's bias at the start.
         gyro_bias_walk_rad_s_sqrt_s: Standard deviation of the bias' change within one second.
+        acceleration_noise_m_s2: Standard deviation of one reading of an accelerometer on each axis while the
+            rover rests with its drives on. Readings that scatter more contradict a rest of the wheels.
         heading_noise_rad: Standard deviation of one heading reading; larger where successive errors are
             correlated.
         heading_lag_s: Delay of the heading device behind the rover.
@@ -54,6 +56,7 @@ class FilterSettings(Settings):
     gyro_rate_noise_rad_s: Annotated[float, Field(ge=1e-5, le=0.5)] = 0.01
     gyro_bias_rad_s: Annotated[float, Field(ge=1e-6, le=0.5)] = 0.02
     gyro_bias_walk_rad_s_sqrt_s: Annotated[float, Field(ge=1e-7, le=0.01)] = 1e-4
+    acceleration_noise_m_s2: Annotated[float, Field(ge=1e-3, le=10.0)] = 0.1
     heading_noise_rad: Annotated[float, Field(ge=1e-3, le=0.8)] = 0.05
     heading_lag_s: Annotated[float, Field(ge=0, le=2.0)] = 0.0
     motor_fields: MotorFields | None = None

@@ -168,6 +168,8 @@ def _parts(sample: Sample) -> tuple[Part, ...]:
     wheel = 0
     if isinstance(sample, WheelSample):
         usable, wheel = sample.position_rad, sample.wheel
+        if usable is None or not math.isfinite(usable):
+            usable = sample.speed_rad_s  # it is integrated
     elif isinstance(sample, RateSample):
         usable = sample.rate_z_rad_s
     elif isinstance(sample, HeadingSample):

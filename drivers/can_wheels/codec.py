@@ -66,6 +66,7 @@ class CanWheelsCodec:
         self._writers: dict[str, MessageWriter] = {}
         self._outboxes = self._make_outboxes()
         self._steering_rad = [0.0] * self.wheel_count
+        self.wheel_wraps_rad = tuple(map(bus.position_wrap_rad, bus.mapping.wheel))
         self.steering_limits_rad = {
             index: bus.steering_scale(wheel, wheel.steering_setpoint).limits_si
             for index, wheel in enumerate(bus.mapping.wheel)

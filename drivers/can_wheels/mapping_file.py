@@ -117,6 +117,11 @@ class BusDescription:
         """Return the names that the DBC file gives to values of a signal."""
         return {value: str(text) for value, text in (self._signal(name).choices or {}).items()}
 
+    def position_wrap_rad(self, wheel: WheelMapping) -> float | None:
+        """Return after which angle a wheel's position wraps; None where the mapping does not give it."""
+        span = self.counter_span(wheel)
+        return None if span is None else span * abs(self.wheel_scales(wheel)["position"].si_per_raw)
+
     def _signal(self, name: SignalName) -> Signal:
         return self.message(name.message).get_signal_by_name(name.signal)
 

@@ -39,5 +39,12 @@ def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json
         console.print(f"{section}: {count} messages")
     for section, count in contents.left_out.items():
         console.print(f"{section}: {count} messages without usable numbers left out")
+    if contents.outside:
+        console.print(
+            f"{contents.outside} messages left out: recorded before the clock was set, at time 0 or far "
+            "from the others"
+        )
+    for note in contents.notes:
+        console.print(note)
     console.print(f"{duration_s:.1f} s: {out}")
     return EXIT_OK

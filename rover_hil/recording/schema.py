@@ -190,6 +190,7 @@ class EstimateRecord(TypedDict):
     steering_rad: NotRequired[MaybeNumbers]
     crab: NotRequired[CrabRecord | None]
     suspicion: NotRequired[str]
+    wheel_doubt: NotRequired[str | None]
     exact: NotRequired[str]
 
 
@@ -391,6 +392,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "steering_rad": output.steering_rad,
         "crab": None if output.crab is None else _crab(output.crab),
         "suspicion": output.suspicion,
+        "wheel_doubt": output.wheel_doubt,
     }
 
 

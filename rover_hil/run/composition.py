@@ -1,6 +1,6 @@
 """The composition root: the only place that chooses between real, simulated and replayed devices."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.motion.kinematics import make_kinematics
@@ -150,5 +150,6 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
     conflict = find_wheel_count_conflict(config.rover, drive.name, drive.wheel_count)
     if conflict:
         raise ConfigError(conflict)
-    loop = ControlLoop(config, config.device_roles(), _make_finder(config))
+    roles = replace(config.device_roles(), wheel_wraps_rad=drive.wheel_wraps_rad)
+    loop = ControlLoop(config, roles, _make_finder(config))
     return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

@@ -5,7 +5,8 @@ is made from a file; and the memory that reading may take is limited (`bounded_m
 """
 
 import resource
-from collections.abc import Iterator, Mapping
+from array import array
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ MOST_MEMORY_BYTES = 2048 * MEGABYTE
 """In addition to what the program has when it begins to read."""
 MOST_MESSAGE_BYTES = 64 * MEGABYTE
 LONGEST_S = 1e6
+"""A bag is not longer, nor is a pause in it."""
 FIX = "record it again, or copy it with `rosbag reindex` or `ros2 bag convert`"
 
 
@@ -47,6 +49,10 @@ class Bag:
         path: The bag.
         topics: What is wanted.
 
+    Attributes:
+        outside: Number of messages that `messages` leaves out, because they were recorded while the clock was
+            not set: at time 0, or more than `LONGEST_S` before or after the others.
+
     Raises:
         ConfigError: The library is missing.
         LogError: The bag cannot be read, lacks a mapped topic, or a topic is of another type.
@@ -63,47 +69,71 @@ class Bag:
             raise ConfigError("import rosbag needs rosbags: `pip install rover-hil[rosbag]`") from error
         self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.ROS2_HUMBLE)
         self._topics = topics
+        self._span_ns: tuple[int, int] | None = None
+        self.outside = 0
 
     @property
     def sections(self) -> frozenset[str]:
         """Sections of the file of topics that are wanted."""
         return frozenset(section for section, _, _ in self._topics.mapped())
 
-    def messages(self) -> Iterator[BagMessage]:
-        """Yield the messages on the mapped topics.
+    def messages(self, section: str | None = None) -> Iterator[BagMessage]:
+        """Yield the messages on the mapped topics, or on that of one section.
 
         Raises:
             LogError: The bag is damaged, needs too much memory, lacks a topic, or one is of another type.
         """
+        first_ns, end_ns = self._span()
+        last_ns = 0
+        sections = {topic.topic: name for name, topic, _ in self._topics.mapped()}
+        for connection, recorded_ns, data in self._stored(section):
+            if not first_ns <= recorded_ns <= end_ns:
+                continue
+            with self._named_failures():
+                content = self._content(data, connection.msgtype)
+            t_ns = recorded_ns - first_ns
+            if t_ns < last_ns:
+                raise LogError(
+                    f"{self._path} is damaged: a message on {connection.topic} was recorded "
+                    f"{(last_ns - t_ns) / 1e9:.6g} s before the one ahead of it: {FIX}"
+                )
+            last_ns = t_ns
+            stamp = getattr(getattr(content, "header", None), "stamp", None)
+            stamp_ns = None
+            if stamp is not None:
+                stamp_ns = stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec - first_ns
+            yield BagMessage(sections[connection.topic], connection.msgtype, t_ns, stamp_ns, content)
+
+    def _span(self) -> tuple[int, int]:
+        """Return the times of the first and the last message that were recorded while the clock was set."""
+        if self._span_ns is None:
+            with self._named_failures():
+                times_ns = array("q", (recorded_ns for _, recorded_ns, _ in self._stored(None)))
+            parts: list[list[int]] = []
+            for t_ns in sorted(t_ns for t_ns in times_ns if t_ns > 0):
+                if parts and t_ns - parts[-1][1] <= LONGEST_S * NANOSECONDS_PER_SECOND:
+                    parts[-1][1:] = t_ns, parts[-1][2] + 1
+                else:
+                    parts.append([t_ns, t_ns, 1])
+            first_ns, end_ns, count = max(parts, key=lambda part: part[2], default=[0, 0, 0])
+            self._span_ns = first_ns, end_ns
+            self.outside = len(times_ns) - count
+        return self._span_ns
+
+    def _stored(self, section: str | None) -> Iterator[tuple[Any, int, bytes]]:
+        """Yield connection, time of recording and data of the messages on the mapped topics."""
         reader = self._reader()
         with self._named_failures():
             reader.open()
         try:
             with self._named_failures():
-                wanted = self._connections(reader)
-                messages = reader.messages(list(wanted.values()))
-            sections = {topic.topic: section for section, topic, _ in self._topics.mapped()}
-            first_ns, last_ns = -1, 0
+                messages = reader.messages(self._connections(reader, section))
             while True:
                 with self._named_failures():
                     found = next(messages, None)
-                    if found is None:
-                        break
-                    connection, recorded_ns, data = found
-                    content = self._content(data, connection.msgtype)
-                first_ns = recorded_ns if first_ns < 0 else first_ns
-                t_ns = recorded_ns - first_ns
-                if not last_ns <= t_ns <= LONGEST_S * NANOSECONDS_PER_SECOND:
-                    raise LogError(
-                        f"{self._path} is damaged: a message on {connection.topic} was recorded "
-                        f"{t_ns / 1e9:.6g} s after the first one: {FIX}"
-                    )
-                last_ns = t_ns
-                stamp = getattr(getattr(content, "header", None), "stamp", None)
-                stamp_ns = None
-                if stamp is not None:
-                    stamp_ns = stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec - first_ns
-                yield BagMessage(sections[connection.topic], connection.msgtype, t_ns, stamp_ns, content)
+                if found is None:
+                    return
+                yield found
         finally:
             with self._named_failures():
                 reader.close()
@@ -118,24 +148,28 @@ class Bag:
 
             return Ros2Reader(self._path)
 
-    def _connections(self, reader: Any) -> Mapping[str, Any]:
+    def _connections(self, reader: Any, wanted: str | None) -> list[Any]:
+        """Return the connections of the mapped topics; a topic has one for each node that publishes on it."""
         if getattr(reader, "compression_mode", None) == "file":
             raise LogError(f"{self._path} is compressed as a whole: unpack it with `ros2 bag convert`")
-        there = {connection.topic: connection for connection in reader.connections}
-        found = {}
+        there: dict[str, list[Any]] = {}
+        for connection in reader.connections:
+            there.setdefault(connection.topic, []).append(connection)
+        found: list[Any] = []
         for section, topic, types in self._topics.mapped():
-            connection = there.get(topic.topic)
-            if connection is None:
+            if topic.topic not in there:
                 known = ", ".join(sorted(there)[:20]) or "none"
                 raise LogError(
                     f"{self._path} holds no topic {topic.topic}, named by [{section}]; its topics are {known}"
                 )
-            if connection.msgtype not in types:
+            other = next((each.msgtype for each in there[topic.topic] if each.msgtype not in types), None)
+            if other is not None:
                 raise LogError(
-                    f"{self._path}: topic {topic.topic} is {connection.msgtype}, [{section}] needs "
+                    f"{self._path}: topic {topic.topic} is {other}, [{section}] needs "
                     f"{' or '.join(types)}: name another topic"
                 )
-            found[section] = connection
+            if wanted in (None, section):
+                found += there[topic.topic]
         return found
 
     def _content(self, data: bytes, kind: str) -> Any:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from drivers.angles import wrap_rad
 from drivers.camera.settings import CameraSettings
@@ -21,6 +22,7 @@ from drivers.xsens.settings import XsensSettings
 from rover_hil.config import Config, RoleSettings
 from rover_hil.importing.rosbag.bag import Bag, BagMessage
 from rover_hil.importing.rosbag.imu_message import imu_bytes
+from rover_hil.importing.rosbag.joints import Joint, JointSurvey, values_of
 from rover_hil.importing.rosbag.topics import ODOMETRY, Topics
 from rover_hil.importing.rosbag.wheel_frames import wheel_frame, write_mapping
 from rover_hil.recording.data_files import collect_data_files
@@ -38,6 +40,7 @@ SILENT_S = 2.0
 LONGEST_GAP_NS = NANOSECONDS_PER_SECOND
 """In a longer gap of the bag no cycles run."""
 LARGEST_PIXELS = 8192
+MOST_NOTES = 20
 FRAME_RATE_HZ = 5.0
 
 
@@ -48,11 +51,15 @@ class Contents:
     Attributes:
         used: Number of messages by section.
         left_out: Number of messages that held no usable numbers, by section.
+        outside: Number of messages left out because the clock was not set when they were recorded.
+        notes: What a user must know of the joints and of the estimate, one sentence each.
         end_ns: Time of the last cycle.
     """
 
     used: dict[str, int] = field(default_factory=dict)
     left_out: dict[str, int] = field(default_factory=dict)
+    outside: int = 0
+    notes: list[str] = field(default_factory=list)
     end_ns: int = START_NS
 
     def count(self, section: str, *, is_used: bool) -> None:
@@ -77,8 +84,10 @@ def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> It
     _check_wheels(topics, kinematics.wheel_count)
     bag = Bag(path, topics)
     with TemporaryDirectory(prefix="rover_hil_") as folder:
-        first = _first_messages(bag)
-        config = _config(topics, rover, Path(folder), first, kinematics.wheel_count)
+        survey = _survey(bag, topics, rover)
+        joints = (Joint(has_angle=True),) * kinematics.wheel_count if survey is None else survey.joints
+        picture = next(bag.messages("camera"), None) if topics.camera is not None else None
+        config = _config(topics, rover, Path(folder), joints, picture)
         clock = VirtualClock(START_NS)
         config_json = config.model_dump_json(by_alias=True).encode()
         with LogWriter(
@@ -86,7 +95,10 @@ def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> It
         ) as log:
             rig, links = build_replay_rig(config, clock, log)
             rig.connect(timeout_s=0.0)
-            feeder = _Feeder(topics, links, kinematics)
+            feeder = _Feeder(topics, links, kinematics, joints)
+            feeder.contents.outside = bag.outside
+            feeder.contents.notes.extend(() if survey is None else survey.notes)
+            doubts = _Doubts(feeder.contents)
             for tick_ns, messages in _by_cycle(bag.messages(), nanoseconds(1.0 / config.loop.rate_hz)):
                 truths = [record for message in messages for record in feeder.feed(message)]
                 clock.sleep_until(tick_ns)
@@ -94,24 +106,14 @@ def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> It
                 output = rig.loop.step(tick_ns, samples)
                 log.samples(tick_ns, samples)
                 log.estimate(output)
+                doubts.take(output)
                 for record in truths:
                     log.write_json(TRUTH, record["t_ns"], record)
                 log.write_json(CYCLE, tick_ns, {"late_ns": 0, "work_ns": 0})
                 feeder.contents.end_ns = tick_ns
                 yield feeder.contents
     if not feeder.contents.used.keys() & {"wheels", "odometry"}:
-        _check_joints(path, topics, feeder.joints)
         raise LogError(f"{path}: no message of the wheels holds numbers: name another topic")
-
-
-def _check_joints(path: Path, topics: Topics, joints: Sequence[str]) -> None:
-    named = () if topics.wheels is None else topics.wheels.joints
-    missing = ", ".join(name for name in named if name not in joints)
-    if topics.wheels is not None and joints and missing:
-        raise LogError(
-            f"{path}: {topics.wheels.topic} has no joints {missing}; its joints are {', '.join(joints)}: "
-            "correct [wheels]"
-        )
 
 
 def _check_wheels(topics: Topics, count: int) -> None:
@@ -122,23 +124,17 @@ def _check_wheels(topics: Topics, count: int) -> None:
         )
 
 
-def _first_messages(bag: Bag) -> dict[str, BagMessage]:
-    """Return the first message of each section; those of the wheels and of the camera decide the devices."""
-    wanted = bag.sections & {"wheels", "camera"}
-    first: dict[str, BagMessage] = {}
-    for message in bag.messages():
-        if wanted <= first.keys():
-            break
-        first.setdefault(message.section, message)
-    return first
+def _survey(bag: Bag, topics: Topics, rover: Config) -> JointSurvey | None:
+    if topics.wheels is None:
+        return None
+    return JointSurvey(topics.wheels, rover.limits.wheel_speed_rad_s, bag.messages("wheels"))
 
 
 def _config(
-    topics: Topics, rover: Config, folder: Path, first: dict[str, BagMessage], wheel_count: int
+    topics: Topics, rover: Config, folder: Path, joints: Sequence[Joint], picture: BagMessage | None
 ) -> Config:
-    mapping = write_mapping(
-        folder, wheel_count, _quantities(topics, first), () if topics.wheels is None else topics.wheels.signs
-    )
+    signs = () if topics.wheels is None else topics.wheels.signs
+    mapping = write_mapping(folder, [joint.wrap_rad for joint in joints], _quantities(topics), signs)
     devices: dict[str, AnyDeviceSettings] = {
         WHEELS: CanWheelsSettings(
             interface="virtual", channel="bag", mapping=str(mapping), max_age_s=SILENT_S
@@ -150,8 +146,8 @@ def _config(
             port="bag", max_age_s=SILENT_S, heading_reference=topics.imu.heading_reference
         )
         headings = (IMU,) if topics.imu.use_orientation else ()
-    if "camera" in first:
-        height, width = _picture(first["camera"]).image.shape[:2]
+    if picture is not None:
+        height, width = _picture(picture).image.shape[:2]
         if not 0 < max(width, height) <= LARGEST_PIXELS:
             raise LogError("[camera]: the first picture of the topic cannot be decoded: name another topic")
         devices[CAMERA] = CameraSettings(
@@ -168,21 +164,10 @@ def _config(
     return rover.model_copy(update={"devices": devices, "roles": roles, **none})
 
 
-def _quantities(topics: Topics, first: dict[str, BagMessage]) -> tuple[str, ...]:
-    current = ("Current",) if topics.currents is not None else ()
-    if topics.wheels is None:
-        return ("Position", *current)
-    if "wheels" not in first:
-        raise LogError(f"topic {topics.wheels.topic} holds no message: name another topic")
-    state = first["wheels"].content
-    found = [
-        name
-        for name, values in (("Position", state.position), ("Speed", state.velocity))
-        if len(values) and np.isfinite(values).any()
-    ]
-    if not found:
-        raise LogError(f"topic {topics.wheels.topic} holds neither angles nor speeds: name another topic")
-    return (*found, *(("Current",) if topics.wheels.effort_is_current else current))
+def _quantities(topics: Topics) -> tuple[str, ...]:
+    by_effort = topics.wheels is not None and topics.wheels.effort_is_current
+    current = ("Current",) if by_effort or topics.currents is not None else ()
+    return ("Position", *(() if topics.wheels is None else ("Speed",)), *current)
 
 
 def _by_cycle(messages: Iterable[BagMessage], period_ns: int) -> Iterator[tuple[int, list[BagMessage]]]:
@@ -203,12 +188,42 @@ def _by_cycle(messages: Iterable[BagMessage], period_ns: int) -> Iterator[tuple[
         yield tick_ns, waiting
 
 
+class _Doubts:
+    """Notes when the estimate loses motion, and when something contradicts the wheels."""
+
+    def __init__(self, contents: Contents) -> None:
+        self._contents = contents
+        self._rebases = 0
+        self._known: set[str] = set()
+
+    def take(self, output: StepOutput) -> None:
+        """Take the output of one cycle."""
+        t_s = (output.t_ns - START_NS) / NANOSECONDS_PER_SECOND
+        if output.odometry_rebases > self._rebases:
+            self._rebases = output.odometry_rebases
+            self._note(
+                f"odometry began anew at {t_s:.1f} s: the motion before is unknown, the estimate is wider"
+            )
+        if output.wheel_doubt and output.wheel_doubt not in self._known:
+            self._known.add(output.wheel_doubt)
+            self._note(f"at {t_s:.1f} s: {output.wheel_doubt}; the estimate is wider")
+
+    def _note(self, text: str) -> None:
+        notes = self._contents.notes
+        if len(notes) < MOST_NOTES:
+            notes.append(text)
+        elif len(notes) == MOST_NOTES:
+            notes.append("more of these follow")
+
+
 class _Feeder:
     """Turns messages into what the devices would have sent."""
 
-    def __init__(self, topics: Topics, links: ReplayLinks, kinematics: Kinematics) -> None:
+    def __init__(
+        self, topics: Topics, links: ReplayLinks, kinematics: Kinematics, joints: Sequence[Joint]
+    ) -> None:
         self.contents = Contents()
-        self.joints: tuple[str, ...] = ()
+        self._joints = joints
         self._topics = topics
         self._links = links
         self._kinematics = kinematics
@@ -240,18 +255,17 @@ class _Feeder:
 
     def _feed_wheels(self, t_ns: int, state: Any) -> bool:
         topic = self._topics.wheels
-        self.joints = tuple(state.name)
-        if topic is None or any(name not in state.name for name in topic.joints):
+        if topic is None:
             return False
-        places = [list(state.name).index(name) for name in topic.joints]
-        used = False
-        for quantity, values in (
-            ("Position", state.position),
-            ("Speed", state.velocity),
-            ("Current", state.effort if topic.effort_is_current else ()),
-        ):
-            if len(values) == len(state.name):
-                used |= self._put_wheels(t_ns, quantity, [float(values[place]) for place in places])
+        columns = zip(*(values_of(state, name) for name in topic.joints), strict=True)
+        angles, speeds, efforts = columns
+        angles_used = [
+            angle if joint.has_angle else math.nan for angle, joint in zip(angles, self._joints, strict=True)
+        ]
+        used = self._put_wheels(t_ns, "Position", angles_used)
+        used |= self._put_wheels(t_ns, "Speed", speeds)
+        if topic.effort_is_current:
+            used |= self._put_wheels(t_ns, "Current", efforts)
         return used
 
     def _feed_odometry(self, t_ns: int, content: Any) -> bool:

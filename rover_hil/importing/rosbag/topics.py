@@ -37,11 +37,13 @@ class WheelTopic(Topic):
         joints: Names of the joints, in the order of the rover's wheels.
         signs: -1 for a joint that counts backwards when the rover drives forwards, else 1.
         effort_is_current: The effort is a motor current in A. ROS says N or N m, many drivers send A.
+        wrap_rad: The angles wrap after this much. One to four turns are found without it.
     """
 
     joints: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_WHEELS)]
     signs: tuple[Literal[1, -1], ...] = ()
     effort_is_current: bool = False
+    wrap_rad: Annotated[float, Field(gt=0)] | None = None
 
     @model_validator(mode="after")
     def _check_signs(self) -> Self:

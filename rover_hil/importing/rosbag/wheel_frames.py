@@ -1,6 +1,7 @@
 """The wheels of a bag as a CAN bus: a mapping with its DBC file, and frames that hold numbers exactly."""
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.can_frame import CanFrame, pack_can_frame
@@ -10,12 +11,14 @@ QUANTITIES = {"Position": ("rad", 0x100), "Speed": ("rad/s", 0x140), "Current": 
 DOUBLE = struct.Struct("<d")
 
 
-def write_mapping(folder: Path, wheels: int, quantities: tuple[str, ...], signs: tuple[int, ...]) -> Path:
+def write_mapping(
+    folder: Path, wraps_rad: Sequence[float | None], quantities: tuple[str, ...], signs: tuple[int, ...]
+) -> Path:
     """Write the mapping of a bus with a message for each quantity of each wheel, and its DBC file.
 
     Args:
         folder: Where to.
-        wheels: Number of the wheels.
+        wraps_rad: After which angle the position of each wheel wraps; None where it does not.
         quantities: Out of `QUANTITIES`.
         signs: -1 for a wheel that counts backwards, one per wheel, or none.
     """
@@ -23,19 +26,20 @@ def write_mapping(folder: Path, wheels: int, quantities: tuple[str, ...], signs:
     types = []
     for name in quantities:
         unit, first = QUANTITIES[name]
-        for wheel in range(wheels):
+        for wheel in range(len(wraps_rad)):
             lines.append(f"BO_ {first + wheel} Wheel{wheel}_{name}: 8 Rover")
             lines.append(f' SG_ {name} : 0|64@1- (1,0) [0|0] "{unit}" Host')
             lines.append("")
             types.append(f"SIG_VALTYPE_ {first + wheel} {name} : 2;")
     (folder / "bag.dbc").write_text("\n".join([*lines, *types]) + "\n", "utf-8")
-    mapping = ['dbc = "bag.dbc"', "", "[every_wheel]"]
-    for name in quantities:
-        signal = f'message = "Wheel{{node}}_{name}", signal = "{name}", unit = "{QUANTITIES[name][0]}"'
-        mapping.append(f"{name.lower()} = {{ {signal} }}")
-    for wheel in range(wheels):
+    mapping = ['dbc = "bag.dbc"']
+    for wheel, wrap_rad in enumerate(wraps_rad):
         mapping += ["", "[[wheel]]", f"node = {wheel}"]
         mapping += [f"sign = {signs[wheel]}"] if signs else []
+        for name in quantities:
+            signal = f'message = "Wheel{wheel}_{name}", signal = "{name}", unit = "{QUANTITIES[name][0]}"'
+            wrap = f", wrap = {wrap_rad!r}" if name == "Position" and wrap_rad is not None else ""
+            mapping.append(f"{name.lower()} = {{ {signal}{wrap} }}")
     path = folder / "bag.toml"
     path.write_text("\n".join(mapping) + "\n", "utf-8")
     return path

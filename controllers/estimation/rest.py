@@ -1,0 +1,205 @@
+"""Whether gyro and accelerometer confirm that the rover rests while its wheels report no motion.
+
+An encoder that has died repeats its count: by the wheels alone the rover then seems parked.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from enum import StrEnum
+from statistics import NormalDist, fmean
+from typing import NamedTuple
+
+from controllers.estimation.settings import FilterSettings
+from drivers.clock import nanoseconds, seconds
+from drivers.samples import AccelerationSample, RateSample
+
+LEAST_READINGS = 3
+"""A scatter needs at least three readings of the accelerometer."""
+
+
+class Witness(StrEnum):
+    """What may report motion while the wheels do not."""
+
+    GYRO = "gyro"
+    ACCELEROMETER = "accelerometer"
+    SPEED = "reported speed"
+
+
+class Rest(NamedTuple):
+    """What is known of a rest of the wheels.
+
+    Attributes:
+        moving: What has reported motion since the wheels stopped; empty where nothing has.
+        holds: Whether nothing does now.
+        is_contradicted: Whether something has for long enough to count.
+        is_offset: Whether only the gyro does and the accelerometer rests.
+        unknown_s: Time for which the motion of the rover is unknown, since the wheels stopped.
+        turned_rad: Turn by the gyro in that time.
+    """
+
+    moving: tuple[Witness, ...] = ()
+    holds: bool = True
+    is_contradicted: bool = False
+    is_offset: bool = False
+    unknown_s: float = 0.0
+    turned_rad: float = 0.0
+
+
+class InertialReadings:
+    """Recent readings of gyro and accelerometer, and what they say about motion.
+
+    Args:
+        settings: Noise of the readings, and the time over which they are compared.
+    """
+
+    def __init__(self, settings: FilterSettings) -> None:
+        self._settings = settings
+        self._window_ns = nanoseconds(settings.standstill_s)
+        self._deviate = NormalDist().inv_cdf(0.5 * (1.0 + settings.gate_probability))
+        self._rates: deque[tuple[int, float]] = deque()
+        self._accelerations: deque[tuple[int, tuple[float, float, float]]] = deque()
+
+    def take(self, sample: RateSample | AccelerationSample, t_ns: int) -> None:
+        """Take a reading; one that is not finite has no effect."""
+        if isinstance(sample, RateSample):
+            if math.isfinite(sample.rate_z_rad_s):
+                self._rates.append((t_ns, sample.rate_z_rad_s))
+                _trim(self._rates, t_ns - self._window_ns)
+        elif math.isfinite(sample.x_m_s2 + sample.y_m_s2 + sample.z_m_s2):
+            self._accelerations.append((t_ns, (sample.x_m_s2, sample.y_m_s2, sample.z_m_s2)))
+            _trim(self._accelerations, t_ns - self._window_ns)
+
+    def rate_rad_s(self, since_ns: int) -> float | None:
+        """Return the mean reading of the gyro; None without one since then."""
+        rates = [rate for t_ns, rate in self._rates if t_ns > since_ns]
+        return fmean(rates) if rates else None
+
+    def turns(self, since_ns: int, bias_rad_s: float, bias_rad2_s2: float) -> bool:
+        """Return whether the mean reading is too far from the bias to be a reading at rest."""
+        rate_rad_s = self.rate_rad_s(since_ns)
+        if rate_rad_s is None:
+            return False
+        sd_rad_s = math.sqrt(bias_rad2_s2 + self._settings.gyro_rate_noise_rad_s**2)
+        return abs(rate_rad_s - bias_rad_s) > self._deviate * sd_rad_s
+
+    def shakes(self, since_ns: int) -> bool | None:
+        """Return whether the acceleration scatters more than at rest; None where it is not measured.
+
+        Readings that do not differ at all are no measurement: many nodes send zeros or a constant. The
+        quantile of chi-square is that of Wilson and Hilferty (1931).
+        """
+        readings = [reading for t_ns, reading in self._accelerations if t_ns > since_ns]
+        count = len(readings)
+        if count < LEAST_READINGS:
+            return None
+        squares = sum(_squares(axis) for axis in zip(*readings, strict=True))
+        if squares == 0.0:
+            return None
+        freedom = 3.0 * (count - 1)
+        part = 2.0 / (9.0 * freedom)
+        quantile = freedom * (1.0 - part + self._deviate * math.sqrt(part)) ** 3
+        return squares > quantile * self._settings.acceleration_noise_m_s2**2
+
+
+def _squares(values: Sequence[float]) -> float:
+    mean = fmean(values)
+    return sum((value - mean) ** 2 for value in values)
+
+
+def _trim(
+    readings: "deque[tuple[int, float]] | deque[tuple[int, tuple[float, float, float]]]", from_ns: int
+) -> None:
+    while len(readings) > LEAST_READINGS and readings[0][0] < from_ns:
+        readings.popleft()
+
+
+class RestWatch:
+    """Follows a rest of the wheels: confirmed by the other sensors, or contradicted by them.
+
+    A contradiction counts when it has lasted for `standstill_s`: a body swings after its wheels have stopped.
+    It ends when the wheels move again. The motion is unknown from the last moment at which an accelerometer
+    rested, without one from that at which the wheels stopped; and until it rests, without one until the end.
+
+    Args:
+        settings: Noise and times.
+
+    Attributes:
+        readings: Of gyro and accelerometer.
+    """
+
+    def __init__(self, settings: FilterSettings) -> None:
+        self.readings = InertialReadings(settings)
+        self._least_ns = nanoseconds(settings.standstill_s)
+        self._now_ns = 0
+        self._begin(None)
+
+    def _begin(self, still_ns: int | None) -> None:
+        self._still_ns = still_ns
+        self._confirmed_ns = still_ns or 0
+        self._moving_ns: int | None = None
+        self._rest = Rest()
+
+    def follow(
+        self,
+        now_ns: int,
+        still_ns: int | None,
+        bias: tuple[float, float],
+        *,
+        reports_speed: bool,
+        is_commanded: bool,
+    ) -> Rest:
+        """Return what is known of the rest at `now_ns`.
+
+        Args:
+            now_ns: Time of the cycle.
+            still_ns: When the wheels stopped; None while they move or do not report.
+            bias: Of the gyro in rad/s, and its variance.
+            reports_speed: Whether a drive reports a speed although its position stays.
+            is_commanded: Whether the wheels are commanded to rest: an accelerometer that shakes alone is then
+                no evidence of motion.
+        """
+        elapsed_s, self._now_ns = seconds(max(0, now_ns - self._now_ns)), now_ns
+        if still_ns is None or self._still_ns is None:
+            self._begin(still_ns)
+        if self._still_ns is None:
+            return self._rest
+        turns, shakes = self.readings.turns(self._still_ns, *bias), self.readings.shakes(self._still_ns)
+        moving = [Witness.GYRO] if turns else []
+        if shakes and (turns or not is_commanded):
+            moving.append(Witness.ACCELEROMETER)
+        if reports_speed:
+            moving.append(Witness.SPEED)
+        if moving:
+            self._contradict(elapsed_s, tuple(moving), bias[0] if turns else None)
+        else:
+            self._confirm(elapsed_s, is_measured=shakes is False)
+        return self._rest._replace(is_offset=moving == [Witness.GYRO] and shakes is False)
+
+    def _contradict(self, elapsed_s: float, moving: tuple[Witness, ...], bias_rad_s: float | None) -> None:
+        rest, rate_rad_s = self._rest, self.readings.rate_rad_s(self._still_ns or 0)
+        self._moving_ns = self._now_ns if self._moving_ns is None else self._moving_ns
+        turned_rad = rest.turned_rad
+        if bias_rad_s is not None and rate_rad_s is not None:
+            turned_rad += (rate_rad_s - bias_rad_s) * elapsed_s
+        unknown_s = rest.unknown_s + elapsed_s
+        is_contradicted = self._now_ns - self._moving_ns >= self._least_ns
+        if is_contradicted and not rest.is_contradicted:
+            unknown_s = seconds(self._now_ns - self._confirmed_ns)
+        self._rest = Rest(
+            moving=tuple(witness for witness in Witness if witness in {*rest.moving, *moving}),
+            holds=False,
+            is_contradicted=is_contradicted or rest.is_contradicted,
+            unknown_s=unknown_s,
+            turned_rad=turned_rad,
+        )
+
+    def _confirm(self, elapsed_s: float, *, is_measured: bool) -> None:
+        self._moving_ns = None
+        if is_measured:
+            self._confirmed_ns = self._now_ns
+        if not self._rest.is_contradicted:
+            self._rest = Rest()
+            return
+        unknown_s = self._rest.unknown_s + (0.0 if is_measured else elapsed_s)
+        self._rest = self._rest._replace(holds=is_measured, unknown_s=unknown_s)

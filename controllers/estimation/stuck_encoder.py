@@ -1,0 +1,90 @@
+"""A wheel that stays while the gyro contradicts the turn by the others: a dead encoder, or a drag."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.settings import FilterSettings
+from controllers.estimation.turn_evidence import TurnEvidence
+from controllers.motion.body_motion import BodyMotion
+
+
+@dataclass(slots=True)
+class _Stay:
+    """What has happened since a wheel stays.
+
+    Attributes:
+        turned_rad: Its own angle.
+        others_rad: Greatest angle of another wheel.
+        missing_rad: Turn by the gyro less that by the wheels.
+        noise_rad2: Variance of that without the bias.
+    """
+
+    turned_rad: float = 0.0
+    others_rad: float = 0.0
+    duration_s: float = 0.0
+    missing_rad: float = 0.0
+    noise_rad2: float = 0.0
+
+
+class StuckEncoders:
+    """Finds wheels that stay while others turn, where the gyro does not confirm it.
+
+    Around a wheel that really stays the rover turns, and the gyro measures it. A turn that is missing by more
+    than the noise of [filter] explains is that of the wheel that stays: its angle is then unknown by the
+    missing turn over the turn per radian of the wheel.
+
+    Args:
+        settings: Noise of the turns.
+        count: Number of wheels.
+    """
+
+    def __init__(self, settings: FilterSettings, count: int) -> None:
+        self._settings = settings
+        self._deviate = NormalDist().inv_cdf(0.5 * (1.0 + settings.gate_probability))
+        self._stays = [_Stay() for _ in range(count)]
+
+    def note(self, turned_rad: Sequence[float]) -> None:
+        """Take the angles of one increment."""
+        for wheel, turned in enumerate(turned_rad):
+            stay = self._stays[wheel]
+            if abs(stay.turned_rad + turned) > ESTIMATION.odometry.still_rad:
+                self._stays[wheel] = _Stay()
+                continue
+            stay.turned_rad += turned
+            stay.others_rad += max(abs(other) for other in turned_rad)
+
+    def unknown_rad(
+        self, evidence: TurnEvidence, distance_m: float, effects: Sequence[BodyMotion], bias_rad2_s2: float
+    ) -> tuple[float, ...]:
+        """Return by how much the angle of each wheel is unknown, signed, since it stays; 0 where it is known.
+
+        Args:
+            evidence: Turn of the same interval by gyro and wheels.
+            distance_m: Distance of that interval by the wheels.
+            effects: Motion of the body per radian of each wheel.
+            bias_rad2_s2: Variance of the gyro's bias.
+        """
+        settings, wheels = self._settings, evidence.wheels
+        noise_rad2 = (
+            settings.wheel_yaw_noise_rad_sqrt_rad**2 * abs(wheels.turn_rad)
+            + settings.wheel_yaw_noise_rad_sqrt_m**2 * distance_m
+            + settings.gyro_noise_rad_sqrt_s**2 * wheels.duration_s
+        )
+        unknown = []
+        for stay, effect in zip(self._stays, effects, strict=True):
+            stay.duration_s += wheels.duration_s
+            stay.missing_rad += evidence.gyro_rad - wheels.turn_rad
+            stay.noise_rad2 += noise_rad2
+            unknown.append(
+                stay.missing_rad / effect[2] if self._is_contradicted(stay, effect, bias_rad2_s2) else 0.0
+            )
+        return tuple(unknown)
+
+    def _is_contradicted(self, stay: _Stay, effect: BodyMotion, bias_rad2_s2: float) -> bool:
+        if stay.duration_s < self._settings.standstill_s or stay.others_rad <= ESTIMATION.odometry.still_rad:
+            return False
+        sd_rad = math.sqrt(stay.noise_rad2 + bias_rad2_s2 * stay.duration_s**2)
+        return effect[2] != 0.0 and abs(stay.missing_rad) > self._deviate * sd_rad
