@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.clock import SystemClock, nanoseconds
 from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver
@@ -13,6 +11,7 @@ from rover_hil.config import Config
 from rover_hil.pages.atomic_write import unfinished
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
+from rover_hil.terminal import Terminal
 
 POLL_S = 0.02
 CONNECT_TIMEOUT_S = 2.0
@@ -73,4 +72,4 @@ def _listen(
             clock.sleep_until(now_ns)
             now_ns = clock.now_ns()
     except KeyboardInterrupt:
-        Console(stderr=True).print("ended by ctrl-C; using what was recorded")
+        Terminal(stderr=True).print("ended by ctrl-C; using what was recorded")
