@@ -7,7 +7,7 @@ import os
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -16,6 +16,7 @@ from rover_hil.app.calibrate.commands import calibrate_app
 from rover_hil.app.error_message import check_name_lengths, readable
 from rover_hil.app.exit_codes import EXIT_BAD_INPUT
 from rover_hil.app.identify.commands import identify_app
+from rover_hil.app.memory import prepare_linear_algebra, require_loading_memory, sentence_of
 from rover_hil.app.options import (
     LIVE_PORT,
     LONGEST_S,
@@ -30,6 +31,7 @@ from rover_hil.app.options import (
     number_option,
     out_option,
 )
+from rover_hil.app.output import end_output, open_missing_outputs, output_problem, tell
 from rover_hil.app.terrain.commands import terrain_app
 from rover_hil.run.end_signals import held_signals
 
@@ -52,13 +54,21 @@ def _print_version(is_wanted: bool) -> None:
         raise typer.Exit
 
 
+LIGHT = ("compare", "export", "sample", "terrain")
+"""Commands that do not load what a drive needs."""
+
+
 @app.callback()
 def common(
+    context: typer.Context,
     show_version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
     """Drive a slipping rover and know where it really is."""
+    if context.invoked_subcommand not in LIGHT:
+        require_loading_memory()
+    prepare_linear_algebra()
 
 
 @app.command()
@@ -701,13 +711,28 @@ def _spread(arguments: list[str], options: tuple[str, ...]) -> list[str]:
 
 
 def main() -> None:
-    """Run the command line; our own errors become one sentence and exit code 2."""
+    """Run the command line; our own errors become one sentence and exit code 2.
+
+    So do an output that cannot be written, and too little memory.
+    """
     # Our matrices are small: more threads of numpy's linear algebra only spin, and take the loop's processor.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    open_missing_outputs()
     try:
         check_name_lengths(sys.argv[1:])
         app(_spread(sys.argv[1:], ("--test", "--logs", "--held-out")), prog_name="rover-hil")
+    except SystemExit:
+        if problem := end_output():
+            _end(problem)
+        raise
     except RoverHilError as error:
-        text = readable(f"rover-hil: {error}")
-        print(text, file=sys.stderr)  # noqa: T201 - the one place that reports errors
-        sys.exit(EXIT_BAD_INPUT)
+        _end(str(error))
+    except Exception as error:
+        if problem := output_problem(error) or sentence_of(error):
+            _end(problem)
+        raise
+
+
+def _end(problem: str) -> NoReturn:
+    tell(readable(f"rover-hil: {problem}"))
+    sys.exit(EXIT_BAD_INPUT)

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.clock import PacedClock
 from drivers.errors import ConfigError
 from rover_hil.app.drive import order_drive
@@ -15,6 +13,7 @@ from rover_hil.report.write import write_report
 from rover_hil.run.checks import ROVER_CHECKS
 from rover_hil.run.drive_order import rover_words
 from rover_hil.run.executive import Operator, RunResult
+from rover_hil.terminal import Terminal
 
 NO_NICEGUI = "the page needs NiceGUI: install it with `pip install rover-hil[bench]`"
 
@@ -41,7 +40,7 @@ def serve_bench(config_name: str, port: int, out: Path) -> int:
         raise ConfigError(f"cannot make {out}: {error.strerror}; choose another --out") from error
     stem = Path(config_name).stem
     session = Session(config, out, stem, run_order, report_order)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     console.print(f"page: http://localhost:{listener.getsockname()[1]}")
     console.print(f"Real runs move {rover_words(config_name, config.devices)}.")
     console.print("End with ctrl-C; a run that goes on then is ended too.")

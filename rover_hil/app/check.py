@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from rich.console import Console
-
 from controllers.control_loop import ControlLoop
 from drivers.clock import VirtualClock, wall_time_ns
 from drivers.errors import ConfigError
@@ -20,6 +18,7 @@ from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.finding import Finding, Level
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.run.checks import RUN_CHECKS, SIMULATE_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.terminal import Terminal
 from rover_hil.tune.parameters import MISSING_TUNE, check_parameters
 from sim_backends.build import build_world
 
@@ -64,7 +63,7 @@ def check_config(
         }
         print_json(record)
         return EXIT_NO if mistakes else EXIT_OK
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     for mistake in mistakes:
         console.print(readable_line(mistake))
     for each in warnings:

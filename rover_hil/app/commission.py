@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from controllers.control_loop import StepOutput
 from controllers.motion.settings import MissionSettings, WaypointsMission
@@ -36,6 +35,7 @@ from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.drive_order import DriveOrder
+from rover_hil.terminal import Terminal
 
 PAGE_NAME = "commissioning.html"
 LINE = "line"
@@ -162,7 +162,7 @@ def commission(
         }
         print_json(record)
     else:
-        console = Console(highlight=False, markup=False, soft_wrap=True)
+        console = Terminal(soft_wrap=True)
         for name, value in facts:
             console.print(f"{name}: {value}")
         console.print(f"report: {page}")

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
@@ -12,6 +10,7 @@ from rover_hil.app.options import check_inputs, log_at
 from rover_hil.app.steps import show_steps
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.report.compare import MOST_RUNS, compare_runs, render_comparison
+from rover_hil.terminal import Terminal
 
 
 def compare_logs(paths: Sequence[Path], *, out: Path, force: bool, as_json: bool) -> int:
@@ -31,7 +30,7 @@ def compare_logs(paths: Sequence[Path], *, out: Path, force: bool, as_json: bool
         page = render_comparison(comparison)
     write_file(out, page)
     cut_off = [run.name for run in comparison.runs if not run.data.is_complete]
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     if as_json:
         tables = {
             name: {row.name: row.values for row in rows}

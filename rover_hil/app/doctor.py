@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -14,6 +13,7 @@ from rover_hil.config import load_config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
 from rover_hil.run.checks import RUN_CHECKS
+from rover_hil.terminal import Terminal, printable
 
 LISTEN_S = 2.0
 STYLES = {Level.OK: "green", Level.WARNING: "yellow", Level.PROBLEM: "bold red"}
@@ -38,7 +38,7 @@ def examine(config_name: str, *, as_json: bool) -> int:
     if as_json:
         print_json(record_of(findings))
     else:
-        print_findings(findings, Console(highlight=False))
+        print_findings(findings, Terminal())
     return EXIT_OK if is_ready(findings) else EXIT_NO
 
 
@@ -52,7 +52,7 @@ def record_of(findings: Sequence[Finding]) -> dict[str, object]:
     return {"verdict": "ready" if is_ready(findings) else "needs a fix", "findings": findings}
 
 
-def print_findings(findings: Sequence[Finding], console: Console) -> None:
+def print_findings(findings: Sequence[Finding], console: Terminal) -> None:
     """Print everything that was looked at as a table, then cause and fix of what is not well."""
     table = Table("", "of", "check", "what was seen")
     for finding in findings:
@@ -68,8 +68,10 @@ def print_findings(findings: Sequence[Finding], console: Console) -> None:
     console.print(f"\n{count} to be fixed before driving" if count else "\nready to drive")
 
 
-def _print_advice(finding: Finding, console: Console) -> None:
-    heading = Text(f"\n{finding.level.value}: ", style=STYLES[finding.level])
-    console.print(heading + Text(f"{finding.subject}: {finding.what}", style="bold"), soft_wrap=True)
-    console.print(Text(f"  cause: {finding.cause}"), soft_wrap=True)
-    console.print(Text(f"  fix:   {finding.fix}"), soft_wrap=True)
+def _print_advice(finding: Finding, console: Terminal) -> None:
+    heading = Text(printable(f"\n{finding.level.value}: "), style=STYLES[finding.level])
+    console.print(
+        heading + Text(printable(f"{finding.subject}: {finding.what}"), style="bold"), soft_wrap=True
+    )
+    console.print(Text(printable(f"  cause: {finding.cause}")), soft_wrap=True)
+    console.print(Text(printable(f"  fix:   {finding.fix}")), soft_wrap=True)

@@ -3,6 +3,8 @@
 import sys
 from typing import NoReturn
 
+from rover_hil.app.output import tell
+
 EXIT_OK = 0
 EXIT_NO = 1
 """The command ran, and the answer is no."""
@@ -15,17 +17,17 @@ EXIT_TERMINATED = 143
 
 def exit_terminated(reason: str) -> NoReturn:
     """End the program from outside, with one sentence."""
-    print(f"rover-hil: {reason}", file=sys.stderr)  # noqa: T201 - not a result
+    tell(f"rover-hil: {reason}")
     sys.exit(EXIT_TERMINATED)
 
 
 def exit_unfinished(sentence: str) -> NoReturn:
     """End the program because what it drives stopped, with one sentence."""
-    print(f"rover-hil: {sentence}", file=sys.stderr)  # noqa: T201 - not a result
+    tell(f"rover-hil: {sentence}")
     sys.exit(EXIT_NO)
 
 
 def exit_interrupted() -> NoReturn:
     """End the program after ctrl-C, with one sentence."""
-    print("rover-hil: interrupted by ctrl-C", file=sys.stderr)  # noqa: T201 - not a result
+    tell("rover-hil: interrupted by ctrl-C")
     sys.exit(EXIT_INTERRUPTED)

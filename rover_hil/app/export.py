@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
@@ -14,6 +12,7 @@ from rover_hil.exporting.tables import read_tables
 from rover_hil.exporting.write import write_tables
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.reader import LogReader
+from rover_hil.terminal import Terminal
 
 TABLES = {"csv": ".csv", "parquet": ".parquet"}
 ROSBAG = "rosbag2"
@@ -56,7 +55,7 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
             _require_records(log, rows)
             progress.update(task, description="writing")
             write_tables(tables, folder, TABLES[name], force=force)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     if as_json:
         print_json({"folder": str(folder), "rows": rows, "log_is_complete": log.is_complete})
         return EXIT_OK

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 import numpy as np
-from rich.console import Console
 
 from controllers.ftrace.estimator import Method, TraceEstimator
 from controllers.ftrace.rig import RigFile
@@ -24,6 +23,7 @@ from rover_hil.ftrace.overlay import OverlayWriter
 from rover_hil.ftrace.run import HEADER, FrameAngle, csv_row, estimate, longest_gap
 from rover_hil.ftrace.telemetry import TelemetryRow, read_telemetry
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
+from rover_hil.terminal import Terminal
 
 LOG_SUFFIX = ".mcap"
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -158,9 +158,9 @@ def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool
         print_json(summary)
         return
     mean = f", mean angle {np.mean(degrees):+.1f} deg" if degrees else ""
-    Console(highlight=False, soft_wrap=True).print(
+    Terminal(soft_wrap=True).print(
         f"trace in {len(degrees)} of {len(found)} frames{mean}; "
         f"angle without a trace, by the motion of the ground, in {by_flow}; {out}"
     )
     if method == "fused" and not degrees and not by_flow:
-        Console(highlight=False, soft_wrap=True).print(NO_MOTION)
+        Terminal(soft_wrap=True).print(NO_MOTION)

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
+from rover_hil.app.json_text import print_json, print_json_text
 from rover_hil.app.options import check_inputs
 from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
@@ -38,6 +36,7 @@ from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.parallel.calls import open_calls
+from rover_hil.terminal import Terminal
 from sim_backends.models.interface import Machine, Model, Run
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
@@ -165,7 +164,7 @@ def find_gap(
         else:
             write_results(out, analysis, subject.name, wall_time_text())
     if as_json:
-        Console().out(verdict_text(analysis))
+        print_json_text(verdict_text(analysis))
     else:
         _print(analysis, out)
     return EXIT_NO if is_bad else EXIT_OK
@@ -216,9 +215,9 @@ def _print_report(report: LintReport, *, as_json: bool) -> None:
     if as_json:
         print_json(report.as_json())
         return
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     for line in report.lines():
-        console.print(line, markup=False)
+        console.print(line)
 
 
 def _file_of(model_name: str) -> Path:
@@ -226,19 +225,19 @@ def _file_of(model_name: str) -> Path:
 
 
 def _print(analysis: Analysis, out: Path) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     for line in analysis.verdict.lines():
-        console.print(line, markup=False)
+        console.print(line)
     if analysis.verdict.verdict is not Answer.BAD_DATA:
-        console.print(str(out / REPORT_NAME), markup=False)
+        console.print(str(out / REPORT_NAME))
 
 
 def _note(words: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True).print(f"Note: {words}.", markup=False)
+    Terminal(stderr=True, soft_wrap=True).print(f"Note: {words}.")
 
 
 def _announce(words: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True).print(f"{words}.", markup=False)
+    Terminal(stderr=True, soft_wrap=True).print(f"{words}.")
 
 
 def _objection(model: Model, runs: Sequence[Run]) -> str:

@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.steps import show_progress
 from rover_hil.config import load_config
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
 from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.terminal import Terminal
 
 
 def import_run(
@@ -28,7 +27,5 @@ def import_run(
         task = progress.add_task("importing", total=len(run.rows))
         for count in write_run_as_log(run, config, part):
             progress.update(task, completed=count)
-    Console(highlight=False).print(
-        f"{len(run.rows)} rows at {millimetres_per_pixel:g} mm per pixel: {out}", soft_wrap=True
-    )
+    Terminal().print(f"{len(run.rows)} rows at {millimetres_per_pixel:g} mm per pixel: {out}", soft_wrap=True)
     return EXIT_OK

@@ -3,8 +3,6 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.clock import seconds
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
@@ -14,6 +12,7 @@ from rover_hil.importing.rosbag.bag import bounded_memory
 from rover_hil.importing.rosbag.to_log import START_NS, Contents, write_bag_as_log
 from rover_hil.importing.rosbag.topics import read_topics
 from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.terminal import Terminal
 
 
 def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json: bool) -> int:
@@ -31,7 +30,7 @@ def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json
         for contents in write_bag_as_log(path, topics, rover, part):
             step(f"importing, {seconds(contents.end_ns - START_NS):.0f} s of the bag are done")
     duration_s = seconds(contents.end_ns - START_NS)
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     if as_json:
         print_json({"log": str(out), "duration_s": duration_s, **asdict(contents)})
         return EXIT_OK

@@ -4,8 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
@@ -39,6 +37,7 @@ from rover_hil.setting_up.drives import (
 from rover_hil.setting_up.places import find_places
 from rover_hil.setting_up.probing import Found, busy_words, probe_camera, probe_can, probe_serial
 from rover_hil.setting_up.turning import Turner
+from rover_hil.terminal import Terminal
 
 TURN_SPEED_RAD_S = 1.0
 LEAST_TURN_RAD = 0.1
@@ -78,7 +77,7 @@ def init(out: Path, *, ports: Path | None, dbc: Path | None, may_drive: bool, fo
         if not dbc.is_file():
             raise ConfigError(f"no DBC file {dbc}: correct --dbc")
         read_messages(dbc)
-    console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(stderr=True, soft_wrap=True)
     made: Made = {}
     try:
         return _set_up(out, ports, dbc, made, console, may_drive=may_drive, force=force)
@@ -96,7 +95,7 @@ def _set_up(
     ports: Path | None,
     dbc: Path | None,
     made: Made,
-    console: Console,
+    console: Terminal,
     *,
     may_drive: bool,
     force: bool,
@@ -146,7 +145,7 @@ def _set_up(
     return _report(out, console)
 
 
-def _look(ports: Path | None, console: Console) -> list[Found]:
+def _look(ports: Path | None, console: Terminal) -> list[Found]:
     """Probe every port, and print what is there."""
     clock = SystemClock()
     places = find_places(SystemPaths(), ports)
@@ -171,7 +170,7 @@ def _look(ports: Path | None, console: Console) -> list[Found]:
 
 
 def _drive_of(
-    found: Found, dbc: Path | None, out: Path, made: Made, console: Console, *, force: bool
+    found: Found, dbc: Path | None, out: Path, made: Made, console: Terminal, *, force: bool
 ) -> AnyDeviceSettings | None:
     """Return the settings of the drives behind a port, or None where they are not known."""
     if not isinstance(found.settings, CanWheelsSettings):
@@ -249,7 +248,7 @@ def _canopen(bus: CanWheelsSettings, nodes: Sequence[int]) -> AnyDeviceSettings:
 
 
 def _rover(
-    wheel_count: int, steering_limits_rad: Mapping[int, tuple[float, float]], console: Console
+    wheel_count: int, steering_limits_rad: Mapping[int, tuple[float, float]], console: Terminal
 ) -> tuple[str, dict[str, object]]:
     """Ask for kind and size of the rover; return the kind and the section [rover]."""
     kinds = {2: "differential", 3: "omni3", 4: "steered_4" if steering_limits_rad else "skid_steer_4"}
@@ -311,7 +310,7 @@ def _steered(
 
 
 def _turn_wheels(
-    drive: DriveSettings, what: str, kinematics: str, made: Made, console: Console, *, may_drive: bool
+    drive: DriveSettings, what: str, kinematics: str, made: Made, console: Terminal, *, may_drive: bool
 ) -> AnyDeviceSettings:
     """Turn each wheel after a question; return the drive with order and signs of its wheels."""
     places = POSITIONS[kinematics]
@@ -358,7 +357,7 @@ def _steer(turner: Turner, wheel: int, place: str) -> int:
     return 1 if left else -1
 
 
-def _check_encoders(wheel: int, turned: Sequence[float], console: Console) -> None:
+def _check_encoders(wheel: int, turned: Sequence[float], console: Terminal) -> None:
     """Report what the encoders say of a wheel that was turned forwards."""
     console.print("  encoders: " + ", ".join(f"{each:+.2f} rad" for each in turned))
     others = [index for index, each in enumerate(turned) if index != wheel and abs(each) > LEAST_TURN_RAD]
@@ -378,7 +377,7 @@ def _reordered(
     signs: list[int],
     steering_signs: list[int],
     made: Made,
-    console: Console,
+    console: Terminal,
 ) -> AnyDeviceSettings:
     if isinstance(settings, VescSettings | CanopenWheelsSettings):
         entries = [
@@ -422,7 +421,7 @@ def _first_radius(rover: dict[str, object]) -> float:
     return float(wheels[0]["radius_m"]) if isinstance(wheels, list) else 0.1
 
 
-def _report(out: Path, console: Console) -> int:
+def _report(out: Path, console: Terminal) -> int:
     mistakes, _, _ = examine_config(str(out))
     for mistake in mistakes:
         console.print(readable_line(mistake))

@@ -3,7 +3,6 @@
 from contextlib import suppress
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import SystemClock, seconds
@@ -21,6 +20,7 @@ from rover_hil.recording.made_with import changes_since, made_with
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.replay import ReplayResult, replay
+from rover_hil.terminal import Terminal
 
 ROWS_SHOWN = 25
 TEXT_SHOWN = 40
@@ -51,7 +51,7 @@ def replay_log(
     controller = None if config_name is None else load_config(config_name)
     if not as_json:
         for change in changes_since(log.made_with):
-            Console().print(readable_line(change), highlight=False, markup=False, soft_wrap=True)
+            Terminal(soft_wrap=True).print(readable_line(change))
     with (
         restore_config(log) as logged_config,
         show_progress() as progress,
@@ -70,14 +70,14 @@ def replay_log(
     if out is not None:
         write_report(path, out)
         if not as_json:
-            Console().print(f"report of the recorded run: {out / REPORT_NAME}", soft_wrap=True)
+            Terminal().print(f"report of the recorded run: {out / REPORT_NAME}", soft_wrap=True)
     return EXIT_NO if result.differences else EXIT_OK
 
 
 def _stream(log: LogReader, port: int) -> None:
     """Stream a log at the speed of its recording, until its end or ctrl-C."""
     clock = SystemClock()
-    with suppress(KeyboardInterrupt), live_mirror(port, Console(stderr=True)) as publish:
+    with suppress(KeyboardInterrupt), live_mirror(port, Terminal(stderr=True)) as publish:
         start_ns = clock.now_ns()
         for message in log.stored_messages():
             clock.sleep_until(start_ns + message.t_ns - log.start_ns)
@@ -97,7 +97,7 @@ def _record(result: ReplayResult, log: LogReader) -> dict[str, object]:
 
 
 def _print_words(result: ReplayResult, log: LogReader) -> None:
-    console = Console()
+    console = Terminal()
     if not log.is_complete:
         console.print(f"{log.path} was cut off; everything up to the cut was replayed")
     elif not result.has_end:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
@@ -17,6 +16,8 @@ from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError, NotConnectedError
 from rover_hil.app.drive import order_drive
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_terminated, exit_unfinished
+from rover_hil.app.json_text import print_json_text
+from rover_hil.app.memory import ShortOfMemoryError, sentence_of
 from rover_hil.app.options import LOG_NAME
 from rover_hil.config import Config, load_config
 from rover_hil.live.server import HOST, LiveServer
@@ -34,6 +35,7 @@ from rover_hil.run.executive import End, Executive, Operator, RunResult, end_by
 from rover_hil.run.linear_algebra import allocate_linear_algebra
 from rover_hil.run.real_time import enter_realtime
 from rover_hil.run.watchdog import Watchdog
+from rover_hil.terminal import Terminal
 from sim_backends.world.plant import Truth
 
 CONNECT_TIMEOUT_S = 2.0
@@ -67,7 +69,7 @@ def run_rover(
     config = load_config(config_name, VIRTUAL_RUN_CHECKS if virtual else RUN_CHECKS)
     if virtual and realtime:
         raise ConfigError("--virtual runs on simulated time: leave --realtime out")
-    messages = Console(stderr=True)
+    messages = Terminal(stderr=True)
     if model is not None:
         config = _extended(config, model, messages, virtual=virtual)
     config, note = (config, "") if virtual else for_real_rover(config)
@@ -97,51 +99,73 @@ def run_rover(
                 f"interrupted: the drive was commanded to stop; the log so far is {log_path}", soft_wrap=True
             )
             return EXIT_INTERRUPTED
+        except Exception as error:
+            raise _without_memory(error, "the drive was commanded to stop", log_path, folder) from error
     for path in reports:
         path.unlink(missing_ok=True)
-    try:
-        with messages.status("writing report"):
-            summary_json = write_report(log_path, folder)
-    except KeyboardInterrupt:
-        messages.print(
-            f"no report yet: `rover-hil replay {log_path} --out {folder}` writes it", soft_wrap=True
-        )
+    summary_json = _report(log_path, folder, messages)
+    if summary_json is None:
         return EXIT_INTERRUPTED
     if as_json:
-        Console().out(summary_json)
+        print_json_text(summary_json)
     else:
-        console = Console(highlight=False, soft_wrap=True)
+        console = Terminal(soft_wrap=True)
         console.print(f"report: {folder / 'report.html'}")
         console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
     _tell_slowness(result, config.loop.rate_hz, messages, virtual=virtual)
     return EXIT_OK if _went_well(result, duration_s) else EXIT_NO
 
 
-def _display(live: Live, messages: Console, note: str) -> StatusDisplay:
+def _report(log_path: Path, folder: Path, messages: Terminal) -> str | None:
+    """Write the report; returns the summary as JSON, or None after ctrl-C."""
+    try:
+        with messages.status("writing report"):
+            return write_report(log_path, folder)
+    except KeyboardInterrupt:
+        messages.print(
+            f"no report yet: `rover-hil replay {log_path} --out {folder}` writes it", soft_wrap=True
+        )
+        return None
+    except Exception as error:
+        raise _without_memory(error, "the drive has ended", log_path, folder) from error
+
+
+def _without_memory(error: Exception, what: str, log_path: Path, folder: Path) -> Exception:
+    """Return an error that is due to too little memory as one that says what to do with the log."""
+    reason = sentence_of(error)
+    if not reason or not log_path.exists():
+        return error
+    return ShortOfMemoryError(
+        f"{reason}; {what}, and the log so far is {log_path}: with more memory "
+        f"`rover-hil replay {log_path} --out {folder}` writes the report"
+    )
+
+
+def _display(live: Live, messages: Terminal, note: str) -> StatusDisplay:
     """Return what shows the state of a run; a note is printed once, when the run has begun."""
     notes = [note] if note else []
 
     def show(output: StepOutput) -> None:
         if notes:
-            messages.print(notes.pop(), highlight=False, markup=False, soft_wrap=True)
+            messages.print(notes.pop(), soft_wrap=True)
         live.update(_status_line(output), refresh=True)
 
     return show
 
 
-def _extended(config: Config, model: Path, messages: Console, *, virtual: bool) -> Config:
+def _extended(config: Config, model: Path, messages: Terminal, *, virtual: bool) -> Config:
     if not virtual:
         raise ConfigError(f"{model}: --model is for the simulated rover: add --virtual")
     from rover_hil.app.extended_simulation import extend_simulation
 
     simulation, changed_values = extend_simulation(config, model)
     for line in changed_values:
-        messages.print(line, highlight=False)
+        messages.print(line)
     return config.model_copy(update={"simulation": simulation})
 
 
 @contextmanager
-def live_mirror(port: int | None, messages: Console) -> Iterator[Mirror | None]:
+def live_mirror(port: int | None, messages: Terminal) -> Iterator[Mirror | None]:
     """Give what streams records to viewers on a port, and say where it is; None without a port.
 
     Raises:
@@ -151,7 +175,7 @@ def live_mirror(port: int | None, messages: Console) -> Iterator[Mirror | None]:
         yield None
         return
     with LiveServer(port) as server:
-        messages.print(f"live: open ws://{HOST}:{server.port} in Foxglove or Lichtblick", highlight=False)
+        messages.print(f"live: open ws://{HOST}:{server.port} in Foxglove or Lichtblick")
         yield server.publish
 
 
@@ -270,7 +294,7 @@ def run_real(
                 end_request=request,
             )
             request.obey()
-        Console(stderr=True).print(f"moving {order.rover}", highlight=False, markup=False, soft_wrap=True)
+        Terminal(stderr=True, soft_wrap=True).print(f"moving {order.rover}")
         _note_path(log, config, clock.now_ns())
         gc.collect()
         gc.freeze()  # what start-up made need not be looked at again in every collection
@@ -349,10 +373,10 @@ def _result_line(result: RunResult, stops: int) -> str:
     return ", ".join(parts)
 
 
-def _tell_slowness(result: RunResult, rate_hz: float, messages: Console, *, virtual: bool) -> None:
+def _tell_slowness(result: RunResult, rate_hz: float, messages: Terminal, *, virtual: bool) -> None:
     words = "" if virtual else too_slow(result, rate_hz)
     if words:
-        messages.print(words, highlight=False, soft_wrap=True)
+        messages.print(words, soft_wrap=True)
 
 
 def too_slow(result: RunResult, rate_hz: float) -> str:

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
@@ -13,6 +11,7 @@ from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.scomp.files import ReadDrive, read_drive, read_parameters, track_text
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.summary import summary_of
+from rover_hil.terminal import Terminal
 
 
 def run_scomp(
@@ -71,7 +70,7 @@ def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, str]:
 
 
 def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     console.print(
         f"end x {summary['x_m']:.3f} m, y {summary['y_m']:.3f} m, sigma {summary['sigma_x_m']:.3f} and "
         f"{summary['sigma_y_m']:.3f} m; distance {summary['way_m']:.2f} m; "

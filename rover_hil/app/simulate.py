@@ -4,7 +4,6 @@ import math
 import signal
 from pathlib import Path
 
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
@@ -13,6 +12,7 @@ from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.config import load_config
 from rover_hil.run.checks import SIMULATE_CHECKS
 from rover_hil.run.end_signals import end_signals
+from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
 from sim_backends.serving.server import Server, put_on_ports
 from sim_backends.settings import SimulationSettings
@@ -39,7 +39,7 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
     """
     config = load_config(config_name, SIMULATE_CHECKS)
     simulation = config.require_simulation()
-    console = Console(highlight=False)
+    console = Terminal()
     if model is not None:
         from rover_hil.app.extended_simulation import extend_simulation
 
@@ -61,7 +61,7 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
     return EXIT_OK
 
 
-def _announce(console: Console, server: Server, config_name: str, simulation: SimulationSettings) -> None:
+def _announce(console: Terminal, server: Server, config_name: str, simulation: SimulationSettings) -> None:
     for device in server.served:
         console.print(f"{device.name:<12} {device.port.where}", soft_wrap=True)
     for fault in simulation.faults:
@@ -72,7 +72,7 @@ def _announce(console: Console, server: Server, config_name: str, simulation: Si
     console.print("End with ctrl-C.")
 
 
-def _serve(console: Console, server: Server, clock: Clock, duration_s: float) -> None:
+def _serve(console: Terminal, server: Server, clock: Clock, duration_s: float) -> None:
     start_ns = clock.now_ns()
     time_s = 0.0
     counted_from: tuple[float, int] | None = None

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import TextIO
 
-from rich.console import Console
-from rich.progress import Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, ProgressColumn, SpinnerColumn, TimeElapsedColumn
 
 from drivers.clock import SystemClock, seconds
+from rover_hil.terminal import Terminal, progress_columns, words_column
 
 LINE_S = 2.0
 """Least time between lines."""
@@ -30,8 +30,8 @@ def show_steps(
     """
     stream = stream or sys.stderr
     if stream.isatty():
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-        with Progress(*columns, console=Console(file=stream), transient=True) as progress:
+        columns = (SpinnerColumn(), words_column(), TimeElapsedColumn())
+        with Progress(*columns, console=Terminal(file=stream), transient=True) as progress:
             task = progress.add_task(first, total=None)
             yield lambda words: progress.update(task, description=words)
         return
@@ -47,14 +47,14 @@ def show_progress(
     """Show how far counted tasks are; gives the progress to add them to.
 
     Args:
-        columns: Of the bar on a terminal; by default those of rich.
+        columns: Of the bar on a terminal; by default `progress_columns`.
         stream: Where to write; by default the standard error.
         line_s: Time between lines where the stream is no terminal.
     """
     stream = stream or sys.stderr
-    console = Console(file=stream)
+    console = Terminal(file=stream)
     if console.is_terminal:
-        with Progress(*columns, console=console, transient=True) as progress:
+        with Progress(*(columns or progress_columns()), console=console, transient=True) as progress:
             yield progress
         return
     progress = Progress(console=console, disable=True)

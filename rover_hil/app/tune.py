@@ -7,16 +7,17 @@ from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from types import FrameType
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json_text
 from rover_hil.app.steps import show_progress
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.pages.atomic_write import refuse_overwrite
+from rover_hil.terminal import Terminal, words_column
 from rover_hil.tune.comparison import Comparison, Verdict, compare
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.objective import MissionRunner, Runner, RunT
@@ -70,7 +71,7 @@ def tune(
     tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
     folder = prepare_folder(study, out, force=force)
     trial_store = MissionStudy(folder / STUDY_NAME, study, config, settings)
-    messages = Console(stderr=True)
+    messages = Terminal(stderr=True)
     with open_missions(cluster) as drive:
         search(trial_store, drive, trials, minutes, messages)
         attempts = trial_store.attempts()
@@ -84,9 +85,9 @@ def tune(
     result = summarise(study, config_name, wall_time_text(), config, attempts, comparison, changed_rovers)
     result_json = write_results(folder, text, config, attempts, comparison, result)
     if as_json:
-        Console().out(result_json)
+        print_json_text(result_json)
     else:
-        console = Console(highlight=False)
+        console = Terminal()
         console.print(sentence(result), soft_wrap=True)
         names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
         for name in names:
@@ -119,7 +120,7 @@ def search(
     drive: Runner[RunT],
     trials: int,
     minutes: float | None,
-    messages: Console,
+    messages: Terminal,
 ) -> None:
     """Search until a number of trials, a time in minutes, or ctrl-C; show the progress."""
     clock = SystemClock()
@@ -169,13 +170,11 @@ def _progress_text(attempts: Sequence[Attempt]) -> str:
 
 
 def _progress() -> AbstractContextManager[Progress]:
-    return show_progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    )
+    return show_progress(words_column(), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
 
 
 @contextmanager
-def _stop_by_signal(messages: Console) -> Iterator[Callable[[], bool]]:
+def _stop_by_signal(messages: Terminal) -> Iterator[Callable[[], bool]]:
     """Let ctrl-C end the search after the running trial; a second one ends the program at once."""
     is_stopped = False
 

@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.app.json_text import print_json_text
 from rover_hil.app.options import log_at
 from rover_hil.app.steps import show_steps
 from rover_hil.app.tune import STUDY_NAME, prepare_folder, search
 from rover_hil.config import load_config, read_config_text
 from rover_hil.parallel.executor import open_executor
 from rover_hil.run.checks import ROVER_CHECKS
+from rover_hil.terminal import Terminal
 from rover_hil.tune.comparison import Verdict, compare_by
 from rover_hil.tune.logs.judged_log import read_judged_logs, split
 from rover_hil.tune.logs.objective import evaluate_logs
@@ -72,7 +72,7 @@ def tune_by_logs(
     folder = prepare_folder(study, out, force=force)
     trial_store = LogStudy(folder / STUDY_NAME, study, config, settings, by_logs.objective, train)
     with open_executor(cluster) as executor:
-        search(trial_store, replays_on(executor, train), trials, minutes, Console(stderr=True))
+        search(trial_store, replays_on(executor, train), trials, minutes, Terminal(stderr=True))
         attempts = trial_store.attempts()
         drive = replays_on(executor, held)
         with show_steps("comparing on held-out logs"):
@@ -95,9 +95,9 @@ def tune_by_logs(
     )
     result_json = write_log_results(folder, text, settings, attempts, comparison, result)
     if as_json:
-        Console().out(result_json)
+        print_json_text(result_json)
     else:
-        console = Console(highlight=False)
+        console = Terminal()
         console.print(log_sentence(result), soft_wrap=True)
         names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
         for name in names:

@@ -18,9 +18,10 @@ def refuse_overwrite(*paths: Path, force: bool, option: str = "--out") -> None:
         option: Where the user named them, for the message.
 
     Raises:
-        ConfigError: One exists.
+        ConfigError: One exists, or is a pipe or a device, which nothing may replace.
     """
     for path in paths:
+        _refuse_device(path, option)
         if not force and path.exists():
             raise ConfigError(
                 f"{path} exists and is never overwritten without --force: add it or choose another {option}"
@@ -84,8 +85,9 @@ def unfinished(path: Path, *, option: str = "--out") -> Iterator[Path]:
         option: Where the user named it, for messages.
 
     Raises:
-        ConfigError: The folder of `path` cannot be made or written to.
+        ConfigError: The folder of `path` cannot be made or written to, or `path` is a pipe or a device.
     """
+    _refuse_device(path, option)
     missing = [folder for folder in path.parents if not folder.exists()]
     is_made = False
     try:
@@ -105,6 +107,11 @@ def unfinished(path: Path, *, option: str = "--out") -> Iterator[Path]:
         for folder in () if is_made else missing:
             with suppress(OSError):
                 folder.rmdir()
+
+
+def _refuse_device(path: Path, option: str) -> None:
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise ConfigError(f"{path} is a pipe or a device: name a file or a folder with {option}")
 
 
 @contextmanager

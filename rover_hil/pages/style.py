@@ -35,6 +35,8 @@ STYLE = mpl.RcParams(
         "legend.frameon": False,
         "figure.facecolor": "white",
         "svg.hashsalt": "rover_hil",
+        # A dollar sign in the name of a run is no formula.
+        "text.parse_math": False,
     }
 )
 

@@ -300,6 +300,11 @@ class LogWriter:
             self._file.finish()
         except OSError as error:
             self._note_failure(error)
+        except MemoryError:
+            self._failure = (
+                f"cannot write log {self._path}: no memory is left; `rover-hil replay {self._path} "
+                "--out FOLDER` reports what was written"
+            )
         except Exception as error:  # noqa: BLE001 - the caller must get every error
             self._note_failure(OSError(errno.EIO, str(error) or repr(error)))
         self._items.clear()

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from rich.console import Console
 from rich.progress import Progress
 
 from drivers.errors import ConfigError
 from drivers.files import read_text
 from rover_hil.pages.atomic_write import refuse_overwrite
+from rover_hil.terminal import Terminal, progress_columns
 from rover_hil.terrain.table import Table
 from sim_backends.terramechanics.slope.rover import SlopeRover, paper_rover
 from sim_backends.terramechanics.soil.library import SoilSettings, load_soil, load_wheel, parse_settings
@@ -92,7 +92,7 @@ class Output(NamedTuple):
         if self.as_json:
             print(json.dumps(record, indent=2, allow_nan=False))  # noqa: T201 - what a script reads
             return
-        console = Console(highlight=False)
+        console = Terminal()
         for table in tables:
             console.print(table.rich())
         if self.folder is not None:
@@ -130,8 +130,8 @@ def waited_for(compute: Callable[[], ItemT], what: str) -> ItemT:
 
 
 def _bar() -> Progress:
-    console = Console(stderr=True)
-    return Progress(console=console, transient=True, disable=not console.is_terminal)
+    console = Terminal(stderr=True)
+    return Progress(*progress_columns(), console=console, transient=True, disable=not console.is_terminal)
 
 
 def say(line: str) -> None:

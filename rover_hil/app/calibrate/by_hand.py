@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.clock import SystemClock, nanoseconds
 from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver
@@ -14,6 +12,7 @@ from rover_hil.pages.atomic_write import unfinished
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.end_signals import END_REQUEST
+from rover_hil.terminal import Terminal
 
 POLL_S = 0.02
 CONNECT_TIMEOUT_S = 2.0
@@ -75,4 +74,4 @@ def _listen(
             now_ns = clock.now_ns()
     except KeyboardInterrupt:
         END_REQUEST.answer()
-        Console(stderr=True).print("ended by ctrl-C; using what was recorded")
+        Terminal(stderr=True).print("ended by ctrl-C; using what was recorded")

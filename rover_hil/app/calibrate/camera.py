@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from controllers.ftrace.rig import RigFile
 from controllers.ftrace.rig_geometry import GroundPatch
@@ -16,6 +15,7 @@ from rover_hil.ftrace.calibration_figures import draw_coverage, draw_errors
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
+from rover_hil.terminal import Terminal
 
 LARGEST_RMS_PX = 1.0
 
@@ -55,7 +55,7 @@ def calibrate_camera(
     if max(found.lens_rms_px, found.ground.rms_px) > LARGEST_RMS_PX:
         problem = f"worse than {LARGEST_RMS_PX:g} px: take sharper pictures, check the sizes"
     write_file(page, _page(found, facts, problem))
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     for name, value in facts:
         console.print(f"{name}: {value}")
     console.print(f"picture: {page}")

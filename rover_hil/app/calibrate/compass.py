@@ -3,8 +3,6 @@
 import math
 from pathlib import Path
 
-from rich.console import Console
-
 from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.settings import WaypointsMission, WholeTurnsMission
@@ -37,6 +35,7 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.drive_order import DriveOrder
+from rover_hil.terminal import Terminal
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.settings import SimulationSettings
 
@@ -151,7 +150,7 @@ def _print(
         }
         print_json(facts)
         return
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     for name, value in _facts(record, fit):
         console.print(f"{name}: {value}")
     console.print(f"picture: {page}")
@@ -185,7 +184,7 @@ def _record(config: Config, device: str, log_path: Path, turns: int, order: Driv
             result = run_real(driven, log_path, limit_s, show, order=order)
     require_uninterrupted(result)
     if result.end is None or result.end.name != "FINISHED":
-        Console(stderr=True).print(f"the turns ended early: {result.reason}", soft_wrap=True)
+        Terminal(stderr=True).print(f"the turns ended early: {result.reason}", soft_wrap=True)
 
 
 def turning_config(config: Config, device: str, turns: int) -> Config:

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.motion.settings import SmallTurnsMission
 from controllers.slip.effort.gyro_response import GyroResponse
@@ -23,6 +21,7 @@ from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.terminal import Terminal
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.site import load_site
 from sim_backends.settings import SimulationSettings
@@ -71,7 +70,7 @@ def calibrate_imu(
         record = {**response.model_dump(mode="json"), "problem": fit.problem, "residual": fit.residual}
         print_json(record)
     else:
-        console = Console(highlight=False, markup=False, soft_wrap=True)
+        console = Terminal(soft_wrap=True)
         for name, value in _facts(fit, response):
             console.print(f"{name}: {value}")
         console.print(f"picture: {page}")

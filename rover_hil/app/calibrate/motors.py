@@ -3,8 +3,6 @@
 import math
 from pathlib import Path
 
-from rich.console import Console
-
 from controllers.control_loop import StepOutput
 from controllers.motion.settings import WaypointsMission
 from drivers.clock import wall_time_ns
@@ -31,6 +29,7 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.drive_order import DriveOrder
+from rover_hil.terminal import Terminal
 
 DEFAULT_SPEED_M_S = 0.15
 WAIT_S = 3.0
@@ -152,7 +151,7 @@ def _print(fit: MotorFieldFit, page: Path, out: Path, entered: str, *, as_json: 
         }
         print_json(record)
         return
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     for name, value in _facts(fit):
         console.print(f"{name}: {value}")
     console.print(f"picture: {page}")

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from controllers.control_loop import StepOutput
 from drivers.errors import ConfigError
@@ -34,6 +33,7 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.drive_order import DriveOrder
+from rover_hil.terminal import Terminal
 from sim_backends.devices.witmotion import ImuEmulatorSettings
 from sim_backends.settings import SimulationSettings
 
@@ -264,7 +264,7 @@ def _print(
         values = {"device": record.device, **_values(fit), "scale_sd": fit.scale_sd}
         print_json({**values, "problem": fit.problem})
         return
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     for name, value in _facts(record, fit):
         console.print(f"{name}: {value}")
     console.print(f"picture: {page}")

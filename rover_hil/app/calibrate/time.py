@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.json_text import print_json
@@ -15,6 +13,7 @@ from rover_hil.identify.timing.offsets import Offset, YawTrack, find_offsets, re
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
+from rover_hil.terminal import Terminal
 
 
 def calibrate_time(log: Path, *, out: Path | None, as_json: bool, force: bool) -> int:
@@ -55,7 +54,7 @@ def calibrate_time(log: Path, *, out: Path | None, as_json: bool, force: bool) -
         }
         print_json(record)
     else:
-        console = Console(highlight=False, markup=False, soft_wrap=True)
+        console = Terminal(soft_wrap=True)
         for name, value in _facts(tracks[0], offsets):
             console.print(f"{name}: {value}")
         if page is not None:

@@ -4,8 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import WheelsRoverSettings
@@ -40,6 +38,7 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.drive_order import DriveOrder
+from rover_hil.terminal import Terminal
 
 SPARE_S = 30.0
 DRIVES = 2
@@ -119,7 +118,7 @@ def calibrate_wheels(
     if as_json:
         print_json({**dict(facts), "rover": values, "problem": problem})
     else:
-        console = Console(highlight=False, markup=False, soft_wrap=True)
+        console = Terminal(soft_wrap=True)
         for name, value in facts:
             console.print(f"{name}: {value}")
         console.print(f"picture: {page}")

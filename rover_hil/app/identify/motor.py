@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import wall_time_text
@@ -17,6 +16,7 @@ from rover_hil.identify.motor.identify import Record, find_logs, identify, read_
 from rover_hil.identify.motor.report import Estimate, MotorReport
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.parallel.calls import open_calls
+from rover_hil.terminal import Terminal
 
 
 def identify_motor(
@@ -58,7 +58,7 @@ def identify_motor(
 
 
 def _print(reports: Sequence[MotorReport], files: int) -> None:
-    console = Console(highlight=False)
+    console = Terminal()
     for report in reports:
         title = f"motor {report.motor}, {files} log{'s' if files > 1 else ''}"
         table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
-from rich.console import Console
 from rich.progress import track
 
 from controllers.slip.effort.yaw_excitation import YawExcitationMap
@@ -21,6 +20,7 @@ from rover_hil.identify.slip.run_data import MeasuredRun
 from rover_hil.identify.slip.runs import find_runs, log_notes
 from rover_hil.pages.atomic_write import check_file
 from rover_hil.parallel.calls import open_calls
+from rover_hil.terminal import Terminal
 
 
 def identify_probe(
@@ -46,7 +46,7 @@ def identify_probe(
     check_inputs(*logs)
     content = read_slip_map(maps)
     files = find_runs(logs).files
-    console = Console(stderr=True)
+    console = Terminal(stderr=True)
     with open_calls(cluster) as calls:
         found = calls.map_files(_read, files, mark_files)
         runs = list(track(found, "reading", total=len(files), console=console, transient=True))
@@ -57,7 +57,7 @@ def identify_probe(
         record = {"logs": len(runs), **probe.model_dump(by_alias=True), "notes": notes}
         print_json(record)
     else:
-        console = Console(highlight=False)
+        console = Terminal()
         console.print(
             f"{len(runs)} logs: slip follows the transmission loss with a scatter of "
             f"{probe.slip_sd:.3f}; written to {out}",

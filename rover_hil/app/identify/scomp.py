@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from controllers.slip.scomp.parameters import Provenance, ScompParameters
@@ -21,6 +20,7 @@ from rover_hil.scomp.files import ReadDrive, parameters_text, read_drive
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.read_csv import TRUTH, read_truth
 from rover_hil.scomp.read_log import log_truth
+from rover_hil.terminal import Terminal
 
 
 def identify_scomp(
@@ -104,7 +104,7 @@ def _print(
     """Print the fit; without a file, the parameters go to standard output and the rest to the other one."""
     if not is_written:
         print(parameters_text(parameters), end="")  # noqa: T201 - the file itself
-    console = Console(highlight=False, stderr=not is_written)
+    console = Terminal(stderr=not is_written)
     law, pitch, roll, trace = parameters.two_segment_slip, parameters.pitch, parameters.roll, parameters.trace
     low, high = (math.degrees(angle) for angle in law.fit_range_rad)
     table = Table(title=f"{len(found.windows.t_s)} windows of two seconds", title_justify="left")

@@ -4,8 +4,6 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.app.exit_codes import EXIT_OK
@@ -25,6 +23,7 @@ from rover_hil.identify.slip.runs import RunFiles, find_runs, log_notes
 from rover_hil.identify.slip.scores import score_runs
 from rover_hil.pages.atomic_write import check_file
 from rover_hil.parallel.calls import open_calls
+from rover_hil.terminal import Terminal
 
 
 def identify_slip(
@@ -79,7 +78,7 @@ def identify_slip(
     if as_json:
         print_json(result_record(found, tests, notes))
     else:
-        print_result(Console(highlight=False), found, tests, notes)
+        print_result(Terminal(), found, tests, notes)
     if out is not None:
         write_slip_map(slip_map_file(found, motor, train), out)
     return EXIT_OK

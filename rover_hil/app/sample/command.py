@@ -2,18 +2,17 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.sample.catalogue import SAMPLES
 from rover_hil.app.steps import show_steps
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
+from rover_hil.terminal import Terminal
 
 
 def list_samples() -> int:
     """Print the names of the samples with a line each; returns the exit code."""
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     width = max(map(len, SAMPLES))
     for name, sample in SAMPLES.items():
         console.print(f"{name:<{width}}  {sample.line}: {', '.join(sample.paths)}")
@@ -37,7 +36,7 @@ def write_sample(name: str, *, out: Path, force: bool) -> int:
             with unfinished(out / path) as target:
                 (part / path).rename(target)
         _remove_empty(part)
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(soft_wrap=True)
     console.print(f"written: {', '.join(str(out / path) for path in sample.paths)}")
     return EXIT_OK
 

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from rich.console import Console
 from rich.table import Column, Table
 
 from rover_hil.identify.slip.identification import Errors, SlipIdentification
 from rover_hil.identify.slip.scores import RunError, Score
+from rover_hil.terminal import Terminal
 
 SECTOR_DEG = 60
 DIGITS = 4
@@ -46,7 +46,7 @@ def errors_record(errors: Errors) -> Record:
 
 
 def print_result(
-    console: Console, found: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]
+    console: Terminal, found: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]
 ) -> None:
     """Print the result for people."""
     console.print(found.scale.verdict)

@@ -1,0 +1,49 @@
+"""The outputs of a command: both may be full or closed, or lead to a reader that has left."""
+
+import errno
+import os
+import sys
+from contextlib import suppress
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+
+
+def open_missing_outputs() -> None:
+    """Replace an output that was closed by the shell (`>&-`) with one that leads nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - to the end
+
+
+def tell(sentence: str) -> None:
+    """Print a sentence on the standard error, or nowhere if that cannot be written."""
+    with suppress(OSError):
+        print(sentence, file=sys.stderr)  # noqa: T201 - the one place that reports errors
+
+
+def end_output() -> str:
+    """Write what still waits for the standard output; return what to tell where that fails, else ""."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        return output_problem(error)
+    return ""
+
+
+def output_problem(error: BaseException) -> str:
+    """Return what to tell of an error in writing the standard output; "" for any other error.
+
+    What is written to a file of ours names it in its error.
+    """
+    if not isinstance(error, OSError) or error.filename is not None:
+        return ""
+    if error.errno == errno.EPIPE:
+        reason = "nobody reads it any more"
+    elif error.errno in FULL:
+        reason = f"{error.strerror}; make room there, or send it elsewhere"
+    else:
+        return ""
+    # What waits would be tried again when the interpreter ends.
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return f"cannot write the output: {reason}; the files that were written are complete"

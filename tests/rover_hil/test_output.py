@@ -1,0 +1,67 @@
+"""Outputs that are full, closed, or lead nowhere: one sentence, and nothing is lost."""
+
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rover_hil.app import output
+from rover_hil.app.output import output_problem
+from tests.rover_hil.command import Command, assert_one_sentence
+
+PROGRAM = Path(sys.executable).with_name("rover-hil")
+FULL = Path("/dev/full")
+
+
+def run_shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["/bin/sh", "-c", line.replace("rover-hil", str(PROGRAM))],
+        check=False,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.skipif(not FULL.is_char_device(), reason="needs /dev/full")
+@pytest.mark.parametrize("arguments", ["--version", "--help", "sample", "terrain climb --slope-deg 5 --json"])
+def test_a_full_standard_output_is_one_sentence(arguments: str, tmp_path: Path) -> None:
+    done = run_shell(f"rover-hil {arguments} > /dev/full", tmp_path)
+    assert done.returncode == 2
+    assert_one_sentence(done.stderr, "cannot write the output: No space left on device", "make room")
+
+
+@pytest.mark.skipif(not FULL.is_char_device(), reason="needs /dev/full")
+def test_a_full_standard_error_keeps_the_exit_code(tmp_path: Path) -> None:
+    assert run_shell("rover-hil terrain climb --soil none 2> /dev/full", tmp_path).returncode == 2
+
+
+def test_closed_outputs(tmp_path: Path) -> None:
+    assert run_shell("rover-hil terrain climb --slope-deg 5 >&- 2>&-", tmp_path).returncode == 0
+
+
+def test_a_reader_that_has_left_gets_no_traceback(tmp_path: Path) -> None:
+    done = run_shell("rover-hil terrain climb --slope-deg 5 --json | true", tmp_path)
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EPIPE])
+def test_an_error_of_a_file_is_none_of_the_output(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(output.os, "dup2", lambda *_: None)
+    assert output_problem(OSError(number, "some reason", "a file")) == ""
+    assert output_problem(OSError(number, "some reason")) != ""
+    assert output_problem(ValueError()) == ""
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_a_device_is_never_replaced(command: Command, tmp_path: Path, force: tuple[str, ...]) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert command("check", "robotino", "--schema", "pipe", *force) == 2
+    assert_one_sentence(command.error, "pipe is a pipe or a device: name a file or a folder with --schema")
+    assert command("run", "robotino", "--virtual", "--out", "pipe", *force) == 2
+    assert_one_sentence(command.error, "pipe")
+    assert (tmp_path / "pipe").is_fifo()
