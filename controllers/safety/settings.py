@@ -25,6 +25,7 @@ from controllers.safety.gyro_sample_rate_rule import GyroSampleRateRule, GyroSam
 from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
+from controllers.safety.operator_rule import OperatorRule
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
@@ -69,6 +70,7 @@ def make_rules(
     """
     return (
         BumperRule(settings),
+        OperatorRule(),
         LinkRule(roles),
         FaultRule(roles),
         FreshnessRule(roles, wheel_count),

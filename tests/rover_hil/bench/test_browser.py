@@ -12,7 +12,11 @@ from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import replay
 from tests.rover_hil.bench.browser import Page, missing, serving
 
-pytestmark = [pytest.mark.skipif(bool(missing()), reason=missing() or "-"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
+    pytest.mark.timeout(300),
+]
 
 
 @pytest.fixture(scope="module")
