@@ -10,6 +10,7 @@ DATA_FILES = {
     "rover_hil/config/shipped/configs/robotino.toml",
     "rover_hil/config/shipped/configs/el-dorado.toml",
     "rover_hil/bench/static/bench.js",
+    "rover_hil/bench/static/stop.js",
     "rover_hil/pages/plot.js",
     "rover_hil/pages/viewer.js",
     "rover_hil/report/report.html",

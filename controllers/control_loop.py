@@ -134,6 +134,7 @@ class ControlLoop:
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._steering_rad: tuple[float, ...] = ()
         self._is_paused = False
+        self._operator_reason = ""
         self._gain_ranges = gain_ranges(settings)
         self._follower: PathFollower | SmallTurns | WholeTurns | ByHand | None = None
         if isinstance(mission, SmallTurnsMission):
@@ -165,6 +166,8 @@ class ControlLoop:
         check_gains(self._gain_ranges, wanted.gains)
         if wanted.is_paused is not None:
             self._is_paused = wanted.is_paused
+        if wanted.stop_reason is not None:
+            self._operator_reason = wanted.stop_reason
         if wanted.motion is not None and isinstance(self._follower, ByHand):
             self._follower.command(now_ns, wanted.motion)
         if wanted.gains and isinstance(self._follower, PathFollower | ByHand):
@@ -269,6 +272,7 @@ class ControlLoop:
                 set_steering_rad=self._steering_rad,
                 steering_rad=self._estimator.steering.angles_rad,
                 steering_ns=self._estimator.steering.reported_ns,
+                operator_reason=self._operator_reason,
             )
         )
         for doubt in supervisor.doubts:

@@ -1,4 +1,4 @@
-"""What an operator may change while the rover runs: pause, motion by hand, gains of the mission."""
+"""What an operator may change while the rover runs: pause, stop, motion by hand, gains of the mission."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -34,11 +34,14 @@ class OperatorInput:
         motion: Body velocity by hand: forward and to the left in m/s, counter-clockwise in rad/s; None for no
             new command.
         gains: New values of keys of [mission], by key.
+        stop_reason: Why the operator's side must not let the rover move, e.g. because it is lost; "" where
+            it may move again; None for no change.
     """
 
     is_paused: bool | None = None
     motion: BodyMotion | None = None
     gains: Mapping[str, float] = field(default_factory=dict)
+    stop_reason: str | None = None
 
 
 def gain_ranges(settings: ControlSettings) -> dict[str, tuple[float, float]]:

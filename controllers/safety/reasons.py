@@ -71,6 +71,7 @@ class Cycle(NamedTuple):
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
         steering_ns: Time of the newest reported steering angle of each wheel that has reported one.
+        operator_reason: Why the operator's side must not let the rover move; "" for nothing.
     """
 
     now_ns: int
@@ -93,6 +94,7 @@ class Cycle(NamedTuple):
     set_steering_rad: tuple[float, ...] = ()
     steering_rad: tuple[float, ...] = ()
     steering_ns: Mapping[int, int] = MappingProxyType({})
+    operator_reason: str = ""
 
 
 class StopRule(ABC):

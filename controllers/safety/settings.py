@@ -30,6 +30,7 @@ from controllers.safety.gyro_turn_rules import (
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
 from controllers.safety.missed_turn_rule import MissedTurnRule
+from controllers.safety.operator_rule import OperatorRule
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
@@ -77,6 +78,7 @@ def make_rules(
     """
     return (
         BumperRule(settings),
+        OperatorRule(),
         LinkRule(roles),
         FaultRule(roles),
         FreshnessRule(roles, wheel_count),

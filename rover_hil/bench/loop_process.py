@@ -3,22 +3,28 @@
 import multiprocessing
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import TypeAlias
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.unwatched_yaw import find_unwatched_yaw
+from controllers.operator import OperatorInput
 from drivers.clock import PacedClock
 from drivers.errors import RoverHilError
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
 from rover_hil.bench.page_operator import PageOperator
 from rover_hil.bench.views import Notice, Order, Picture, RunOrder
-from rover_hil.config import Config
+from rover_hil.config import BenchSettings, Config
 from rover_hil.run.executive import Operator, RunResult
+from rover_hil.run.sign_of_life import LifeWatch, SignOfLife
 
 MOST_NOTICES = 64
+MOST_ORDERS = 64
+"""While the loop hangs so many orders wait for it."""
+SERVER_SILENT = "page: its program gave no sign of life for {:g} s"
+BROWSER_SILENT = "page: the browser in control did not answer for {:g} s"
 END_S = 5.0
 """Time that a run has to stop the drive and close its log when the program ends."""
 DIED = "the process of the run has ended without a word: `rover-hil replay` reads its log up to there"
@@ -35,6 +41,10 @@ class LoopProcess:
         run: Runs the order; a function of a module, so that the other process can import it.
         report: Writes the report of the order.
         on_notice: Called with every notice of the run, from a thread.
+
+    Attributes:
+        server_life: The sign of life of the program that serves the page.
+        browser_life: That of the browser in control.
     """
 
     def __init__(self, run: RunFunction, report: ReportFunction, on_notice: Callable[[Notice], None]) -> None:
@@ -42,31 +52,43 @@ class LoopProcess:
         their_orders, self._orders = context.Pipe(duplex=False)
         self._notices, their_notices = context.Pipe(duplex=False)
         self._on_notice = on_notice
+        self.server_life, self.browser_life = SignOfLife(), SignOfLife()
+        signs = self.server_life, self.browser_life
         self._process = context.Process(
-            target=_serve, args=(run, report, their_orders, their_notices), name="loop"
+            target=_serve, args=(run, report, their_orders, their_notices, signs), name="loop"
         )
         self._process.start()
         # Else neither side would notice that the other is gone.
         their_orders.close()
         their_notices.close()
-        self._lock = threading.Lock()
+        self._waiting: queue.SimpleQueue[RunOrder | Order | None] = queue.SimpleQueue()
         self._is_closing = False
+        threading.Thread(target=self._send, name="orders", daemon=True).start()
         threading.Thread(target=self._drain, name="notices", daemon=True).start()
 
-    def send(self, order: RunOrder | Order) -> None:
-        """Send an order; it has no effect when the process has ended."""
-        with self._lock, suppress(OSError):
-            self._orders.send(order)
+    def send(self, order: RunOrder | Order) -> bool:
+        """Send an order, without ever waiting; it has no effect when the process has ended.
+
+        Returns whether it was taken. While the loop hangs only a few inputs are, but each order to end is.
+        """
+        if isinstance(order, OperatorInput) and self._waiting.qsize() >= MOST_ORDERS:
+            return False
+        self._waiting.put(order)
+        return True
 
     def close(self) -> None:
         """End the run, if there is one, and the process."""
         self._is_closing = True
-        with self._lock:
-            self._orders.close()
+        self._waiting.put(None)
         self._process.join(END_S)
         if self._process.is_alive():
             self._process.terminate()
             self._process.join()
+
+    def _send(self) -> None:
+        with self._orders, suppress(OSError):
+            while (order := self._waiting.get()) is not None:
+                self._orders.send(order)
 
     def _drain(self) -> None:
         kind = "view"
@@ -80,6 +102,7 @@ class LoopProcess:
             kind = notice["kind"]
             self._on_notice(notice)
         self._notices.close()
+        self._waiting.put(None)
         self._process.join()
 
 
@@ -129,24 +152,50 @@ def _picture(frame: CameraFrame) -> Picture:
         return {"kind": "picture", "camera": frame.camera, "words": words, "jpeg": b""}
 
 
-def _serve(run: RunFunction, report: ReportFunction, orders: PipeEnd, notices: PipeEnd) -> None:
+def _serve(
+    run: RunFunction,
+    report: ReportFunction,
+    orders: PipeEnd,
+    notices: PipeEnd,
+    signs: tuple[SignOfLife, SignOfLife],
+) -> None:
     """Wait for an order, run it, write its report."""
     with suppress(KeyboardInterrupt, EOFError):
         order = orders.recv()
         if isinstance(order, RunOrder):
             sender = NoticeSender(notices)
-            _run(run, report, order, orders, sender)
+            _run(run, report, order, orders, sender, make_watches(order.config.bench, *signs))
             sender.close()
 
 
+def make_watches(settings: BenchSettings, server: SignOfLife, browser: SignOfLife) -> list[LifeWatch]:
+    """Return what watches the signs of life that a run from the page needs."""
+    server_s, page_s = settings.server_timeout_s, settings.page_timeout_s
+    watches = [LifeWatch(server, server_s, SERVER_SILENT.format(server_s))]
+    if settings.page_required:
+        watches.append(LifeWatch(browser, page_s, BROWSER_SILENT.format(page_s)))
+    return watches
+
+
 def _run(
-    run: RunFunction, report: ReportFunction, order: RunOrder, orders: PipeEnd, sender: NoticeSender
+    run: RunFunction,
+    report: ReportFunction,
+    order: RunOrder,
+    orders: PipeEnd,
+    sender: NoticeSender,
+    watches: Sequence[LifeWatch],
 ) -> None:
     clock = PacedClock() if order.is_virtual else None
     wheel_count = make_kinematics(order.config.rover).wheel_count
     unwatched = find_unwatched_yaw(order.config, order.config.device_roles())
     operator = PageOperator(
-        orders, sender, wheel_count, clock, _frame_choice(order.config), str(unwatched or "")
+        orders,
+        sender,
+        wheel_count,
+        clock,
+        _frame_choice(order.config),
+        yaw_unwatched=str(unwatched or ""),
+        watches=watches,
     )
     try:
         result = run(order, operator, clock)

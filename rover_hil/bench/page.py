@@ -1,7 +1,7 @@
 """The page itself, in NiceGUI: controls and frames; the pictures are drawn by `static/bench.js`."""
 
 import asyncio
-import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from html import escape
@@ -11,7 +11,7 @@ from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
 from controllers.operator import GAIN_UNITS
 from drivers.errors import RoverHilError
-from rover_hil.bench.finished_runs import list_runs, read_finished
+from rover_hil.bench.finished_runs import RunReader
 from rover_hil.bench.session import LOG_NAME, Kind, Session, State
 
 REFRESH_S = 0.25
@@ -28,7 +28,8 @@ CHARTS = {
 PATH_WORDS = "dashed: mission; ellipse: 2 standard deviations; click to set way-points"
 CAMERA_WORDS = "the trace as it is estimated: green where it is detected, else orange"
 BAR = """
-<div id="bench-bar"><span class="title">{title}</span>
+<div id="bench-alarm" role="alert" hidden></div>
+<div id="bench-bar" data-browser="{browser}"><span class="title">{title}</span>
 <span id="bench-mode">connecting</span>
 <span id="bench-words"></span>
 <button id="bench-stop" title="also the Escape key">EMERGENCY STOP</button></div>
@@ -42,6 +43,7 @@ class _Controls:
     session: Session
     client: Client
     browser: str
+    reader: RunReader
     points: list[tuple[float, float]] = field(default_factory=list)
 
     def build(self) -> None:
@@ -105,7 +107,7 @@ class _Controls:
     def _build_gains(self) -> None:
         self._sliders: dict[str, ui.slider] = {}
         with _card("Gains", "within their allowed range; logged, replayed exactly"):
-            gains = self.session.snapshot(0, 0).gains
+            gains = self.session.snapshot().gains
             for name, (low, high) in self.session.gain_ranges().items():
                 with ui.element("div").classes("bench-gain"):
                     ui.label(f"{name} ({low:g} .. {high:g} {GAIN_UNITS[name]})").classes("name")
@@ -149,31 +151,41 @@ class _Controls:
         self._do(lambda: start(self.browser, kind, is_real=is_real, points=points))()
 
     def _toggle_pause(self) -> None:
-        is_paused = not self.session.snapshot(0, 0).is_paused
+        is_paused = not self.session.snapshot().is_paused
         self._do(lambda: self.session.pause(self.browser, is_paused=is_paused))()
 
     def _drive(self, event: GenericEventArguments) -> None:
-        shares = event.args
-        if not isinstance(shares, list) or len(shares) != 3:
+        shares = self._numbers(event.args, 3)
+        if shares is None:
             return
-        forward, left, turn = (min(1.0, max(-1.0, float(share))) for share in shares)
-        gains = self.session.snapshot(0, 0).gains
+        forward, left, turn = (min(1.0, max(-1.0, share)) for share in shares)
+        gains = self.session.snapshot().gains
         speed_m_s, rate_rad_s = gains["speed_m_s"], gains["yaw_rate_limit_rad_s"]
         motion = (forward * speed_m_s, left * speed_m_s, turn * rate_rad_s)
         self._do(lambda: self.session.drive(self.browser, motion))()
 
     def _take_points(self, event: GenericEventArguments) -> None:
-        given = event.args if isinstance(event.args, list) else []
-        self.points = [(float(x), float(y)) for x, y in given[:MOST_WAYPOINTS]]
+        given = event.args if isinstance(event.args, list) else [None]
+        points = [self._numbers(point, 2) for point in given[:MOST_WAYPOINTS]]
+        if None not in points:
+            self.points = [(point[0], point[1]) for point in points if point is not None]
+
+    def _numbers(self, given: object, count: int) -> list[float] | None:
+        """Return so many finite numbers from a browser; None, and count it, where it sent anything else."""
+        numbers = finite_numbers(given, count)
+        if numbers is None:
+            self.session.refuse()
+        return numbers
 
     def _clear_points(self) -> None:
         ui.run_javascript("bench.clearPoints()")
 
     def _on_slider(self, name: str, number: ui.number) -> Callable[[GenericEventArguments], None]:
         def handle(event: GenericEventArguments) -> None:
-            value = float(event.args)
-            number.set_value(value)
-            self._do(lambda: self.session.set_gain(self.browser, name, value))()
+            values = self._numbers([event.args], 1)
+            if values is not None:
+                number.set_value(values[0])
+                self._do(lambda: self.session.set_gain(self.browser, name, values[0]))()
 
         return handle
 
@@ -182,7 +194,7 @@ class _Controls:
             value = number.value
             if value is not None:
                 self._do(lambda: self.session.set_gain(self.browser, name, float(value)))()
-            kept = self.session.snapshot(0, 0).gains[name]
+            kept = self.session.snapshot().gains[name]
             number.set_value(kept)
             slider.set_value(kept)
 
@@ -190,24 +202,27 @@ class _Controls:
 
     async def _open_runs(self, event: ValueChangeEventArguments[list[str] | None]) -> None:
         names = list(event.value or [])[:RUNS_ON_TOP]
-        runs = []
-        for name in names:
+        runs, words, errors = b"[]", list[tuple[str, str]](), list[str]()
+        if names:
+            folder = self.session.folder
             try:
-                run = await asyncio.to_thread(read_finished, self.session.folder, name, LOG_NAME)
+                runs, words, errors = await asyncio.to_thread(self.reader.read, folder, names, LOG_NAME)
             except RoverHilError as error:
-                ui.notify(str(error), type="negative", multi_line=True)
-                continue
-            runs.append(run)
-        ui.run_javascript(f"bench.open({json.dumps(runs)})")
+                errors = [str(error)]
+        if names != list(self._runs.value or [])[:RUNS_ON_TOP]:
+            return  # others have been chosen meanwhile
+        for error in errors:
+            ui.notify(error, type="negative", multi_line=True)
+        ui.run_javascript(f"bench.open({runs.decode()})")
         self._links.clear()
         with self._links:
-            for run in runs:
-                ui.label(f"{run['name']}: {run['words']}").classes("bench-note")
-                ui.link("report", f"/report/{run['name']}", new_tab=True)
+            for name, what in words:
+                ui.label(what).classes("bench-note")
+                ui.link("report", f"/report/{name}", new_tab=True)
 
     def _refresh(self) -> None:
         """Enable what is possible now."""
-        now = self.session.snapshot(0, 0)
+        now = self.session.snapshot()
         is_idle, has_control = now.state is State.IDLE, now.controller == self.browser
         is_running = now.state is State.RUNNING
         is_real = bool(self._rover.value)
@@ -229,7 +244,7 @@ class _Controls:
             self._report.set_text(f"report of {now.report_name}")
             self._report.props(f'href="/report/{now.report_name}"')
         if is_idle:
-            names = list_runs(self.session.folder, LOG_NAME)
+            names = list(now.runs)
             if names != self._listed:
                 self._listed = names
                 self._runs.set_options(names)
@@ -237,8 +252,25 @@ class _Controls:
             self.session.join(self.browser)
 
 
+def finite_numbers(given: object, count: int) -> list[float] | None:
+    """Return what came from outside as so many finite numbers; None where it is anything else.
+
+    To be asked before anything is computed: a limit makes full speed of what is not a number.
+    """
+    if not isinstance(given, list) or len(given) != count:
+        return None
+    if any(isinstance(item, bool) or not isinstance(item, int | float) for item in given):
+        return None
+    try:
+        numbers = [float(item) for item in given]
+    except OverflowError:
+        return None
+    return numbers if all(map(math.isfinite, numbers)) else None
+
+
 def build_page(session: Session, title: str) -> None:
     """Register the page of a session."""
+    reader = RunReader()
 
     @ui.page("/", title=f"{title} - rover_hil bench", dark=None)
     def bench(client: Client) -> None:
@@ -246,10 +278,11 @@ def build_page(session: Session, title: str) -> None:
         client.on_connect(lambda: session.join(browser))
         client.on_disconnect(lambda: session.leave(browser))
         ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
-        ui.add_body_html(BAR.format(title=escape(title)))
+        ui.add_body_html(BAR.format(title=escape(title), browser=escape(browser)))
         ui.add_body_html('<script src="/static/plot.js" defer></script>')
         ui.add_body_html('<script src="/static/bench.js" defer></script>')
-        _Controls(session, client, browser).build()
+        ui.add_body_html('<script src="/static/stop.js" defer></script>')
+        _Controls(session, client, browser, reader).build()
 
 
 def _note(state: State, *, has_control: bool, is_real: bool, is_armed: bool) -> str:

@@ -2,18 +2,21 @@
 
 import math
 import queue
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
 from typing import Protocol
 
 from controllers.control_loop import StepOutput
+from controllers.motion.body_motion import BodyMotion
 from controllers.operator import OperatorInput
-from drivers.clock import NANOSECONDS_PER_SECOND, PacedClock, seconds
+from controllers.safety import Mode
+from drivers.clock import NANOSECONDS_PER_SECOND, Clock, PacedClock, SystemClock, seconds
 from drivers.driver import Health
 from drivers.samples import HeadingSample, WheelSample
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice
 from rover_hil.bench.views import DeviceView, EndOrder, Notice, Order, View
 from rover_hil.run.executive import CycleView, End
+from rover_hil.run.sign_of_life import LifeWatch
 from sim_backends.world.plant import Truth
 
 VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 20
@@ -32,6 +35,9 @@ class PageOperator:
 
     A view is dropped where the queue is full: a page that is slow or hangs never delays the loop.
 
+    Motion by hand counts only after rest was commanded while the loop was running. Whatever stopped the
+    rover, a key that is held does not drive it on by itself.
+
     Args:
         orders: Where the page's orders arrive. When it is closed the page is gone, and the run ends.
         notices: Where views go.
@@ -39,6 +45,8 @@ class PageOperator:
         clock: The clock of a simulated run, or None.
         frames: Chooses the frames to be shown, or None.
         yaw_unwatched: That nothing in the run would notice a wrong yaw; empty where something does.
+        watches: Without these signs of life the rover stops until they are back.
+        real_clock: Their clock.
     """
 
     def __init__(
@@ -49,12 +57,19 @@ class PageOperator:
         clock: PacedClock | None,
         frames: FrameChoice | None = None,
         yaw_unwatched: str = "",
+        watches: Sequence[LifeWatch] = (),
+        real_clock: Clock | None = None,
     ) -> None:
         self._orders = orders
         self._notices = notices
         self._clock = clock
         self._frames = frames
         self._yaw_unwatched = yaw_unwatched
+        self._watches = watches
+        self._real_clock = real_clock or SystemClock()
+        self._stop_reason = ""
+        self._is_running = False
+        self._was_at_rest = False
         self._first_truth: Truth | None = None
         self._end: tuple[End, str] | None = None
         self._wanted: OperatorInput | None = None
@@ -71,6 +86,7 @@ class PageOperator:
 
     def wanted(self) -> OperatorInput | None:
         """Return what the page has ordered since the last call, as one input; None for nothing."""
+        self._look_for_life()
         self._take_orders()
         wanted, self._wanted = self._wanted, None
         if wanted is not None:
@@ -85,6 +101,8 @@ class PageOperator:
     def show(self, view: CycleView) -> None:
         """Take a cycle; every 50 ms one goes to the page."""
         self._cycles += 1
+        self._is_running = view.output.mode is Mode.RUNNING
+        self._was_at_rest &= self._is_running
         self._work_ns = max(self._work_ns, view.work_ns)
         self._late_ns = max(self._late_ns, view.late_ns)
         for sample in view.samples:
@@ -113,12 +131,27 @@ class PageOperator:
         except queue.Full:
             self._dropped += 1
 
+    def _look_for_life(self) -> None:
+        now_ns = self._real_clock.now_ns()
+        reasons = [watch.check(now_ns) for watch in self._watches]
+        reason = next(filter(None, reasons), "")
+        if reason != self._stop_reason:
+            self._stop_reason = reason
+            self._want(OperatorInput(stop_reason=reason))
+
     def _take_orders(self) -> None:
         for order in self._arrived():
             if isinstance(order, EndOrder):
                 self._end = self._end or (order.end, order.reason)
-            else:
-                self._wanted = order if self._wanted is None else _merge(self._wanted, order)
+            elif order.motion is None or self._may_drive(order.motion):
+                self._want(order)
+
+    def _want(self, wanted: OperatorInput) -> None:
+        self._wanted = wanted if self._wanted is None else _merge(self._wanted, wanted)
+
+    def _may_drive(self, motion: BodyMotion) -> bool:
+        self._was_at_rest |= self._is_running and not any(motion)
+        return self._was_at_rest
 
     def _arrived(self) -> Iterator[Order]:
         try:
@@ -168,6 +201,7 @@ def _merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
         is_paused=first.is_paused if then.is_paused is None else then.is_paused,
         motion=then.motion or first.motion,
         gains={**first.gains, **then.gains},
+        stop_reason=first.stop_reason if then.stop_reason is None else then.stop_reason,
     )
 
 

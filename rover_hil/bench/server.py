@@ -1,28 +1,36 @@
 """Serves the page on this computer only."""
 
 import asyncio
+import gc
 import socket
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
 import uvicorn
-from fastapi import FastAPI
+from fastapi import FastAPI, WebSocket
 from fastapi.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from nicegui import ui
+from starlette.types import ASGIApp
 
+from drivers.clock import SystemClock, nanoseconds
 from drivers.errors import ConfigError
+from rover_hil.bench.connection_limits import BoundedHttp, ConnectionLimits
 from rover_hil.bench.finished_runs import find_report
 from rover_hil.bench.guard import Guard
 from rover_hil.bench.page import build_page
 from rover_hil.bench.session import Session
+from rover_hil.bench.stop_line import PingedWebSocket, serve_line
 from rover_hil.pages.render import PLOT_SCRIPT
 from rover_hil.recording.text import strict_json
 
 HOST = "127.0.0.1"
 STREAM_PERIOD_S = 0.04
-VIEWS_AT_ONCE = 2400
-"""A browser that was away for long gets the newest ones."""
+VIEWS_AT_ONCE = 200
+"""A browser that begins or was away gets those that are kept in pieces: none holds up the emergency stop."""
+LIFE_PERIOD_S = 0.02
+FILES_PERIOD_S = 0.5
 END_S = 1
 STATIC = Path(__file__).parent / "static"
 FILES = {path.name: path for path in (*STATIC.iterdir(), PLOT_SCRIPT)}
@@ -49,21 +57,66 @@ def bind(port: int) -> socket.socket:
 
 def serve(session: Session, title: str, listener: socket.socket) -> None:
     """Serve the page until ctrl-C."""
-    app = make_app(session, title)
-    config = uvicorn.Config(
-        app, log_level="error", timeout_graceful_shutdown=END_S, access_log=False, ws_max_size=1_000_000
+    config = server_config(make_app(session, title))
+    server = uvicorn.Server(config)
+
+    async def serve_and_give_life() -> None:
+        tasks = [asyncio.create_task(give_life(session)), asyncio.create_task(_look_at_files(session))]
+        try:
+            await server.serve([listener])
+        finally:
+            for task in tasks:
+                task.cancel()
+
+    gc.collect()
+    gc.freeze()  # else each full collection would look at all of the page's libraries again, for tens of ms
+    with asyncio.Runner(loop_factory=config.get_loop_factory()) as runner:
+        runner.run(serve_and_give_life())
+
+
+def server_config(app: ASGIApp) -> uvicorn.Config:
+    """Return how the page is served: with pings on WebSockets, and a limited number of connections."""
+    return uvicorn.Config(
+        app,
+        http=BoundedHttp,
+        ws=PingedWebSocket,
+        log_level="error",
+        timeout_graceful_shutdown=END_S,
+        access_log=False,
+        ws_max_size=1_000_000,
     )
-    uvicorn.Server(config).run(sockets=[listener])
 
 
-def make_app(session: Session, title: str) -> Guard:
+async def give_life(session: Session) -> None:
+    """Give signs of life for ever, from the event loop that calls this: a loop that hangs gives none."""
+    clock = SystemClock()
+    while True:
+        due_ns = clock.now_ns() + nanoseconds(LIFE_PERIOD_S)
+        await asyncio.sleep(LIFE_PERIOD_S)
+        session.give_life(clock.now_ns() - due_ns)
+
+
+async def _look_at_files(session: Session) -> None:
+    """Look at the disk again and again, on a thread: it may hang."""
+    while True:
+        with suppress(OSError):
+            await asyncio.to_thread(session.look_at_files)
+        await asyncio.sleep(FILES_PERIOD_S)
+
+
+def make_app(session: Session, title: str) -> ASGIApp:
     """Return the application of a session."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.post("/stop")
-    async def stop() -> JSONResponse:
-        session.emergency_stop()
-        return JSONResponse({"stopped": True})
+    async def stop(run: str | None = None) -> JSONResponse:
+        """For a page whose line is not open, and for other programs."""
+        answer, present = session.emergency_stop(run)
+        return JSONResponse({"answer": answer, "run": present})
+
+    @app.websocket("/line")
+    async def line(socket: WebSocket) -> None:
+        await serve_line(socket, session)
 
     @app.get("/stream")
     async def stream() -> StreamingResponse:
@@ -87,14 +140,14 @@ def make_app(session: Session, title: str) -> Guard:
 
     build_page(session, title)
     ui.run_with(app, tailwind=False, show_welcome_message=False, message_history_length=0)
-    return Guard(app)
+    return Guard(ConnectionLimits(app))
 
 
-async def _events(session: Session) -> AsyncIterator[str]:
-    """Yield the state again and again; a browser that reads slowly gets fewer and newer views."""
+async def _events(session: Session) -> AsyncIterator[bytes]:
+    """Yield the state again and again; a browser that reads slowly gets it less often."""
     number = 0
     while True:
-        now = session.snapshot(number, VIEWS_AT_ONCE)
-        number = now.number
-        yield f"data: {strict_json(asdict(now)).decode()}\n\n"
+        number, views = session.views(number, VIEWS_AT_ONCE)
+        state = strict_json(asdict(session.snapshot()))
+        yield b'data: {"views":[%b],%b\n\n' % (b",".join(views), state[1:])
         await asyncio.sleep(STREAM_PERIOD_S)

@@ -1,12 +1,13 @@
 """The state behind the page: who is in control, what runs, what was seen of it."""
 
-import math
 import threading
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import islice
 from pathlib import Path
+from uuid import uuid4
 
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import make_kinematics
@@ -24,10 +25,12 @@ from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
+from rover_hil.bench.finished_runs import list_runs
 from rover_hil.bench.loop_process import LoopProcess, ReportFunction, RunFunction
-from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder, View
+from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder
 from rover_hil.config import Config
 from rover_hil.run.drive_order import rover_words
+from rover_hil.recording.text import strict_json
 from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End
 
@@ -40,6 +43,7 @@ VIEWS_KEPT = 2400
 NOT_IN_CONTROL = (
     "another browser is in control: close its page to take over; you can watch and press the emergency stop"
 )
+LOOP_HANGS = "the loop of the run takes no orders at the moment: wait, or press the emergency stop"
 
 
 class State(StrEnum):
@@ -59,23 +63,35 @@ class Kind(StrEnum):
     WAYPOINTS = "way-points"
 
 
+class StopAnswer(StrEnum):
+    """What became of an emergency stop.
+
+    ENDED: The run for which it was pressed does not go on.
+    SENT: The loop has been ordered to end the run, and has not answered yet.
+    OTHER: That run does not go on, but another one does. It was not stopped.
+    """
+
+    ENDED = "ended"
+    SENT = "sent"
+    OTHER = "other run"
+
+
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What a page needs to draw itself.
+    """What a page needs to draw itself, but for the views.
 
     Attributes:
-        number: Of the last view; to be given with the next question.
-        views: Those after the number that was given.
-        run: Counts the runs; a page begins anew with each.
+        run: Name of the run that no other run ever has; a page begins anew with each. Empty before the first.
         mission: Corners of the path in m; empty by hand.
         log_bytes: Size of the log.
         pictures: Of each camera, the number of its newest picture and words on the trace in it.
+        runs: Names of the finished runs, the newest first.
+        refused: Orders from browsers that were refused because they were no finite numbers.
+        server_late_ms: How late the program of the page gave a sign of life at most, since the run began.
     """
 
-    number: int
-    views: list[View]
     state: State
-    run: int
+    run: str
     is_real: bool
     kind: Kind | None
     is_paused: bool
@@ -88,13 +104,17 @@ class Snapshot:
     controller: str | None
     gains: Mapping[str, float]
     pictures: Mapping[str, tuple[int, str]]
+    runs: tuple[str, ...]
+    refused: int
+    server_late_ms: float
 
 
 class Session:
     """One rover, at most one run at a time, at most one browser in control.
 
-    Every method may be called from any thread. Orders come with the name of the browser; those of a browser
-    that is not in control are refused, but for the emergency stop.
+    Every method may be called from any thread. But for `start`, `look_at_files` and `close` none waits for a
+    disk or another process: the event loop that serves the emergency stop calls them. Orders come with the
+    name of the browser; those of a browser that is not in control are refused, but for the emergency stop.
 
     Args:
         config: The rover.
@@ -118,11 +138,16 @@ class Session:
         self._process = self._make_process()
         self._controller: str | None = None
         self._armed_until_ns = 0
-        self._views: deque[View] = deque(maxlen=VIEWS_KEPT)
+        self._views: deque[bytes] = deque(maxlen=VIEWS_KEPT)
         self._number = 0
         self._pictures: dict[str, tuple[int, Picture]] = {}
-        self._run = 0
+        self._run = ""
         self._order: RunOrder | None = None
+        self._is_stop_sent = False
+        self._runs: tuple[str, ...] = ()
+        self._log_bytes = 0
+        self._refused = 0
+        self._late_ns = 0
         self._kind: Kind | None = None
         self._is_paused = False
         self._message = "" if config.mission is not None else "the configuration has no mission"
@@ -195,7 +220,9 @@ class Session:
             self._is_paused = False
             self._message = changed
             self._report_name = ""
-            self._run += 1
+            self._run = uuid4().hex
+            self._is_stop_sent = False
+            self._log_bytes = self._late_ns = 0
             self._views.clear()
             self._pictures.clear()
             self._state = State.STARTING
@@ -212,19 +239,60 @@ class Session:
         with self._lock:
             self._operate(browser, EndOrder(end=End.STOPPED_BY_USER, reason="stopped by the user"))
 
-    def emergency_stop(self) -> None:
-        """End the run, whoever asks; nothing happens where nothing runs."""
+    def emergency_stop(self, run: str | None = None) -> tuple[StopAnswer, str]:
+        """End a run, whoever asks; nothing happens where it does not go on.
+
+        Args:
+            run: Its name. Another one is not ended: whoever pressed may not know of it. None for any.
+
+        Returns:
+            What became of it, and the name of the present run.
+        """
         with self._lock:
             self._armed_until_ns = 0
-            if self._order is not None:
+            if self._order is None or self._state is State.REPORTING:
+                return StopAnswer.ENDED, self._run
+            if run not in (None, self._run):
+                return StopAnswer.OTHER, self._run
+            if not self._is_stop_sent:
                 reason = "emergency stop pressed on the page"
                 self._process.send(EndOrder(end=End.EMERGENCY_STOP, reason=reason))
+                self._is_stop_sent = True
+            return StopAnswer.SENT, self._run
 
     def drive(self, browser: str, motion: BodyMotion) -> None:
         """Drive by hand; raises ConfigError as `arm`."""
         with self._lock:
-            if self._kind is Kind.BY_HAND and all(map(math.isfinite, motion)):
+            if self._kind is Kind.BY_HAND:
                 self._operate(browser, OperatorInput(motion=motion))
+
+    def refuse(self) -> None:
+        """Count an order that is no list of finite numbers."""
+        with self._lock:
+            self._refused += 1
+
+    def give_life(self, late_ns: int) -> None:
+        """Give the loop a sign of life of the event loop that serves the emergency stop.
+
+        Args:
+            late_ns: How late it comes.
+        """
+        self._late_ns = max(self._late_ns, late_ns)
+        self._process.server_life.give()
+
+    def answered(self, browser: str) -> None:
+        """Note that a browser has answered; the loop is told of the one in control."""
+        if browser == self._controller:
+            self._process.browser_life.give()
+
+    def look_at_files(self) -> None:
+        """Renew the size of the log and the list of finished runs; waits for the disk."""
+        with self._lock:
+            order = self._order
+        if order is None:
+            self._runs = tuple(list_runs(self.folder, LOG_NAME))
+        else:
+            self._log_bytes = _size(order)
 
     def has_camera(self) -> bool:
         """Return whether the rover has a camera whose frames can be shown."""
@@ -250,19 +318,22 @@ class Session:
         with self._lock:
             self._require_control(browser)
             check_gains(self.gain_ranges(), {name: value})
+            self._operate(browser, OperatorInput(gains={name: value}))
             self._gains[name] = value
-            if self._order is not None:
-                self._process.send(OperatorInput(gains={name: value}))
 
-    def snapshot(self, number: int, most: int) -> Snapshot:
-        """Return the present state and at most so many views after a number, the newest ones."""
+    def views(self, number: int, most: int) -> tuple[int, list[bytes]]:
+        """Return the number of the last of at most so many views after a number, and these as JSON."""
         with self._lock:
-            count = min(self._number - number, most, len(self._views))
+            first = max(0, number - (self._number - len(self._views)))
+            views = list(islice(self._views, first, first + most))
+            return self._number - len(self._views) + first + len(views), views
+
+    def snapshot(self) -> Snapshot:
+        """Return the present state."""
+        with self._lock:
             order = self._order
             mission = None if order is None else order.config.mission
             return Snapshot(
-                number=self._number,
-                views=list(self._views)[-count:] if count > 0 else [],
                 state=self._state,
                 run=self._run,
                 is_real=order is not None and not order.is_virtual,
@@ -273,10 +344,13 @@ class Session:
                 run_name="" if order is None else order.log_path.parent.name,
                 report_name=self._report_name,
                 mission=_corners(self.config.mission if mission is None else mission),
-                log_bytes=_size(order),
+                log_bytes=self._log_bytes,
                 controller=self._controller,
                 gains=dict(self._gains),
                 pictures={name: (number, item["words"]) for name, (number, item) in self._pictures.items()},
+                runs=self._runs,
+                refused=self._refused,
+                server_late_ms=self._late_ns / 1e6,
             )
 
     def picture(self, camera: str) -> bytes | None:
@@ -297,8 +371,8 @@ class Session:
 
     def _operate(self, browser: str, order: Order) -> None:
         self._require_control(browser)
-        if self._order is not None:
-            self._process.send(order)
+        if self._order is not None and not self._process.send(order):
+            raise ConfigError(LOOP_HANGS)
 
     def _config_for(self, kind: Kind, points: tuple[tuple[float, float], ...]) -> Config:
         config, update = self.config, dict[str, object]()
@@ -335,10 +409,14 @@ class Session:
         return LoopProcess(*self._functions, self._take)
 
     def _take(self, notice: Notice) -> None:
+        is_last = notice["kind"] in ("reported", "failed")
+        # Before the lock is held: starting a process takes long, and the emergency stop needs the lock.
+        process = self._make_process() if is_last and not self._is_closing else None
+        view = strict_json(notice) if notice["kind"] == "view" else b""
         with self._lock:
             if notice["kind"] == "view":
                 self._state = State.RUNNING
-                self._views.append(notice)
+                self._views.append(view)
                 self._number += 1
             elif notice["kind"] == "picture":
                 number, _ = self._pictures.get(notice["camera"], (0, None))
@@ -353,8 +431,10 @@ class Session:
                     self._report_name = self._order.log_path.parent.name
                 self._order = None
                 self._state = State.IDLE
-                if not self._is_closing:
-                    self._process = self._make_process()
+                if process is not None and not self._is_closing:
+                    self._process, process = process, None
+        if process is not None:
+            process.close()  # the program has begun to end meanwhile
 
 
 def _gains_of(mission: MissionSettings | None) -> dict[str, float]:
@@ -378,8 +458,8 @@ def _corners(mission: MissionSettings | None) -> list[tuple[float, float]]:
     return [] if mission is None or isinstance(mission, ByHandMission) else list(corner_points(mission))
 
 
-def _size(order: RunOrder | None) -> int:
+def _size(order: RunOrder) -> int:
     try:
-        return 0 if order is None else order.log_path.stat().st_size
+        return order.log_path.stat().st_size
     except OSError:
         return 0

@@ -10,9 +10,10 @@ from rover_hil.config.loader import (
     schema_text,
     shipped_configs,
 )
-from rover_hil.config.schema import Config, Draft, LoopSettings, RoleSettings, Rule
+from rover_hil.config.schema import BenchSettings, Config, Draft, LoopSettings, RoleSettings, Rule
 
 __all__ = [
+    "BenchSettings",
     "Config",
     "Draft",
     "LoopSettings",

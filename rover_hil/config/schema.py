@@ -52,6 +52,22 @@ class LoopSettings(Settings):
     time_limit_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0
 
 
+class BenchSettings(Settings):
+    """What stops a run of `rover-hil bench` when the page cannot stop it any more.
+
+    Attributes:
+        server_timeout_s: The rover stops after this time without a sign of life of the program that serves
+            the page.
+        page_required: The rover also stops when the browser in control does not answer. Without it a mission
+            drives on without a browser.
+        page_timeout_s: It stops after this time without an answer of the browser, which is asked every 0.2 s.
+    """
+
+    server_timeout_s: Annotated[float, Field(ge=0.2, le=1.0)] = 0.5
+    page_required: bool = True
+    page_timeout_s: Annotated[float, Field(ge=0.5, le=5.0)] = 0.7
+
+
 class RoleSettings(Settings):
     """Which device the estimator uses for what; the rover stops when one of them sends nothing.
 
@@ -115,6 +131,7 @@ class Config(ControlSettings):
         devices: The devices by name.
         simulation: The simulated rover; needed by `simulate`, `tune` and `run --virtual`.
         tune: What `tune` may change, and to what end.
+        bench: What stops a run of `bench` when the page is lost.
     """
 
     schema_name: Annotated[Literal["rover-hil-config/1"], Field(alias="schema")]
@@ -123,6 +140,7 @@ class Config(ControlSettings):
     devices: Annotated[dict[DeviceName, AnyDeviceSettings], Field(min_length=1)]
     simulation: SimulationSettings | None = None
     tune: TuneSettings | None = None
+    bench: BenchSettings = BenchSettings()
 
     def device_roles(self) -> DeviceRoles:
         """Return the roles as the controller needs them."""

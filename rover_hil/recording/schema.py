@@ -249,12 +249,14 @@ class OperatorRecord(TypedDict):
     """What an operator wants from a cycle on, on `OPERATOR`; only in such cycles.
 
     `motion` is the body velocity by hand: forward and to the left in m/s, counter-clockwise in rad/s. `gains`
-    has new values of keys of [mission].
+    has new values of keys of [mission]. `stop_reason` is why the operator's side must not let the rover move;
+    "" where it may move again.
     """
 
     is_paused: bool | None
     motion: MaybeNumbers
     gains: dict[str, float]
+    stop_reason: NotRequired[str | None]
 
 
 class EndRecord(TypedDict):

@@ -196,6 +196,7 @@ class _Replayer(ABC):
                 is_paused=record["is_paused"],
                 motion=None if motion is None else (motion[0], motion[1], motion[2]),
                 gains=record["gains"],
+                stop_reason=record.get("stop_reason"),
             ),
         )
 

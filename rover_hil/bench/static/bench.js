@@ -1,9 +1,9 @@
 "use strict";
-// Draws what the server streams, and sends the emergency stop and driving by hand. Everything else is NiceGUI's.
+// Draws what the server streams, and sends driving by hand; stop.js sends the emergency stop. All else is NiceGUI's.
 
 const MOST_POINTS = 6000, SHOWN_S = 60, DRIVE_MS = 50, SILENT_MS = 1500;
 const RUN_COLOURS = ["#9b4dca", "#0f8a5f"];
-const live = { run: -1, state: {}, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} };
+const live = { run: null, state: {}, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} };
 let opened = [], points = [], heardMs = performance.now(), view = null;
 const byId = (id) => document.getElementById(id);
 
@@ -11,7 +11,6 @@ const byId = (id) => document.getElementById(id);
 
 function begin(run) {
   Object.assign(live, { run, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} });
-  padsThatCount.clear();
 }
 
 function put(chart, name, t, value) {
@@ -58,15 +57,17 @@ function receive(event) {
   if (data.run !== live.run) begin(data.run);
   live.state = data;
   data.views.forEach(take);
+  repeatDriving();
   showCameras(data);
   showWords();
 }
 
+const isSilent = () => performance.now() - heardMs > SILENT_MS;
+
 function showWords() {
   const data = live.state, v = live.last;
-  const silent = performance.now() - heardMs > SILENT_MS;
   let mode = data.state === "running" && v ? v.mode.replace("_", " ") : data.state || "connecting";
-  if (silent) mode = "not connected";
+  if (isSilent()) mode = "not connected";
   const badge = byId("bench-mode");
   badge.textContent = mode;
   badge.dataset.mode = mode;
@@ -136,6 +137,7 @@ function showTables(v, data) {
     ["log", data.run_name ? `${data.run_name}, ${(data.log_bytes / 1e6).toFixed(2)} MB, ${v.cycles} cycles` : "closed"],
     ["slip not valid", v.slip_reason || "–"],
     ["may be wrong", v.suspicion || "–"],
+    ["orders refused", data.refused ? `${data.refused}: no finite numbers` : "none"],
     ["behind real time", v.lost_s > 0.05 ? v.lost_s.toFixed(1) + " s: this computer is too slow" : "no"],
   ].map(([name, value]) => [cell(name), cell(value)]));
 }
@@ -278,22 +280,16 @@ function draw() {
 
 // ---- orders ----
 
-function emergencyStop() {
-  fetch("/stop", { method: "POST", keepalive: true }).then((answer) => {
-    if (!answer.ok) alert("The emergency stop was refused: stop the rover by hand.");
-  }).catch(() => alert("The emergency stop did not arrive: stop the rover by hand."));
-}
-
 const KEYS = { ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0], ArrowLeft: [0, 1], KeyA: [0, 1], ArrowRight: [0, -1], KeyD: [0, -1] };
 const SIDES = { KeyQ: 1, KeyE: -1 };
 const held = new Set();
 const DEAD_ZONE = 0.12;
 const padsThatCount = new Set();
-let stick = null, wasDriving = false;
+let stick = null, wasDriving = false, wasRestSent = false;
 
-// Forward, left and turn of the gamepads, by their standard mapping. Each counts only after it was at rest: in this
-// run, since it was connected, and since the page has the focus. A stick that hangs or lies on its side does not
-// start the rover.
+// Forward, left and turn of the gamepads, by their standard mapping. Each counts only after it was at rest: since the
+// rover may move, since it was connected, and since the page has the focus. A stick that hangs or lies on its side
+// does not start the rover.
 function gamepads() {
   const total = [0, 0, 0];
   if (!document.hasFocus() || !navigator.getGamepads) { padsThatCount.clear(); return total; }
@@ -319,10 +315,19 @@ function driving() {
   return [forward, left, turn].map((share) => Math.max(-1, Math.min(1, share)));
 }
 
+// Whether the rover follows commands by hand now. After a stop or a lost connection it does so only after keys, stick
+// and gamepads were let go, and this was sent.
+function followsHand() {
+  const { kind, state } = live.state;
+  return kind === "by hand" && state === "running" && live.last?.mode === "running" && !isSilent() && window.socket?.connected;
+}
+
 function repeatDriving() {
+  if (!followsHand()) { release(); wasDriving = wasRestSent = false; return; }
   const wanted = driving(), isDriving = wanted.some((share) => share !== 0);
-  if ((isDriving || wasDriving) && live.state.kind === "by hand" && live.state.state === "running") emitEvent("drive", wanted);
+  if (isDriving || wasDriving || !wasRestSent) emitEvent("drive", wanted);
   wasDriving = isDriving;
+  wasRestSent = true;
 }
 
 function isTyping(event) {
@@ -330,15 +335,23 @@ function isTyping(event) {
 }
 
 function onKey(event) {
-  if (event.type === "keydown" && event.code === "Escape") { emergencyStop(); return; }
+  if (event.type === "keydown" && event.code === "Escape") { if (!event.repeat) emergencyStop(); return; }
   if (isTyping(event) || !(KEYS[event.code] || SIDES[event.code]) || live.state.kind !== "by hand") return;
   event.preventDefault();
+  if (event.repeat) return; // a key that was held before does not count
   const before = held.size;
   if (event.type === "keydown") held.add(event.code); else held.delete(event.code);
   if (held.size !== before) repeatDriving();
 }
 
-function letGo() { held.clear(); moveStick(null); repeatDriving(); }
+function release() {
+  held.clear();
+  padsThatCount.clear();
+  delete byId("bench-stick")?.dataset.held;
+  moveStick(null);
+}
+
+function letGo() { release(); repeatDriving(); }
 
 function moveStick(share) {
   stick = share;
@@ -372,7 +385,6 @@ window.bench = {
   clearPoints: () => { points = []; emitEvent("points", points); },
 };
 
-byId("bench-stop").addEventListener("click", emergencyStop);
 for (const name of ["keydown", "keyup"]) addEventListener(name, onKey);
 for (const name of ["pointerdown", "pointermove", "pointerup", "pointercancel"]) addEventListener(name, onStick);
 addEventListener("click", onClick);

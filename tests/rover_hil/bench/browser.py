@@ -1,10 +1,12 @@
 """A served page and a headless browser on it."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,6 +23,17 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[3]
 WAIT_S = 40.0
 CONFIG = "rover.toml"
+QUIETLY = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
 
 
 def program(name: str) -> str:
@@ -31,16 +44,35 @@ def program(name: str) -> str:
     return path
 
 
+PROGRAM = (sys.executable, "-c", "from rover_hil.app.program import main; main()")
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+def write_config(folder: Path, **replaced: str) -> None:
+    """Write the configuration of a Robotino whose runs begin soon, with these keys."""
+    text = read_config_text("robotino").replace("settle_s = 3.0", "settle_s = 0.2")
+    text = text.replace('use = "yaw_probe"', 'use = "surfaces"')
+    for key, value in replaced.items():
+        text, count = re.subn(rf"^{key} = \S+", f"{key} = {value}", text, flags=re.MULTILINE)
+        assert count == 1, key
+    (folder / CONFIG).write_text(text)
+
+
 @contextmanager
 def serving(folder: Path) -> Iterator[str]:
     """Serve the page of a Robotino whose runs begin soon; give its address."""
-    text = read_config_text("robotino").replace("settle_s = 3.0", "settle_s = 0.2")
-    (folder / CONFIG).write_text(text.replace('use = "yaw_probe"', 'use = "surfaces"'))
-    command = [sys.executable, "-c", "from rover_hil.app.program import main; main()"]
+    write_config(folder)
+    with served(folder) as (url, _):
+        yield url
+
+
+@contextmanager
+def served(folder: Path) -> "Iterator[tuple[str, subprocess.Popen[str]]]":
+    """Serve the page of the configuration in a folder; give its address and the process."""
     with subprocess.Popen(
-        [*command, "bench", CONFIG, "--port", "0", "--out", "runs"],
+        [*PROGRAM, "bench", CONFIG, "--port", "0", "--out", "runs"],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env=ENVIRONMENT,
         stdout=subprocess.PIPE,
         text=True,
     ) as process:
@@ -48,11 +80,12 @@ def serving(folder: Path) -> Iterator[str]:
         line = process.stdout.readline()
         assert line.startswith("page: ")
         try:
-            yield line.removeprefix("page: ").strip()
+            yield line.removeprefix("page: ").strip(), process
         finally:
+            process.send_signal(signal.SIGCONT)
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=WAIT_S)
-    assert process.returncode == 0
+    assert process.returncode in (0, -signal.SIGKILL)
 
 
 class Page:
@@ -63,13 +96,14 @@ class Page:
 
         options = webdriver.ChromeOptions()
         options.binary_location = program("chromium")
-        for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu"):
+        self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        for argument in (*QUIETLY, "--window-size=1400,1400", f"--user-data-dir={self._profile.name}"):
             options.add_argument(argument)
-        options.add_argument("--window-size=1400,1400")
         service = webdriver.ChromeService(program("chromedriver"), popen_kw={"start_new_session": True})
         self.driver = webdriver.Chrome(options=options, service=service)
         self._group = service.process.pid
         self._clock = SystemClock()
+        self.url = url
         self.driver.get(url)
 
     def __enter__(self) -> Self:
@@ -84,6 +118,7 @@ class Page:
         """Let the browser disappear without a word."""
         with suppress(ProcessLookupError):
             os.killpg(self._group, signal.SIGKILL)
+        self._profile.cleanup()
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         """Wait for a condition."""

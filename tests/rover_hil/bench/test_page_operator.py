@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 
 from controllers.operator import OperatorInput
-from drivers.clock import VirtualClock, stopwatch_ns
+from controllers.safety import Mode
+from drivers.clock import VirtualClock, nanoseconds, stopwatch_ns
 from drivers.link import NoTap
 from rover_hil.bench.camera_frames import CameraFrame
-from rover_hil.bench.loop_process import MOST_NOTICES, NoticeSender
+from rover_hil.bench.loop_process import MOST_NOTICES, NoticeSender, make_watches
 from rover_hil.bench.page_operator import PageOperator
 from rover_hil.bench.views import EndOrder, Picture, View
+from rover_hil.config import BenchSettings
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import CycleView, End
+from rover_hil.run.sign_of_life import SignOfLife
 from tests.rover_hil.bench.kept import Kept
 from tests.rover_hil.bench.rovers import quick
 
@@ -34,6 +37,9 @@ def cycles(count: int) -> list[CycleView]:
 
 
 CYCLES = cycles(40)
+REST, AHEAD = (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)
+RUNNING = next(view for view in CYCLES if view.output.mode is Mode.RUNNING)
+SETTLING = next(view for view in CYCLES if view.output.mode is Mode.SETTLING)
 
 
 def test_every_50_ms_a_cycle_is_shown() -> None:
@@ -53,8 +59,10 @@ def test_orders_of_one_cycle_are_one_input_and_the_newest_wins() -> None:
     theirs, ours = Pipe(duplex=False)
     operator = PageOperator(theirs, Kept(9), 3, None)
     assert operator.wanted() is None
+    operator.show(RUNNING)
+    ours.send(OperatorInput(motion=REST))
     ours.send(OperatorInput(motion=(0.1, 0.0, 0.0), gains={"lookahead_m": 0.3}))
-    ours.send(OperatorInput(motion=(0.0, 0.0, 0.0), is_paused=True))
+    ours.send(OperatorInput(motion=REST, is_paused=True))
     assert operator.wanted() == OperatorInput(
         motion=(0.0, 0.0, 0.0), is_paused=True, gains={"lookahead_m": 0.3}
     )
@@ -62,6 +70,81 @@ def test_orders_of_one_cycle_are_one_input_and_the_newest_wins() -> None:
     ours.send(EndOrder(end=End.EMERGENCY_STOP, reason="pressed"))
     assert operator.wanted() is None
     assert operator.end() == (End.EMERGENCY_STOP, "pressed")
+
+
+@pytest.mark.parametrize("lost", ["server", "browser"])
+def test_without_a_sign_of_life_the_rover_stops_until_it_is_back(lost: str) -> None:
+    orders, _ours = Pipe(duplex=False)
+    signs, clock = {"server": SignOfLife(), "browser": SignOfLife()}, VirtualClock()
+    watches = make_watches(BenchSettings(), *signs.values())
+    operator = PageOperator(orders, Kept(9), 3, None, watches=watches, real_clock=clock)
+
+    def told(duration_s: float, *living: str) -> list[str | None]:
+        """Return what the loop is told within a time in which these give signs."""
+        reasons = []
+        for _ in range(round(duration_s / 0.02)):
+            clock.sleep_until(clock.now_ns() + nanoseconds(0.02))
+            for name in living:
+                signs[name].give()
+            wanted = operator.wanted()
+            reasons += [] if wanted is None else [wanted.stop_reason]
+        return reasons
+
+    limit_s = {"server": 0.5, "browser": 0.7}[lost]
+    others = [name for name in signs if name != lost]
+    assert told(2.0, *signs) == []
+    assert told(limit_s, *others) == []
+    (reason,) = told(0.02, *others)
+    assert reason is not None
+    assert reason.endswith(f"for {limit_s:g} s")
+    assert told(2.0, *others) == []  # it is told once
+    assert told(0.02, *signs) == [""]
+    assert told(2.0, *signs) == []
+
+
+def test_a_run_for_which_no_page_is_required_goes_on_without_a_browser_but_not_without_the_server() -> None:
+    server, browser = SignOfLife(), SignOfLife()
+    (watch,) = make_watches(BenchSettings(page_required=False, server_timeout_s=0.2), server, browser)
+    assert watch.check(0) == ""
+    browser.give()
+    assert watch.check(nanoseconds(0.2) + 1) == "page: its program gave no sign of life for 0.2 s"
+
+
+def test_a_loss_and_an_order_of_the_same_cycle_are_one_input() -> None:
+    orders, ours = Pipe(duplex=False)
+    clock = VirtualClock()
+    watches = make_watches(BenchSettings(page_required=False), SignOfLife(), SignOfLife())
+    operator = PageOperator(orders, Kept(9), 3, None, watches=watches, real_clock=clock)
+    assert operator.wanted() is None
+    clock.sleep_until(clock.now_ns() + nanoseconds(0.6))
+    ours.send(OperatorInput(is_paused=True))
+    wanted = operator.wanted()
+    assert wanted == OperatorInput(
+        is_paused=True, stop_reason="page: its program gave no sign of life for 0.5 s"
+    )
+
+
+def test_motion_by_hand_begins_after_rest_was_commanded_while_the_loop_runs() -> None:
+    orders, ours = Pipe(duplex=False)
+    operator = PageOperator(orders, Kept(99), 3, None)
+
+    def motion(*sent: tuple[float, float, float]) -> object:
+        for one in sent:
+            ours.send(OperatorInput(motion=one))
+        wanted = operator.wanted()
+        return None if wanted is None else wanted.motion
+
+    assert motion(REST, AHEAD) is None  # nothing runs yet
+    operator.show(RUNNING)
+    assert motion(AHEAD) is None  # a key that was held before
+    assert motion(REST) == REST
+    assert motion(AHEAD) == AHEAD
+    operator.show(RUNNING)
+    assert motion(AHEAD) == AHEAD
+    operator.show(SETTLING)  # as after any stop: the key is still held
+    operator.show(RUNNING)
+    assert motion(AHEAD) is None
+    assert motion(REST, AHEAD) == AHEAD
 
 
 def test_an_end_is_seen_between_two_cycles_and_no_order_is_lost_by_looking() -> None:

@@ -57,7 +57,7 @@ def test_another_origin_or_name_gets_nothing_and_orders_nothing(
 ) -> None:
     client, session = served
     session.join("a")
-    if session.snapshot(0, 0).kind is None:
+    if session.snapshot().kind is None:
         session.start("a", Kind.MISSION, is_real=False)
     sent = len(FakeProcess.orders)
     for method, path in (("POST", "/stop"), ("GET", "/"), ("GET", "/stream"), ("GET", "/static/bench.js")):
@@ -72,10 +72,10 @@ def test_the_page_itself_stops_the_rover_and_may_load_from_nowhere_else(
 ) -> None:
     client, session = served
     session.join("a")
-    if session.snapshot(0, 0).kind is None:
+    if session.snapshot().kind is None:
         session.start("a", Kind.MISSION, is_real=False)
     answer = client.request("POST", "/stop", origin=HOME)
-    assert answer.json() == {"stopped": True}
+    assert answer.json() == {"answer": "sent", "run": session.snapshot().run}
     assert isinstance(FakeProcess.orders[-1], EndOrder)
     assert "default-src 'self'" in answer.headers["content-security-policy"]
     assert "http" not in answer.headers["content-security-policy"]
@@ -88,7 +88,7 @@ def test_the_newest_picture_of_a_camera(served: tuple[Client, Session]) -> None:
     for jpeg in (b"first", b"second"):
         session._take({"kind": "picture", "camera": "rear", "words": "no trace", "jpeg": jpeg})
     assert client.get("/camera/rear").content == b"second"
-    assert session.snapshot(0, 0).pictures == {"rear": (2, "no trace")}
+    assert session.snapshot().pictures == {"rear": (2, "no trace")}
 
 
 def test_only_the_files_of_the_page_are_served(served: tuple[Client, Session]) -> None:

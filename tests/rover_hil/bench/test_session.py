@@ -1,7 +1,10 @@
 """Who may order what, and what a run needs before it starts."""
 
+import json
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -10,10 +13,11 @@ from controllers.operator import OperatorInput
 from drivers.errors import ConfigError, LogError
 from rover_hil.bench import session as session_module
 from rover_hil.bench.finished_runs import find_report, list_runs, read_finished
-from rover_hil.bench.session import LOG_NAME, Kind, Session, State
-from rover_hil.bench.views import EndOrder, RunOrder
+from rover_hil.bench.session import LOG_NAME, VIEWS_KEPT, Kind, Session, State, StopAnswer
+from rover_hil.bench.views import EndOrder, RunOrder, View
 from rover_hil.config import load_config
 from rover_hil.run.executive import End
+from rover_hil.run.sign_of_life import SignOfLife
 
 
 class FakeProcess:
@@ -25,9 +29,13 @@ class FakeProcess:
     def __init__(self, run: object, report: object, take: object) -> None:
         FakeProcess.orders = []
         FakeProcess.take = take
+        self.server_life, self.browser_life = SignOfLife(), SignOfLife()
+        self.takes = True
 
-    def send(self, order: object) -> None:
-        FakeProcess.orders.append(order)
+    def send(self, order: object) -> bool:
+        if self.takes:
+            FakeProcess.orders.append(order)
+        return self.takes
 
     def close(self) -> None:
         """Nothing runs."""
@@ -63,6 +71,88 @@ def test_only_one_browser_is_in_control_but_everyone_may_stop(session: Session) 
     assert session.join("b")
 
 
+def test_a_press_stops_the_run_for_which_it_was_meant_once_and_no_other_one(session: Session) -> None:
+    assert session.emergency_stop("") == (StopAnswer.ENDED, "")
+    session.start("a", Kind.MISSION, is_real=False)
+    first = session.snapshot().run
+    assert session.emergency_stop("an older run") == (StopAnswer.OTHER, first)
+    assert len(FakeProcess.orders) == 1
+    assert [session.emergency_stop(first) for _ in range(3)] == [(StopAnswer.SENT, first)] * 3
+    assert len(FakeProcess.orders) == 2  # sent again and again by the page, ordered once
+    session._take({"kind": "ended", "reason": "emergency stop pressed on the page"})
+    assert session.emergency_stop(first) == (StopAnswer.ENDED, first)
+    session._take({"kind": "reported"})
+    assert session.emergency_stop(first) == (StopAnswer.ENDED, first)
+    session.start("a", Kind.MISSION, is_real=False)
+    second = session.snapshot().run
+    assert second != first
+    assert session.emergency_stop(first) == (StopAnswer.OTHER, second)
+    assert len(FakeProcess.orders) == 1
+    assert session.emergency_stop(None) == (StopAnswer.SENT, second)
+    assert isinstance(FakeProcess.orders[-1], EndOrder)
+
+
+def test_only_the_answers_of_the_browser_in_control_are_told_to_the_loop(session: Session) -> None:
+    life = session._process.browser_life
+    session.answered("b")
+    assert life.count == 0
+    session.answered("a")
+    assert life.count == 1
+    session.leave("a")
+    session.answered("a")
+    assert life.count == 1
+
+
+def test_a_loop_that_takes_no_orders_is_told_and_changes_nothing(session: Session) -> None:
+    session.start("a", Kind.MISSION, is_real=False)
+    process = session._process
+    assert isinstance(process, FakeProcess)
+    process.takes = False
+    for order in (
+        lambda: session.pause("a", is_paused=True),
+        lambda: session.set_gain("a", "lookahead_m", 0.7),
+    ):
+        with pytest.raises(ConfigError, match="the loop of the run takes no orders at the moment"):
+            order()
+    now = session.snapshot()
+    assert not now.is_paused
+    assert now.gains["lookahead_m"] != 0.7
+
+
+def test_views_are_given_in_pieces_the_oldest_first_and_each_once(session: Session) -> None:
+    session.start("a", Kind.MISSION, is_real=False)
+    for number in range(VIEWS_KEPT + 7):
+        session._take(cast("View", {"kind": "view", "t_s": number}))
+    seen, number = list[float](), 0
+    while True:
+        number, views = session.views(number, 500)
+        assert len(views) <= 500
+        if not views:
+            break
+        seen += [json.loads(view)["t_s"] for view in views]
+    assert seen == list(range(7, VIEWS_KEPT + 7))
+    session._take(cast("View", {"kind": "view", "t_s": -1.0}))
+    assert [json.loads(view)["t_s"] for view in session.views(number, 500)[1]] == [-1.0]
+
+
+def test_the_session_can_be_stopped_while_a_new_process_is_made(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.start("a", Kind.MISSION, is_real=False)
+    is_free = list[bool]()
+
+    def make() -> object:
+        asking = threading.Thread(target=session.emergency_stop)
+        asking.start()
+        asking.join(5.0)
+        is_free.append(not asking.is_alive())
+        return FakeProcess(None, None, None)
+
+    monkeypatch.setattr(session, "_make_process", make)
+    session._take({"kind": "reported"})
+    assert is_free == [True]
+
+
 def test_a_real_run_needs_arming_each_time_and_for_half_a_minute(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,10 +168,10 @@ def test_a_real_run_needs_arming_each_time_and_for_half_a_minute(
     (order,) = FakeProcess.orders
     assert isinstance(order, RunOrder)
     assert not order.is_virtual
-    assert not session.snapshot(0, 0).is_armed
+    assert not session.snapshot().is_armed
     # The excitation has not passed a commissioning on the real rover.
     assert order.config.slip is None
-    message = session.snapshot(0, 0).message
+    message = session.snapshot().message
     assert message.startswith(
         "moving the rover of robotino (board at ports/board, imu at ports/imu); the yaw excitation is off"
     )
@@ -105,9 +195,9 @@ def test_a_second_run_waits_for_the_first(session: Session) -> None:
     with pytest.raises(ConfigError, match="a run is starting"):
         session.start("a", Kind.MISSION, is_real=False)
     session._take({"kind": "ended", "reason": "mission finished"})
-    assert session.snapshot(0, 0).state is State.REPORTING
+    assert session.snapshot().state is State.REPORTING
     session._take({"kind": "reported"})
-    now = session.snapshot(0, 0)
+    now = session.snapshot()
     assert (now.state, now.message) == (State.IDLE, "mission finished")
     assert now.report_name.startswith("robotino-")
 
@@ -115,7 +205,7 @@ def test_a_second_run_waits_for_the_first(session: Session) -> None:
 def test_what_failed_is_shown_and_the_next_run_may_start(session: Session) -> None:
     session.start("a", Kind.MISSION, is_real=False)
     session._take({"kind": "failed", "error": "no device"})
-    assert session.snapshot(0, 0).message == "no device"
+    assert session.snapshot().message == "no device"
     session.start("a", Kind.MISSION, is_real=False)
 
 
@@ -142,8 +232,6 @@ def test_by_hand_the_yaw_is_not_excited(session: Session) -> None:
     assert order.config.slip is not None
     assert order.config.slip.use == "surfaces"
     assert motion == OperatorInput(motion=(0.1, 0.0, 0.0))
-    session.drive("a", (float("nan"), 0.0, 0.0))
-    assert len(FakeProcess.orders) == 2
 
 
 def test_a_mission_takes_no_commands_by_hand(session: Session) -> None:

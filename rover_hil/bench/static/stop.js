@@ -1,0 +1,82 @@
+"use strict";
+// The emergency stop: sent on a connection of its own, and again until it is acknowledged.
+
+const PRESS_AGAIN_MS = 250, ALARM_MS = 1000, FRESH_MS = 1000, LINE_AGAIN_MS = 500, LINE_LOST_MS = 2000;
+const alarm = document.getElementById("bench-alarm");
+let stopLine = null, lineTriedMs = -Infinity, numbers = 0;
+let press = null; // The stop that is not acknowledged yet: number, run, times of this and of the first press, answer.
+
+// ---- the connection: WebSockets do not count among the few connections that a browser makes to one server ----
+
+function openLine() {
+  lineTriedMs = performance.now();
+  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/line`);
+  stopLine = socket;
+  socket.onopen = () => {
+    if (socket !== stopLine) return;
+    socket.send(JSON.stringify({ browser: document.getElementById("bench-bar").dataset.browser }));
+    if (press) sendOnLine();
+  };
+  socket.onmessage = (event) => acknowledge(JSON.parse(event.data));
+  socket.onclose = () => { if (socket === stopLine) setTimeout(openLine, LINE_AGAIN_MS); };
+}
+
+// A connection that is lost without a word looks open for minutes.
+function renewLine() {
+  const socket = stopLine;
+  openLine();
+  socket.close();
+}
+
+// ---- the press ----
+
+function emergencyStop() {
+  const pressedMs = performance.now(), sinceMs = press?.sinceMs ?? pressedMs;
+  if (!press) alarm.hidden = true;
+  press = { number: ++numbers, run: live.run ?? "", pressedMs, sinceMs, postedMs: -Infinity, answer: null };
+  sendPress();
+}
+
+function sendOnLine() {
+  stopLine.send(JSON.stringify({ press: press.number, run: press.run }));
+}
+
+function sendPress() {
+  if (!press) return;
+  const nowMs = performance.now(), isLate = nowMs - press.sinceMs >= ALARM_MS;
+  const isOpen = stopLine.readyState === WebSocket.OPEN;
+  if (isOpen) sendOnLine();
+  if ((isLate || !isOpen) && nowMs - press.postedMs >= ALARM_MS) {
+    const { number } = press;
+    press.postedMs = nowMs;
+    fetch(`/stop?run=${encodeURIComponent(press.run)}`, { method: "POST", signal: AbortSignal.timeout(ALARM_MS) })
+      .then((answer) => answer.json())
+      .then((answer) => acknowledge({ ...answer, press: number }))
+      .catch(() => {});
+  }
+  if (isLate) showAlarm(nowMs);
+  if (isLate && !press.answer && nowMs - Math.max(lineTriedMs, press.sinceMs) >= LINE_LOST_MS) renewLine();
+}
+
+function showAlarm(nowMs) {
+  const since = `${((nowMs - press.sinceMs) / 1000).toFixed(0)} s`;
+  const what = press.answer === "sent" ? "the rover's loop has not confirmed it" : "the program of the rover does not answer";
+  alarm.textContent = `EMERGENCY STOP NOT CONFIRMED for ${since}: ${what}. Stop the rover by its own switch. It is sent again and again.`;
+  alarm.hidden = false;
+}
+
+function acknowledge({ press: number, answer, run }) {
+  if (number !== press?.number) return;
+  press.answer = answer;
+  if (answer === "sent") return;
+  if (answer === "ended") { press = null; alarm.hidden = true; return; }
+  // Another run: who has pressed just now means it. Later nobody's run is stopped in silence.
+  if (performance.now() - press.pressedMs < FRESH_MS) { press.run = run; sendPress(); return; }
+  press = null;
+  alarm.textContent = "The run for which you pressed EMERGENCY STOP has ended, another one goes on: press again to stop it.";
+  alarm.hidden = false;
+}
+
+document.getElementById("bench-stop").addEventListener("click", emergencyStop);
+setInterval(sendPress, PRESS_AGAIN_MS);
+openLine();

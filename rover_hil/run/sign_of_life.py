@@ -1,0 +1,56 @@
+"""A sign of life of another process, and who watches it: without new signs the rover must not move."""
+
+import ctypes
+from multiprocessing.sharedctypes import RawValue
+
+from drivers.clock import nanoseconds
+
+
+class SignOfLife:
+    """Counts the signs of life that one process gives and others look at.
+
+    The count is in shared memory: giving a sign and looking at it never waits, however long the other side
+    hangs. It reaches another process as an argument of `multiprocessing.Process`.
+    """
+
+    def __init__(self) -> None:
+        self._count = RawValue(ctypes.c_uint64, 0)
+
+    def give(self) -> None:
+        """Give a sign; by one process only."""
+        self._count.value += 1
+
+    @property
+    def count(self) -> int:
+        """How many signs were given."""
+        return int(self._count.value)
+
+
+class LifeWatch:
+    """Watches a sign of life, by the time at which its count was seen to change.
+
+    The time is the watcher's own: a wrong clock on the other side cannot make an old sign look new.
+
+    Args:
+        sign: The sign.
+        limit_s: Longest time in s without a new one.
+        reason: What is wrong when there is none for longer.
+    """
+
+    def __init__(self, sign: SignOfLife, limit_s: float, reason: str) -> None:
+        self._sign = sign
+        self._limit_ns = nanoseconds(limit_s)
+        self._reason = reason
+        self._count: int | None = None
+        self._changed_ns = 0
+
+    def check(self, now_ns: int) -> str:
+        """Return the reason to stop at `now_ns` of the watcher's clock; "" for none.
+
+        The limit counts from the first call on.
+        """
+        count = self._sign.count
+        if count != self._count:
+            self._count = count
+            self._changed_ns = now_ns
+        return self._reason if now_ns - self._changed_ns > self._limit_ns else ""

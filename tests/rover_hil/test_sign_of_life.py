@@ -1,0 +1,70 @@
+"""A sign of life crosses processes, and its loss is noticed after the limit, not before."""
+
+import multiprocessing
+
+from drivers.clock import SystemClock, nanoseconds
+from rover_hil.run.sign_of_life import LifeWatch, SignOfLife
+
+LIMIT_NS = nanoseconds(0.5)
+START_NS = 1_000
+PATIENCE_S = 60.0
+
+
+def watch(sign: SignOfLife) -> LifeWatch:
+    return LifeWatch(sign, 0.5, "page: lost")
+
+
+def test_without_a_new_sign_there_is_a_reason_after_the_limit_and_not_before() -> None:
+    sign = SignOfLife()
+    watching = watch(sign)
+    assert watching.check(START_NS) == ""
+    assert watching.check(START_NS + LIMIT_NS) == ""
+    assert watching.check(START_NS + LIMIT_NS + 1) == "page: lost"
+    assert watching.check(START_NS + 9 * LIMIT_NS) == "page: lost"
+
+
+def test_signs_before_the_first_look_do_not_count_as_new_ones() -> None:
+    sign = SignOfLife()
+    sign.give()
+    watching = watch(sign)
+    assert watching.check(START_NS) == ""
+    assert watching.check(START_NS + LIMIT_NS + 1) == "page: lost"
+
+
+def test_each_sign_counts_from_when_it_was_seen() -> None:
+    sign = SignOfLife()
+    watching = watch(sign)
+    assert watching.check(START_NS) == ""
+    sign.give()
+    seen_ns = START_NS + LIMIT_NS + 1
+    assert watching.check(seen_ns) == ""  # the watcher itself was late
+    assert watching.check(seen_ns + LIMIT_NS) == ""
+    assert watching.check(seen_ns + LIMIT_NS + 1) == "page: lost"
+    sign.give()
+    assert watching.check(seen_ns + LIMIT_NS + 2) == ""
+
+
+def test_signs_are_counted_one_by_one() -> None:
+    sign = SignOfLife()
+    assert sign.count == 0
+    sign.give()
+    sign.give()
+    assert sign.count == 2
+
+
+def give_some(sign: SignOfLife) -> None:
+    for _ in range(3):
+        sign.give()
+
+
+def test_signs_are_seen_by_another_process_without_waiting() -> None:
+    sign = SignOfLife()
+    process = multiprocessing.get_context("spawn").Process(target=give_some, args=(sign,))
+    process.start()
+    clock = SystemClock()
+    deadline_ns = clock.now_ns() + nanoseconds(PATIENCE_S)
+    while sign.count < 3:
+        assert clock.now_ns() < deadline_ns
+        clock.sleep_until(clock.now_ns() + 5_000_000)
+    process.join(PATIENCE_S)
+    assert process.exitcode == 0
