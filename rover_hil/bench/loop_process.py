@@ -9,8 +9,8 @@ from multiprocessing.connection import Connection
 from typing import TypeAlias
 
 from controllers.motion.kinematics import make_kinematics
-from controllers.unwatched_yaw import find_unwatched_yaw
 from controllers.operator import OperatorInput
+from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.clock import PacedClock
 from drivers.errors import RoverHilError
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack

@@ -29,8 +29,8 @@ from rover_hil.bench.finished_runs import list_runs
 from rover_hil.bench.loop_process import LoopProcess, ReportFunction, RunFunction
 from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder
 from rover_hil.config import Config
-from rover_hil.run.drive_order import rover_words
 from rover_hil.recording.text import strict_json
+from rover_hil.run.drive_order import rover_words
 from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End
 
