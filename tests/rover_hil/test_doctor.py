@@ -10,7 +10,6 @@ from typing import Literal
 
 import can
 import pytest
-from rich.console import Console
 
 from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.can_wheels.mapping_file import load_mapping
@@ -24,6 +23,7 @@ from rover_hil.app.doctor import examine, is_ready, print_findings
 from rover_hil.config import Config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem
+from rover_hil.terminal import Terminal
 
 LISTEN_S = 0.4
 HDM = encode_sentence("HCHDM,12.0,M")
@@ -305,7 +305,9 @@ def test_a_wrong_configuration_is_an_error(tmp_path: Path) -> None:
 def test_advice_is_printed_whole_brackets_included(capsys: pytest.CaptureFixture[str]) -> None:
     fix = "in [devices.imu] set port = " + "/dev/serial/by-id/" + "x" * 100
     findings = [problem("serial port", "imu", "what", "why", fix)]
-    print_findings(findings, Console(width=60, highlight=False))
+    console = Terminal()
+    console.width = 60
+    print_findings(findings, console)
     output = capsys.readouterr().out
     assert f"fix:   {fix}\n" in output
     assert "1 to be fixed" in output

@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Self
 
 import pytest
-from rich.console import Console
 
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.can_frame import CanFrame, unpack_can_frame
@@ -364,7 +363,7 @@ def test_a_rover_with_four_steered_wheels_is_described(
     Path("mine.toml").write_text((SHIPPED_FOLDER / "steered_wheel.toml").read_text("utf-8"), "utf-8")
     shutil.copy(SHIPPED_FOLDER / "steered_wheel.dbc", ".")
     bus = CanWheelsSettings(interface="socketcan", channel="can0", mapping="mine.toml")
-    console = Console(file=io.StringIO())
+    console = Terminal(file=io.StringIO())
     limits_rad = dict.fromkeys(range(4), (-1.5, 1.2))
     answers += ["0.092", "0.44", "0.6", "60", "17"]
     kind, rover = init._rover(4, limits_rad, console)
@@ -397,7 +396,7 @@ def test_steering_drives_that_take_angles_of_one_sign_only_are_named(answers: li
     """As of a DBC file with an unsigned signal, whose offset was forgotten."""
     answers += ["0.092", "0.44", "0.6"]
     with pytest.raises(ConfigError, match=r"reach 0 deg to one side, less than 10: .*DBC"):
-        init._rover(4, dict.fromkeys(range(4), (0.0, 6.2)), Console(file=io.StringIO()))
+        init._rover(4, dict.fromkeys(range(4), (0.0, 6.2)), Terminal(file=io.StringIO()))
 
 
 @pytest.mark.parametrize(
@@ -447,7 +446,7 @@ def test_canopen_drives_are_proposed_and_put_in_order(answers: list[str]) -> Non
     frames = tuple(CanFrame(0x700 + node, b"\x05") for node in (1, 2))
     found = probing.Found(settings=bus, what="", kinds=frozenset({"can"}), rate_hz=1.0, frames=frames)
     answers += ["yes", "2000", "30", "4000"]
-    console = Console(file=io.StringIO())
+    console = Terminal(file=io.StringIO())
     drive = init._drive_of(found, None, Path("rover.toml"), {}, console, force=False)
     assert isinstance(drive, CanopenWheelsSettings)
     assert [wheel.node for wheel in drive.wheel] == [1, 2]
