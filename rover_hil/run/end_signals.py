@@ -91,22 +91,21 @@ def take_signals() -> None:
 
 @contextmanager
 def held_signals() -> Iterator[EndRequest]:
-    """Only set the flag at a signal, and give it; one that is not answered within the block acts at its end.
+    """Only set the flag at a signal, and give it.
 
-    Raises:
-        KeyboardInterrupt: Ctrl-C came before, and its exception was swallowed.
-        Terminated: The same with another signal.
+    A signal that is not answered within the block acts at its end; so does one that came before, and whose
+    exception was swallowed.
     """
-    END_REQUEST.obey()
     previous = {number: signal.signal(number, END_REQUEST.note) for number in end_signals()}
     is_ended_well = False
     try:
         yield END_REQUEST
         is_ended_well = True
     finally:
-        number = END_REQUEST.number
-        END_REQUEST.answer()
         for each, handler in previous.items():
             signal.signal(each, handler)
+        # After the handlers, so that a signal in between is not forgotten.
+        number = END_REQUEST.number
+        END_REQUEST.answer()
         if is_ended_well and number is not None:
             signal.raise_signal(number)

@@ -14,8 +14,9 @@ import pytest
 from rover_hil.app import run
 from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
+from rover_hil.recording.schema import end_record
 from rover_hil.run import end_signals
-from rover_hil.run.composition import Rig
+from rover_hil.run.composition import Rig, build_virtual_rig
 from rover_hil.run.end_signals import EndRequest, Terminated, held_signals, take_signals
 from rover_hil.run.executive import RunResult
 
@@ -87,12 +88,11 @@ def test_after_a_signal_that_was_swallowed_nothing_is_driven(
 def test_a_signal_before_the_drive_opens_keeps_it_closed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, kind: type[BaseException]
 ) -> None:
-    build_now = run.build_virtual_rig
 
     def build(*arguments: Any) -> object:
         with suppress(BaseException):
             send(number)
-        return build_now(*arguments)
+        return build_virtual_rig(*arguments)
 
     monkeypatch.setattr(run, "build_virtual_rig", build)
     monkeypatch.setattr(Rig, "connect", lambda *arguments: pytest.fail("opened"))
@@ -120,13 +120,12 @@ def test_a_signal_while_the_drive_opens_ends_the_run_in_its_first_cycle(
 def test_a_signal_after_the_last_cycle_is_not_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, kind: type[BaseException]
 ) -> None:
-    record_now = run.end_record
     ends: list[str] = []
 
     def record(result: RunResult) -> Any:
         send(number)
         ends.append(str(result.end))
-        return record_now(result)
+        return end_record(result)
 
     monkeypatch.setattr(run, "end_record", record)
     with pytest.raises(kind):
