@@ -81,7 +81,8 @@ def test_skipped_cycles_are_no_missing_ones(real: RealLog, tmp_path: Path) -> No
     ("changes", "fields"),
     [
         ({"end": "mission finished"}, ["end.end", "end.reason"]),
-        ({"end": "emergency stop", "reason": "bumper"}, ["end.end", "end.reason"]),
+        ({"end": "emergency stop", "reason": "bumper", "mode": "emergency_stop"}, ["end.mode"]),
+        ({"end": "emergency stop", "reason": "stopped on the page"}, []),
         ({"mode": "finished"}, ["end.mode"]),
         ({"reason": "time over in mode 'stopped'"}, ["end.reason"]),
         ({"skipped": 3}, ["end.skipped"]),
