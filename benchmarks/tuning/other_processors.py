@@ -11,14 +11,14 @@ import os
 import subprocess
 import sys
 
+from benchmarks.program.kernels import VARIABLE, runnable_kernels
 from rover_hil.config import load_config
 from rover_hil.tune.scenarios import with_scenario
 from rover_hil.tune.simulated_mission import drive
 
 VARIANTS: dict[str, dict[str, str]] = {
     "this processor": {},
-    "OpenBLAS for Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
-    "OpenBLAS for Sandy Bridge": {"OPENBLAS_CORETYPE": "Sandybridge"},
+    **{f"OpenBLAS for {kernel}": {VARIABLE: kernel} for kernel in runnable_kernels()},
     "numpy without AVX and FMA": {"NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX2 FMA3"},
     "C library without AVX and FMA": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F"},
 }

@@ -234,9 +234,6 @@ class Executive:
         return result.end is not None
 
 
-BY_CONTROLLER = (End.FINISHED, End.EMERGENCY_STOP)
-
-
 def end_by_controller(output: StepOutput) -> tuple[End, str] | None:
     """Return how and why a cycle ends the run; None where it goes on."""
     if output.mode is Mode.FINISHED:

@@ -33,7 +33,7 @@ from rover_hil.recording.schema import (
 )
 from rover_hil.recording.text import Texts
 from rover_hil.run.composition import build_replay_rig
-from rover_hil.run.executive import BY_CONTROLLER, End, end_by_controller, end_by_time
+from rover_hil.run.executive import End, end_by_controller, end_by_time
 from rover_hil.run.recorded_cycles import DRIVEN, RecordedCycles
 from rover_hil.run.replay_link import ReplayLink
 
@@ -281,14 +281,16 @@ class _Comparer(_Replayer):
     def _end_again(self, recorded: EndRecord, last: StepOutput) -> dict[str, object]:
         """Return the record of the end as the replayed cycles give it.
 
-        What came from outside is taken from the log: a stop by the user, a signal, a device that failed, how
-        often the watchdog stopped the drive.
+        What came from outside is taken from the log: a stop by the user, an emergency stop on the page, a
+        signal, a device that failed, how often the watchdog stopped the drive.
         """
         ended = end_by_controller(last)
         if ended is None and recorded["end"] == End.TIME_OVER:
             ended = end_by_time(last)
-        end, reason = (recorded["end"], recorded["reason"]) if ended is None else (ended[0].value, ended[1])
-        if ended is None and end in BY_CONTROLLER:
+        end, reason = recorded["end"], recorded["reason"]
+        if ended is not None:
+            end, reason = ended[0].value, ended[1]
+        elif end == End.FINISHED:
             end, reason = None, ""
         return {
             **recorded,

@@ -1,11 +1,14 @@
 """What a replay says beside the cycles: what made the log, missing cycles, and how the run ended."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from benchmarks.program.kernels import environment, runnable_kernels
 from drivers.errors import LogError
 from rover_hil.recording.made_with import BLAS_KERNEL, FACTS, PROGRAM, made_with
 from rover_hil.recording.reader import LogMessage, LogReader
@@ -78,7 +81,8 @@ def test_skipped_cycles_are_no_missing_ones(real: RealLog, tmp_path: Path) -> No
     ("changes", "fields"),
     [
         ({"end": "mission finished"}, ["end.end", "end.reason"]),
-        ({"end": "emergency stop", "reason": "bumper"}, ["end.end", "end.reason"]),
+        ({"end": "emergency stop", "reason": "bumper", "mode": "emergency_stop"}, ["end.mode"]),
+        ({"end": "emergency stop", "reason": "stopped on the page"}, []),
         ({"mode": "finished"}, ["end.mode"]),
         ({"reason": "time over in mode 'stopped'"}, ["end.reason"]),
         ({"skipped": 3}, ["end.skipped"]),
@@ -153,6 +157,27 @@ def test_another_version_is_said_first_and_another_kernel_before_a_difference(
     found = json.loads(command.out)
     assert found["made_with"][BLAS_KERNEL] == "Katmai"
     assert found["replayed_with"] == dict(made_with())
+
+
+@pytest.mark.slow
+def test_a_replay_with_another_kernel_names_both_before_it_says_different(
+    real: RealLog, tmp_path: Path
+) -> None:
+    path = made_elsewhere(real, tmp_path / "run.mcap")
+    kernel = next((name for name in runnable_kernels() if name != made_with()[BLAS_KERNEL]), None)
+    if kernel is None:
+        pytest.skip("this processor runs one kernel of OpenBLAS only")
+    done = subprocess.run(
+        [sys.executable, "-c", "from rover_hil.app.program import main; main()", "replay", str(path)],
+        env=environment(kernel),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode in (0, 1), done.stderr
+    first, last = done.stdout.splitlines()[0], done.stdout.splitlines()[-1]
+    assert first == f"made with BLAS kernel {made_with()[BLAS_KERNEL]}, replayed with {kernel}"
+    assert "50 cycles" in last
 
 
 def test_an_old_log_is_said_to_name_no_version(command: Command) -> None:
