@@ -1,7 +1,5 @@
 """Compares the speed that a drive reports with the change of the position that it reports."""
 
-import math
-
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.position_counter import LONGEST_BUNCHING_NS
@@ -35,13 +33,16 @@ class SpeedCheck:
         self._begin: tuple[int, float] | None = None
         self._newest_ns: int | None = None
         self._quiet_until_ns = 0
-        self._speeds = (math.inf, -math.inf)
+        self._least = self._greatest = 0.0
         self._last_speed: float | None = None
 
     def note_speed(self, speed_rad_s: float) -> None:
         """Take a reported speed."""
         self._last_speed = speed_rad_s
-        self._speeds = min(self._speeds[0], speed_rad_s), max(self._speeds[1], speed_rad_s)
+        if speed_rad_s < self._least:
+            self._least = speed_rad_s
+        elif speed_rad_s > self._greatest:
+            self._greatest = speed_rad_s
 
     def contradicts(self, t_ns: int, position_rad: float) -> bool:
         """Take a position; return whether it contradicts the speeds, which is judged once in a window."""
@@ -49,29 +50,25 @@ class SpeedCheck:
         if last_ns is None or t_ns - last_ns > LONGEST_BUNCHING_NS:
             # What waited for so long comes in one bunch: its times mean nothing.
             self._begin, self._quiet_until_ns = None, t_ns + (0 if last_ns is None else LONGEST_BUNCHING_NS)
-        if t_ns < self._quiet_until_ns or self._last_speed is None:
-            return False
-        if self._begin is None:
-            self._begin_at(t_ns, position_rad)
-            return False
-        begin_ns, begin_rad = self._begin
-        if t_ns - begin_ns < _WINDOW_NS:
-            return False
-        is_wrong = not self._can_cause(t_ns - begin_ns, position_rad - begin_rad)
-        self._begin_at(t_ns, position_rad)
+        if self._begin is not None:
+            elapsed_ns = t_ns - self._begin[0]
+            if elapsed_ns < _WINDOW_NS:
+                return False
+            is_wrong = not self._can_cause(elapsed_ns, position_rad - self._begin[1])
+            self._begin = None
+        else:
+            is_wrong = False
+        if self._last_speed is not None and t_ns >= self._quiet_until_ns:
+            self._begin = (t_ns, position_rad)
+            self._least = self._greatest = self._last_speed
         return is_wrong
-
-    def _begin_at(self, t_ns: int, position_rad: float) -> None:
-        self._begin = (t_ns, position_rad)
-        if self._last_speed is not None:
-            self._speeds = (self._last_speed, self._last_speed)
 
     def _can_cause(self, elapsed_ns: int, change_rad: float) -> bool:
         times_s = [
             (elapsed_ns + error_ns) / NANOSECONDS_PER_SECOND
             for error_ns in (-LONGEST_BUNCHING_NS, LONGEST_BUNCHING_NS)
         ]
-        least, greatest = self._speeds[0] - self._margin_rad_s, self._speeds[1] + self._margin_rad_s
+        least, greatest = self._least - self._margin_rad_s, self._greatest + self._margin_rad_s
         low = min(least * time_s for time_s in times_s) - self._margin_rad
         high = max(greatest * time_s for time_s in times_s) + self._margin_rad
         return low <= change_rad <= high

@@ -51,6 +51,10 @@ class SignCheck:
         return False
 
 
+def _sign_check(scale: Scale) -> SignCheck | None:
+    return None if scale.unsigned_span is None else SignCheck(scale.unsigned_span)
+
+
 class WheelMotion:
     """What is remembered of a wheel from message to message, whatever message brings it.
 
@@ -96,12 +100,11 @@ class WheelPart:
         self._current_is_signed = mapping.current_is_signed
         self._position = scales.get("position")
         self._turns = None if self._position is None else bus.turn_scale(mapping)
-        self._measured = {key: scale for key, scale in scales.items() if key != "position"}
-        self._signs = {
-            key: SignCheck(scale.unsigned_span)
+        self._measured = [
+            (key, scale, _sign_check(scale) if key in ("speed", "current") else None)
             for key, scale in scales.items()
-            if key in ("speed", "current") and scale.unsigned_span is not None
-        }
+            if key != "position"
+        ]
         self._motion = motion
         turns = () if self._turns is None else (self._turns.signal,)
         self.signals = (*(scale.signal for scale in scales.values()), *turns)
@@ -109,8 +112,9 @@ class WheelPart:
     def reset(self) -> None:
         """Forget turns and signs."""
         self._motion.reset()
-        for sign in self._signs.values():
-            sign.reset()
+        for _, _, sign in self._measured:
+            if sign is not None:
+                sign.reset()
 
     def read(self, t_ns: int, values: Mapping[str, float]) -> Results:
         """Yield the sample of the wheel, and what is wrong with it.
@@ -118,9 +122,9 @@ class WheelPart:
         A quantity that cannot be true is left out; without its position, the whole sample is.
         """
         found: dict[str, float] = {}
-        for key, scale in self._measured.items():
+        for key, scale, sign in self._measured:
             raw = values[scale.signal]
-            if key in self._signs and self._signs[key].is_negative(raw):
+            if sign is not None and sign.is_negative(raw):
                 yield NEGATIVE_AS_UNSIGNED
             else:
                 found[key] = scale.to_si(raw)
@@ -171,9 +175,7 @@ class PowerPart:
         self._device = device
         self._voltage = voltage
         self._current = current
-        self._sign = (
-            None if current is None or current.unsigned_span is None else SignCheck(current.unsigned_span)
-        )
+        self._sign = None if current is None else _sign_check(current)
         self.signals = tuple(scale.signal for scale in (voltage, current) if scale is not None)
 
     def reset(self) -> None:
