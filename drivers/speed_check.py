@@ -7,6 +7,7 @@ from drivers.position_counter import LONGEST_BUNCHING_NS
 SPEED_CONTRADICTS_POSITION = Rejection("speed_contradicts_position")
 
 _WINDOW_NS = 2 * LONGEST_BUNCHING_NS
+_LEAST_POSITIONS = 3
 _ALLOWANCE_RAD = 0.1
 """What the position may be off by whatever its resolution; 0.5 rad/s over the window."""
 
@@ -16,7 +17,7 @@ class SpeedCheck:
 
     The mean speed over a time lies between the least and the greatest speed in it. The time itself is known
     but for the bunching of messages: speeds that are 1.5 times too small or twice too large contradict, over
-    windows of 0.2 s. Positions that come less often than at 10 Hz are not compared.
+    windows of 0.2 s or, of slow messages, three positions. After a pause nothing is compared for 0.1 s.
 
     Args:
         resolution_rad: Step of the position at the wheel; 0 where it is negligible.
@@ -31,7 +32,9 @@ class SpeedCheck:
     def reset(self) -> None:
         """Begin anew, after a break or a jump of the position."""
         self._begin: tuple[int, float] | None = None
+        self._count = 0
         self._newest_ns: int | None = None
+        self._interval_ns = 0
         self._quiet_until_ns = 0
         self._least = self._greatest = 0.0
         self._last_speed: float | None = None
@@ -46,22 +49,28 @@ class SpeedCheck:
 
     def contradicts(self, t_ns: int, position_rad: float) -> bool:
         """Take a position; return whether it contradicts the speeds, which is judged once in a window."""
-        last_ns, self._newest_ns = self._newest_ns, t_ns
-        if last_ns is None or t_ns - last_ns > LONGEST_BUNCHING_NS:
-            # What waited for so long comes in one bunch: its times mean nothing.
-            self._begin, self._quiet_until_ns = None, t_ns + (0 if last_ns is None else LONGEST_BUNCHING_NS)
+        if self._is_after_pause(t_ns):
+            # What waited comes in one bunch: its times mean nothing.
+            self._begin, self._quiet_until_ns = None, t_ns + LONGEST_BUNCHING_NS
+        is_wrong = False
         if self._begin is not None:
+            self._count += 1
             elapsed_ns = t_ns - self._begin[0]
-            if elapsed_ns < _WINDOW_NS:
+            if elapsed_ns < _WINDOW_NS or self._count < _LEAST_POSITIONS:
                 return False
             is_wrong = not self._can_cause(elapsed_ns, position_rad - self._begin[1])
             self._begin = None
-        else:
-            is_wrong = False
         if self._last_speed is not None and t_ns >= self._quiet_until_ns:
-            self._begin = (t_ns, position_rad)
+            self._begin, self._count = (t_ns, position_rad), 1
             self._least = self._greatest = self._last_speed
         return is_wrong
+
+    def _is_after_pause(self, t_ns: int) -> bool:
+        last_ns, self._newest_ns = self._newest_ns, t_ns
+        if last_ns is None:
+            return False
+        usual_ns, self._interval_ns = self._interval_ns, t_ns - last_ns
+        return self._interval_ns > max(LONGEST_BUNCHING_NS, 2 * usual_ns)
 
     def _can_cause(self, elapsed_ns: int, change_rad: float) -> bool:
         times_s = [

@@ -392,6 +392,32 @@ def test_without_the_count_steps_that_may_hide_turns_are_told(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
+    "turns", [[0.0, 1.0], [0.0, 2.0], [0.1, 1.05, 2.0, 2.95], [0.4, -0.6], [0.9, 2.95, 5.0]]
+)
+def test_turns_that_an_angle_alone_does_not_show_are_told(tmp_path: Path, turns: list[float]) -> None:
+    codec = make(tmp_path, ANGLE, WITH_TURNS.replace('turns = "Turns"', ""), ONE)
+    assert ["position_ambiguous"] in [rejected for _, rejected in angles(codec, turns)]
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_count_of_turns_that_agrees_with_the_angle_is_not_told(tmp_path: Path, late: int) -> None:
+    codec = make(tmp_path, ANGLE, WITH_TURNS.replace('turns = "Turns"', ""), ONE)
+    turns = [index / 16 for index in range(80)] + [5.0 - index / 16 for index in range(160)]
+    for index, turn in enumerate(turns):
+        counted = math.floor(turns[max(0, index - late)])
+        data = struct.pack("<Hb5x", round(turn % 1 * 65536) % 65536, counted)
+        assert reasons(decode(codec, frame(0x100, data), index * 10_000_000)) == []
+
+
+def test_a_signal_with_such_a_name_that_never_changes_counts_nothing(tmp_path: Path) -> None:
+    dbc = ANGLE.replace("Turns : 16|8@1- (1,0) [0|0]", "Turns : 16|8@1- (1,0) [3|4]")
+    codec = make(tmp_path, dbc, WITH_TURNS.replace('turns = "Turns"', ""), ONE)
+    for index in range(100):
+        data = struct.pack("<H6x", 3000 * index % 65536)
+        assert reasons(decode(codec, frame(0x100, data), index * 10_000_000)) == []
+
+
+@pytest.mark.parametrize(
     ("dbc", "every_wheel", "told"),
     [
         (ANGLE, WITH_TURNS.replace('"Turns"', '"Turn"'), "did you mean 'Turns'"),
@@ -484,6 +510,13 @@ def test_a_speed_that_cannot_have_turned_the_wheel_is_told(tmp_path: Path, facto
     found = drive(make(tmp_path, WHEELS, TICKS + SPEED), [8.0] * 60, factor)
     assert set(found) == {"speed_contradicts_position"}
     assert len(found) == 2
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.05, 0.1, 0.25])
+def test_a_speed_of_zero_is_told_at_any_rate(tmp_path: Path, period_s: float) -> None:
+    speeds = [8.0] * int(2.0 / period_s)
+    told = drive(make(tmp_path, WHEELS, TICKS + SPEED), speeds, 0.0, period_s)
+    assert set(told) == {"speed_contradicts_position"}
 
 
 @pytest.mark.parametrize("period_s", [0.005, 0.01, 0.05, 0.1])
