@@ -60,40 +60,54 @@ class PositionCounter:
         """Return the position in counts, or None for a jump."""
         before = self._accepted
         if before is None:
-            before, self._extent = (t_ns, raw), (raw, raw)
-        elif not self._can_follow(before, self._extent, t_ns, raw):
-            suspect, self._suspect = self._suspect, (t_ns, raw)
-            if suspect is None or not self._can_follow(suspect, (suspect[1], suspect[1]), t_ns, raw):
-                return None
-            self._shift, self._spans = self._position(before[1]) - suspect[1], 0
-            before, self._extent = suspect, (suspect[1], suspect[1])
+            self._extent = (raw, raw)
+            return self._accept(t_ns, raw, raw, 0.0, None)
         step = self._step(before[1], raw)
-        if self._span is not None:
-            self._spans += round((step - (raw - before[1])) / self._span)
-            self.is_ambiguous = 4 * abs(step) > self._span
-        self._last_step = None if self._accepted is None else abs(step)
-        self._extent = min(self._extent[0], raw), max(self._extent[1], raw)
+        if self._can_follow(before, self._extent, t_ns, raw, step):
+            return self._accept(t_ns, raw, before[1], step, abs(step))
+        suspect, self._suspect = self._suspect, (t_ns, raw)
+        if suspect is None:
+            return None
+        step = self._step(suspect[1], raw)
+        if not self._can_follow(suspect, (suspect[1], suspect[1]), t_ns, raw, step):
+            return None
+        self._shift, self._spans = self._position(before[1]) - suspect[1], 0
+        self._extent = (suspect[1], suspect[1])
+        return self._accept(t_ns, raw, suspect[1], step, abs(step))
+
+    def _accept(self, t_ns: int, raw: float, before: float, step: float, last_step: float | None) -> float:
+        span = self._span
+        if span is not None:
+            if step != raw - before:
+                self._spans += round((step - raw + before) / span)
+            self.is_ambiguous = 4 * abs(step) > span
+        low, high = self._extent
+        if not low <= raw <= high:
+            self._extent = min(low, raw), max(high, raw)
+        self._last_step = last_step
         self._accepted, self._suspect = (t_ns, raw), None
         return self._position(raw)
 
     def _position(self, raw: float) -> float:
         return raw + self._shift + (0 if self._span is None else self._spans * self._span)
 
-    def _can_follow(self, before: _Reading, extent: tuple[float, float], t_ns: int, raw: float) -> bool:
+    def _can_follow(
+        self, before: _Reading, extent: tuple[float, float], t_ns: int, raw: float, step: float
+    ) -> bool:
         elapsed_ns = max(t_ns - before[0], LONGEST_BUNCHING_NS)
-        step = abs(self._step(before[1], raw))
-        if step > self._largest_rate_per_s * elapsed_ns / NANOSECONDS_PER_SECOND:
+        if abs(step) > self._largest_rate_per_s * elapsed_ns / NANOSECONDS_PER_SECOND:
             return False
         apart = max(extent[1], raw) - min(extent[0], raw)
         if self._span is not None and apart > _TOLERANCE * self._span:
             return False
-        return not self._is_end_of_revolution(t_ns - before[0], step, apart)
+        return self._revolution is None or not self._ends(
+            self._revolution, t_ns - before[0], abs(step), apart
+        )
 
-    def _is_end_of_revolution(self, elapsed_ns: int, step: float, apart: float) -> bool:
+    def _ends(self, revolution: float, elapsed_ns: int, step: float, apart: float) -> bool:
+        """Return whether a step is the end of the register at a revolution."""
         return (
-            self._revolution is not None
-            and self._revolution / 2 < step
-            and apart < self._revolution
+            2 * step > revolution > apart
             and elapsed_ns <= LONGEST_BUNCHING_NS
             and self._last_step is not None
             and step > _SUDDEN * self._last_step

@@ -43,7 +43,8 @@ class CanWheelsCodec:
     accompanies the samples of the message that showed the gap; "not_finite"; "out_of_range";
     "implausible_jump", see `PositionCounter`; "negative_as_unsigned", see `SignCheck`, whose value is missing
     in the sample; "speed_contradicts_position", see `SpeedCheck`, and "position_ambiguous", a step of more
-    than a quarter of the position's range, which accompany samples; "bus_lost_arbitration" and "bus_warning",
+    than a quarter of the position's range or one that contradicts a count of turns beside it, which accompany
+    samples; "bus_lost_arbitration" and "bus_warning",
     reports of the CAN controller that are not faults.
 
     Args:
@@ -61,7 +62,8 @@ class CanWheelsCodec:
         for name, parts in self._parts_by_message(device).items():
             message = bus.message(name)
             signals = {signal for part in parts for signal in part.signals}
-            reader = MessageReader(message, sorted(signals), bus.protection(name))
+            watched = {signal for part in parts if isinstance(part, WheelPart) for signal in part.watched}
+            reader = MessageReader(message, sorted(signals), bus.protection(name), watched - signals)
             self._inboxes[bus_id(message)] = (reader, tuple(parts))
         self._writers: dict[str, MessageWriter] = {}
         self._outboxes = self._make_outboxes()

@@ -8,6 +8,7 @@ import cantools
 from cantools.database.can import Database, Message, Signal
 from pydantic import ValidationError
 
+from drivers.can_wheels.layout import bits_of, choices_of
 from drivers.can_wheels.mapping import (
     CanWheelsMapping,
     MeasuredSignal,
@@ -29,6 +30,9 @@ MOST_BITS = 512
 MOST_SIGNAL_BITS = 64
 _BITS = re.compile(r"(\d+)\s*\|\s*(\d+)\s*@")
 """First bit and number of bits of a signal."""
+_TURNS = re.compile(
+    r"(turn|revolution|rotation|wrap|lap)(s|_?(count|counter|cnt|num|number|no))?$", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +116,27 @@ class BusDescription:
         revolution = source.units_per_revolution / abs(self._signal(source).scale)
         span = self.position_span(wheel)
         return revolution if span is None or revolution < span else None
+
+    def unnamed_turns(self, wheel: WheelMapping) -> str | None:
+        """Return the signal beside a wheel's position that by its name counts turns, though not `turns`."""
+        source = wheel.position
+        if source is None or source.turns is not None or self.position_span(wheel) is None:
+            return None
+        message = self.message(source.message)
+        choices = choices_of(message, source.signal)
+        names = [signal.name for signal in message.signals]
+        found = [
+            signal.name
+            for signal in message.signals
+            if _TURNS.search(signal.name)
+            and not signal.is_float
+            and signal.name != source.signal
+            and names.count(signal.name) == 1
+            and choices_of(message, signal.name) == choices
+            and max(bits_of(signal)) < 8 * message.length
+            and not bits_of(signal) & bits_of(self._signal(source))
+        ]
+        return found[0] if len(found) == 1 else None
 
     def value_names(self, name: SignalName) -> dict[int, str]:
         """Return the names that the DBC file gives to values of a signal."""

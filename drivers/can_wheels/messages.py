@@ -108,11 +108,18 @@ class MessageReader(_Protected):
         message: The message.
         signals: Names of the signals in use; they must be finite and within the limits of the DBC file.
         protection: Its counter and checksum.
+        watched: Further signals to read, whatever their values.
     """
 
-    def __init__(self, message: Message, signals: Iterable[str], protection: Protection | None) -> None:
+    def __init__(
+        self,
+        message: Message,
+        signals: Iterable[str],
+        protection: Protection | None,
+        watched: Iterable[str] = (),
+    ) -> None:
         signals = list(signals)
-        super().__init__(message, signals, protection)
+        super().__init__(message, [*signals, *watched], protection)
         self._limits = tuple((name, *raw_limits(message.get_signal_by_name(name))) for name in signals)
         self._length = message.length
         self._last_counter: int | None = None

@@ -1,10 +1,11 @@
 """What the signals of one message mean: a wheel, the supply, an error word, the state of a drive."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 from drivers.can_faults import FaultBoard, fault_text
-from drivers.can_wheels.mapping import SignalName, StateSource
+from drivers.can_wheels.mapping import SignalName, StateSource, WheelMapping
 from drivers.can_wheels.mapping_file import BusDescription
 from drivers.can_wheels.signals import Scale
 from drivers.driver import Rejection
@@ -51,6 +52,50 @@ class SignCheck:
         return False
 
 
+def _sign_check(scale: Scale) -> SignCheck | None:
+    return None if scale.unsigned_span is None else SignCheck(scale.unsigned_span)
+
+
+class TurnCheck:
+    """Compares the turns of a position that wraps with a signal beside it that by its name counts turns.
+
+    The two may differ by one turn near the end of the range: a drive need not read both at one instant. A
+    signal that never changes counts nothing.
+
+    Args:
+        signal: The signal.
+        bits: Its size.
+        span: Raw steps after which the position wraps.
+    """
+
+    def __init__(self, signal: str, bits: int, span: float) -> None:
+        self.signal = signal
+        self._values = 2**bits
+        self._span = span
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the turns."""
+        self._before: tuple[float, float] | None = None
+        self._apart = 0
+        self._is_counting = False
+
+    def has_lost_turns(self, counted: float, counts: float) -> bool:
+        """Take the counted turns and the position; return whether turns of the position are missing."""
+        before, self._before = self._before, (counted, counts)
+        if before is None:
+            return False
+        moved = round((counted - before[0] + self._values // 2) % self._values) - self._values // 2
+        turned = math.floor(counts / self._span) - math.floor(before[1] / self._span)
+        self._apart = moved - turned + (self._apart if moved or self._is_counting else 0)
+        self._is_counting |= moved != 0
+        if not self._is_counting:
+            return False
+        is_inside = 0.25 < counts / self._span % 1.0 < 0.75
+        is_certain = moved != 0 and (is_inside or counts == before[1])
+        return abs(self._apart) > 1 or (self._apart != 0 and is_certain)
+
+
 class WheelMotion:
     """What is remembered of a wheel from message to message, whatever message brings it.
 
@@ -75,9 +120,14 @@ class WheelMotion:
 
     def reset(self) -> None:
         """Forget all."""
-        for part in (self.counter, self.check):
-            if part is not None:
-                part.reset()
+        if self.counter is not None:
+            self.counter.reset()
+        self.forget_turns()
+
+    def forget_turns(self) -> None:
+        """Begin the comparison with the speed anew, after a jump of the position."""
+        if self.check is not None:
+            self.check.reset()
 
 
 def _step(scale: Scale) -> float:
@@ -96,12 +146,13 @@ class WheelPart:
         self._current_is_signed = mapping.current_is_signed
         self._position = scales.get("position")
         self._turns = None if self._position is None else bus.turn_scale(mapping)
-        self._measured = {key: scale for key, scale in scales.items() if key != "position"}
-        self._signs = {
-            key: SignCheck(scale.unsigned_span)
+        self._turn_check = None if self._position is None else _turn_check(bus, mapping)
+        self.watched = () if self._turn_check is None else (self._turn_check.signal,)
+        self._measured = [
+            (key, scale, _sign_check(scale) if key in ("speed", "current") else None)
             for key, scale in scales.items()
-            if key in ("speed", "current") and scale.unsigned_span is not None
-        }
+            if key != "position"
+        ]
         self._motion = motion
         turns = () if self._turns is None else (self._turns.signal,)
         self.signals = (*(scale.signal for scale in scales.values()), *turns)
@@ -109,8 +160,11 @@ class WheelPart:
     def reset(self) -> None:
         """Forget turns and signs."""
         self._motion.reset()
-        for sign in self._signs.values():
-            sign.reset()
+        if self._turn_check is not None:
+            self._turn_check.reset()
+        for _, _, sign in self._measured:
+            if sign is not None:
+                sign.reset()
 
     def read(self, t_ns: int, values: Mapping[str, float]) -> Results:
         """Yield the sample of the wheel, and what is wrong with it.
@@ -118,9 +172,9 @@ class WheelPart:
         A quantity that cannot be true is left out; without its position, the whole sample is.
         """
         found: dict[str, float] = {}
-        for key, scale in self._measured.items():
+        for key, scale, sign in self._measured:
             raw = values[scale.signal]
-            if key in self._signs and self._signs[key].is_negative(raw):
+            if sign is not None and sign.is_negative(raw):
                 yield NEGATIVE_AS_UNSIGNED
             else:
                 found[key] = scale.to_si(raw)
@@ -129,12 +183,13 @@ class WheelPart:
             check.note_speed(found["speed"])
         position_rad = None
         if self._position is not None:
-            position_rad = self._read_position(t_ns, values, self._position)
-            if position_rad is None:
+            counts = self._count(t_ns, values, self._position)
+            if counts is None:
                 yield IMPLAUSIBLE_JUMP
                 return
-            if self._motion.counter is not None and self._motion.counter.is_ambiguous:
+            if self._may_lack_turns(values, counts):
                 yield POSITION_AMBIGUOUS
+            position_rad = self._position.to_si(counts)
             if check is not None and check.contradicts(t_ns, position_rad):
                 yield SPEED_CONTRADICTS_POSITION
         elif not found:
@@ -151,17 +206,30 @@ class WheelPart:
             steering_rad=found.get("steering"),
         )
 
-    def _read_position(self, t_ns: int, values: Mapping[str, float], scale: Scale) -> float | None:
+    def _count(self, t_ns: int, values: Mapping[str, float], scale: Scale) -> float | None:
+        """Return the position in raw steps without wraps; None for a jump."""
         counter = self._motion.counter
         raw = values[scale.signal]
         if self._turns is not None:
             raw += self._turns.to_si(values[self._turns.signal])
         counts = raw if counter is None else counter.count(t_ns, raw)
-        if counts is not None:
-            return scale.to_si(counts)
-        if self._motion.check is not None:
-            self._motion.check.reset()
+        if counts is None:
+            self._motion.forget_turns()
+            if self._turn_check is not None:
+                self._turn_check.reset()
+        return counts
+
+    def _may_lack_turns(self, values: Mapping[str, float], counts: float) -> bool:
+        counter, check = self._motion.counter, self._turn_check
+        has_lost = check is not None and check.has_lost_turns(values[check.signal], counts)
+        return has_lost or (counter is not None and counter.is_ambiguous)
+
+
+def _turn_check(bus: BusDescription, wheel: WheelMapping) -> TurnCheck | None:
+    name, source, span = bus.unnamed_turns(wheel), wheel.position, bus.position_span(wheel)
+    if name is None or source is None or span is None:
         return None
+    return TurnCheck(name, bus.message(source.message).get_signal_by_name(name).length, span)
 
 
 class PowerPart:
@@ -171,9 +239,7 @@ class PowerPart:
         self._device = device
         self._voltage = voltage
         self._current = current
-        self._sign = (
-            None if current is None or current.unsigned_span is None else SignCheck(current.unsigned_span)
-        )
+        self._sign = None if current is None else _sign_check(current)
         self.signals = tuple(scale.signal for scale in (voltage, current) if scale is not None)
 
     def reset(self) -> None:

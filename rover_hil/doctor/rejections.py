@@ -67,7 +67,7 @@ _COMPASS_OUTPUT = (
 _ADVICE = {
     "other_sentence": Advice(
         Level.OK,
-        "the device sends sentences, but none with heading, rate or attitude",
+        "the device sends sentences, but none with heading, rate or attitude in a form that is read",
         _COMPASS_OUTPUT,
     ),
     "other_type": Advice(
@@ -138,8 +138,8 @@ _ADVICE = {
     ),
     "position_ambiguous": Advice(
         Level.PROBLEM,
-        "a wheel moves by more than a quarter of the range of its position between two messages, so whole "
-        "turns may be lost",
+        "a wheel moves by more than a quarter of the range of its position between two messages, or its drive "
+        "counts other turns: whole turns may be lost",
         "send the messages more often; if the drive counts turns, name that signal as `turns` of position in "
         "the mapping of [devices.{device}]",
     ),
@@ -302,7 +302,7 @@ _ADVICE_OF_TYPE = {
     "vectornav": {
         "other_message": Advice(
             Level.OK,
-            "the device sends messages, but none with rates, angles or accelerations",
+            "the device sends messages, but none with rates, angles or accelerations in a form that is read",
             _VECTORNAV_OUTPUT,
         ),
         "not_tracking": Advice(

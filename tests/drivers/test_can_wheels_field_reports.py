@@ -79,7 +79,8 @@ OTHER = 'BO_ 400 X: 8 A\n SG_ A : {0} (1,0) [0|0] "" A\n SG_ {1} : {2} (1,0) [0|
 def test_mistakes_in_messages_of_others_change_nothing(tmp_path: Path, other: str) -> None:
     codec = make(tmp_path, WHEELS + other, TICKS)
     (sample,) = wheel_samples(decode(codec, frame(0x101, struct.pack("<iI", 4096, 0))))
-    assert (sample.wheel, sample.position_rad) == (1, pytest.approx(TURN))
+    assert sample.wheel == 1
+    assert sample.position_rad == pytest.approx(TURN)
 
 
 @pytest.mark.parametrize("unused", ["Speed : 32|16@1-", "Flag : 50|1@1+", "Code : 48|8@1+"])
@@ -340,7 +341,8 @@ current = { message = "W0", signal = "Current", unit = "A" }
     told = unsigned(codec, 0, 2400, -1)
     assert reasons(told) == ["negative_as_unsigned"]
     (supply,) = [each for each in told if isinstance(each, PowerSample)]
-    assert (supply.voltage_v, supply.current_a) == (pytest.approx(24.0), None)
+    assert supply.voltage_v == pytest.approx(24.0)
+    assert supply.current_a is None
 
 
 # Registers of positions
@@ -374,7 +376,9 @@ def angles(
 def test_a_count_of_turns_beside_an_angle_is_read(tmp_path: Path) -> None:
     codec = make(tmp_path, ANGLE, WITH_TURNS, ONE)
     turns = [0.0, 0.8, 1.6, -2.25, 60.5, 123.75, 128.5, 100.0, 50.0, -10.0, -70.0, -128.75]
-    assert angles(codec, turns, 1.0) == [(pytest.approx(turn, abs=1e-4), []) for turn in turns]
+    told = angles(codec, turns, 1.0)
+    assert [turned for turned, _ in told] == pytest.approx(turns, abs=1e-4)
+    assert not any(rejected for _, rejected in told)
 
 
 def test_without_the_count_steps_that_may_hide_turns_are_told(tmp_path: Path) -> None:
@@ -385,6 +389,32 @@ def test_without_the_count_steps_that_may_hide_turns_are_told(tmp_path: Path) ->
         (pytest.approx(0.3, abs=1e-4), []),
         (pytest.approx(0.6, abs=1e-4), ["position_ambiguous"]),
     ]
+
+
+@pytest.mark.parametrize(
+    "turns", [[0.0, 1.0], [0.0, 2.0], [0.1, 1.05, 2.0, 2.95], [0.4, -0.6], [0.9, 2.95, 5.0]]
+)
+def test_turns_that_an_angle_alone_does_not_show_are_told(tmp_path: Path, turns: list[float]) -> None:
+    codec = make(tmp_path, ANGLE, WITH_TURNS.replace('turns = "Turns"', ""), ONE)
+    assert ["position_ambiguous"] in [rejected for _, rejected in angles(codec, turns)]
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_count_of_turns_that_agrees_with_the_angle_is_not_told(tmp_path: Path, late: int) -> None:
+    codec = make(tmp_path, ANGLE, WITH_TURNS.replace('turns = "Turns"', ""), ONE)
+    turns = [index / 16 for index in range(80)] + [5.0 - index / 16 for index in range(160)]
+    for index, turn in enumerate(turns):
+        counted = math.floor(turns[max(0, index - late)])
+        data = struct.pack("<Hb5x", round(turn % 1 * 65536) % 65536, counted)
+        assert reasons(decode(codec, frame(0x100, data), index * 10_000_000)) == []
+
+
+def test_a_signal_with_such_a_name_that_never_changes_counts_nothing(tmp_path: Path) -> None:
+    dbc = ANGLE.replace("Turns : 16|8@1- (1,0) [0|0]", "Turns : 16|8@1- (1,0) [3|4]")
+    codec = make(tmp_path, dbc, WITH_TURNS.replace('turns = "Turns"', ""), ONE)
+    for index in range(100):
+        data = struct.pack("<H6x", 3000 * index % 65536)
+        assert reasons(decode(codec, frame(0x100, data), index * 10_000_000)) == []
 
 
 @pytest.mark.parametrize(
@@ -417,7 +447,7 @@ def test_a_count_of_turns_that_does_not_fit_is_refused(
 
 
 def steps(codec: CanWheelsCodec, counts: Sequence[int]) -> list[tuple[float | None, list[str]]]:
-    results = []
+    results: list[tuple[float | None, list[str]]] = []
     for index, count in enumerate(counts):
         told = decode(codec, frame(0x100, struct.pack("<Hb5x", count, 0)), index * 10_000_000)
         position_rad = next((each.position_rad for each in wheel_samples(told)), None)
@@ -480,6 +510,13 @@ def test_a_speed_that_cannot_have_turned_the_wheel_is_told(tmp_path: Path, facto
     found = drive(make(tmp_path, WHEELS, TICKS + SPEED), [8.0] * 60, factor)
     assert set(found) == {"speed_contradicts_position"}
     assert len(found) == 2
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.05, 0.1, 0.25])
+def test_a_speed_of_zero_is_told_at_any_rate(tmp_path: Path, period_s: float) -> None:
+    speeds = [8.0] * int(2.0 / period_s)
+    told = drive(make(tmp_path, WHEELS, TICKS + SPEED), speeds, 0.0, period_s)
+    assert set(told) == {"speed_contradicts_position"}
 
 
 @pytest.mark.parametrize("period_s", [0.005, 0.01, 0.05, 0.1])
