@@ -17,8 +17,9 @@ LEAST_SLIP = -0.99
 LOCKED = -1.0
 BISECTIONS = 13
 """From 45 deg down to 0.006 deg."""
-SLOPE_COLUMNS = ("slope_deg", "slip_up", "sinkage_up_m", "slip_down", "sinkage_down_m")
-LIMIT_COLUMNS = ("what", "climbable_deg", "descendable_deg")
+SLOPE_COLUMNS = ("slope_deg", "slip_up", "sinkage_up_m", "slip_down", "sinkage_down_m", "reason")
+LIMIT_COLUMNS = ("what", "climbable_deg", "descendable_deg", "reason")
+NOT_ON_LINE = "no slip ratio from -1 to 1 on the measured line"
 SolveSlope = Callable[[float, bool], SteadyState]
 
 
@@ -31,6 +32,7 @@ class SlopeRow(NamedTuple):
         sinkage_up_m: Greatest of the wheels in the climb.
         slip_down: Slip ratio of the descent, negative in skid.
         sinkage_down_m: Greatest of the wheels in the descent.
+        reason: Why there is no steady state up or down; else empty.
     """
 
     slope_deg: float
@@ -38,6 +40,19 @@ class SlopeRow(NamedTuple):
     sinkage_up_m: float | None
     slip_down: float | None
     sinkage_down_m: float | None
+    reason: str
+
+
+class Limit(NamedTuple):
+    """The steepest slope with a steady state.
+
+    Attributes:
+        slope_deg: None where not even level ground has one.
+        reason: What ends it; empty where it is `STEEPEST_DEG`, or more.
+    """
+
+    slope_deg: float | None
+    reason: str
 
 
 def slope_solver(rover: SlopeRover, soil: SoilSettings, kernel: Kernel) -> SolveSlope:
@@ -62,11 +77,12 @@ def solve_slopes(solve: SolveSlope, slopes_deg: Sequence[float]) -> Iterator[Slo
             number(float(up.sinkage_m.max())),
             number(down.slip),
             number(float(down.sinkage_m.max())),
+            _reasons(up.reason, down.reason),
         )
 
 
-def steepest_deg(solve: SolveSlope, slip_limit: float, *, up: bool) -> float | None:
-    """Return the steepest slope with a steady state within a slip limit, deg; None where not even 0 has one.
+def find_limit(solve: SolveSlope, slip_limit: float, *, up: bool) -> Limit:
+    """Return the steepest slope with a steady state within a slip limit.
 
     Args:
         solve: From `slope_solver`.
@@ -74,19 +90,26 @@ def steepest_deg(solve: SolveSlope, slip_limit: float, *, up: bool) -> float | N
         up: Climb or descent.
     """
 
-    def possible(slope_deg: float) -> bool:
+    def obstacle(slope_deg: float) -> str:
+        """Return why a slope is none; empty where it is one."""
         state = solve(slope_deg, up)
-        return state.equilibrium and (state.slip <= slip_limit if up else state.slip >= slip_limit)
+        if not state.equilibrium:
+            return state.reason
+        is_within = state.slip <= slip_limit if up else state.slip >= slip_limit
+        return "" if is_within else f"the slip ratio passes {slip_limit:g}"
 
-    if possible(STEEPEST_DEG):
-        return STEEPEST_DEG
-    if not possible(0.0):
-        return None
+    reason = obstacle(STEEPEST_DEG)
+    if not reason:
+        return Limit(STEEPEST_DEG, "")
+    if on_level := obstacle(0.0):
+        return Limit(None, f"on level ground already {on_level}")
     low, high = 0.0, STEEPEST_DEG
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if possible(middle) else (low, middle)
-    return low
+        found = obstacle(middle)
+        low, high = (low, middle) if found else (middle, high)
+        reason = found or reason
+    return Limit(low, reason)
 
 
 def slopes_table(rows: Sequence[SlopeRow]) -> Table:
@@ -101,12 +124,12 @@ def limits_table(solve: SolveSlope, slip_limit: float) -> Table:
         solve: From `slope_solver`.
         slip_limit: Greatest slip ratio of a climb, more than 0 to 1; a descent may go to the locked wheel.
     """
-    climbable = steepest_deg(solve, slip_limit, up=True)
-    descendable = steepest_deg(solve, LEAST_SLIP, up=False)
-    rows: list[tuple[Cell, ...]] = [("rover, steady state", climbable, descendable)]
+    up, down = find_limit(solve, slip_limit, up=True), find_limit(solve, LEAST_SLIP, up=False)
+    reason = _reasons(up.reason, down.reason)
+    rows: list[tuple[Cell, ...]] = [("rover, steady state", up.slope_deg, down.slope_deg, reason)]
     for name, wheel in shipped_wheels().items():
-        up, down = slope_rad(wheel, [slip_limit, LOCKED])
-        rows.append((f"{name}, measured lines", math.degrees(up), -math.degrees(down)))
+        climbed, descended = slope_rad(wheel, [slip_limit, LOCKED])
+        rows.append((f"{name}, measured lines", math.degrees(climbed), -math.degrees(descended), ""))
     return Table("limits", f"Steepest slopes, climbs with slip up to {slip_limit:g}", LIMIT_COLUMNS, rows)
 
 
@@ -118,7 +141,17 @@ def measured_table(slopes_deg: Sequence[float]) -> Table:
     for slope_deg in slopes_deg:
         angle = math.radians(slope_deg)
         slips = [slip_ratio_on_slope(wheel, sign * angle) for wheel in wheels.values() for sign in (1, -1)]
-        rows.append((slope_deg, *slips))
+        rows.append((slope_deg, *slips, NOT_ON_LINE if None in slips else ""))
     return Table(
-        "measured_wheels", "The same by the measured lines of paper 002", ("slope_deg", *columns), rows
+        "measured_wheels",
+        "The same by the measured lines of paper 002",
+        ("slope_deg", *columns, "reason"),
+        rows,
     )
+
+
+def _reasons(up: str, down: str) -> str:
+    """Return why there is no steady state up and down in one text."""
+    if up == down:
+        return up
+    return "; ".join(f"{way}: {reason}" for way, reason in (("up", up), ("down", down)) if reason)

@@ -84,6 +84,16 @@ class SoilFit(NamedTuple):
     cells: int
     residual: float
 
+    @property
+    def of_tests(self) -> dict[str, Interval]:
+        """Intervals of all numbers that are of tests: the fitted ones, and those of the plates."""
+        return intervals_of_plates(self.plates) | self.intervals
+
+
+def intervals_of_plates(plates: PlateFit) -> dict[str, Interval]:
+    """Return the intervals of what plates determine, by key of the soil."""
+    return {"plate_modulus_pa": plates.modulus_pa, "plate_exponent": plates.exponent}
+
 
 def soil_of_plates(start: AnyAngleSoil, plates: PlateFit) -> AnyAngleSoil:
     """Return the start with k and n of the plates."""
@@ -118,8 +128,7 @@ def fit_soil(
     plates = fit_plates(plate_tests)
     begin = soil_of_plates(start, plates)
     if wheel_tests is None:
-        intervals = {"plate_modulus_pa": plates.modulus_pa, "plate_exponent": plates.exponent}
-        return SoilFit(begin, intervals, (), plates, 0, float("nan"))
+        return SoilFit(begin, intervals_of_plates(plates), (), plates, 0, float("nan"))
     unknown = sorted(set(free) - set(FREE))
     if unknown:
         raise ModelError(

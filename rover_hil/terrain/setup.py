@@ -1,7 +1,6 @@
 """What the terrain commands compute with, and how they show what came out."""
 
 import json
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeVar
@@ -12,9 +11,10 @@ from drivers.errors import ConfigError
 from drivers.files import read_text
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.terminal import Terminal, progress_columns
+from rover_hil.terrain.soil_files import load_terrain_soil
 from rover_hil.terrain.table import Table
 from sim_backends.terramechanics.slope.rover import SlopeRover, paper_rover
-from sim_backends.terramechanics.soil.library import SoilSettings, load_soil, load_wheel, parse_settings
+from sim_backends.terramechanics.soil.library import SoilSettings, load_wheel, parse_settings
 from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.wheel_contact import Kernel
 
@@ -39,7 +39,7 @@ class Choice(NamedTuple):
     soil: str
 
     def load(self) -> tuple[SlopeRover, SoilSettings]:
-        """Return rover and soil.
+        """Return rover and soil; notes about the soil go to the standard error.
 
         Raises:
             ConfigError: No such rover, wheel or soil, not TOML, or a number outside its range.
@@ -47,7 +47,7 @@ class Choice(NamedTuple):
         rover = _load_rover(self.rover)
         if self.wheel is not None:
             rover = rover.model_copy(update={"wheel": load_wheel(self.wheel)})
-        return rover, load_soil(self.soil)
+        return rover, announced_soil(self.soil)
 
     def facts(self, rover: SlopeRover) -> list[tuple[str, str]]:
         """Return what the numbers hold for, as pairs of name and value."""
@@ -56,7 +56,7 @@ class Choice(NamedTuple):
             ("rover", f"{self.rover}, {len(rover.wheel_positions_m)} wheels"),
             ("centre of gravity", f"{1000.0 * rover.cog_height_m:g} mm over the surface"),
             ("wheel", f"{self.wheel or 'of the rover'}, radius {radius:g} mm, width {width:g} mm"),
-            ("soil", self.soil),
+            ("soil", "; ".join((self.soil, *load_terrain_soil(self.soil).notes))),
         ]
 
 
@@ -95,6 +95,8 @@ class Output(NamedTuple):
         console = Terminal()
         for table in tables:
             console.print(table.rich())
+            for note in table.notes():
+                console.print(f"{note}\n", soft_wrap=True)
         if self.folder is not None:
             console.print(str(self.folder / REPORT_NAME), soft_wrap=True)
 
@@ -136,7 +138,19 @@ def _bar() -> Progress:
 
 def say(line: str) -> None:
     """Print a line on standard error."""
-    print(line, file=sys.stderr)  # noqa: T201 - standard output is for results
+    Terminal(stderr=True, soft_wrap=True).print(line)
+
+
+def announced_soil(name: str) -> SoilSettings:
+    """Return a soil, see `load_terrain_soil`; notes about it go to the standard error.
+
+    Raises:
+        ConfigError: No such soil, not TOML, or a number outside its range.
+    """
+    found = load_terrain_soil(name)
+    for note in found.notes:
+        say(f"note: {note}")
+    return found.soil
 
 
 def _load_rover(name: str) -> SlopeRover:

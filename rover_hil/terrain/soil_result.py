@@ -1,5 +1,7 @@
 """What a fit of a soil came to: as tables, as a soil file, and as pictures."""
 
+import json
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,11 +13,12 @@ from rover_hil.terrain.figures import COLOURS, legend, plots
 from rover_hil.terrain.fit import SoilFit
 from rover_hil.terrain.fit_data import WheelTests
 from rover_hil.terrain.table import Cell, Table, number
-from sim_backends.terramechanics.soil.any_angle_wheel import AnyAngleSoil, any_angle_at_load
+from rover_hil.terrain.wheel import NOT_BORNE
+from sim_backends.terramechanics.soil.any_angle_wheel import any_angle_at_load
 from sim_backends.terramechanics.soil.library import WheelSettings
 from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest, power_pressure_pa
 
-FIT_COLUMNS = ("name", "value", "lower", "upper", "at_bound")
+FIT_COLUMNS = ("name", "value", "lower", "upper", "at_bound", "reason")
 CELL_COLUMNS = (
     "cell",
     "load_n",
@@ -25,19 +28,42 @@ CELL_COLUMNS = (
     "side_fitted_n",
     "sinkage_m",
     "sinkage_fitted_m",
+    "reason",
 )
 
 LINEAR_MM_S = 5.0
 """Below this rim speed the axis is linear."""
 
 
-def fit_table(fit: SoilFit) -> Table:
-    """Return the fitted numbers with their 95 % intervals."""
+def fit_table(fit: SoilFit, start_name: str) -> Table:
+    """Return the numbers of the soil: fitted ones with 95 % intervals, then those that are not of tests.
+
+    Args:
+        fit: The fit.
+        start_name: The soil that the others are of.
+    """
     rows: list[tuple[Cell, ...]] = [
-        (name, interval.value, interval.lower, interval.upper, name in fit.at_bound)
+        (name, interval.value, interval.lower, interval.upper, name in fit.at_bound, "")
         for name, interval in fit.intervals.items()
     ]
-    return Table("soil", "Fitted numbers with 95 % confidence intervals", FIT_COLUMNS, rows)
+    rows += [
+        (name, interval.value, interval.lower, interval.upper, False, "of the plates alone")
+        for name, interval in fit.of_tests.items()
+        if name not in fit.intervals
+    ]
+    rows += [
+        (name, getattr(fit.soil, name), None, None, False, f"not fitted: the number of {start_name}")
+        for name in not_fitted(fit)
+    ]
+    return Table("soil", "Numbers of the soil with 95 % confidence intervals", FIT_COLUMNS, rows)
+
+
+def not_fitted(fit: SoilFit) -> tuple[str, ...]:
+    """Return the keys of the soil whose numbers are not of tests."""
+    fields = fit.soil.model_dump()
+    return tuple(
+        name for name, value in fields.items() if isinstance(value, float) and name not in fit.of_tests
+    )
 
 
 def cells_table(fit: SoilFit, wheel: WheelSettings, tests: WheelTests) -> Table:
@@ -54,20 +80,28 @@ def cells_table(fit: SoilFit, wheel: WheelSettings, tests: WheelTests) -> Table:
         sinkage,
     )
     rows: list[tuple[Cell, ...]] = [
-        (str(cell), *(number(value) for value in row))
+        (str(cell), *map(number, row), NOT_BORNE if math.isnan(row[-1]) else "")
         for cell, row in zip(means.cell, np.stack(columns, axis=1), strict=True)
     ]
     return Table("cells", "Cells of the wheel tests, measured and fitted", CELL_COLUMNS, rows)
 
 
-def soil_text(soil: AnyAngleSoil, fit: SoilFit, source: str) -> str:
-    """Return the soil as TOML, 95 % intervals as comments."""
-    lines: list[str] = []
-    for name, value in soil.model_copy(update={"source": source}).model_dump().items():
-        interval = fit.intervals.get(name)
-        shown = f'"{value}"' if isinstance(value, str) else repr(value)
-        comment = f"  # {interval.lower:.4g} .. {interval.upper:.4g}" if interval else ""
-        lines.append(f"{name} = {shown}{comment}")
+def soil_text(fit: SoilFit, source: str, start_name: str) -> str:
+    """Return the soil as TOML, 95 % intervals as comments, and what is not of tests marked.
+
+    Args:
+        fit: The fit.
+        source: Origin of the tests.
+        start_name: The soil that the other numbers are of.
+    """
+    kept = not_fitted(fit)
+    marks = {"source": source, "not_fitted": kept, "not_fitted_from": start_name if kept else ""}
+    comments = {name: f"  # {each.lower:.4g} .. {each.upper:.4g}" for name, each in fit.of_tests.items()}
+    comments |= dict.fromkeys(kept, f"  # not fitted: of {start_name}")
+    lines = [
+        f"{name} = {json.dumps(value)}{comments.get(name, '')}"
+        for name, value in fit.soil.model_copy(update=marks).model_dump(mode="json").items()
+    ]
     return "\n".join(lines) + "\n"
 
 

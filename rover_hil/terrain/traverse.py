@@ -5,9 +5,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from rover_hil.terrain.table import Cell, Table, number
+from rover_hil.terrain.table import Table, number
 from sim_backends.terramechanics.slope.rover import Conditions, SlopeRover
-from sim_backends.terramechanics.slope.steady_state import solve_steady_state
+from sim_backends.terramechanics.slope.steady_state import SteadyState, solve_steady_state
 from sim_backends.terramechanics.soil.library import SoilSettings
 from sim_backends.terramechanics.soil.wheel_contact import Kernel
 
@@ -20,6 +20,7 @@ COLUMNS = (
     "sinkage_uphill_m",
     "sinkage_downhill_m",
     "boundary",
+    "reason",
 )
 
 
@@ -36,7 +37,7 @@ class Traverse(NamedTuple):
         sinkage_downhill_m: Mean of the downhill wheels.
         boundary: True where the model has thrust to spare at slip 0: the edge of its domain and not a root;
             None where unknown.
-        reason: Why there is no equilibrium; else empty.
+        reason: Why there is no equilibrium, or no sinkage on one side; else empty.
     """
 
     slope_deg: float
@@ -87,19 +88,24 @@ def solve_traverses(
             number(state.sinkage_uphill_m),
             number(state.sinkage_downhill_m),
             bool(state.boundary),
-            state.reason,
+            state.reason or _missing_side(state),
         )
 
 
 def traverse_table(states: Sequence[Traverse]) -> Table:
     """Return the states as a table."""
-    rows: list[tuple[Cell, ...]] = [state[: len(COLUMNS)] for state in states]
-    return Table("traverse", "Steady traverses of a side slope", COLUMNS, rows)
+    return Table("traverse", "Steady traverses of a side slope", COLUMNS, list(states), keys=3)
+
+
+def _missing_side(state: SteadyState) -> str:
+    both = (("uphill", state.sinkage_uphill_m), ("downhill", state.sinkage_downhill_m))
+    sides = [side for side, sinkage_m in both if math.isnan(sinkage_m)]
+    return f"no wheel is {' or '.join(sides)} of the centre of gravity" if sides else ""
 
 
 def no_equilibrium(states: Sequence[Traverse]) -> str:
     """Return one sentence about the states without equilibrium; empty where there are none."""
-    failed = [state for state in states if state.reason]
+    failed = [state for state in states if state.slip is None]
     if not failed:
         return ""
     first = failed[0]

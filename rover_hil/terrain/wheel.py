@@ -5,11 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rover_hil.terrain.table import Table, number
+from rover_hil.terrain.table import Cell, Table, number
 from sim_backends.terramechanics.soil.library import SoilSettings, WheelSettings
 from sim_backends.terramechanics.soil.wheel_forces import wheel_at_load
 
-COLUMNS = ("load_n", "slip", "slip_angle_deg", "sinkage_m", "drawbar_n", "side_n", "torque_nm")
+COLUMNS = ("load_n", "slip", "slip_angle_deg", "sinkage_m", "drawbar_n", "side_n", "torque_nm", "reason")
+NOT_BORNE = "the wheel sinks to its axle: the soil does not bear the load"
 
 
 def wheel_table(
@@ -47,5 +48,8 @@ def wheel_table(
         cross_slope_rad=math.radians(cross_slope_deg),
     )
     columns = (load_n, slip, angle_deg, sinkage_m, forces.drawbar_n, forces.side_n, forces.torque_nm)
-    rows = [tuple(number(value) for value in row) for row in np.stack(columns, axis=1)]
-    return Table("wheel", "Forces on a wheel at given load", COLUMNS, rows)
+    rows: list[tuple[Cell, ...]] = [
+        (*map(number, row), NOT_BORNE if math.isnan(row[COLUMNS.index("sinkage_m")]) else "")
+        for row in np.stack(columns, axis=1)
+    ]
+    return Table("wheel", "Forces on a wheel at given load", COLUMNS, rows, keys=3)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from benchmarks.terrain.adaptive_wheel import AdaptiveWheel
 from drivers.errors import ModelError
+from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.terramechanics.slope.load_transfer import demand
 from sim_backends.terramechanics.slope.rover import Conditions, Effects, SlopeRover, paper_rover
 from sim_backends.terramechanics.slope.steady_state import SteadyState, solve_steady_state
@@ -277,3 +278,19 @@ def test_slip_sinkage_and_sidewalls_act() -> None:
 def test_impossible_conditions_are_named(numbers: dict[str, float], words: str) -> None:
     with pytest.raises(ModelError, match=words):
         Conditions(**numbers)
+
+
+def test_a_rig_of_one_wheel_bears_its_load_and_cannot_tip() -> None:
+    """Its centre of gravity may be anywhere: the frame of the rig takes the moments."""
+    wheel, soil = load_wheel("wh34"), load_soil("hit_lss1")
+    low = SlopeRover(mass_kg=10.0, wheel=wheel, wheel_positions_m=((0.0, 0.0),), cog_height_m=0.0)
+    high = low.model_copy(update={"cog_height_m": 0.225, "cog_forward_m": 0.1, "cog_lateral_m": -0.2})
+    conditions = Conditions(math.radians(8.0), heading_rad=0.5 * math.pi)
+    states = [solve_steady_state(rover, soil, conditions, skid=True) for rover in (low, high)]
+    weight_n = 10.0 * STANDARD_GRAVITY_M_S2
+    for state in states:
+        assert state.equilibrium
+        assert state.forces.vertical_n.tolist() == pytest.approx([weight_n * math.cos(math.radians(8.0))])
+        assert state.forces.drawbar_n.tolist() == pytest.approx([weight_n * math.sin(math.radians(8.0))])
+        assert state.sinkage_uphill_m == state.sinkage_downhill_m == state.sinkage_m[0] > 0.0
+    assert states[0].slip == states[1].slip

@@ -16,6 +16,7 @@ from rover_hil.terrain.soil_result import (
     cell_drawing,
     cells_table,
     fit_table,
+    not_fitted,
     plate_drawing,
     soil_text,
 )
@@ -68,10 +69,16 @@ def fit(
     with open_calls(cluster) as calls:
         found = waited_for(lambda: fit_soil(plates, tests, wheel, start, names, calls), "fitting")
     if output.folder is not None:
-        _write(output.folder, f"{data.name}, wheel {wheel_name}", found, wheel, plates, tests)
-    table = fit_table(found)
+        _write(output.folder, f"{data.name}, wheel {wheel_name}", found, wheel, plates, tests, soil_name)
+    table = fit_table(found, soil_name)
     residual = None if math.isnan(found.residual) else found.residual
-    record = {"fitted": table.records(), "cells": found.cells, "weighted_residual": residual}
+    rows = table.records()
+    record = {
+        "fitted": [row for row in rows if row["name"] in found.intervals],
+        "not_fitted": [row for row in rows if row["name"] in not_fitted(found)],
+        "cells": found.cells,
+        "weighted_residual": residual,
+    }
     output.show([table], record)
     return EXIT_OK
 
@@ -107,10 +114,11 @@ def _write(
     wheel: WheelSettings,
     plates: Sequence[PlateTest],
     tests: WheelTests | None,
+    soil_name: str,
 ) -> None:
     from rover_hil.terrain.pages import write_page
 
-    tables, drawings = [fit_table(found)], [plate_drawing(plates, found)]
+    tables, drawings = [fit_table(found, soil_name)], [plate_drawing(plates, found)]
     if tests is not None:
         cells = cells_table(found, wheel, tests)
         tables.append(cells)
@@ -118,5 +126,5 @@ def _write(
     facts = [("plate tests", str(len(plates))), ("cells of wheel tests", str(found.cells))]
     if tests is not None:
         facts.append(("misfit in stated errors, rms", f"{found.residual:.3g}"))
-    soil = {SOIL_FILE: soil_text(found.soil, found, f"fitted to {source}")}
+    soil = {SOIL_FILE: soil_text(found, f"fitted to {source}", soil_name)}
     write_page(folder, f"Soil fitted to {source}", facts, drawings, tables, soil)

@@ -13,12 +13,20 @@ from rover_hil.terrain.climb import (
     solve_slopes,
 )
 from rover_hil.terrain.number_list import parse_numbers
-from rover_hil.terrain.setup import Choice, Output, choose_kernel, say, waited_for, with_progress
+from rover_hil.terrain.setup import (
+    Choice,
+    Output,
+    announced_soil,
+    choose_kernel,
+    say,
+    waited_for,
+    with_progress,
+)
 from rover_hil.terrain.table import Table
 from rover_hil.terrain.traverse import Traverse, no_equilibrium, solve_traverses, traverse_table
 from rover_hil.terrain.wheel import wheel_table
 from sim_backends.terramechanics.slope.rover import SlopeRover
-from sim_backends.terramechanics.soil.library import SoilSettings, load_soil, load_wheel
+from sim_backends.terramechanics.soil.library import SoilSettings, load_wheel
 from sim_backends.terramechanics.soil.quantity import check_range
 
 STEEPEST_DEG = 45.0
@@ -54,7 +62,7 @@ def wheel(
         ModelError: A number is outside its range.
     """
     output.refuse_overwrite("wheel")
-    chosen, soil = load_wheel(wheel_name), load_soil(soil_name)
+    chosen, soil = load_wheel(wheel_name), announced_soil(soil_name)
     loads = parse_numbers("--load-n", load_n, "N", *LOAD_N)
     slips = parse_numbers("--slip", slip, "1", *SLIP)
     angles = parse_numbers("--slip-angle-deg", slip_angle_deg, "deg", -WIDEST_DEG, WIDEST_DEG)
@@ -164,7 +172,8 @@ def climb(choice: Choice, *, slope_deg: str, mass_kg: float | None, slip_limit: 
         write_page(output.folder, title, choice.facts(rover), climb_drawings(rows, measured), tables)
     output.show(tables, {table.name: table.records() for table in tables})
     if limits.rows[0][1] is None:
-        say(f"the rover does not even drive on level ground with slip up to {slip_limit:g}.")
+        reason = limits.rows[0][3]
+        say(f"the rover does not even drive on level ground with slip up to {slip_limit:g}: {reason}.")
         return EXIT_NO
     return EXIT_OK
 

@@ -35,7 +35,8 @@ def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
 
     The loads are those of a rigid rover on equal springs: the least-squares solution of all loads that
     balance weight and moments. For four wheels in a traverse they are eqs 3 and 4 of paper 001; F_z follows
-    eq 7, the sums eq 8, for any heading.
+    eq 7, the sums eq 8, for any heading. A rover with one wheel is a test rig: its frame takes the moments,
+    so that it cannot tip, and the wheel bears the whole load.
 
     Args:
         rover: Rover.
@@ -45,9 +46,7 @@ def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
     steep, flat = math.sin(conditions.slope_rad), math.cos(conditions.slope_rad)
     along, across = steep * math.sin(conditions.heading_rad), steep * math.cos(conditions.heading_rad)
     leaning, upright = math.sin(conditions.roll_rad), math.cos(conditions.roll_rad)
-    levers, inverse = _levers(rover.wheel_positions_m, rover.cog_forward_m, rover.cog_lateral_m)
-    moments = np.array([flat, -rover.cog_height_m * along, -rover.cog_height_m * across])
-    share = inverse @ moments
+    share, balanced = _shares(rover, flat, along, across)
     # W_i of the paper is the load over cos(alpha); the load along the wheel's plane is W_i times this.
     plane = across * leaning + flat * upright
     return Demand(
@@ -55,8 +54,18 @@ def demand(rover: SlopeRover, conditions: Conditions) -> Demand:
         forward_n=weight * along,
         left_n=weight * (across * upright - flat * leaning),
         vertical_n=weight * plane * share / flat,
-        balanced=bool(np.abs(levers @ share - moments).max() < BALANCE_M),
+        balanced=balanced,
     )
+
+
+def _shares(rover: SlopeRover, flat: float, along: float, across: float) -> tuple[Array, bool]:
+    """Return the share of each wheel in the weight across the surface, and whether they hold the rover."""
+    if len(rover.wheel_positions_m) == 1:
+        return np.array([flat]), True
+    levers, inverse = _levers(rover.wheel_positions_m, rover.cog_forward_m, rover.cog_lateral_m)
+    moments = np.array([flat, -rover.cog_height_m * along, -rover.cog_height_m * across])
+    share = inverse @ moments
+    return share, bool(np.abs(levers @ share - moments).max() < BALANCE_M)
 
 
 @lru_cache(maxsize=256)

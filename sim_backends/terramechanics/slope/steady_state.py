@@ -37,8 +37,9 @@ class SteadyState:
         slip_angle_rad: beta, positive to the left (uphill in a traverse).
         sinkage_m: h'_c of each wheel at its middle plane; slip sinkage included.
         forces: Forces on each wheel.
-        sinkage_uphill_m: Mean over the wheels to the left of the centre of gravity; NaN where there is none.
-        sinkage_downhill_m: Mean over those to the right of it.
+        sinkage_uphill_m: Mean over the wheels to the left of the centre of gravity; NaN where there is none;
+            of a rover with one wheel that of the wheel.
+        sinkage_downhill_m: Mean over those to the right of it; of a rover with one wheel that of the wheel.
     """
 
     equilibrium: bool
@@ -140,6 +141,7 @@ def _result(
     slips, sides = balance.motion(state.point[np.newaxis])
     sinkage = state.point[2:][kind]
     left = np.array(rover.wheel_positions_m)[:, 1] - rover.cog_lateral_m
+    is_rig = left.size == 1
     slip = float(slips[0])
     return SteadyState(
         equilibrium=True,
@@ -149,8 +151,8 @@ def _result(
         slip_angle_rad=math.atan2(float(sides[0]), float(speed_ratio(slip))),
         sinkage_m=sinkage,
         forces=WheelForces(*(columns[kind, index] for index in range(4))),
-        sinkage_uphill_m=_mean(sinkage[left > 0.0]),
-        sinkage_downhill_m=_mean(sinkage[left < 0.0]),
+        sinkage_uphill_m=_mean(sinkage[(left > 0.0) | is_rig]),
+        sinkage_downhill_m=_mean(sinkage[(left < 0.0) | is_rig]),
     )
 
 

@@ -21,6 +21,7 @@ sinkage, and asymmetry of a test rig.
 """
 
 import itertools
+import math
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -32,7 +33,7 @@ from drivers.files import read_text
 from drivers.settings import Settings
 from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.arrays import Array
-from sim_backends.terramechanics.soil.library import WheelSettings, parse_settings
+from sim_backends.terramechanics.soil.library import BekkerLaw, SoilSettings, WheelSettings, parse_settings
 from sim_backends.terramechanics.soil.quantity import check_range, quantity
 
 DEEPEST = 1.85
@@ -41,6 +42,8 @@ BISECTIONS = 30
 RIM_NODES, RIM_WEIGHTS = np.polynomial.legendre.leggauss(10)
 DEPTH_NODES, DEPTH_WEIGHTS = np.polynomial.legendre.leggauss(4)
 TINY = 1e-9
+GREATEST_STRESS_BY_SLIP = 0.15
+"""a_1 of paper 001, Table III, which this law does not have (eq 18)."""
 
 
 class AnyAngleSoil(Settings):
@@ -66,6 +69,8 @@ class AnyAngleSoil(Settings):
         wall_friction: Friction over pressure on the side wall.
         wall_drag: Force backward over the force on the side wall. A wheel that slides straight sideways
             without turning should have none, by symmetry; the CMU test bed measured 0.13.
+        not_fitted: Keys whose numbers are not of tests of this soil.
+        not_fitted_from: The soil that they are of.
     """
 
     source: str
@@ -86,6 +91,29 @@ class AnyAngleSoil(Settings):
     wall_exponent: Annotated[float, quantity("1", 0.0, 10.0)]
     wall_friction: Annotated[float, quantity("1", 0.0, 2.0)]
     wall_drag: Annotated[float, quantity("1", -1.0, 1.0)] = 0.0
+    not_fitted: tuple[str, ...] = ()
+    not_fitted_from: str = ""
+
+    def for_rolling(self) -> SoilSettings:
+        """Return the soil for the law of paper 001, which has no numbers for sliding sideways.
+
+        Both laws share the plates' k and n, density, friction, shear modulus, angle of greatest stress, exit
+        height and the friction at the side wall, there at most 45 deg. A soil of this law has no cohesion and
+        no a_1: that of the paper's sand is taken.
+        """
+        return SoilSettings(
+            source=self.source,
+            cohesion_pa=0.0,
+            friction_angle_deg=self.friction_angle_deg,
+            density_kg_m3=self.density_kg_m3,
+            pressure=BekkerLaw(
+                law="bekker", k_c_pa_m=0.0, k_phi_pa=self.plate_modulus_pa, exponent=self.plate_exponent
+            ),
+            shear_modulus_m=self.shear_modulus_m,
+            greatest_stress=(self.greatest_stress, GREATEST_STRESS_BY_SLIP),
+            exit_polynomial=(self.exit_share, 0.0, 0.0),
+            wall_friction_deg=min(math.degrees(math.atan(self.wall_friction)), 45.0),
+        )
 
 
 def load_any_angle_soil(name: str | Path) -> AnyAngleSoil:

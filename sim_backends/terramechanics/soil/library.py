@@ -38,6 +38,8 @@ class WheelSettings(Settings):
 class ReeceLaw(Settings):
     """Pressure over sinkage after Reece: p = (c k_c + rho g l k_phi) (z / l)^n (paper 001, eq 17).
 
+    One of the moduli of either law may be negative, as some published ones; `wheel_contact` checks the sum.
+
     Attributes:
         k_c: Modulus of cohesion.
         k_phi: Modulus of weight.
@@ -45,8 +47,8 @@ class ReeceLaw(Settings):
     """
 
     law: Literal["reece"]
-    k_c: Annotated[float, quantity("1", 0.0, 1e6)]
-    k_phi: Annotated[float, quantity("1", 0.0, 1e6)]
+    k_c: Annotated[float, quantity("1", -1e6, 1e6)]
+    k_phi: Annotated[float, quantity("1", -1e6, 1e6)]
     exponent: Annotated[float, quantity("1", 0.2, 4.0)]
 
 
@@ -60,8 +62,8 @@ class BekkerLaw(Settings):
     """
 
     law: Literal["bekker"]
-    k_c_pa_m: Annotated[float, quantity("Pa/m^(n-1)", 0.0, 1e12)]
-    k_phi_pa: Annotated[float, quantity("Pa/m^n", 0.0, 1e12)]
+    k_c_pa_m: Annotated[float, quantity("Pa/m^(n-1)", -1e12, 1e12)]
+    k_phi_pa: Annotated[float, quantity("Pa/m^n", -1e12, 1e12)]
     exponent: Annotated[float, quantity("1", 0.2, 4.0)]
 
 

@@ -89,7 +89,8 @@ def wheel_contact(
         slip_sinkage_m: Sinkage per slip ratio that bears no load, 0 to 0.2.
 
     Raises:
-        ModelError: A number is outside its range, or the slope exceeds the soil's friction angle.
+        ModelError: A number is outside its range, the slope exceeds the soil's friction angle, or the soil's
+            moduli are negative together at the width of the wheel.
     """
     check_range("camber_rad", camber_rad, "rad", -STEEPEST_RAD, STEEPEST_RAD)
     check_range("cross_slope_rad", cross_slope_rad, "rad", -STEEPEST_RAD, STEEPEST_RAD)
@@ -97,6 +98,8 @@ def wheel_contact(
     check_range("slip_sinkage_m", slip_sinkage_m, "m", 0.0, 0.2)
     if sum(soil.greatest_stress) >= 1.0:
         raise ModelError(f"greatest_stress is {soil.greatest_stress}; a_0 + a_1 must be below 1.")
+    modulus = modulus_terms(soil, gravity_m_s2)
+    _check_modulus(modulus, wheel.width_m)
     walls = NO_WALLS
     if sidewall:
         walls = wall_polynomials(soil, camber_rad, cross_slope_rad, gravity_m_s2, wheel.radius_m)
@@ -105,7 +108,7 @@ def wheel_contact(
         shearing_radius_m=shearing_radius(wheel.radius_m, wheel.lug_height_m, wheel.shearing_share),
         width_m=wheel.width_m,
         camber_tan=math.tan(camber_rad),
-        modulus=modulus_terms(soil, gravity_m_s2),
+        modulus=modulus,
         exponent=soil.pressure.exponent,
         cohesion_pa=soil.cohesion_pa,
         friction=math.tan(soil.friction_angle_rad),
@@ -117,3 +120,13 @@ def wheel_contact(
         wall_sine=math.sin(soil.wall_friction_rad),
         walls=walls,
     )
+
+
+def _check_modulus(terms: ModulusTerms, width_m: float) -> None:
+    """Check that the pressure grows with the sinkage of a contact as wide as the wheel."""
+    modulus = terms[0] * width_m ** terms[1] + terms[2] * width_m ** terms[3]
+    if modulus < 0.0:
+        raise ModelError(
+            f"k_c and k_phi of the soil together are {modulus:.3g} Pa/m^n at the width of {width_m:g} m: "
+            "they were measured with wider plates; use a wider wheel, or another soil."
+        )

@@ -20,6 +20,7 @@ KEYS = [
     "sinkage_uphill_m",
     "sinkage_downhill_m",
     "boundary",
+    "reason",
 ]
 EXPECTED = {
     (10.0, 0.0): (0.0695, -6.289),
@@ -266,3 +267,102 @@ def test_default_traverse_takes_less_than_two_seconds_and_no_compiler() -> None:
     assert len(json.loads(done.stdout)) == 5
     # Generous, for a busy machine; an idle one takes half a second.
     assert seconds(clock.now_ns() - start_ns) < 8.0
+
+
+def test_a_fitted_soil_is_read_by_every_command_and_its_marks_are_told(
+    terrain: Terrain, shared_data: Path, tmp_path: Path
+) -> None:
+    data = str(shared_data / "cmu_single_wheel")
+    assert terrain("fit", data, "--plates-only", "--json", "--out", "sand") == 0
+    rows = {row["name"]: row for row in json.loads(terrain.out)["not_fitted"]}
+    assert rows["density_kg_m3"]["reason"] == "not fitted: the number of cmu_sand_blind"
+    assert "plate_exponent" not in rows
+    text = (tmp_path / "sand" / "soil.toml").read_text()
+    assert "friction_angle_deg = 29.0  # not fitted: of cmu_sand_blind\n" in text
+    for arguments in (
+        ["wheel", "--wheel", "cmu_smooth", "--slip", "0.2", "--slip-angle-deg", "0"],
+        ["traverse", "--slope-deg", "5", "--roll-deg", "5"],
+        ["climb", "--slope-deg", "5"],
+    ):
+        assert terrain(*arguments, "--soil", "sand/soil.toml", "--json") == 0
+        assert "density_kg_m3, friction_angle_deg" in terrain.error
+        assert "not fitted, they are those of cmu_sand_blind" in terrain.error
+        fitted = json.loads(terrain.out)
+    # The library's soil has rounded numbers of the same plates, and of the same books.
+    assert terrain("climb", "--slope-deg", "5", "--soil", "cmu_sand", "--json") == 0
+    book = json.loads(terrain.out)
+    assert terrain.error == ""
+    slips = [result["slopes"][0]["slip_up"] for result in (fitted, book)]
+    assert slips[0] == pytest.approx(slips[1], rel=0.1)
+
+
+def test_numbers_of_wheel_tests_are_not_marked(terrain: Terrain, shared_data: Path, tmp_path: Path) -> None:
+    data = str(shared_data / "cmu_single_wheel")
+    assert terrain("fit", data, "--free", "shear_modulus_m", "--json", "--out", "sand") == 0
+    names = [row["name"] for row in json.loads(terrain.out)["not_fitted"]]
+    assert "shear_modulus_m" not in names
+    assert "plate_modulus_pa" not in names
+    assert terrain("wheel", "--soil", "sand/soil.toml", "--slip", "0.2", "--slip-angle-deg", "0") == 0
+    assert "shear_modulus_m" not in terrain.error
+    assert "friction_angle_deg" in terrain.error
+
+
+def test_every_missing_number_has_a_reason_on_the_terminal(terrain: Terrain) -> None:
+    assert terrain("climb", "--slope-deg", "40") == 0
+    assert "slope deg 40: the slope is steeper than the soil's angle of friction" in terrain.out
+    assert terrain("wheel", "--slip", "0.1", "--slip-angle-deg", "0", "--load-n", "5000") == 1
+    assert "load n 5000 and slip 0.1 and slip angle deg 0: the wheel sinks to its axle" in terrain.out
+    assert terrain("climb", "--slope-deg", "5", "--mass-kg", "3000", "--json") == 1
+    reason = json.loads(terrain.out)["limits"][0]["reason"]
+    assert reason == "on level ground already the soil cannot bear the rover: its wheels sink to the axles"
+
+
+SOIL = """source = "a book"
+cohesion_pa = 500.0
+friction_angle_deg = 30.0
+density_kg_m3 = 1500.0
+shear_modulus_m = 0.02
+greatest_stress = [0.4, 0.15]
+exit_polynomial = [0.0, 0.0, 0.0]
+[pressure]
+law = "bekker"
+k_c_pa_m = {k_c}
+k_phi_pa = {k_phi}
+exponent = 1.0
+"""
+
+
+def test_a_negative_modulus_counts_with_the_other_at_the_size_of_the_wheel(
+    terrain: Terrain, tmp_path: Path
+) -> None:
+    """The contact is longer than the wheel is wide, so that both soils have the same sum there: 1 MPa/m."""
+    (tmp_path / "negative.toml").write_text(SOIL.format(k_c=-50e3, k_phi=2e6))
+    (tmp_path / "sum.toml").write_text(SOIL.format(k_c=0.0, k_phi=1e6))
+    (tmp_path / "narrow.toml").write_text('source = "me"\nradius_m = 0.25\nwidth_m = 0.05\n')
+    found = []
+    for soil in ("negative.toml", "sum.toml"):
+        arguments = ["--load-n", "200", "--slip", "0,0.3", "--slip-angle-deg", "0", "--json"]
+        assert terrain("wheel", "--wheel", "narrow.toml", "--soil", soil, *arguments) == 0
+        found.append(json.loads(terrain.out))
+    for negative, positive in zip(*found, strict=True):
+        assert negative["sinkage_m"] == pytest.approx(positive["sinkage_m"], rel=1e-9)
+        assert negative["drawbar_n"] == pytest.approx(positive["drawbar_n"], rel=1e-9)
+    assert (
+        terrain(
+            "climb",
+            "--slope-deg",
+            "5",
+            "--mass-kg",
+            "40",
+            "--wheel",
+            "narrow.toml",
+            "--soil",
+            "negative.toml",
+        )
+        == 0
+    )
+    (tmp_path / "thin.toml").write_text('source = "me"\nradius_m = 0.25\nwidth_m = 0.02\n')
+    assert terrain("climb", "--wheel", "thin.toml", "--soil", "negative.toml") == 2
+    assert terrain.error.startswith(
+        "rover-hil: k_c and k_phi of the soil together are -5e+05 Pa/m^n at the width of 0.02 m"
+    )
