@@ -51,7 +51,10 @@ NATURES: Final = (
     Nature("tread", TreadPlant, tread.draw_floor, tread.steady_slip, tread.DRAG),
     Nature("carpet", CarpetPlant, carpet.draw_floor, carpet.steady_slip, carpet.RESISTANCE),
     Nature(
-        "tread, two wheels", DifferentialTreadPlant, tread_differential.draw_floor,
-        tread_differential.steady_slip, tread.DRAG,
+        "tread, two wheels",
+        DifferentialTreadPlant,
+        tread_differential.draw_floor,
+        tread_differential.steady_slip,
+        tread.DRAG,
     ),
 )

@@ -108,8 +108,15 @@ def friction_level(ground: Floats, sliding_m_s: float) -> float:
 
 
 @njit(cache=True)
-def bristle_force(ground: Floats, load_n: float, level: float, viscous: float, sliding_m_s: float,
-                  deflection_m: float, step_s: float) -> tuple[float, float]:
+def bristle_force(
+    ground: Floats,
+    load_n: float,
+    level: float,
+    viscous: float,
+    sliding_m_s: float,
+    deflection_m: float,
+    step_s: float,
+) -> tuple[float, float]:
     """Return the force on the ground's side that follows the sliding, and the new deflection.
 
     The deflection's step is implicit: it stays within level / sigma0 for any step.
@@ -141,14 +148,26 @@ def _load(machine: Machine, contact: Contact, wheel: int, lifted: bool) -> float
     lean = machine.com_height_m / GRAVITY_M_S2
     angle = OMNI_ANGLE_RAD[wheel]
     return static_load(
-        machine, machine.arm_m * math.cos(angle), machine.arm_m * math.sin(angle),
+        machine,
+        machine.arm_m * math.cos(angle),
+        machine.arm_m * math.sin(angle),
         machine.com_x_m - lean * contact.acceleration_m_s2[0],
-        machine.com_y_m - lean * contact.acceleration_m_s2[1])
+        machine.com_y_m - lean * contact.acceleration_m_s2[1],
+    )
 
 
 @njit(cache=True)
-def _wheel_step(machine: Machine, grid: Grid, drive: Drive, contact: Contact, wheel: int, motion: Floats,
-                load_n: float, wrench: Floats, step_s: float) -> None:
+def _wheel_step(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    contact: Contact,
+    wheel: int,
+    motion: Floats,
+    load_n: float,
+    wrench: Floats,
+    step_s: float,
+) -> None:
     """Advance one wheel and add its force to the body's.
 
     Args:
@@ -157,8 +176,8 @@ def _wheel_step(machine: Machine, grid: Grid, drive: Drive, contact: Contact, wh
     cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
     at_x, at_y = machine.arm_m * cosine, machine.arm_m * sine
     ground = tile_constants(
-        grid, motion[0] + motion[5] * at_x - motion[6] * at_y,
-        motion[1] + motion[6] * at_x + motion[5] * at_y)
+        grid, motion[0] + motion[5] * at_x - motion[6] * at_y, motion[1] + motion[6] * at_x + motion[5] * at_y
+    )
     number, place = _roller(ground, drive.angle_rad[wheel] + contact.phase_rad[wheel])
     if number != contact.roller[wheel]:
         contact.roller[wheel] = number
@@ -171,28 +190,46 @@ def _wheel_step(machine: Machine, grid: Grid, drive: Drive, contact: Contact, wh
     along_m_s = -sine * motion[2] + cosine * motion[3] + arm_m * motion[4]
     across_m_s = cosine * motion[2] + sine * motion[3]
     side_n, contact.across_m[wheel] = bristle_force(
-        ground, load_n, drag * ground[ROLLER], 0.0, -across_m_s, contact.across_m[wheel], step_s)
+        ground, load_n, drag * ground[ROLLER], 0.0, -across_m_s, contact.across_m[wheel], step_s
+    )
     sliding_m_s = radius_m * drive.speed_rad_s[wheel] - along_m_s
     level = friction_level(ground, sliding_m_s)
     # Side force uses up a part of the friction circle.
     level *= math.sqrt(max(0.04, 1.0 - (drag * ground[ROLLER] / level) ** 2))
     traction_n, contact.along_m[wheel] = bristle_force(
-        ground, load_n, level, ground[VISCOUS], sliding_m_s, contact.along_m[wheel], step_s)
-    resist = drag * ground[RESISTANCE] * load_n / math.sqrt(
-        along_m_s**2 + across_m_s**2 + _SOFT_START_M_S**2)
+        ground, load_n, level, ground[VISCOUS], sliding_m_s, contact.along_m[wheel], step_s
+    )
+    resist = drag * ground[RESISTANCE] * load_n / math.sqrt(along_m_s**2 + across_m_s**2 + _SOFT_START_M_S**2)
     along_n, across_n = traction_n - resist * along_m_s, side_n - resist * across_m_s
-    add_body_force(machine, wrench, arm_m * cosine, arm_m * sine,
-                   -sine * along_n + cosine * across_n, cosine * along_n + sine * across_n)
+    add_body_force(
+        machine,
+        wrench,
+        arm_m * cosine,
+        arm_m * sine,
+        -sine * along_n + cosine * across_n,
+        cosine * along_n + sine * across_n,
+    )
 
     load_nm = radius_m * traction_n
     friction_nm = machine.friction_nm * machine.gear_ratio + gear_loss(
-        machine, drive.speed_rad_s[wheel], load_nm)
+        machine, drive.speed_rad_s[wheel], load_nm
+    )
     drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
 
 
 @njit(cache=True)
-def _run(machine: Machine, grid: Grid, drive: Drive, contact: Contact, body: Floats, first: int, steps: int,
-         substeps: int, step_s: float, lifted: bool) -> None:
+def _run(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    contact: Contact,
+    body: Floats,
+    first: int,
+    steps: int,
+    substeps: int,
+    step_s: float,
+    lifted: bool,
+) -> None:
     """Integrate `steps` steps."""
     motion, wrench = np.empty(7), np.empty(3)
     for step in range(first, first + steps):
@@ -207,7 +244,8 @@ def _run(machine: Machine, grid: Grid, drive: Drive, contact: Contact, body: Flo
         part = step_s / (_ROCKING_S + step_s)
         for axis in range(2):
             contact.acceleration_m_s2[axis] += part * (
-                wrench[axis] / machine.mass_kg - contact.acceleration_m_s2[axis])
+                wrench[axis] / machine.mass_kg - contact.acceleration_m_s2[axis]
+            )
         move_body(machine, body, wrench, step_s)
 
 
@@ -215,12 +253,21 @@ class BristlePlant(OmniPlant):
     """A rover on ground whose traction follows the slip velocity; arguments as of `RoverPlant`."""
 
     def _prepare(self) -> None:
-        self._contact = Contact(
-            np.zeros(3), np.zeros(3), np.full(3, math.nan), self.phase_rad, np.zeros(2))
+        self._contact = Contact(np.zeros(3), np.zeros(3), np.full(3, math.nan), self.phase_rad, np.zeros(2))
 
     def _integrate(self, steps: int) -> None:
-        _run(self.machine, self.floor.grid, self.drive, self._contact, self.body, self._steps, steps,
-             self._substeps, self._step_s, self._lifted)
+        _run(
+            self.machine,
+            self.floor.grid,
+            self.drive,
+            self._contact,
+            self.body,
+            self._steps,
+            steps,
+            self._substeps,
+            self._step_s,
+            self._lifted,
+        )
 
     def load_n(self) -> tuple[float, ...]:
         """Return the loads of the wheels."""
@@ -238,18 +285,36 @@ class BristlePlant(OmniPlant):
 _KINDS: Final[dict[str, dict[int, tuple[float, float]]]] = {
     # Hard and soft end; the tile's grade lies between.
     "vinyl": {
-        STIFFNESS: (700.0, 400.0), LOW: (0.060, 0.020), PEAK: (0.60, 0.42), PEAK_M_S: (0.5, 0.6),
-        WIDTH: (0.75, 0.72), VISCOUS: (0.05, 0.1), STICTION: (0.10, 1e-3), RESISTANCE: (0.025, 0.125),
+        STIFFNESS: (700.0, 400.0),
+        LOW: (0.060, 0.020),
+        PEAK: (0.60, 0.42),
+        PEAK_M_S: (0.5, 0.6),
+        WIDTH: (0.75, 0.72),
+        VISCOUS: (0.05, 0.1),
+        STICTION: (0.10, 1e-3),
+        RESISTANCE: (0.025, 0.125),
         ROLLER: (0.030, 0.055),
     },
     "dust": {
-        STIFFNESS: (600.0, 300.0), LOW: (0.055, 0.025), PEAK: (0.50, 0.32), PEAK_M_S: (0.4, 0.4),
-        WIDTH: (0.75, 0.75), VISCOUS: (0.1, 0.6), STICTION: (0.08, 1e-3), RESISTANCE: (0.028, 0.115),
+        STIFFNESS: (600.0, 300.0),
+        LOW: (0.055, 0.025),
+        PEAK: (0.50, 0.32),
+        PEAK_M_S: (0.4, 0.4),
+        WIDTH: (0.75, 0.75),
+        VISCOUS: (0.1, 0.6),
+        STICTION: (0.08, 1e-3),
+        RESISTANCE: (0.028, 0.115),
         ROLLER: (0.035, 0.055),
     },
     "polish": {
-        STIFFNESS: (900.0, 500.0), LOW: (0.050, 0.015), PEAK: (0.40, 0.12), PEAK_M_S: (0.3, 0.2),
-        WIDTH: (0.75, 0.70), VISCOUS: (0.4, 2.2), STICTION: (0.12, 1e-3), RESISTANCE: (0.022, 0.110),
+        STIFFNESS: (900.0, 500.0),
+        LOW: (0.050, 0.015),
+        PEAK: (0.40, 0.12),
+        PEAK_M_S: (0.3, 0.2),
+        WIDTH: (0.75, 0.70),
+        VISCOUS: (0.4, 2.2),
+        STICTION: (0.12, 1e-3),
+        RESISTANCE: (0.022, 0.110),
         ROLLER: (0.025, 0.045),
     },
 }
@@ -268,7 +333,9 @@ def draw_floor(seed: int) -> Floor:
     names = tuple(str(name) for name in rng.permutation(list(_KINDS)))
     grades = softness_of_kinds(rng, softness, len(names), _KIND_SPREAD)
     wreath = [
-        float(rng.choice([4, 6, 8])), float(rng.uniform(0.007, 0.011)), float(rng.uniform(1e-4, 4e-4)),
+        float(rng.choice([4, 6, 8])),
+        float(rng.uniform(0.007, 0.011)),
+        float(rng.uniform(1e-4, 4e-4)),
         float(rng.uniform(0.1, 0.5)),
     ]
 

@@ -114,8 +114,18 @@ def pile_resistance(ground: Floats, speed_m_s: float, against: float) -> float:
 
 
 @njit(cache=True)
-def pile_force(ground: Floats, wheel: int, pile: Pile, load_n: float, against: float, tip: Floats,
-               travel_m_s: float, rim_x: float, rim_y: float, step_s: float) -> tuple[float, float]:
+def pile_force(
+    ground: Floats,
+    wheel: int,
+    pile: Pile,
+    load_n: float,
+    against: float,
+    tip: Floats,
+    travel_m_s: float,
+    rim_x: float,
+    rim_y: float,
+    step_s: float,
+) -> tuple[float, float]:
     """Advance the pile under a wheel; return its force along the rim and across, on the wheel.
 
     Args:
@@ -156,8 +166,17 @@ def _gear_friction(machine: Machine, ground: Floats, speed_rad_s: float, load_nm
 
 
 @njit(cache=True)
-def _wheel_step(machine: Machine, grid: Grid, drive: Drive, pile: Pile, wheel: int, motion: Floats,
-                load_n: float, wrench: Floats, step_s: float) -> None:
+def _wheel_step(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    pile: Pile,
+    wheel: int,
+    motion: Floats,
+    load_n: float,
+    wrench: Floats,
+    step_s: float,
+) -> None:
     """Advance one wheel and add its force to the body's.
 
     Args:
@@ -168,7 +187,8 @@ def _wheel_step(machine: Machine, grid: Grid, drive: Drive, pile: Pile, wheel: i
     at_x, at_y = machine.arm_m * cosine, machine.arm_m * sine
     turn_c, turn_s = motion[5], motion[6]
     ground = tile_constants(
-        grid, motion[0] + turn_c * at_x - turn_s * at_y, motion[1] + turn_s * at_x + turn_c * at_y)
+        grid, motion[0] + turn_c * at_x - turn_s * at_y, motion[1] + turn_s * at_x + turn_c * at_y
+    )
     along_m_s = -sine * motion[2] + cosine * motion[3] + machine.arm_m * motion[4]
     across_m_s = cosine * motion[2] + sine * motion[3]
     # Directions of rim and axle in the world frame; (rim_y, -rim_x) points outwards along the axle.
@@ -180,27 +200,44 @@ def _wheel_step(machine: Machine, grid: Grid, drive: Drive, pile: Pile, wheel: i
     travel_m_s = math.hypot(hub_x, hub_y)
     motion[7], motion[8] = hub_x - rim_m_s * rim_x, hub_y - rim_m_s * rim_y
     along_n, across_n = pile_force(
-        ground, wheel, pile, load_n, against, motion[7:9], travel_m_s, rim_x, rim_y, step_s)
+        ground, wheel, pile, load_n, against, motion[7:9], travel_m_s, rim_x, rim_y, step_s
+    )
     load_nm = machine.radius_m * along_n
     resistance = load_n * pile_resistance(ground, travel_m_s, against)
     along_n -= resistance * along_m_s
     across_n -= resistance * across_m_s
-    add_body_force(machine, wrench, at_x, at_y, -sine * along_n + cosine * across_n,
-                   cosine * along_n + sine * across_n)
+    add_body_force(
+        machine, wrench, at_x, at_y, -sine * along_n + cosine * across_n, cosine * along_n + sine * across_n
+    )
     friction_nm = _gear_friction(machine, ground, drive.speed_rad_s[wheel], load_nm)
     drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
 
 
 @njit(cache=True)
-def _run(machine: Machine, grid: Grid, drive: Drive, pile: Pile, body: Floats, first: int, steps: int,
-         substeps: int, step_s: float, lifted: bool) -> None:
+def _run(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    pile: Pile,
+    body: Floats,
+    first: int,
+    steps: int,
+    substeps: int,
+    step_s: float,
+    lifted: bool,
+) -> None:
     """Integrate `steps` steps."""
     motion, wrench, load_n = np.empty(9), np.empty(3), np.zeros(3)
     for wheel in range(3):
         angle = OMNI_ANGLE_RAD[wheel]
         if not lifted:
-            load_n[wheel] = static_load(machine, machine.arm_m * math.cos(angle),
-                                        machine.arm_m * math.sin(angle), machine.com_x_m, machine.com_y_m)
+            load_n[wheel] = static_load(
+                machine,
+                machine.arm_m * math.cos(angle),
+                machine.arm_m * math.sin(angle),
+                machine.com_x_m,
+                machine.com_y_m,
+            )
     for step in range(first, first + steps):
         if step % substeps == 0:
             run_board(machine, drive)
@@ -219,8 +256,18 @@ class CarpetPlant(OmniPlant):
         self._pile = Pile(np.zeros(3), np.zeros(3), np.zeros(3))
 
     def _integrate(self, steps: int) -> None:
-        _run(self.machine, self.floor.grid, self.drive, self._pile, self.body, self._steps, steps,
-             self._substeps, self._step_s, self._lifted)
+        _run(
+            self.machine,
+            self.floor.grid,
+            self.drive,
+            self._pile,
+            self.body,
+            self._steps,
+            steps,
+            self._substeps,
+            self._step_s,
+            self._lifted,
+        )
 
     def _tilt(self) -> tuple[float, float]:
         """Return roll and pitch of a frame whose wheels sink into the pile by their loads and tiles."""
@@ -252,19 +299,37 @@ class CarpetPlant(OmniPlant):
 _KINDS: Final[dict[str, dict[int, tuple[float, float]]]] = {
     # Hard and soft end; the tile's grade lies between.
     "needle felt": {
-        STIFFNESS: (380.0, 20.0), LENGTH_M: (0.016, 0.012), FRICTION: (0.80, 0.55), ROLLER: (0.030, 0.060),
-        RESISTANCE: (0.020, 0.090), RESISTANCE_RISE: (0.010, 0.030), NAP_STIFFNESS: (0.03, 0.05),
-        NAP_RESISTANCE: (0.03, 0.06), GIVE_N_M: (6e4, 2.5e4),
+        STIFFNESS: (380.0, 20.0),
+        LENGTH_M: (0.016, 0.012),
+        FRICTION: (0.80, 0.55),
+        ROLLER: (0.030, 0.060),
+        RESISTANCE: (0.020, 0.090),
+        RESISTANCE_RISE: (0.010, 0.030),
+        NAP_STIFFNESS: (0.03, 0.05),
+        NAP_RESISTANCE: (0.03, 0.06),
+        GIVE_N_M: (6e4, 2.5e4),
     },
     "loop pile": {
-        STIFFNESS: (330.0, 15.0), LENGTH_M: (0.018, 0.014), FRICTION: (0.75, 0.55), ROLLER: (0.035, 0.065),
-        RESISTANCE: (0.025, 0.080), RESISTANCE_RISE: (0.015, 0.050), NAP_STIFFNESS: (0.05, 0.10),
-        NAP_RESISTANCE: (0.05, 0.10), GIVE_N_M: (4e4, 1.5e4),
+        STIFFNESS: (330.0, 15.0),
+        LENGTH_M: (0.018, 0.014),
+        FRICTION: (0.75, 0.55),
+        ROLLER: (0.035, 0.065),
+        RESISTANCE: (0.025, 0.080),
+        RESISTANCE_RISE: (0.015, 0.050),
+        NAP_STIFFNESS: (0.05, 0.10),
+        NAP_RESISTANCE: (0.05, 0.10),
+        GIVE_N_M: (4e4, 1.5e4),
     },
     "cut pile": {
-        STIFFNESS: (290.0, 12.5), LENGTH_M: (0.020, 0.016), FRICTION: (0.70, 0.50), ROLLER: (0.035, 0.060),
-        RESISTANCE: (0.025, 0.070), RESISTANCE_RISE: (0.020, 0.060), NAP_STIFFNESS: (0.10, 0.20),
-        NAP_RESISTANCE: (0.10, 0.20), GIVE_N_M: (3e4, 1.0e4),
+        STIFFNESS: (290.0, 12.5),
+        LENGTH_M: (0.020, 0.016),
+        FRICTION: (0.70, 0.50),
+        ROLLER: (0.035, 0.060),
+        RESISTANCE: (0.025, 0.070),
+        RESISTANCE_RISE: (0.020, 0.060),
+        NAP_STIFFNESS: (0.10, 0.20),
+        NAP_RESISTANCE: (0.10, 0.20),
+        GIVE_N_M: (3e4, 1.0e4),
     },
 }
 """Origins are in README.md."""

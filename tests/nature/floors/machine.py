@@ -135,8 +135,15 @@ def draw_machine(
 
 
 @njit(cache=True)
-def board_voltage(machine: Machine, wheel: int, angle_rad: float, target_rad_s: float, supply_v: float,
-                  ticks: Floats, integral_rad: Floats) -> float:
+def board_voltage(
+    machine: Machine,
+    wheel: int,
+    angle_rad: float,
+    target_rad_s: float,
+    supply_v: float,
+    ticks: Floats,
+    integral_rad: Floats,
+) -> float:
     """Run one period of a motor's speed loop and return the voltage it puts on the motor.
 
     The board sees whole encoder ticks only, so its speed is coarse by 0.18 rad/s of the wheel.
@@ -156,8 +163,9 @@ def board_voltage(machine: Machine, wheel: int, angle_rad: float, target_rad_s: 
 
 
 @njit(cache=True)
-def motor_current(machine: Machine, current_a: float, voltage_v: float, speed_rad_s: float,
-                  step_s: float) -> float:
+def motor_current(
+    machine: Machine, current_a: float, voltage_v: float, speed_rad_s: float, step_s: float
+) -> float:
     """Return the current after a step of the winding's equation, implicit and thus stable, then limited."""
     back_v = machine.back_emf_v_s * machine.gear_ratio * speed_rad_s
     gain = step_s / machine.inductance_h
@@ -178,8 +186,9 @@ def gear_loss(machine: Machine, speed_rad_s: float, load_nm: float) -> float:
 
 
 @njit(cache=True)
-def wheel_speed(machine: Machine, speed_rad_s: float, current_a: float, load_nm: float, friction_nm: float,
-                step_s: float) -> float:
+def wheel_speed(
+    machine: Machine, speed_rad_s: float, current_a: float, load_nm: float, friction_nm: float, step_s: float
+) -> float:
     """Return the wheel's speed after a step; friction stops it but never turns it round.
 
     Args:
@@ -220,8 +229,9 @@ def centre_motion(machine: Machine, body: Floats) -> tuple[float, float, float, 
 
 
 @njit(cache=True)
-def add_body_force(machine: Machine, wrench: Floats, at_x_m: float, at_y_m: float, force_x_n: float,
-                   force_y_n: float) -> None:
+def add_body_force(
+    machine: Machine, wrench: Floats, at_x_m: float, at_y_m: float, force_x_n: float, force_y_n: float
+) -> None:
     """Add a force in the body frame, acting at a point from the centre, to force and yaw moment."""
     wrench[0] += force_x_n
     wrench[1] += force_y_n
@@ -241,8 +251,9 @@ def move_body(machine: Machine, body: Floats, wrench: Floats, step_s: float) -> 
 
 
 @njit(cache=True)
-def static_load(machine: Machine, at_x_m: float, at_y_m: float, moment_x_m: float,
-                moment_y_m: float) -> float:
+def static_load(
+    machine: Machine, at_x_m: float, at_y_m: float, moment_x_m: float, moment_y_m: float
+) -> float:
     """Return the load on one of three wheels spaced by 120 degrees.
 
     Sum of loads = weight and sum of load times place = weight times `moment`; with three wheels on a circle

@@ -53,18 +53,27 @@ def run_board(machine: Machine, drive: Drive) -> None:
     drive.supply_v[0] = supply_voltage(machine, drive.voltage_v, drive.current_a, drive.supply_v[0])
     for wheel in range(drive.speed_rad_s.size):
         drive.voltage_v[wheel] = board_voltage(
-            machine, wheel, drive.angle_rad[wheel], drive.target_rad_s[wheel], drive.supply_v[0], drive.ticks,
-            drive.integral_rad)
+            machine,
+            wheel,
+            drive.angle_rad[wheel],
+            drive.target_rad_s[wheel],
+            drive.supply_v[0],
+            drive.ticks,
+            drive.integral_rad,
+        )
 
 
 @njit(cache=True)
-def drive_wheel(machine: Machine, drive: Drive, wheel: int, load_nm: float, friction_nm: float,
-                step_s: float) -> None:
+def drive_wheel(
+    machine: Machine, drive: Drive, wheel: int, load_nm: float, friction_nm: float, step_s: float
+) -> None:
     """Advance one motor and its wheel by a step."""
     drive.current_a[wheel] = motor_current(
-        machine, drive.current_a[wheel], drive.voltage_v[wheel], drive.speed_rad_s[wheel], step_s)
+        machine, drive.current_a[wheel], drive.voltage_v[wheel], drive.speed_rad_s[wheel], step_s
+    )
     drive.speed_rad_s[wheel] = wheel_speed(
-        machine, drive.speed_rad_s[wheel], drive.current_a[wheel], load_nm, friction_nm, step_s)
+        machine, drive.speed_rad_s[wheel], drive.current_a[wheel], load_nm, friction_nm, step_s
+    )
     drive.angle_rad[wheel] += step_s * drive.speed_rad_s[wheel]
 
 
@@ -116,9 +125,16 @@ class RoverPlant(ABC):
         )
         com_x_m, com_y_m = self.machine.com_x_m, self.machine.com_y_m
         cosine, sine = math.cos(start_yaw_rad), math.sin(start_yaw_rad)
-        self.body = np.array([
-            cosine * com_x_m - sine * com_y_m, sine * com_x_m + cosine * com_y_m, start_yaw_rad, 0.0, 0.0, 0.0
-        ])
+        self.body = np.array(
+            [
+                cosine * com_x_m - sine * com_y_m,
+                sine * com_x_m + cosine * com_y_m,
+                start_yaw_rad,
+                0.0,
+                0.0,
+                0.0,
+            ]
+        )
         # Where in its turn each wheel starts: nobody sets the wheels before a run.
         self.phase_rad = rng.uniform(0.0, 2.0 * math.pi, count)
         self._prepare()

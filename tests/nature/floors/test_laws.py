@@ -62,7 +62,8 @@ class TestPassivity:
             running = _random_motion(seed + 50, 0.2, 4000).tolist()
             for sliding, rim in zip(_random_motion(seed, amplitude, 4000).tolist(), running, strict=True):
                 force_n, deflection_m = tread.brush_force(
-                    ground, _LOAD_N, sliding, rim, deflection_m, _STEP_S)
+                    ground, _LOAD_N, sliding, rim, deflection_m, _STEP_S
+                )
                 power_w.append(force_n * sliding)
             least_j, end_j = _least_work(power_w)
             assert least_j > -1e-3 * end_j
@@ -75,7 +76,8 @@ class TestPassivity:
             slide_w, scrub_w = [], []
             for a_m_s, b_m_s, c in zip(along, across, turn, strict=True):
                 a_n, b_n = tread_differential.brush_vector(
-                    ground, 0, tyres, _LOAD_N, a_m_s, b_m_s, 0.1, _STEP_S)
+                    ground, 0, tyres, _LOAD_N, a_m_s, b_m_s, 0.1, _STEP_S
+                )
                 scrub_nm = tread_differential.scrub_moment(ground, 0, tyres, _LOAD_N, 10.0 * c, 0.1, _STEP_S)
                 slide_w.append(a_n * a_m_s + b_n * b_m_s)
                 scrub_w.append(-scrub_nm * 10.0 * c)
@@ -136,7 +138,8 @@ def _tread_n(ground: Floats, sliding_m_s: float, running_m_s: float, travel_m: f
     deflection_m, force_n = 0.0, 0.0
     for _ in range(round(travel_m / running_m_s / _STEP_S)):
         force_n, deflection_m = tread.brush_force(
-            ground, _LOAD_N, sliding_m_s, running_m_s, deflection_m, _STEP_S)
+            ground, _LOAD_N, sliding_m_s, running_m_s, deflection_m, _STEP_S
+        )
     return force_n
 
 
@@ -145,7 +148,8 @@ def test_bristle_friction_follows_the_velocity_and_tread_the_ratio() -> None:
     steady_n = [_steady_bristle_n(ground, sliding) for sliding in (0.01, 0.03, 0.1)]
     assert steady_n[0] * 1.2 < steady_n[1] < steady_n[2] / 1.1
     assert steady_n[1] == pytest.approx(
-        _LOAD_N * (bristle.friction_level(ground, 0.03) + ground[bristle.VISCOUS] * 0.03), rel=1e-3)
+        _LOAD_N * (bristle.friction_level(ground, 0.03) + ground[bristle.VISCOUS] * 0.03), rel=1e-3
+    )
     ground = tread.draw_floor(2).grid.constants[0, 0].copy()
     ground[tread.DAMPING_S_M] = 0.0
     slow_n, fast_n = _tread_n(ground, 0.01, 0.1, 0.2), _tread_n(ground, 0.03, 0.3, 0.2)
@@ -168,7 +172,8 @@ def test_relaxation_is_a_lag_in_space(length_m: float, running_m_s: float) -> No
     sliding_m_s = 1e-4 * running_m_s
     steady_n = _tread_n(ground, sliding_m_s, running_m_s, 10.0 * length_m)
     assert _tread_n(ground, sliding_m_s, running_m_s, length_m) == pytest.approx(
-        (1.0 - math.exp(-1.0)) * steady_n, rel=0.05)
+        (1.0 - math.exp(-1.0)) * steady_n, rel=0.05
+    )
 
 
 def _push_pile(ground: Floats, pile: carpet.Pile, speed_m_s: float, steps: int) -> list[float]:
@@ -176,7 +181,8 @@ def _push_pile(ground: Floats, pile: carpet.Pile, speed_m_s: float, steps: int) 
     power_w = []
     for _ in range(steps):
         _, across_n = carpet.pile_force(
-            ground, 0, pile, _LOAD_N, 0.0, np.array([0.0, -speed_m_s]), 0.0, 1.0, 0.0, _STEP_S)
+            ground, 0, pile, _LOAD_N, 0.0, np.array([0.0, -speed_m_s]), 0.0, 1.0, 0.0, _STEP_S
+        )
         power_w.append(-across_n * speed_m_s)
     return power_w
 
@@ -190,7 +196,8 @@ def test_pile_stores_and_returns_sideways_up_to_the_rollers_drag() -> None:
     stored_j = sum(_push_pile(ground, pile, speed_m_s, steps)) * _STEP_S
     back_j = sum(_push_pile(ground, pile, -speed_m_s, steps)) * _STEP_S
     assert stored_j == pytest.approx(
-        0.5 * _LOAD_N * ground[carpet.STIFFNESS] * (0.8 * limit_m) ** 2, rel=0.01)
+        0.5 * _LOAD_N * ground[carpet.STIFFNESS] * (0.8 * limit_m) ** 2, rel=0.01
+    )
     assert back_j == pytest.approx(-stored_j, rel=0.01)
     _push_pile(ground, pile, 3.0 * speed_m_s, steps)
     assert abs(pile.y_m[0]) == pytest.approx(limit_m)
@@ -205,7 +212,8 @@ def test_turning_round_in_the_nap_gains_no_energy(bent: float, released: float) 
     for against, speed_m_s in ((bent, 1e-3), (released, -1e-3)):
         for _ in range(300):
             along_n, _ = carpet.pile_force(
-                ground, 0, pile, _LOAD_N, against, np.array([speed_m_s, 0.0]), 0.0, 1.0, 0.0, _STEP_S)
+                ground, 0, pile, _LOAD_N, against, np.array([speed_m_s, 0.0]), 0.0, 1.0, 0.0, _STEP_S
+            )
             if speed_m_s < 0.0 and along_n > 0.0:
                 break
             taken_j -= along_n * speed_m_s * _STEP_S

@@ -30,8 +30,9 @@ _OMNI = pytest.mark.parametrize("nature", NATURES[:3], ids=lambda nature: nature
 _START_NS = 1_234_567_891
 
 
-def _plant(nature: Nature, seed: int = 3, *, floor: Floor | None = None, substeps: int = 4,
-           lifted: bool = False) -> RoverPlant:
+def _plant(
+    nature: Nature, seed: int = 3, *, floor: Floor | None = None, substeps: int = 4, lifted: bool = False
+) -> RoverPlant:
     floor = nature.draw_floor(seed) if floor is None else floor
     return nature.plant(floor, np.random.default_rng(seed), _START_NS, substeps=substeps, lifted=lifted)
 
@@ -116,7 +117,8 @@ class TestInterface:
             assert derivative[:2] == pytest.approx([x_m_s, y_m_s], abs=3e-3)
             assert derivative[2] == pytest.approx(truth.yaw_rate_rad_s, abs=0.02)
         assert place[-1, 2] - place[0, 2] == pytest.approx(
-            0.001 * sum(truth.yaw_rate_rad_s for truth in truths[1:]), rel=5e-3)
+            0.001 * sum(truth.yaw_rate_rad_s for truth in truths[1:]), rel=5e-3
+        )
         assert abs(place[-1, 2]) > 0.2
 
     def test_wheels_reach_their_set_points_and_currents_drive_forward(self, nature: Nature) -> None:
@@ -224,13 +226,17 @@ def test_rotated_by_120_degrees_all_is_the_same(nature: Nature) -> None:
     x_m, y_m, yaw_rad = places[0]
     assert math.hypot(x_m, y_m) > 0.05
     assert places[1] == pytest.approx(
-        [cosine * x_m - sine * y_m, sine * x_m + cosine * y_m, yaw_rad], abs=1e-5)
+        [cosine * x_m - sine * y_m, sine * x_m + cosine * y_m, yaw_rad], abs=1e-5
+    )
 
 
 class TestBristle:
     def test_load_goes_back_when_the_rover_speeds_up(self) -> None:
-        plant = BristlePlant(_with_machine(bristle.draw_floor(0), com_x_m=0.0, com_y_m=0.0),
-                             np.random.default_rng(0), _START_NS)
+        plant = BristlePlant(
+            _with_machine(bristle.draw_floor(0), com_x_m=0.0, com_y_m=0.0),
+            np.random.default_rng(0),
+            _START_NS,
+        )
         rest = plant.load_n()
         _drive(plant, 0.4, 0.0, 0.0)
         truths, loads = [], []
@@ -292,8 +298,12 @@ class TestCarpet:
         for sticking in (1.0, 1.6):
             floor = carpet.draw_floor(2).changed(carpet.GEAR_STICKING, sticking)
             # A weak loop raises the current slowly, so the current at the start of motion is seen.
-            plant = CarpetPlant(_with_machine(floor, gain_p_v_s=0.0, gain_i_v=2.0), np.random.default_rng(0),
-                                _START_NS, lifted=True)
+            plant = CarpetPlant(
+                _with_machine(floor, gain_p_v_s=0.0, gain_i_v=2.0),
+                np.random.default_rng(0),
+                _START_NS,
+                lifted=True,
+            )
             plant.set_wheel_speeds([1.0, 1.0, 1.0])
             truths = _run(plant, 2.0, 0.002)
             moving = next(k for k, truth in enumerate(truths) if truth.wheel_speed_rad_s[0] > 0.0)
@@ -350,7 +360,8 @@ class TestDifferential:
             tyres = _differential()._tyres
             for _ in range(20000):
                 moment_nm = tread_differential.scrub_moment(
-                    ground, 0, tyres, 45.0, 1.0, running_m_s, 1.0 / 3600.0)
+                    ground, 0, tyres, 45.0, 1.0, running_m_s, 1.0 / 3600.0
+                )
             moments_nm.append(moment_nm)
         assert moments_nm[0] == pytest.approx(-45.0 * ground[tread.FRICTION] * 0.008)
         assert moments_nm[0] < 3.0 * moments_nm[1] < 0.0

@@ -75,8 +75,9 @@ class Tread(NamedTuple):
 
 
 @njit(cache=True)
-def brush_force(ground: Floats, load_n: float, sliding_m_s: float, running_m_s: float, deflection_m: float,
-                step_s: float) -> tuple[float, float]:
+def brush_force(
+    ground: Floats, load_n: float, sliding_m_s: float, running_m_s: float, deflection_m: float, step_s: float
+) -> tuple[float, float]:
     """Return the force on the ground's side that follows the sliding, and the new deflection.
 
     The deflection ends where all of the tread slides: it would wind up otherwise, with a wheel locked or
@@ -101,8 +102,17 @@ def drag_share(ground: Floats, speed_m_s: float) -> float:
 
 
 @njit(cache=True)
-def _wheel_step(machine: Machine, grid: Grid, drive: Drive, tread: Tread, wheel: int, motion: Floats,
-                load_n: float, wrench: Floats, step_s: float) -> None:
+def _wheel_step(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    tread: Tread,
+    wheel: int,
+    motion: Floats,
+    load_n: float,
+    wrench: Floats,
+    step_s: float,
+) -> None:
     """Advance one wheel and add its force to the body's.
 
     Args:
@@ -111,34 +121,52 @@ def _wheel_step(machine: Machine, grid: Grid, drive: Drive, tread: Tread, wheel:
     cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
     at_x, at_y = machine.arm_m * cosine, machine.arm_m * sine
     ground = tile_constants(
-        grid, motion[0] + motion[5] * at_x - motion[6] * at_y,
-        motion[1] + motion[6] * at_x + motion[5] * at_y)
+        grid, motion[0] + motion[5] * at_x - motion[6] * at_y, motion[1] + motion[6] * at_x + motion[5] * at_y
+    )
     along_m_s = -sine * motion[2] + cosine * motion[3] + machine.arm_m * motion[4]
     across_m_s = cosine * motion[2] + sine * motion[3]
     rim_m_s = machine.radius_m * drive.speed_rad_s[wheel]
     traction_n, tread.along_m[wheel] = brush_force(
-        ground, load_n, rim_m_s - along_m_s, math.hypot(rim_m_s, across_m_s), tread.along_m[wheel], step_s)
+        ground, load_n, rim_m_s - along_m_s, math.hypot(rim_m_s, across_m_s), tread.along_m[wheel], step_s
+    )
     drag = drag_share(ground, math.hypot(along_m_s, across_m_s)) * load_n
     roller = ground[ROLLER] * load_n / math.hypot(across_m_s, _SOFT_START_M_S)
     along_n, across_n = traction_n - drag * along_m_s, -(drag + roller) * across_m_s
-    add_body_force(machine, wrench, at_x, at_y, -sine * along_n + cosine * across_n,
-                   cosine * along_n + sine * across_n)
+    add_body_force(
+        machine, wrench, at_x, at_y, -sine * along_n + cosine * across_n, cosine * along_n + sine * across_n
+    )
     load_nm = machine.radius_m * traction_n
     friction_nm = machine.friction_nm * machine.gear_ratio + gear_loss(
-        machine, drive.speed_rad_s[wheel], load_nm)
+        machine, drive.speed_rad_s[wheel], load_nm
+    )
     drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
 
 
 @njit(cache=True)
-def _run(machine: Machine, grid: Grid, drive: Drive, tread: Tread, body: Floats, first: int, steps: int,
-         substeps: int, step_s: float, lifted: bool) -> None:
+def _run(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    tread: Tread,
+    body: Floats,
+    first: int,
+    steps: int,
+    substeps: int,
+    step_s: float,
+    lifted: bool,
+) -> None:
     """Integrate `steps` steps."""
     motion, wrench, load_n = np.empty(7), np.empty(3), np.zeros(3)
     for wheel in range(3):
         angle = OMNI_ANGLE_RAD[wheel]
         if not lifted:
-            load_n[wheel] = static_load(machine, machine.arm_m * math.cos(angle),
-                                        machine.arm_m * math.sin(angle), machine.com_x_m, machine.com_y_m)
+            load_n[wheel] = static_load(
+                machine,
+                machine.arm_m * math.cos(angle),
+                machine.arm_m * math.sin(angle),
+                machine.com_x_m,
+                machine.com_y_m,
+            )
     for step in range(first, first + steps):
         if step % substeps == 0:
             run_board(machine, drive)
@@ -157,23 +185,45 @@ class TreadPlant(OmniPlant):
         self._tread = Tread(np.zeros(3))
 
     def _integrate(self, steps: int) -> None:
-        _run(self.machine, self.floor.grid, self.drive, self._tread, self.body, self._steps, steps,
-             self._substeps, self._step_s, self._lifted)
+        _run(
+            self.machine,
+            self.floor.grid,
+            self.drive,
+            self._tread,
+            self.body,
+            self._steps,
+            steps,
+            self._substeps,
+            self._step_s,
+            self._lifted,
+        )
 
 
 _KINDS: Final[dict[str, dict[int, tuple[float, float]]]] = {
     # Hard and soft end; the tile's grade lies between.
     "linoleum": {
-        FRICTION: (0.70, 0.35), SLIP_STIFFNESS: (6.0, 0.50), RELAXATION_M: (0.004, 0.010),
-        DRAG: (0.025, 0.085), DRAG_S_M: (0.01, 0.05), ROLLER: (0.020, 0.045),
+        FRICTION: (0.70, 0.35),
+        SLIP_STIFFNESS: (6.0, 0.50),
+        RELAXATION_M: (0.004, 0.010),
+        DRAG: (0.025, 0.085),
+        DRAG_S_M: (0.01, 0.05),
+        ROLLER: (0.020, 0.045),
     },
     "concrete": {
-        FRICTION: (0.85, 0.40), SLIP_STIFFNESS: (8.0, 0.58), RELAXATION_M: (0.002, 0.008),
-        DRAG: (0.028, 0.100), DRAG_S_M: (0.01, 0.03), ROLLER: (0.025, 0.050),
+        FRICTION: (0.85, 0.40),
+        SLIP_STIFFNESS: (8.0, 0.58),
+        RELAXATION_M: (0.002, 0.008),
+        DRAG: (0.028, 0.100),
+        DRAG_S_M: (0.01, 0.03),
+        ROLLER: (0.025, 0.050),
     },
     "mat": {
-        FRICTION: (0.80, 0.50), SLIP_STIFFNESS: (5.0, 0.48), RELAXATION_M: (0.008, 0.020),
-        DRAG: (0.028, 0.100), DRAG_S_M: (0.02, 0.10), ROLLER: (0.020, 0.040),
+        FRICTION: (0.80, 0.50),
+        SLIP_STIFFNESS: (5.0, 0.48),
+        RELAXATION_M: (0.008, 0.020),
+        DRAG: (0.028, 0.100),
+        DRAG_S_M: (0.02, 0.10),
+        ROLLER: (0.020, 0.040),
     },
 }
 """Origins are in README.md."""

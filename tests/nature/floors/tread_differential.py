@@ -66,8 +66,16 @@ class Tyres(NamedTuple):
 
 
 @njit(cache=True)
-def brush_vector(ground: Floats, wheel: int, tyres: Tyres, load_n: float, sliding_along_m_s: float,
-                 sliding_across_m_s: float, running_m_s: float, step_s: float) -> tuple[float, float]:
+def brush_vector(
+    ground: Floats,
+    wheel: int,
+    tyres: Tyres,
+    load_n: float,
+    sliding_along_m_s: float,
+    sliding_across_m_s: float,
+    running_m_s: float,
+    step_s: float,
+) -> tuple[float, float]:
     """Advance a tyre's deflection; return the force on the ground's side that follows the sliding."""
     length_m = ground[RELAXATION_M]
     theta = ground[SLIP_STIFFNESS] / (3.0 * ground[FRICTION])
@@ -89,8 +97,15 @@ def brush_vector(ground: Floats, wheel: int, tyres: Tyres, load_n: float, slidin
 
 
 @njit(cache=True)
-def scrub_moment(ground: Floats, wheel: int, tyres: Tyres, load_n: float, turn_rad_s: float,
-                 running_m_s: float, step_s: float) -> float:
+def scrub_moment(
+    ground: Floats,
+    wheel: int,
+    tyres: Tyres,
+    load_n: float,
+    turn_rad_s: float,
+    running_m_s: float,
+    step_s: float,
+) -> float:
     """Advance a contact's scrub angle; return the moment on the wheel, against the turning."""
     length_m = ground[RELAXATION_M]
     angle = (tyres.scrub_rad[wheel] + step_s * turn_rad_s) / (1.0 + step_s * abs(running_m_s) / length_m)
@@ -105,32 +120,47 @@ def scrub_moment(ground: Floats, wheel: int, tyres: Tyres, load_n: float, turn_r
 @njit(cache=True)
 def _ground_at(grid: Grid, motion: Floats, at_x_m: float, at_y_m: float) -> Floats:
     """Return the constants of the tile under a place on the rover."""
-    return tile_constants(grid, motion[0] + motion[5] * at_x_m - motion[6] * at_y_m,
-                          motion[1] + motion[6] * at_x_m + motion[5] * at_y_m)
+    return tile_constants(
+        grid,
+        motion[0] + motion[5] * at_x_m - motion[6] * at_y_m,
+        motion[1] + motion[6] * at_x_m + motion[5] * at_y_m,
+    )
 
 
 @njit(cache=True)
-def _wheel_step(machine: Machine, grid: Grid, drive: Drive, tyres: Tyres, wheel: int, motion: Floats,
-                load_n: float, wrench: Floats, step_s: float) -> None:
+def _wheel_step(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    tyres: Tyres,
+    wheel: int,
+    motion: Floats,
+    load_n: float,
+    wrench: Floats,
+    step_s: float,
+) -> None:
     """Advance one driven wheel and add its force and scrub to the body's."""
     at_y = machine.arm_m * (1.0 - 2.0 * wheel)
     ground = _ground_at(grid, motion, 0.0, at_y)
     along_m_s, across_m_s = motion[2] - motion[4] * at_y, motion[3]
     rim_m_s = machine.radius_m * drive.speed_rad_s[wheel]
     traction_n, side_n = brush_vector(
-        ground, wheel, tyres, load_n, rim_m_s - along_m_s, -across_m_s, rim_m_s, step_s)
+        ground, wheel, tyres, load_n, rim_m_s - along_m_s, -across_m_s, rim_m_s, step_s
+    )
     drag = drag_share(ground, math.hypot(along_m_s, across_m_s)) * load_n
     add_body_force(machine, wrench, 0.0, at_y, traction_n - drag * along_m_s, side_n - drag * across_m_s)
     wrench[2] += scrub_moment(ground, wheel, tyres, load_n, motion[4], rim_m_s, step_s)
     load_nm = machine.radius_m * traction_n
     friction_nm = machine.friction_nm * machine.gear_ratio + gear_loss(
-        machine, drive.speed_rad_s[wheel], load_nm)
+        machine, drive.speed_rad_s[wheel], load_nm
+    )
     drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
 
 
 @njit(cache=True)
-def _castor_step(machine: Machine, grid: Grid, tyres: Tyres, motion: Floats, load_n: float, wrench: Floats,
-                 step_s: float) -> None:
+def _castor_step(
+    machine: Machine, grid: Grid, tyres: Tyres, motion: Floats, load_n: float, wrench: Floats, step_s: float
+) -> None:
     """Advance the castor: its side force acts on the swivel's place, its moment on the swivel alone."""
     cosine, sine = math.cos(tyres.swivel[0]), math.sin(tyres.swivel[0])
     at_x, at_y = _SWIVEL_X_M - _TRAIL_M * cosine, -_TRAIL_M * sine
@@ -144,8 +174,14 @@ def _castor_step(machine: Machine, grid: Grid, tyres: Tyres, motion: Floats, loa
     drag = _CASTOR_DRAG * drag_share(ground, math.hypot(along_m_s, across_m_s)) * load_n
     along_n, across_n = -drag * along_m_s, side_n - drag * across_m_s
     scrub_nm = scrub_moment(ground, 2, tyres, load_n, turn_rad_s, along_m_s, step_s)
-    add_body_force(machine, wrench, _SWIVEL_X_M, 0.0, cosine * along_n - sine * across_n,
-                   sine * along_n + cosine * across_n)
+    add_body_force(
+        machine,
+        wrench,
+        _SWIVEL_X_M,
+        0.0,
+        cosine * along_n - sine * across_n,
+        sine * along_n + cosine * across_n,
+    )
     free = tyres.swivel[1] + step_s * (-_TRAIL_M * across_n + scrub_nm) / _SWIVEL_INERTIA_KG_M2
     stop = step_s * _SWIVEL_FRICTION_NM / _SWIVEL_INERTIA_KG_M2
     rate = 0.0 if abs(free) <= stop else free - math.copysign(stop, free)
@@ -162,8 +198,18 @@ def castor_share(machine: Machine) -> float:
 
 
 @njit(cache=True)
-def _run(machine: Machine, grid: Grid, drive: Drive, tyres: Tyres, body: Floats, first: int, steps: int,
-         substeps: int, step_s: float, lifted: bool) -> None:
+def _run(
+    machine: Machine,
+    grid: Grid,
+    drive: Drive,
+    tyres: Tyres,
+    body: Floats,
+    first: int,
+    steps: int,
+    substeps: int,
+    step_s: float,
+    lifted: bool,
+) -> None:
     """Integrate `steps` steps."""
     motion, wrench, load_n = np.empty(7), np.empty(3), np.zeros(3)
     if not lifted:
@@ -203,8 +249,18 @@ class DifferentialTreadPlant(RoverPlant):
         self._tyres = Tyres(np.zeros(3), np.zeros(3), np.zeros(3), np.array([swivel_rad, 0.0]))
 
     def _integrate(self, steps: int) -> None:
-        _run(self.machine, self.floor.grid, self.drive, self._tyres, self.body, self._steps, steps,
-             self._substeps, self._step_s, self._lifted)
+        _run(
+            self.machine,
+            self.floor.grid,
+            self.drive,
+            self._tyres,
+            self.body,
+            self._steps,
+            steps,
+            self._substeps,
+            self._step_s,
+            self._lifted,
+        )
 
 
 _LEAN: Final = 2.0
