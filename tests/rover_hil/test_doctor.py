@@ -19,11 +19,11 @@ from drivers.errors import ConfigError
 from drivers.nmea_compass.codec import encode_sentence
 from drivers.robotino_board.codec import REQUEST_SIZE, BoardReply, build_reply, parse_request
 from drivers.witmotion.codec import encode_rate
+from rover_hil import terminal as printing
 from rover_hil.app.doctor import examine, is_ready, print_findings
 from rover_hil.config import Config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem
-from rover_hil.terminal import Terminal
 
 LISTEN_S = 0.4
 HDM = encode_sentence("HCHDM,12.0,M")
@@ -305,7 +305,7 @@ def test_a_wrong_configuration_is_an_error(tmp_path: Path) -> None:
 def test_advice_is_printed_whole_brackets_included(capsys: pytest.CaptureFixture[str]) -> None:
     fix = "in [devices.imu] set port = " + "/dev/serial/by-id/" + "x" * 100
     findings = [problem("serial port", "imu", "what", "why", fix)]
-    console = Terminal()
+    console = printing.Terminal()
     console.width = 60
     print_findings(findings, console)
     output = capsys.readouterr().out

@@ -38,6 +38,7 @@ from rover_hil.setting_up.drives import (
 )
 from rover_hil.setting_up.places import find_places
 from rover_hil.setting_up.probing import max_age_s
+from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
 from tests.rover_hil.command import Command, assert_one_sentence
 
