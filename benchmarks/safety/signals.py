@@ -7,7 +7,7 @@ over the start, whose time a first run measures, the other half over the drive, 
 the log appears: one moment in each of as many equal parts. Each run gets one signal, by turns.
 Prints JSON: how the runs ended, and for how long the wheels were commanded after the signal.
 Exit code 1 when a signal was lost: another exit code than documented, or wheels commanded for longer than
-0.5 s after it.
+0.5 s after it; also when no run was moving at its signal, as then nothing is shown.
 """
 
 import argparse
@@ -29,9 +29,12 @@ from rover_hil.recording.schema import COMMAND, END
 
 PROGRAM = str(Path(sys.executable).with_name("rover-hil"))
 NUMBERS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-DRIVE_S = 3.0
+DRIVE_S = 9.0
+"""The rover rests for some seconds first, until its gyro is known."""
 BAR_S = 0.5
 """Longest time of commands after a signal; a cycle takes 0.02 s, on a loaded machine much longer."""
+MOVING_S = 0.2
+"""A rover whose wheels were commanded within this time before the signal, or after it, was moving."""
 PATIENCE_S = 120.0
 EXIT_CODES = {
     "started": {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 143},
@@ -71,7 +74,7 @@ def read_drive(path: Path) -> Drive:
 
 
 def start(folder: Path, name: str) -> subprocess.Popen[bytes]:
-    """Start a run of three seconds."""
+    """Start a run of a few seconds."""
     return subprocess.Popen(
         [PROGRAM, "run", "robotino", "--duration", f"{DRIVE_S:g}", "--out", name],
         cwd=folder,
@@ -102,7 +105,8 @@ def signal_once(
     sent_ns = wall_time_ns()
     code = process.wait(PATIENCE_S)
     drive = read_drive(folder / name / "run.mcap")
-    moved_s = max(0.0, seconds(drive.moved_ns - sent_ns))
+    after_s = seconds(drive.moved_ns - sent_ns)
+    moved_s = max(0.0, after_s)
     # Before the program has taken the signals over, the system ends it.
     is_early = drive.end == "started" and code == -number
     is_right = is_early or EXIT_CODES.get(drive.end, {}).get(number) == code
@@ -112,6 +116,7 @@ def signal_once(
         "after_s": round(delay_s, 3),
         "end": "not taken over" if is_early else drive.end,
         "exit_code": code,
+        "was_moving": after_s > -MOVING_S,
         "moved_s": round(moved_s, 3),
         "is_lost": not is_right or moved_s > BAR_S,
     }
@@ -168,12 +173,13 @@ def main() -> int:
         "start_s": round(start_s, 2),
         "lost": len(lost),
         "ends": Counter(f"{row['end']}, {row['signal']}: {row['exit_code']}" for row in rows),
+        "signalled_while_moving": sum(bool(row["was_moving"]) for row in rows),
         "longest_motion_after_s": max(float(str(row["moved_s"])) for row in rows),
         "bar_s": BAR_S,
         "lost_rows": lost,
     }
     print(json.dumps(figures, indent=2))
-    return 1 if lost else 0
+    return 1 if lost or not figures["signalled_while_moving"] else 0
 
 
 if __name__ == "__main__":
