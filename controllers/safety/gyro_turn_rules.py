@@ -101,6 +101,11 @@ AGAINST = -0.5
 """Correlation of gyro and wheels below which the gyro turns against them: slip does not change a sign."""
 
 
+RESONANCE = 1.0 / 3.0
+"""A contact near its resonance lets the rover swing against its wheels by up to 0.3 of their turn, on the
+floors of `benchmarks.safety.healthy_missions`: a gyro that turns back no further may be right."""
+
+
 class GyroFollowsRule(StopRule):
     """Stops when the gyro does not follow the changes of the wheels' turn rate: dead, wrong axis, wrong sign.
 
@@ -154,9 +159,11 @@ class GyroFollowsRule(StopRule):
         wheel_variance = moments.wheel_variance
         least_variance = settings.gyro_follow_rad_s**2 + NOISE_SHARE * self._noise.variance
         is_turning = wheel_variance > least_variance
-        if is_turning and moments.covariance < settings.gyro_follow_share * wheel_variance:
+        least_covariance = settings.gyro_follow_share * wheel_variance
+        if is_turning and moments.covariance < least_covariance:
             self._lost_s += wheels.duration_s
-            is_against = moments.correlation < AGAINST
+            turns_back = moments.covariance < -RESONANCE * wheel_variance
+            is_against = moments.correlation < AGAINST and turns_back
             self._against_s = self._against_s + wheels.duration_s if is_against else 0.0
             self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
         elif is_turning:

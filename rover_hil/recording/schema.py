@@ -189,7 +189,7 @@ class EstimateRecord(TypedDict):
     contradiction: NotRequired[ContradictionRecord | None]
     steering_rad: NotRequired[MaybeNumbers]
     crab: NotRequired[CrabRecord | None]
-    suspicion: NotRequired[str]
+    suspicion: NotRequired[str | None]
     wheel_doubt: NotRequired[str | None]
     exact: NotRequired[str]
 
@@ -393,7 +393,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "contradiction": None if output.contradiction is None else _contradiction(output.contradiction),
         "steering_rad": output.steering_rad,
         "crab": None if output.crab is None else _crab(output.crab),
-        "suspicion": output.suspicion,
+        "suspicion": output.suspicion or None,
         "wheel_doubt": output.wheel_doubt,
     }
 

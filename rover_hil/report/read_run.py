@@ -166,7 +166,7 @@ class _Collector:
         pose_s = self._seconds(pose["t_ns"])
         self._modes.append(Mode(output["mode"]))
         self._reasons.append(output["reason"])
-        self._suspicions.append(output.get("suspicion", ""))
+        self._suspicions.append(output.get("suspicion") or "")
         self._limits.append(Limit(output["limit"]))
         self._rows["time", ""].append((t_s,))
         self._rows["estimate", ""].append(

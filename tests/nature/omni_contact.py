@@ -63,15 +63,15 @@ class Floor:
 
     @staticmethod
     def slippery(rng: np.random.Generator, relaxation_m: float) -> "Floor":
-        """Return a ground on which the rover loses 20 to 97 % of its wheels' travel, and moves everywhere.
+        """Return a ground on which the rover loses a fifth of its wheels' travel, and in places nearly all.
 
-        The drag across a wheel takes up to 0.7 of the force that its contact can bear.
+        The drag across a wheel takes up to 0.6 of the force that its contact can bear.
         """
         shape = (TILES, TILES)
         limit = rng.uniform(0.1, 0.4, shape)
-        slope = limit * np.exp(rng.uniform(math.log(0.8), math.log(12.0), shape))
-        along = limit * rng.uniform(0.05, 0.3, shape)
-        across = limit * rng.uniform(0.2, 0.7, shape)
+        slope = limit * np.exp(rng.uniform(math.log(1.0), math.log(12.0), shape))
+        along = limit * rng.uniform(0.05, 0.25, shape)
+        across = limit * rng.uniform(0.2, 0.6, shape)
         tiles = np.stack((limit, slope, along, across), axis=-1)
         return Floor(law=LAWS[int(rng.integers(len(LAWS)))], relaxation_m=relaxation_m, tiles=tiles)
 

@@ -40,6 +40,18 @@ def test_a_shipped_configuration_is_valid_and_ready_for_all(command: Command, na
         assert f"  {line}\n" in command.out
 
 
+def test_a_yaw_that_nothing_watches_on_the_real_rover_is_a_warning(command: Command, tmp_path: Path) -> None:
+    assert command("check", "robotino") == 0
+    assert (
+        "warning: yaw unwatched: nothing in this mission would notice that imu measures no turns; the yaw "
+        "excitation ([slip] use = 'yaw_probe', commissioned on a real rover), a compass, pose fixes or a "
+        "mission that turns on the spot would watch it\n"
+    ) in command.out
+    commissioned = ('use = "yaw_probe"', 'use = "yaw_probe"\nexcite_real_rover = true')
+    assert command("check", write(tmp_path, "robotino", commissioned)) == 0
+    assert "unwatched" not in command.out
+
+
 @pytest.mark.parametrize("name", shipped_configs())
 def test_a_shipped_configuration_can_be_tuned_as_it_is(name: str) -> None:
     config = load_config(name, TUNE_CHECKS)

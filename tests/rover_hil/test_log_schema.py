@@ -90,6 +90,7 @@ OUTPUT = StepOutput(
     contradiction=ContradictionReport(scaled=1.5, wheel=1, rolling_m=(0.0, 0.01), side_m=(0.0, 0.002)),
     steering_rad=(0.05, 0.0),
     crab=CrabReport(drift_rad=0.14, source=DriftSource.TRACE),
+    suspicion="rover: may be entrapped",
 )
 RECORD = (
     b'{"t_ns":7,"mode":"running","reason":"","estimate":{"t_ns":6,"x_m":1.0,"y_m":2.0,'
@@ -105,7 +106,8 @@ RECORD = (
     b'"reason":"","gyro_lag_s":0.001}},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
     b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""},'
     b'"contradiction":{"scaled":1.5,"wheel":1,"rolling_m":[0.0,0.01],"side_m":[0.0,0.002]},'
-    b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},"wheel_doubt":null}'
+    b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},'
+    b'"suspicion":"rover: may be entrapped","wheel_doubt":null}'
 )
 
 
@@ -195,7 +197,7 @@ def test_nothing_that_a_cycle_computes_is_left_out() -> None:
 def test_a_cycle_of_an_older_log_is_read() -> None:
     older = json.loads(RECORD)
     del older["slip"], older["drift"], older["contradiction"], older["steering_rad"]
-    del older["command"]["steering_rad"], older["crab"], older["wheel_doubt"]
+    del older["command"]["steering_rad"], older["crab"], older["suspicion"], older["wheel_doubt"]
     record = ESTIMATE_SHAPE.validate_python(older)
     assert "slip" not in record
     assert record["estimate"]["x_m"] == 1.0

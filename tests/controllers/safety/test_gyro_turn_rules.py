@@ -147,7 +147,13 @@ def noisy(rule: GyroFollowsRule, share: float, noise: float, duration_s: float) 
 
 @pytest.mark.parametrize(
     ("share", "noise", "severity"),
-    [(0.0, 0.05, Severity.RECOVERABLE), (-0.1, 0.1, Severity.RECOVERABLE), (-0.5, 0.02, Severity.FINAL)],
+    [
+        (0.0, 0.05, Severity.RECOVERABLE),
+        (-0.1, 0.1, Severity.RECOVERABLE),
+        (-0.3, 0.0, Severity.RECOVERABLE),
+        (-0.36, 0.0, Severity.FINAL),
+        (-0.5, 0.02, Severity.FINAL),
+    ],
 )
 def test_only_a_gyro_that_turns_against_the_wheels_stops_for_good(
     share: float, noise: float, severity: Severity

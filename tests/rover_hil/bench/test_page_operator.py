@@ -1,5 +1,6 @@
 """The loop's side of the page: nothing that the page does or fails to do delays the loop."""
 
+from dataclasses import replace
 from multiprocessing import Pipe
 from typing import cast
 
@@ -53,6 +54,16 @@ def test_every_50_ms_a_cycle_is_shown() -> None:
     assert shown[-1]["current_a"] != [None] * 3
     assert shown[-1]["devices"][0]["state"] == "streaming"
     assert shown[-1]["work_us"] == 2.0
+
+
+def test_what_may_be_wrong_is_shown() -> None:
+    theirs, _ours = Pipe(duplex=False)
+    kept = Kept(9)
+    output = replace(CYCLES[0].output, suspicion="rover: may be entrapped")
+    for unwatched in ("", "yaw unwatched: no compass"):
+        PageOperator(theirs, kept, 3, None, None, unwatched).show(CYCLES[0]._replace(output=output))
+    shown = [cast("View", notice)["suspicion"] for notice in kept.items]
+    assert shown == ["rover: may be entrapped", "rover: may be entrapped; yaw unwatched: no compass"]
 
 
 def test_orders_of_one_cycle_are_one_input_and_the_newest_wins() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import get_type_hints
 
 import pytest
+from mcap.reader import make_reader
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.guarded_filter import Innovation
@@ -18,10 +19,10 @@ from drivers.driver import DeviceState, Health
 from drivers.errors import LogError
 from drivers.link import LinkChange
 from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
-from rover_hil.config import load_config
+from rover_hil.config import Config, load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.recording.schema import EstimateRecord, PoseRecord, end_record
+from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
@@ -52,6 +53,7 @@ class Drive:
     has_end: bool = True
     estimate_is_nan: bool = False
     origin: str = "virtual"
+    suspected: tuple[float, float] = (0.0, 0.0)
     world: tuple[float, float, float] = (7.0, -3.0, 2.5)
 
     def way_m(self, t_s: float) -> float:
@@ -95,6 +97,9 @@ class Drive:
             command=command,
             limit=Limit.ACCELERATION if WAIT_S < t_s < WAIT_S + 0.11 else Limit.NONE,
             cross_track_m=0.003 if mode is Mode.RUNNING else None,
+            suspicion=(
+                f"rover: stuck for {t_s:.2f} s" if self.suspected[0] <= t_s < self.suspected[1] else ""
+            ),
         )
 
     def truth(self, t_s: float) -> dict[str, object]:
@@ -124,8 +129,8 @@ HEALTH = Health(
 )
 
 
-def open_log(path: Path, origin: str) -> LogWriter:
-    config_json = load_config("robotino").model_dump_json(by_alias=True).encode()
+def open_log(path: Path, origin: str, config: Config | None = None) -> LogWriter:
+    config_json = (config or load_config("robotino")).model_dump_json(by_alias=True).encode()
     return LogWriter(path, START_NS, config_json, {}, origin)
 
 
@@ -219,6 +224,36 @@ def test_cycles_limits_and_cross_track(tmp_path: Path) -> None:
     assert summary.cross_track_rms_m == pytest.approx(0.003)
     assert summary.lateness == Spread(p50_us=50.0, p99_us=50.0, max_us=45_000.0)
     assert summary.work == Spread(p50_us=400.0, p99_us=400.0, max_us=400.0)
+
+
+def test_a_suspicion_is_told_with_its_cycles_and_stops_nothing(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, Drive(suspected=(4.0, 5.0)))
+    assert summary.suspicions == {"rover: stuck for ... s": round(1.0 / PERIOD_S)}
+    assert summary.stops == ()
+    (fact,) = [fact for fact in facts(summary) if fact.name == "may be wrong"]
+    assert (fact.value, fact.detail) == ("in 50 cycles", "rover: stuck for ... s")
+
+
+def test_the_begin_of_a_suspicion_is_an_event_of_the_log(tmp_path: Path) -> None:
+    drive = Drive(suspected=(4.0, 5.0))
+    with open_log(tmp_path / "run.mcap", "virtual") as log:
+        for t_s in (3.98, 4.0, 4.02, 5.02):
+            log.estimate(drive.output(t_s))
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        events = [message.data.decode() for _, _, message in make_reader(stream).iter_messages([VIEW_LOG])]
+    assert ["stuck for 4.00 s" in event for event in events if "suspicion" in event] == [True]
+
+
+def test_a_yaw_that_nothing_watches_is_told(tmp_path: Path) -> None:
+    config = load_config("robotino").model_copy(update={"slip": None})
+    with open_log(tmp_path / "run.mcap", "real", config) as log:
+        write_cycle(log, Drive(), 1.5)
+    summary = summarise(read_run(tmp_path / "run.mcap"))
+    (fact,) = [fact for fact in facts(summary) if fact.name == "yaw"]
+    assert fact.value == "unwatched"
+    assert fact.detail.startswith("nothing in this mission would notice that imu measures no turns; ")
+    watched = summarise(read_run(write_log(tmp_path / "watched.mcap", Drive())))
+    assert [fact for fact in facts(watched) if fact.name == "yaw"] == []
 
 
 def test_a_safety_stop_is_told_with_its_time_and_reason(tmp_path: Path) -> None:
