@@ -391,6 +391,8 @@ class Estimator:
         unsettled_m = 0j if self._slip is None else self._slip.unsettled_m * toward
         for along_m in (since_m, unsettled_m):
             xx, xy, yy = xx + along_m.real**2, xy + along_m.real * along_m.imag, yy + along_m.imag**2
+        silent_m2, silent_rad2 = self._silent(age_s)
+        xx, yy, yaw_rad2 = xx + silent_m2, yy + silent_m2, yaw_rad2 + silent_rad2
         if self._yaw_source is YawSource.GYRO:
             yaw_rad2 += (yaw_rate_rad_s * self._settings.gyro_delay_sd_s) ** 2
         return PoseEstimate(
@@ -405,6 +407,15 @@ class Estimator:
             covariance=(xx, xy, x_yaw, yy, y_yaw, yaw_rad2),
             yaw_source=self._yaw_source,
         )
+
+    def _silent(self, age_s: float) -> tuple[float, float]:
+        """Return the variances of position and yaw while the wheels are silent and somebody else drives."""
+        if self._is_commanded or age_s <= self._roles.max_age_s(self._roles.wheels):
+            return 0.0, 0.0
+        x_m, y_m, yaw_rad = self._in_gyro_frame(
+            greatest_motion(self._effects, [self._speed_limit_rad_s * age_s] * len(self._effects))
+        )
+        return (x_m**2 + y_m**2) / 3.0, yaw_rad**2 / 3.0
 
     def _waiting_turn(self) -> tuple[float, float]:
         """Return the turn that waits for motion of the wheels or a reading of the gyro, and its variance."""
