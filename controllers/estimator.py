@@ -36,6 +36,9 @@ from drivers.samples import (
     WheelSample,
 )
 
+LINEAR_RAD = 0.5
+"""A yaw that is more uncertain turns the path by more than its tangent."""
+
 
 class Estimator:
     """Feeds odometry, gyro and pose filter with the samples of their devices.
@@ -78,7 +81,6 @@ class Estimator:
             for wrap_rad in wraps_rad
         ]
         self._speed_error_rad = [0.0] * kinematics.wheel_count
-        self._fastest_rad_s = 0.0
         self._speed_limit_rad_s = wheel_speed_limit_rad_s
         self._rest = RestWatch(settings)
         self._stuck = StuckEncoders(settings, kinematics.wheel_count)
@@ -86,6 +88,7 @@ class Estimator:
         self._doubted_rad = (0.0,) * kinematics.wheel_count
         self._is_bias_known = False
         self._has_doubted_bias = False
+        self._path_m = 0.0
         self._is_commanded = False
         self.wheel_doubt: str | None = None
         self._effects = wheel_effects(kinematics)
@@ -173,7 +176,7 @@ class Estimator:
         angle = self._angles[wheel].take(t_ns, sample.position_rad, sample.speed_rad_s)
         if angle is None:
             return sample
-        if angle.is_new_base:
+        if angle.is_new_base and self.odometry.t_ns is not None:  # the first wheel says it for all
             self.odometry.rebase()
         self._speed_error_rad[wheel] += angle.error_rad
         self.odometry.feed(wheel, t_ns, angle.angle_rad)
@@ -223,6 +226,7 @@ class Estimator:
                 self._effects, increment.turned_rad, increment.duration_s
             )
             self._fixes.move(self.motion_ns, self._move(increment, self._turn(increment, now_ns, is_still)))
+            self._path_m += math.hypot(increment.x_m, increment.y_m)
             self._doubt_stuck_wheels(increment)
         innovations = [
             self._correct_heading(sample, t_ns) for sample, t_ns in self._headings if self._is_usable(t_ns)
@@ -296,10 +300,10 @@ class Estimator:
 
     def _follow_rest(self, now_ns: int) -> Rest:
         """Compare a rest of the wheels with the other sensors; widen the estimate at a contradiction."""
-        self._fastest_rad_s = max(self._fastest_rad_s, *map(abs, self.odometry.wheel_speed_rad_s))
         rest = self._rest.follow(
             now_ns,
             self.odometry.still_since_ns if self.is_still else None,
+            self.odometry.t_ns or 0,
             (
                 self._filter.gyro_bias_rad_s,
                 # A bias that is doubted is no reason to take any turn for one.
@@ -315,8 +319,13 @@ class Estimator:
         self.wheel_doubt = f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}"
         if not self._has_doubted_bias and self._is_perhaps_offset(rest):
             self._has_doubted_bias = True
-            self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
-        wheel_rad = [(self._fastest_rad_s or self._speed_limit_rad_s) * rest.unknown_s] * len(self._effects)
+            yaw_rad = self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
+            if (
+                yaw_rad > LINEAR_RAD
+            ):  # beyond, the covariance does not hold the chord of the path turned by it
+                chord_m = 2.0 * self._path_m * math.sin(0.5 * min(yaw_rad, math.pi))
+                self._filter.widen(chord_m, chord_m, 0.0)
+        wheel_rad = [self._speed_limit_rad_s * rest.unknown_s] * len(self._effects)
         reach_m = math.hypot(*greatest_motion(self._effects, wheel_rad)[:2])
         yaw_rad = 0.0 if Witness.ACCELEROMETER in rest.moving else abs(rest.turned_rad)
         before_m, before_rad = self._doubted
@@ -388,6 +397,8 @@ class Estimator:
         unsettled_m = 0j if self._slip is None else self._slip.unsettled_m * toward
         for along_m in (since_m, unsettled_m):
             xx, xy, yy = xx + along_m.real**2, xy + along_m.real * along_m.imag, yy + along_m.imag**2
+        silent_m2, silent_rad2 = self._silent(age_s)
+        xx, yy, yaw_rad2 = xx + silent_m2, yy + silent_m2, yaw_rad2 + silent_rad2
         if self._yaw_source is YawSource.GYRO:
             yaw_rad2 += (yaw_rate_rad_s * self._settings.gyro_delay_sd_s) ** 2
         return PoseEstimate(
@@ -402,6 +413,15 @@ class Estimator:
             covariance=(xx, xy, x_yaw, yy, y_yaw, yaw_rad2),
             yaw_source=self._yaw_source,
         )
+
+    def _silent(self, age_s: float) -> tuple[float, float]:
+        """Return the variances of position and yaw while the wheels are silent and somebody else drives."""
+        if self._is_commanded or age_s <= self._roles.max_age_s(self._roles.wheels):
+            return 0.0, 0.0
+        x_m, y_m, yaw_rad = self._in_gyro_frame(
+            greatest_motion(self._effects, [self._speed_limit_rad_s * age_s] * len(self._effects))
+        )
+        return (x_m**2 + y_m**2) / 3.0, yaw_rad**2 / 3.0
 
     def _waiting_turn(self) -> tuple[float, float]:
         """Return the turn that waits for motion of the wheels or a reading of the gyro, and its variance."""
@@ -431,10 +451,14 @@ class Estimator:
             turn_unknown_s = max(0.0, odometry.lost_s - self._gyro.turn.covered_s)
             if turn_unknown_s <= self._roles.max_age_s(self._roles.gyro) and self._roles.gyro is not None:
                 turn_unknown_s = 0.0  # the readings to come reach back
-            self._widen(self._unseen.greatest_motion(odometry.lost_s, turn_unknown_s))
-            if not self._is_commanded or any(set_speed_rad_s):
-                self._widen(self._in_gyro_frame(greatest_motion(self._effects, odometry.frozen_rad)))
+            # Where the set-points are not known, the rover may have driven in any part of its turn.
+            turned_rad = 0.0 if self._is_commanded else self._gyro.turn.angle_rad
+            self._widen(
+                self._unseen.greatest_motion(odometry.lost_s + odometry.frozen_s, turn_unknown_s, turned_rad)
+            )
         is_measured = odometry.t_ns is not None
+        if not self._is_commanded:  # the set-points of another controller are not known
+            set_speed_rad_s = (self._speed_limit_rad_s,) * len(self._effects)
         self._unseen.note_speeds(odometry.wheel_speed_rad_s, set_speed_rad_s, is_measured=is_measured)
 
     def _account_for_speeds(self) -> None:

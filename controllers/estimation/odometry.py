@@ -42,7 +42,6 @@ class _Track:
 
     Attributes:
         changed_ns: Since when the position is the newest one.
-        rate_rad_s: Speed of the last step that changed it.
     """
 
     before_ns: int
@@ -50,12 +49,10 @@ class _Track:
     newest_ns: int
     newest_rad: float
     changed_ns: int
-    rate_rad_s: float = 0.0
 
     def add(self, t_ns: int, position_rad: float) -> None:
         """Append a newer position."""
         if position_rad != self.newest_rad:
-            self.rate_rad_s = (position_rad - self.newest_rad) / seconds(t_ns - self.newest_ns)
             self.changed_ns = t_ns
         self.before_ns, self.before_rad = self.newest_ns, self.newest_rad
         self.newest_ns, self.newest_rad = t_ns, position_rad
@@ -89,7 +86,7 @@ class WheelOdometry:
         wheel_speed_rad_s: Speed of each wheel, smoothed in the same way.
         rebases: Number of times the base was lost, together with the motion in between.
         lost_s: Time between the last base and the newest one where the last increment was lost; else 0.
-        frozen_rad: Angle of each wheel that jumped, had it gone on while its position stayed before; else 0.
+        frozen_s: Time before, for which a wheel repeated its position until it jumped; else 0.
     """
 
     def __init__(self, kinematics: Kinematics, wheel_speed_limit_rad_s: float) -> None:
@@ -108,7 +105,7 @@ class WheelOdometry:
         self.wheel_speed_rad_s = (0.0,) * count
         self.rebases = 0
         self.lost_s = 0.0
-        self.frozen_rad = [0.0] * count
+        self.frozen_s = 0.0
         self._lost_ns: int | None = None
         self._steering_rad: tuple[float, ...] = ()
 
@@ -121,8 +118,7 @@ class WheelOdometry:
             return False
         if track is not None and self._is_current(wheel) and self._is_jump(track, t_ns, position_rad):
             self.rebase()
-            if track.newest_ns > track.changed_ns:
-                self.frozen_rad[wheel] = track.rate_rad_s * seconds(t_ns - track.changed_ns)
+            self.frozen_s = seconds(track.newest_ns - track.changed_ns)
         if track is not None and self._is_current(wheel):
             track.add(t_ns, position_rad)
         else:
@@ -137,7 +133,7 @@ class WheelOdometry:
             steering_rad: Present steering angle of each wheel; empty where none steers.
         """
         if self.lost_s:
-            self.lost_s, self.frozen_rad = 0.0, [0.0] * len(self._tracks)
+            self.lost_s = self.frozen_s = 0.0
         if self._missing:
             return None
         before_steering_rad = self._steering_rad or steering_rad

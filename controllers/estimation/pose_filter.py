@@ -300,9 +300,19 @@ class PoseFilter:
         """Its variance."""
         return self._filter.covariance[BIAS][BIAS]
 
-    def doubt_bias(self, error_rad_s: float) -> None:
-        """Make the bias uncertain by an error that it may have."""
-        self._filter.widen(BIAS, error_rad_s**2)
+    def doubt_bias(self, error_rad_s: float) -> float:
+        """Make the bias uncertain by an error that it may have, and all that depends on it.
+
+        The covariance becomes what it would be had the bias been as uncertain before: every state follows the
+        bias by its regression on it.
+
+        Returns:
+            By how much the yaw is wrong with that error.
+        """
+        column = np.array([row[BIAS] for row in self._filter.covariance])
+        followed = error_rad_s * column / column[BIAS]
+        self._filter.widen_by(np.outer(followed, followed))
+        return abs(float(followed[YAW]))
 
     @property
     def slip_values(self) -> Array:

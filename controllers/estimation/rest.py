@@ -10,10 +10,12 @@ from enum import StrEnum
 from statistics import NormalDist, fmean
 from typing import NamedTuple
 
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.settings import FilterSettings
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import AccelerationSample, RateSample
 
+REPORT_NS = nanoseconds(ESTIMATION.odometry.arrival_jitter_s)
 LEAST_READINGS = 3
 """A scatter needs at least three readings of the accelerometer."""
 
@@ -117,9 +119,10 @@ def _trim(
 class RestWatch:
     """Follows a rest of the wheels: confirmed by the other sensors, or contradicted by them.
 
-    A contradiction counts when it has lasted for `standstill_s`: a body swings after its wheels have stopped.
-    It ends when the wheels move again. The motion is unknown from the last moment at which an accelerometer
-    rested, without one from that at which the wheels stopped; and until it rests, without one until the end.
+    A contradiction counts from twice `standstill_s` after the stop on: a body swings after its wheels have
+    stopped, and a reading is filtered. The wheels must have reported after it began that they rest. It ends
+    when the wheels move again. The motion is unknown from the last moment at which an accelerometer rested,
+    without one from that at which the wheels stopped; and until it rests, without one until the end.
 
     Args:
         settings: Noise and times.
@@ -130,8 +133,9 @@ class RestWatch:
 
     def __init__(self, settings: FilterSettings) -> None:
         self.readings = InertialReadings(settings)
-        self._least_ns = nanoseconds(settings.standstill_s)
+        self._least_ns = nanoseconds(2.0 * settings.standstill_s)
         self._now_ns = 0
+        self._has_reported = False
         self._begin(None)
 
     def _begin(self, still_ns: int | None) -> None:
@@ -144,6 +148,7 @@ class RestWatch:
         self,
         now_ns: int,
         still_ns: int | None,
+        reported_ns: int,
         bias: tuple[float, float],
         *,
         reports_speed: bool,
@@ -154,6 +159,7 @@ class RestWatch:
         Args:
             now_ns: Time of the cycle.
             still_ns: When the wheels stopped; None while they move or do not report.
+            reported_ns: Time of the newest positions of the wheels.
             bias: Of the gyro in rad/s, and its variance.
             reports_speed: Whether a drive reports a speed although its position stays.
             is_commanded: Whether the wheels are commanded to rest: an accelerometer that shakes alone is then
@@ -171,6 +177,8 @@ class RestWatch:
         if reports_speed:
             moving.append(Witness.SPEED)
         if moving:
+            self._moving_ns = now_ns if self._moving_ns is None else self._moving_ns
+            self._has_reported = reported_ns > self._moving_ns + REPORT_NS
             self._contradict(elapsed_s, tuple(moving), bias[0] if turns else None)
         else:
             self._confirm(elapsed_s, is_measured=shakes is False)
@@ -178,12 +186,12 @@ class RestWatch:
 
     def _contradict(self, elapsed_s: float, moving: tuple[Witness, ...], bias_rad_s: float | None) -> None:
         rest, rate_rad_s = self._rest, self.readings.rate_rad_s(self._still_ns or 0)
-        self._moving_ns = self._now_ns if self._moving_ns is None else self._moving_ns
         turned_rad = rest.turned_rad
         if bias_rad_s is not None and rate_rad_s is not None:
             turned_rad += (rate_rad_s - bias_rad_s) * elapsed_s
         unknown_s = rest.unknown_s + elapsed_s
-        is_contradicted = self._now_ns - self._moving_ns >= self._least_ns
+        is_long = self._now_ns - (self._still_ns or 0) >= self._least_ns
+        is_contradicted = is_long and self._has_reported
         if is_contradicted and not rest.is_contradicted:
             unknown_s = seconds(self._now_ns - self._confirmed_ns)
         self._rest = Rest(

@@ -73,18 +73,22 @@ class StuckEncoders:
             + settings.wheel_yaw_noise_rad_sqrt_m**2 * distance_m
             + settings.gyro_noise_rad_sqrt_s**2 * wheels.duration_s
         )
-        unknown = []
-        for stay, effect in zip(self._stays, effects, strict=True):
+        for stay in self._stays:
             stay.duration_s += wheels.duration_s
             stay.missing_rad += evidence.gyro_rad - wheels.turn_rad
             stay.noise_rad2 += noise_rad2
-            unknown.append(
-                stay.missing_rad / effect[2] if self._is_contradicted(stay, effect, bias_rad2_s2) else 0.0
-            )
-        return tuple(unknown)
+        if all(map(self._is_long, self._stays)):
+            return (0.0,) * len(self._stays)  # a rest: `RestWatch` compares it with the gyro
+        return tuple(
+            stay.missing_rad / effect[2] if self._is_contradicted(stay, effect, bias_rad2_s2) else 0.0
+            for stay, effect in zip(self._stays, effects, strict=True)
+        )
+
+    def _is_long(self, stay: _Stay) -> bool:
+        return stay.duration_s >= self._settings.standstill_s
 
     def _is_contradicted(self, stay: _Stay, effect: BodyMotion, bias_rad2_s2: float) -> bool:
-        if stay.duration_s < self._settings.standstill_s or stay.others_rad <= ESTIMATION.odometry.still_rad:
+        if not self._is_long(stay) or stay.others_rad <= ESTIMATION.odometry.still_rad:
             return False
         sd_rad = math.sqrt(stay.noise_rad2 + bias_rad2_s2 * stay.duration_s**2)
         return effect[2] != 0.0 and abs(stay.missing_rad) > self._deviate * sd_rad

@@ -41,16 +41,19 @@ class UnseenMotion:
         """Take measured speeds and set-points; while the wheels are not measured the fastest ones hold."""
         self._speeds_rad_s = speeds_rad_s if is_measured else (self._fastest_rad_s(), *speeds_rad_s)
 
-    def greatest_motion(self, duration_s: float, turn_unknown_s: float) -> BodyMotion:
+    def greatest_motion(
+        self, duration_s: float, turn_unknown_s: float, turned_rad: float = 0.0
+    ) -> BodyMotion:
         """Return how far the rover can have moved.
 
         Args:
             duration_s: Time without a measurement of the wheels.
             turn_unknown_s: Part of it without one of the gyro.
+            turned_rad: Turn by the gyro in the other part.
         """
         x_m, y_m, _ = self._reach(duration_s)
         yaw_rad = self._reach(turn_unknown_s)[2]
-        return x_m, y_m + 0.5 * x_m * min(yaw_rad, 1.0), yaw_rad
+        return x_m, y_m + 0.5 * x_m * min(yaw_rad + abs(turned_rad), 1.0), yaw_rad
 
     def add(self, position_m2: float, yaw_rad2: float) -> None:
         """Add variances that unmeasured motion has left."""

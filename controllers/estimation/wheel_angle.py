@@ -104,7 +104,7 @@ class WheelAngle:
             self._integral_rad += 0.5 * (before_rad_s + speed_rad_s) * elapsed_s
             self._error_rad += 0.5 * abs(speed_rad_s - before_rad_s) * elapsed_s
         else:
-            self._has_gap = True
+            self._has_gap = before_ns is not None
         self._speed_ns, self.speed_rad_s = t_ns, speed_rad_s
 
     def _by_speed(self) -> Angle:

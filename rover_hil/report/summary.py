@@ -123,6 +123,8 @@ class Summary:
         work: How long they took; None likewise.
         limited_cycles: In how many cycles which limit held the set-points back.
         refused_innovations: How many measurements were refused by the filter, by name.
+        odometry_rebases: How often the odometry lost its base, together with the motion in between.
+        wheel_doubts: What contradicted the wheels, and when first, in s.
         uncompared_measurements: How many could not be compared with the estimate, by name: fixes that came
             too late, numbers that are not finite.
         stops: Safety stops.
@@ -159,6 +161,8 @@ class Summary:
     work: Spread | None
     limited_cycles: dict[str, int]
     refused_innovations: dict[str, int]
+    odometry_rebases: int
+    wheel_doubts: dict[str, float]
     uncompared_measurements: dict[str, int]
     stops: tuple[Stop, ...]
     suspicions: dict[str, int]
@@ -206,6 +210,8 @@ def summarise(run: RunData) -> Summary:
         refused_innovations={
             name: int(np.sum(data.is_accepted == 0)) for name, data in run.innovations.items()
         },
+        odometry_rebases=run.odometry_rebases,
+        wheel_doubts=dict(run.wheel_doubts),
         uncompared_measurements=dict(run.uncompared),
         stops=_stops(run),
         suspicions=dict(Counter(_NUMBER.sub("...", each) for each in cycles.suspicion if each).most_common()),

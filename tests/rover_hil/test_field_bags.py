@@ -11,6 +11,9 @@ import pytest
 
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE
+from rover_hil.report.read_run import read_run
+from rover_hil.report.summary import summarise
+from rover_hil.report.verdict import facts
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.field_bags import ARC, JOINTS, Bag, States, plain, write_bag
 
@@ -261,6 +264,15 @@ CASES = {
     "wraps at 2 Hz with speeds": Case(
         lambda: Bag(change=wrapped(math.tau, 0.0, speeds=True), wheel_hz=2.0), "told", ("integrated",)
     ),
+    "wraps at 4 rad, 5 Hz": Case(
+        lambda: Bag(change=wrapped(4.0, 0.0), wheel_hz=5.0), "refused", ("wrap_rad",)
+    ),
+    "wraps too fast to be counted": Case(
+        lambda: Bag(((0.0, 0.0, 1.0), (0.4, 0.0, 6.0)), wrapped(math.tau, 0.0), wheel_hz=2.0),
+        "refused",
+        ("wraps after 6.283 rad", "limits.wheel_speed_rad_s"),
+    ),
+    "ends before the bag": Case(lambda: Bag(gap_s=(8.0, 99.0)), "told", ("no angle for up to",)),
     "wraps at 10 rad": Case(lambda: Bag(change=wrapped(10.0, 0.0)), "refused", ("wrap_rad",)),
     "wraps at 10 rad, as given": Case(
         lambda: Bag(change=wrapped(10.0, 0.0)), "right", COUNTED, "wrap_rad = 10.0"
@@ -352,6 +364,16 @@ def test_a_bag_is_right_or_refused_or_told(command: Command, name: str) -> None:
     if case.outcome == "right":
         assert end.is_right(track.end)
     assert end.contains(track.end)
+
+
+def test_the_report_tells_new_bases_and_contradictions(command: Command) -> None:
+    write_bag(Path("bag"), Bag(ARC, Stuck((0, 1), 3.0, 6.0).change()))
+    assert import_it(command, Path("bag")) == 0, command.error
+    found = {fact.name: fact for fact in facts(summarise(read_run(Path("drive.mcap"))))}
+    assert found["odometry anew"].value == "1"
+    assert "motion is reported by gyro" in found["wheels in doubt"].detail
+    assert command("replay", "drive.mcap") == 0
+    assert "every output identical" in command.out
 
 
 def test_an_imported_wrap_replays(command: Command) -> None:

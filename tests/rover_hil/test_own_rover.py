@@ -9,6 +9,7 @@ from controllers.control_loop import ControlLoop
 from controllers.motion.mission import corner_points
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
+from drivers import can_wheels
 from drivers.errors import ConfigError
 from rover_hil.app.calibrate.imu import calibrate_imu
 from rover_hil.config import load_config
@@ -123,3 +124,35 @@ def test_a_jammed_steering_stops_the_rover_for_good_after_three_attempts() -> No
         }
     )
     assert drive(config).mode is Mode.EMERGENCY_STOP
+
+
+def write_differential(folder: Path, *quantities: str) -> Path:
+    """Write the two-wheeled rover with drives that report only some quantities."""
+    shipped = Path(can_wheels.__file__).parent
+    (folder / "generic_wheel.dbc").write_bytes((shipped / "generic_wheel.dbc").read_bytes())
+    lines = (
+        (shipped / "generic_wheel.toml").read_text("utf-8").split("[[wheel]]\nnode = 2", 1)[0].splitlines()
+    )
+    names = ("position", "speed")
+    kept = [line for line in lines if not line.startswith(names) or line.startswith(quantities)]
+    (folder / "mapping.toml").write_text("\n".join(kept), "utf-8")
+    text = (EXAMPLES / "differential.toml").read_text("utf-8")
+    path = folder / "rover.toml"
+    path.write_text(
+        text.replace("docs/examples/can/differential.toml", str(folder / "mapping.toml")), "utf-8"
+    )
+    return path
+
+
+def test_a_rover_whose_wheels_report_only_speeds_drives_its_mission(tmp_path: Path) -> None:
+    config = load_config(str(write_differential(tmp_path, "speed")), VIRTUAL_RUN_CHECKS)
+    driven = drive(config)
+    truth, estimate = driven.truth, driven.estimate
+    assert driven.mode is Mode.FINISHED
+    assert math.dist((truth.x_m[-1], truth.y_m[-1]), (estimate.x_m[-1], estimate.y_m[-1])) < 0.05
+
+
+def test_a_rover_whose_wheels_report_neither_angle_nor_speed_is_refused(tmp_path: Path) -> None:
+    path = write_differential(tmp_path, "nothing")
+    with pytest.raises(ConfigError, match="the wheel has neither position nor speed: add one"):
+        load_config(str(path), VIRTUAL_RUN_CHECKS)

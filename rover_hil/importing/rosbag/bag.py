@@ -77,6 +77,16 @@ class Bag:
         """Sections of the file of topics that are wanted."""
         return frozenset(section for section, _, _ in self._topics.mapped())
 
+    @property
+    def duration_ns(self) -> int:
+        """Time of the last message on the mapped topics.
+
+        Raises:
+            LogError: As for `messages`.
+        """
+        first_ns, end_ns = self._span()
+        return end_ns - first_ns
+
     def messages(self, section: str | None = None) -> Iterator[BagMessage]:
         """Yield the messages on the mapped topics, or on that of one section.
 

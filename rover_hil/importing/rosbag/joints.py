@@ -25,6 +25,11 @@ ROUNDING = 1e-3
 """Angles with few digits may exceed the range after which they wrap by this share."""
 REGULAR = 1.5
 """Two angles are further apart than this many usual periods where messages are missing."""
+LEAST_WRAPS = 2
+ONE_SIZE = 0.1
+"""Jumps of one size differ by this share at most: the motion between two angles is not measured."""
+LONGEST_GAP_S = 1.0
+"""In a longer gap of the angles the path of the rover is worth a word."""
 MOST_JUMPS = 0.02
 """Share of the angles that may jump. More are no restarts of an encoder: chosen by hand."""
 
@@ -83,6 +88,7 @@ class JointSurvey:
         topic: The topic, with the names of the joints.
         limit_rad_s: Greatest set-point of a wheel.
         messages: All messages of the topic.
+        end_ns: Time of the last message of the bag.
 
     Attributes:
         notes: What a user must know of it, one sentence each.
@@ -91,7 +97,10 @@ class JointSurvey:
         LogError: A joint is missing or cannot be used.
     """
 
-    def __init__(self, topic: WheelTopic, limit_rad_s: float, messages: Iterable[BagMessage]) -> None:
+    def __init__(
+        self, topic: WheelTopic, limit_rad_s: float, messages: Iterable[BagMessage], end_ns: int
+    ) -> None:
+        self._end_ns = end_ns
         self._topic = topic
         self._limit_rad_s = limit_rad_s
         self._columns = {name: _Column() for name in topic.joints}
@@ -135,10 +144,15 @@ class JointSurvey:
             return Joint(has_angle=False)
         if without:
             self.notes.append(f"{name}: {without} of {column.messages} messages hold no new angle")
-        elapsed_s = np.diff(np.asarray(column.t_ns)) / NANOSECONDS_PER_SECOND
+        t_ns = np.asarray(column.t_ns)
+        elapsed_s = np.diff(t_ns) / NANOSECONDS_PER_SECOND
         steps_rad = np.diff(np.asarray(column.angles_rad))
         if not len(steps_rad):
             return Joint(has_angle=True)
+        around_ns = np.concatenate(([0], t_ns, [self._end_ns]))
+        longest_s = float(np.diff(around_ns).max()) / NANOSECONDS_PER_SECOND
+        if longest_s > LONGEST_GAP_S:
+            self.notes.append(f"{name}: no angle for up to {longest_s:.1f} s: the path meanwhile is unknown")
         return self._wrapped(
             name, Steps(elapsed_s, steps_rad, float(np.ptp(column.angles_rad)), self._limit_rad_s)
         )
@@ -169,14 +183,12 @@ class JointSurvey:
         return Joint(has_angle=True, wrap_rad=wrap_rad)
 
     def _check_jumps(self, where: str, steps: "Steps") -> None:
-        jumps_rad = steps.jumps_rad()
-        if len(jumps_rad) < 2:
-            return
         if (around_rad := steps.unknown_wrap()) is not None:
             raise LogError(
-                f"{where}: the angle jumps {len(jumps_rad)} times by about {around_rad:.4g} rad, it seems to "
-                "wrap: give the range after which it does as wrap_rad in [wheels]"
+                f"{where}: the angle jumps by about {around_rad:.4g} rad each time, it seems to wrap: give "
+                "the range after which it does as wrap_rad in [wheels]"
             )
+        jumps_rad = steps.jumps_rad()
         if len(jumps_rad) > max(3.0, MOST_JUMPS * len(steps.steps_rad)):
             raise LogError(
                 f"{where}: the angle jumps {len(jumps_rad)} times, by up to {max(jumps_rad):.3g} rad, more "
@@ -222,6 +234,8 @@ class Steps:
             restarts = count - int(self._goes_on(wrap_rad)[wraps].sum())
             if 2 * restarts < count:
                 return wrap_rad, restarts
+            if count >= LEAST_WRAPS and self._limit_rad_s * self.period_s >= 0.5 * wrap_rad:
+                return wrap_rad, 0
         return None, 0
 
     def are_counted(self, wrap_rad: float) -> bool:
@@ -231,13 +245,23 @@ class Steps:
         return bool((other_rad > self._limit_rad_s * self._elapsed_s)[regular].all())
 
     def unknown_wrap(self) -> float | None:
-        """Return the mean size of the jumps where all are of one size, as those of a wrap are."""
-        jumps = self._is_jump()
-        sizes_rad = np.abs(self.steps_rad[jumps]) + np.abs(self._before()[jumps]) * self._elapsed_s[jumps]
-        mean_rad = float(np.mean(sizes_rad))
-        tolerance_rad = self._limit_rad_s * ESTIMATION.odometry.arrival_jitter_s
-        is_wrap = np.ptp(sizes_rad) <= tolerance_rad and self._range_rad <= mean_rad + tolerance_rad
-        return mean_rad if is_wrap else None
+        """Return the mean size of the wraps of an angle with a range of its own; None where there are none.
+
+        Against the motion before and after, which agree, the angle then jumps by at least all of its range,
+        at least twice and by one size.
+        """
+        before, after = self._around(self.steps_rad / self._elapsed_s)
+        slack = 0.5 * np.maximum(np.abs(before), np.abs(after))
+        expected_rad = 0.5 * (before + after) * self._elapsed_s
+        sizes_rad = np.abs(self.steps_rad - expected_rad)
+        wraps = (np.abs(before - after) <= slack) & (sizes_rad >= self._range_rad)
+        wraps &= (self.steps_rad * expected_rad < 0.0) & (
+            np.abs(expected_rad) > ESTIMATION.odometry.still_rad
+        )
+        if wraps.sum() < LEAST_WRAPS:
+            return None
+        mean_rad = float(np.mean(sizes_rad[wraps]))
+        return mean_rad if np.ptp(sizes_rad[wraps]) <= ONE_SIZE * mean_rad else None
 
     def _is_jump(self) -> NDArray[np.bool_]:
         most_rad_s = ESTIMATION.odometry.plausible_speed * self._limit_rad_s
@@ -245,15 +269,15 @@ class Steps:
         jumps: NDArray[np.bool_] = np.abs(self.steps_rad) > reach_rad
         return jumps
 
-    def _before(self) -> Array:
-        rates = self.steps_rad / self._elapsed_s
-        before: Array = np.concatenate((rates[:1], rates[:-1]))
-        return before
+    @staticmethod
+    def _around(rates: Array) -> tuple[Array, Array]:
+        """Return the rates of the step before and of that after each."""
+        return np.concatenate((rates[:1], rates[:-1])), np.concatenate((rates[1:], rates[-1:]))
 
     def _goes_on(self, wrap_rad: float) -> NDArray[np.bool_]:
         """Return at which steps the wheel goes on as before or after, were they wraps."""
         rates = _unwrapped(self.steps_rad, wrap_rad) / self._elapsed_s
-        near = np.stack((np.concatenate((rates[:1], rates[:-1])), np.concatenate((rates[1:], rates[-1:]))))
+        near = np.stack(self._around(rates))
         slack = 0.5 * np.abs(near).max(axis=0) + ESTIMATION.odometry.still_rad / self._elapsed_s
         inside: NDArray[np.bool_] = (rates >= near.min(axis=0) - slack) & (rates <= near.max(axis=0) + slack)
         return inside

@@ -127,7 +127,7 @@ def _check_wheels(topics: Topics, count: int) -> None:
 def _survey(bag: Bag, topics: Topics, rover: Config) -> JointSurvey | None:
     if topics.wheels is None:
         return None
-    return JointSurvey(topics.wheels, rover.limits.wheel_speed_rad_s, bag.messages("wheels"))
+    return JointSurvey(topics.wheels, rover.limits.wheel_speed_rad_s, bag.messages("wheels"), bag.duration_ns)
 
 
 def _config(
