@@ -49,15 +49,15 @@ class Stop:
 
     Attributes:
         to_zero_s: From the press to the last set-points being zero.
-        reasons: Reasons of the stops before the end, in order.
-        alarm: What the red bar said; "" where there was none.
+        reasons: Why the operator was lost before, in order.
         end: How the run ended.
+        alarm: What the red bar said; "" where there was none.
     """
 
     to_zero_s: float
     reasons: tuple[str, ...]
-    alarm: str
     end: str
+    alarm: str
 
 
 def wait_s(duration_s: float) -> None:
@@ -160,7 +160,7 @@ def stop_in(case: str, folder: Path) -> Stop:
             wait_s(1.0)  # nobody can end it
         else:
             wait_for_end(path)
-        return stop_of(path, press_ns, alarm)
+        return Stop(seconds(zero_ns(path) - press_ns), *ended(path), alarm)
 
 
 def wait_for_end(path: Path) -> None:
@@ -171,20 +171,26 @@ def wait_for_end(path: Path) -> None:
         wait_s(0.5)
 
 
-def stop_of(path: Path, press_ns: int, alarm: str) -> Stop:
-    """Return how a run stopped, by its log."""
-    moving_ns, sent_ns, reasons, end = 0, list[int](), list[str](), "goes on"
+def ended(path: Path) -> tuple[tuple[str, ...], str]:
+    """Return the reasons for which the operator was lost, in order, and how a run ended, by its log."""
+    reasons, end = list[str](), "goes on"
+    for message in LogReader(path).messages():
+        if message.topic == "/operator" and (reason := json.loads(message.data)["stop_reason"]):
+            reasons.append(reason)
+        elif message.topic == "/end":
+            end = json.loads(message.data)["reason"]
+    return tuple(reasons), end
+
+
+def zero_ns(path: Path) -> int:
+    """Return when the set-points on the bus became zero for good, by the log of a real run."""
+    moving_ns, sent_ns = 0, list[int]()
     for message in LogReader(path).messages():
         if message.topic == "/command" and any(json.loads(message.data)["speed_rad_s"]):
             moving_ns = message.t_ns
         elif message.topic.startswith("/sent/"):
             sent_ns.append(message.t_ns)
-        elif message.topic == "/operator" and (reason := json.loads(message.data)["stop_reason"]):
-            reasons.append(reason)
-        elif message.topic == "/end":
-            end = json.loads(message.data)["reason"]
-    rest_ns = min(t_ns for t_ns in sent_ns if t_ns > moving_ns)
-    return Stop(seconds(rest_ns - press_ns), tuple(reasons), alarm, end)
+    return min(t_ns for t_ns in sent_ns if t_ns > moving_ns)
 
 
 def main() -> None:

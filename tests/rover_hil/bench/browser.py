@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from selenium.webdriver.remote.webelement import WebElement
 
 ROOT = Path(__file__).parents[3]
-WAIT_S = 40.0
+WAIT_S = 100.0
 CONFIG = "rover.toml"
 QUIETLY = (
     "--headless=new",
@@ -67,10 +67,10 @@ def serving(folder: Path) -> Iterator[str]:
 
 
 @contextmanager
-def served(folder: Path) -> "Iterator[tuple[str, subprocess.Popen[str]]]":
+def served(folder: Path, program: Sequence[str] = PROGRAM) -> "Iterator[tuple[str, subprocess.Popen[str]]]":
     """Serve the page of the configuration in a folder; give its address and the process."""
     with subprocess.Popen(
-        [*PROGRAM, "bench", CONFIG, "--port", "0", "--out", "runs"],
+        [*program, "bench", CONFIG, "--port", "0", "--out", "runs"],
         cwd=folder,
         env=ENVIRONMENT,
         stdout=subprocess.PIPE,
@@ -104,7 +104,11 @@ class Page:
         self._group = service.process.pid
         self._clock = SystemClock()
         self.url = url
-        self.driver.get(url)
+        try:
+            self.driver.get(url)
+        except Exception:
+            self.kill()
+            raise
 
     def __enter__(self) -> Self:
         return self

@@ -69,6 +69,32 @@ def test_a_pause_rests_and_a_new_gain_acts_and_all_replays(tmp_path: Path) -> No
     assert differences(path) == []
 
 
+def test_while_the_operator_is_lost_the_rover_rests_and_then_drives_on_and_all_replays(
+    tmp_path: Path,
+) -> None:
+    lost = "page: the browser in control did not answer for 0.7 s"
+    plan = {60: OperatorInput(stop_reason=lost), 80: OperatorInput(stop_reason="")}
+    script = Script(plan, 130)
+    path = drive(quick(), tmp_path, script)
+    outputs = [view.output for view in script.views]
+    assert outputs[59].mode is Mode.RUNNING
+    assert all((outputs[n].mode, outputs[n].reason) == (Mode.SAFE_STOP, lost) for n in range(60, 80))
+    assert not any(any(view.sent.speed_rad_s) for view in script.views[60:80])
+    assert outputs[110].mode is Mode.RUNNING  # recover_s later
+    assert any(script.views[-1].sent.speed_rad_s)
+    assert differences(path) == []
+
+
+def test_logs_from_before_the_operator_could_be_lost_replay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def old_record(wanted: OperatorInput) -> dict[str, object]:
+        return {"is_paused": wanted.is_paused, "motion": wanted.motion, "gains": wanted.gains}
+
+    monkeypatch.setattr("rover_hil.run.executive.operator_record", old_record)
+    assert differences(drive(quick(), tmp_path, Script(PLAN, 120))) == []
+
+
 def test_without_the_records_of_the_operator_the_replay_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,127 @@
+"""The emergency stop in a real browser, with something broken between it and the rover."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from benchmarks.program.page_stop import ALARM, CASES, MOVES, ended, stop_in, wait_for_end, wait_s
+from tests.rover_hil.bench.browser import Page, missing, served, write_config
+from tests.rover_hil.bench.network import Network
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
+    pytest.mark.timeout(300),
+]
+LIMIT_S = 5.0
+"""On a loaded machine; `benchmarks.program.page_stop` asserts the bar of 1 s."""
+SILENT = "page: its program gave no sign of life for 0.5 s"
+GONE = "page: the browser in control did not answer for 0.7 s"
+PRESSED, ENDED = "emergency stop pressed on the page", "the program of the page has ended"
+ANSWERS = {
+    "nothing broken": ("", PRESSED, False),
+    "server stopped": (SILENT, PRESSED, True),
+    "server killed": ("", ENDED, True),
+    "network gone": (GONE, "goes on", True),
+    "network back": (GONE, PRESSED, True),
+    "300 readers": ("", PRESSED, False),
+}
+PRESS = """
+const nowMs = performance.now();
+press = { number: ++numbers, run: arguments[0], pressedMs: nowMs - arguments[1], sinceMs: nowMs,
+          postedMs: -Infinity, answer: null };
+sendPress();
+"""
+HELD = "dispatchEvent(new KeyboardEvent('keydown', { code: 'KeyW', repeat: arguments[0], bubbles: true }))"
+LET_GO = "dispatchEvent(new KeyboardEvent('keyup', { code: 'KeyW', bubbles: true }))"
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_rover_stops_whatever_is_broken_and_the_page_says_what_it_knows(
+    case: str, tmp_path: Path
+) -> None:
+    stop = stop_in(case, tmp_path)
+    reason, end, is_alarmed = ANSWERS[case]
+    assert stop.to_zero_s < LIMIT_S
+    assert stop.end == end
+    assert stop.reasons[:1] == ((reason,) if reason else ())
+    assert stop.alarm.startswith("EMERGENCY STOP NOT CONFIRMED for ") == is_alarmed
+
+
+@pytest.fixture
+def served_page(tmp_path: Path) -> Iterator[tuple[Page, Network]]:
+    write_config(tmp_path, length_m="9.0", width_m="4.0")
+    with (
+        served(tmp_path) as (url, _),
+        Network(urlsplit(url).port or 0) as network,
+        Page(f"http://localhost:{network.port}") as page,
+    ):
+        yield page, network
+
+
+def log_of(folder: Path) -> Path:
+    return max(folder.glob("runs/*/run.mcap"), key=lambda path: path.stat().st_mtime)
+
+
+def test_a_hidden_page_and_a_script_that_hangs_stop_nothing(
+    served_page: tuple[Page, Network], tmp_path: Path
+) -> None:
+    page, _ = served_page
+    page.click("Start mission")
+    page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not move")
+    page.driver.execute_script("const end = performance.now() + 3000; while (performance.now() < end);")
+    own = page.driver.current_window_handle
+    page.driver.switch_to.new_window("tab")
+    wait_s(3.0)
+    page.driver.switch_to.window(own)
+    page.click("EMERGENCY STOP")
+    wait_for_end(log_of(tmp_path))
+    assert ended(log_of(tmp_path)) == ((), PRESSED)
+
+
+def test_a_press_that_comes_late_stops_no_other_run_and_one_of_just_now_does(
+    served_page: tuple[Page, Network], tmp_path: Path
+) -> None:
+    page, _ = served_page
+    page.click("Start mission")
+    page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not move")
+    page.driver.execute_script(PRESS, "an older run", 5000)
+    page.wait(lambda: "another one goes on" in page.driver.execute_script(ALARM), "the page does not say so")
+    wait_s(1.0)
+    assert page.driver.execute_script(MOVES)
+    page.driver.execute_script(PRESS, "an older run", 0)
+    page.wait(lambda: page.mode != "running", "the run does not end")
+    wait_for_end(log_of(tmp_path))
+    assert ended(log_of(tmp_path))[1] == PRESSED
+
+
+def test_a_key_that_is_held_over_a_lost_network_drives_again_only_after_it_was_let_go(
+    served_page: tuple[Page, Network],
+) -> None:
+    page, network = served_page
+
+    def moves() -> bool:
+        return bool(page.driver.execute_script(MOVES))
+
+    page.click("Drive by hand")
+    page.wait(lambda: page.mode == "running", "the run does not begin")
+    page.driver.execute_script("emitEvent('drive', ['nan', 0, 0])")
+    page.wait(lambda: page.driver.execute_script("return live.state.refused") == 1, "it is not refused")
+    assert not moves()
+    page.driver.execute_script(HELD, False)
+    page.wait(moves, "the rover does not move")
+    network.freeze()
+    wait_s(2.0)
+    network.thaw()
+    page.wait(lambda: page.mode == "running" and not moves(), "the loop does not recover")
+    for _ in range(20):
+        page.driver.execute_script(HELD, True)  # as the keyboard repeats it
+        wait_s(0.1)
+        assert not moves()
+    page.driver.execute_script(LET_GO)
+    page.driver.execute_script(HELD, False)
+    page.wait(moves, "the rover does not move again")
+    page.driver.execute_script(LET_GO)
+    page.wait(lambda: not moves(), "the rover does not stop")
