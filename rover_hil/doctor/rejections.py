@@ -138,8 +138,8 @@ _ADVICE = {
     ),
     "position_ambiguous": Advice(
         Level.PROBLEM,
-        "a wheel moves by more than a quarter of the range of its position between two messages, or its drive "
-        "counts other turns: whole turns may be lost",
+        "a wheel moves by more than a quarter of the range of its position between two messages, or its "
+        "drive counts other turns: whole turns may be lost",
         "send the messages more often; if the drive counts turns, name that signal as `turns` of position in "
         "the mapping of [devices.{device}]",
     ),
