@@ -482,6 +482,13 @@ def test_a_wheel_that_really_turns_by_a_revolution_is_read(tmp_path: Path) -> No
         assert steps(codec, [count])[0][0] == count
 
 
+def test_a_wheel_that_starts_between_two_slow_messages_is_read(tmp_path: Path) -> None:
+    codec = make(tmp_path, ANGLE, UNWRAPPED, ONE)
+    for index, count in enumerate((0, 0, 3000)):
+        told = decode(codec, frame(0x100, struct.pack("<Hb5x", count, 0)), index * 1_000_000_000)
+        assert [each.position_rad for each in wheel_samples(told)] == [pytest.approx(count / 4096 * TURN)]
+
+
 def test_a_position_faster_than_any_wheel_is_told(tmp_path: Path) -> None:
     codec = make(tmp_path, WHEELS, TICKS)
     for index, (count, seen) in enumerate([(0, 0.0), (2_163_000, None), (2_163_100, 100 / 4096 * TURN)]):
