@@ -41,7 +41,6 @@ class _Controls:
     """The controls of one browser's page."""
 
     session: Session
-    client: Client
     browser: str
     reader: RunReader
     points: list[tuple[float, float]] = field(default_factory=list)
@@ -207,8 +206,8 @@ class _Controls:
             folder = self.session.folder
             try:
                 runs, words, errors = await asyncio.to_thread(self.reader.read, folder, names, LOG_NAME)
-            except RoverHilError as error:
-                errors = [str(error)]
+            except RoverHilError as lost:
+                errors = [str(lost)]
         if names != list(self._runs.value or [])[:RUNS_ON_TOP]:
             return  # others have been chosen meanwhile
         for error in errors:
@@ -248,8 +247,6 @@ class _Controls:
             if names != self._listed:
                 self._listed = names
                 self._runs.set_options(names)
-        if now.controller is None and self.client.has_socket_connection:
-            self.session.join(self.browser)
 
 
 def finite_numbers(given: object, count: int) -> list[float] | None:
@@ -275,14 +272,12 @@ def build_page(session: Session, title: str) -> None:
     @ui.page("/", title=f"{title} - rover_hil bench", dark=None)
     def bench(client: Client) -> None:
         browser = client.id
-        client.on_connect(lambda: session.join(browser))
-        client.on_disconnect(lambda: session.leave(browser))
         ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
         ui.add_body_html(BAR.format(title=escape(title), browser=escape(browser)))
         ui.add_body_html('<script src="/static/plot.js" defer></script>')
         ui.add_body_html('<script src="/static/bench.js" defer></script>')
         ui.add_body_html('<script src="/static/stop.js" defer></script>')
-        _Controls(session, client, browser, reader).build()
+        _Controls(session, browser, reader).build()
 
 
 def _note(state: State, *, has_control: bool, is_real: bool, is_armed: bool) -> str:

@@ -281,8 +281,8 @@ class Session:
         self._process.server_life.give()
 
     def answered(self, browser: str) -> None:
-        """Note that a browser has answered; the loop is told of the one in control."""
-        if browser == self._controller:
+        """Note that a browser has answered. If none is in control it is now; the loop is told of that one."""
+        if self.join(browser):
             self._process.browser_life.give()
 
     def look_at_files(self) -> None:

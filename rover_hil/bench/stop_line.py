@@ -1,7 +1,8 @@
 """The connection of its own on which a page sends its emergency stops and shows that its browser is there.
 
 It waits behind nothing else that the page loads. The browser itself answers the pings, also of a hidden tab
-and while the page's script hangs. A browser that comes back sends its stops before it answers again.
+and while the page's script hangs. A browser that comes back sends its stops before it answers again. Whoever
+answers may be in control, as long as the connection lasts.
 """
 
 import asyncio
@@ -75,17 +76,24 @@ async def serve_line(socket: WebSocket, session: Session) -> None:
     await socket.accept()
     try:
         hello = HELLO.validate_json(await asyncio.wait_for(socket.receive_text(), HELLO_S))
-        with _pinging(socket, lambda: session.answered(hello.browser)):
-            while True:
-                press = PRESS.validate_json(await socket.receive_text())
-                answer, run = session.emergency_stop(press.run)
-                await socket.send_json({"press": press.press, "answer": answer, "run": run})
+        try:
+            with _pinging(socket, lambda: session.answered(hello.browser)):
+                await _serve_presses(socket, session)
+        finally:
+            session.leave(hello.browser)
     except (WebSocketDisconnect, TimeoutError):
         pass
     except (ValidationError, KeyError):  # the latter for bytes
         session.refuse()
         with suppress(WebSocketDisconnect, RuntimeError):
             await socket.close(NOT_UNDERSTOOD)
+
+
+async def _serve_presses(socket: WebSocket, session: Session) -> None:
+    while True:
+        press = PRESS.validate_json(await socket.receive_text())
+        answer, run = session.emergency_stop(press.run)
+        await socket.send_json({"press": press.press, "answer": answer, "run": run})
 
 
 @contextmanager

@@ -99,8 +99,10 @@ def test_only_the_answers_of_the_browser_in_control_are_told_to_the_loop(session
     session.answered("a")
     assert life.count == 1
     session.leave("a")
+    session.answered("b")  # it takes over
+    assert life.count == 2
     session.answered("a")
-    assert life.count == 1
+    assert life.count == 2
 
 
 def test_a_loop_that_takes_no_orders_is_told_and_changes_nothing(session: Session) -> None:
@@ -108,10 +110,11 @@ def test_a_loop_that_takes_no_orders_is_told_and_changes_nothing(session: Sessio
     process = session._process
     assert isinstance(process, FakeProcess)
     process.takes = False
-    for order in (
+    orders: tuple[Callable[[], None], ...] = (
         lambda: session.pause("a", is_paused=True),
         lambda: session.set_gain("a", "lookahead_m", 0.7),
-    ):
+    )
+    for order in orders:
         with pytest.raises(ConfigError, match="the loop of the run takes no orders at the moment"):
             order()
     now = session.snapshot()

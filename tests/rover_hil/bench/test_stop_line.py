@@ -60,7 +60,7 @@ async def line_of(port: int, hello: object) -> AsyncIterator[ClientConnection]:
 
 
 def run(work: Callable[[], Awaitable[None]]) -> None:
-    asyncio.run(asyncio.wait_for(work(), PATIENCE_S))  # type: ignore[arg-type]
+    asyncio.run(asyncio.wait_for(work(), PATIENCE_S))
 
 
 async def press(line: ClientConnection, number: int, run: str) -> dict[str, object]:
@@ -98,10 +98,13 @@ def test_a_browser_answers_pings_without_a_word_of_its_script(session: Session) 
                 assert life.count == 0  # it is not in control
             async with line_of(port, {"browser": "a"}):
                 await until(lambda: life.count >= 3)
-            await asyncio.sleep(0.3)
+            await until(lambda: session.snapshot().controller is None)
             count = life.count
             await asyncio.sleep(0.5)
             assert life.count == count  # it is gone
+            async with line_of(port, {"browser": "another"}):
+                await until(lambda: life.count > count)
+            await until(lambda: session.snapshot().controller is None)
 
     run(work)
 
