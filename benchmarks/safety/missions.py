@@ -105,8 +105,10 @@ def with_fixes(config: Config, fixes_per_s: float) -> Config:
 def _put(world: World, plant: Plant) -> None:
     """Put another rover in the place of the configured one, also where the emulators see it."""
     world.plant = plant
-    for device in (*world.byte_devices.values(), *world.image_devices.values()):
-        vars(device.emulator)["_plant"] = plant
+    emulators = [device.emulator for device in world.byte_devices.values()]
+    emulators += [device.emulator for device in world.image_devices.values()]
+    for emulator in emulators:
+        vars(emulator)["_plant"] = plant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.turn_evidence import TurnEvidence
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
@@ -124,6 +125,7 @@ class GyroFollowsRule(StopRule):
         self._settings = settings
         self._gyro = roles.gyro
         self._fixes = YawFixes(roles)
+        self._unproven_rad = 0.0
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -144,7 +146,9 @@ class GyroFollowsRule(StopRule):
                 f"rate for {self._settings.gyro_follow_s:g} s: no signal, wrong axis, wrong sign, or wheels "
                 "without grip"
             )
-            yield StopReason("gyro follows", text, self._severity(cycle.now_ns), yaw_rad=self._wheels_rad)
+            # Nobody knows since when the gyro has no signal: the turn is that of the wheels, as uncertain.
+            yaw_rad = self._wheels_rad + ESTIMATION.pose.gap_turn_error * self._unproven_rad
+            yield StopReason("gyro follows", text, self._severity(cycle.now_ns), yaw_rad=yaw_rad)
 
     def _severity(self, now_ns: int) -> Severity:
         follow_s = self._settings.gyro_follow_s
@@ -156,6 +160,7 @@ class GyroFollowsRule(StopRule):
         settings, moments, wheels = self._settings, self._moments, evidence.wheels
         moments.add(wheels.duration_s, wheels.turn_rad, evidence.gyro_rad)
         self._noise.add(wheels.duration_s, wheels.turn_rad)
+        self._unproven_rad += wheels.both_ways_rad
         wheel_variance = moments.wheel_variance
         least_variance = settings.gyro_follow_rad_s**2 + NOISE_SHARE * self._noise.variance
         is_turning = wheel_variance > least_variance
@@ -167,7 +172,7 @@ class GyroFollowsRule(StopRule):
             self._against_s = self._against_s + wheels.duration_s if is_against else 0.0
             self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
         elif is_turning:
-            self._lost_s = self._against_s = self._wheels_rad = 0.0
+            self._lost_s = self._against_s = self._wheels_rad = self._unproven_rad = 0.0
 
 
 class _Moments:

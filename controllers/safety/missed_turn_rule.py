@@ -3,6 +3,7 @@
 import operator
 from collections.abc import Iterator
 
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import AGAINST, AVERAGE_S, GyroTurnSettings
@@ -28,6 +29,7 @@ class MissedTurnRule(StopRule):
         self._gyro = roles.gyro
         self._fixes = YawFixes(roles)
         self._part = self._turn = NO_TURN
+        self._unproven_rad = 0.0
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Take the evidence of a cycle; return a reason when a turn is missing."""
@@ -40,6 +42,7 @@ class MissedTurnRule(StopRule):
         part, self._part = self._part, NO_TURN
         is_turning = abs(part.wheels.turn_rad) >= TURNING * (part.wheels.left_rad + part.wheels.right_rad)
         self._turn = _sum(self._turn, part) if is_turning else NO_TURN
+        self._unproven_rad += part.wheels.both_ways_rad
         turn_rad = self._turn.wheels.turn_rad
         if abs(turn_rad) < self._settings.gyro_turn_rad:
             return
@@ -50,7 +53,11 @@ class MissedTurnRule(StopRule):
                 "wheels: no signal, wrong axis, wrong sign, or wheels without grip"
             )
             severity = Severity.FINAL if share < AGAINST else self._fixes.severity(cycle.now_ns)
-            yield StopReason("missed turn", text, severity, yaw_rad=(1.0 - share) * abs(turn_rad))
+            # Nobody knows since when the gyro has no signal: the turn is that of the wheels, as uncertain.
+            yaw_rad = (1.0 - share) * abs(turn_rad) + ESTIMATION.pose.gap_turn_error * self._unproven_rad
+            yield StopReason("missed turn", text, severity, yaw_rad=yaw_rad)
+        else:
+            self._unproven_rad = 0.0
 
 
 def _sum(first: TurnEvidence, second: TurnEvidence) -> TurnEvidence:

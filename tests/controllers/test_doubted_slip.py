@@ -94,6 +94,15 @@ def test_a_wrong_gyro_makes_the_compensated_way_uncertain_once() -> None:
     assert x_sd_m(estimator) == pytest.approx(sd_m, rel=1e-6)
 
 
+@pytest.mark.parametrize("is_unseen", [True, False])
+def test_a_suspicion_widens_the_pose_and_does_not_count_as_unseen_motion(is_unseen: bool) -> None:
+    estimator, _ = driven(0.5, 0.5)
+    assert estimator.motion_ns is not None
+    estimator.doubt((), 0.6, is_unseen=is_unseen)
+    assert estimator.estimate(estimator.motion_ns).covariance[5] == pytest.approx(0.6**2 / 3.0, rel=0.01)
+    assert estimator.unseen_rad == pytest.approx(0.6 / math.sqrt(3.0) if is_unseen else 0.0, abs=0.01)
+
+
 @pytest.mark.parametrize(("share", "yaw_rad"), [(0.5, 0.0), (0.0, 0.1)])
 def test_without_a_doubt_of_the_gyro_or_compensation_nothing_is_added(share: float, yaw_rad: float) -> None:
     estimator, rolled_m = driven(share, 0.5)

@@ -3,6 +3,7 @@
 import cmath
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -36,7 +37,7 @@ class Travel:
         )
         return list(self.rule.check(cycle))
 
-    def fix(self, place_m: complex | None = None, **changes: float) -> None:
+    def fix(self, place_m: complex | None = None, **changes: Any) -> None:
         seen = on_floor(self.place_m if place_m is None else place_m, self.yaw_rad)
         self.rule.observe(replace(seen, **changes), 0)
 

@@ -43,7 +43,8 @@ def test_a_steady_turn_without_a_signal_of_the_gyro_is_named_and_can_recover(
         "imu: measures 5 % of a turn of 0.50 rad by the wheels: no signal, wrong axis, wrong sign, or wheels "
         "without grip"
     )
-    assert reason.yaw_rad == pytest.approx(0.475)
+    # And 0.3 of the motion on which the gyro was not seen to be alive.
+    assert reason.yaw_rad == pytest.approx(0.475 + 0.3 * 0.5)
     assert turn(rule, 0.05, *sides, 3) == []
     assert turn(rule, 0.05, *sides, 1) != []
 
@@ -56,7 +57,10 @@ def test_a_gyro_that_turns_the_other_way_stops_for_good(share: float, severity: 
 
 @pytest.mark.parametrize("share", [0.11, 0.5, 1.0])
 def test_a_gyro_that_measures_a_tenth_of_the_turn_is_alive(share: float) -> None:
-    assert turn(make_rule(), share, 0.5, 0.0, 10) == []
+    rule = make_rule()
+    assert turn(rule, share, 0.5, 0.0, 10) == []
+    (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
+    assert reason.yaw_rad == pytest.approx(0.5 + 0.3 * 0.5)
 
 
 def test_wheels_that_move_the_rover_more_than_they_turn_it_are_no_evidence() -> None:
