@@ -223,13 +223,14 @@ class Steps:
         """Return after how many radians the angle wraps, one to four turns, and how many jumps are no wraps.
 
         At a wrap the wheel goes on as in the step before or after: an encoder that starts from zero again
-        does not. None for an angle that does not wrap, or jumps otherwise more often than it wraps.
+        does not. None for an angle that does not wrap, or jumps otherwise more often than it wraps. Where a
+        wheel may turn by half the range between two angles, going on shows nothing.
         """
         for turns in range(1, MOST_TURNS + 1):
             wrap_rad = turns * TURN_RAD
             if self._range_rad > wrap_rad * (1.0 + ROUNDING):
                 continue
-            wraps = np.abs(self.steps_rad) > 0.5 * wrap_rad
+            wraps = (np.abs(self.steps_rad) > 0.5 * wrap_rad) & self._is_regular()
             count = int(wraps.sum())
             restarts = count - int(self._goes_on(wrap_rad)[wraps].sum())
             if 2 * restarts < count:
@@ -240,7 +241,7 @@ class Steps:
 
     def are_counted(self, wrap_rad: float) -> bool:
         """Return whether no other number of turns fits the speed limit in any regular step."""
-        regular = self._elapsed_s <= REGULAR * self.period_s
+        regular = self._is_regular()
         other_rad = wrap_rad - np.abs(_unwrapped(self.steps_rad, wrap_rad))
         return bool((other_rad > self._limit_rad_s * self._elapsed_s)[regular].all())
 
@@ -262,6 +263,10 @@ class Steps:
             return None
         mean_rad = float(np.mean(sizes_rad[wraps]))
         return mean_rad if np.ptp(sizes_rad[wraps]) <= ONE_SIZE * mean_rad else None
+
+    def _is_regular(self) -> NDArray[np.bool_]:
+        regular: NDArray[np.bool_] = self._elapsed_s <= REGULAR * self.period_s
+        return regular
 
     def _is_jump(self) -> NDArray[np.bool_]:
         most_rad_s = ESTIMATION.odometry.plausible_speed * self._limit_rad_s
