@@ -91,6 +91,11 @@ class Bag:
                         break
                     connection, recorded_ns, data = found
                     content = self._content(data, connection.msgtype)
+                if not isinstance(recorded_ns, int):
+                    raise LogError(
+                        f"{self._path} is damaged: the time of a message on {connection.topic} is "
+                        f"{str(recorded_ns)[:40]!r}, not a number: {FIX}"
+                    )
                 first_ns = recorded_ns if first_ns < 0 else first_ns
                 t_ns = recorded_ns - first_ns
                 if not last_ns <= t_ns <= LONGEST_S * NANOSECONDS_PER_SECOND:
