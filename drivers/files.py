@@ -48,6 +48,15 @@ UNPACKED_PIXELS = 2**26
 UNPACKED_PIXELS_PER_BYTE = 2000
 """Pictures of a log may together have this many pixels, and per byte of the file. The writer stays within it:
 a PNG file packs at most 1032 bytes into one, a JPEG file 512 pixels."""
+UNIT_BYTES = 1024 * MEGABYTE
+"""A functional mock-up unit, unpacked."""
+UNIT_BYTES_FREE = 64 * MEGABYTE
+UNIT_PER_BYTE = 100
+"""A unit may always be `UNIT_BYTES_FREE` large unpacked; a larger one so much per byte of the file."""
+UNIT_FILES = 10_000
+"""Files in a unit."""
+UNIT_DESCRIPTION_BYTES = 64 * MEGABYTE
+"""The model description of a unit."""
 LONGEST_NAME_BYTES = 255
 """A name between two slashes; what file systems allow."""
 LONGEST_PATH = 4095

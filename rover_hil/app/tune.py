@@ -175,14 +175,17 @@ def _progress() -> AbstractContextManager[Progress]:
 
 @contextmanager
 def _stop_by_signal(messages: Terminal) -> Iterator[Callable[[], bool]]:
-    """Let ctrl-C end the search after the running trial; a second one ends the program at once."""
+    """Let ctrl-C or SIGTERM end the search after the running trial; a second one ends the program at once."""
     is_stopped = False
 
     def on_signal(signal_number: int, frame: FrameType | None) -> None:
         nonlocal is_stopped
         is_stopped = True
-        messages.print("ending the search after this trial; once more to leave at once, the study is kept")
-        signal.signal(signal_number, signal.default_int_handler)
+        messages.print(
+            "ending the search after this trial; once more to leave at once, the study is kept",
+            soft_wrap=True,
+        )
+        signal.signal(signal_number, previous[signal.Signals(signal_number)])
 
     previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

@@ -6,6 +6,7 @@ cluster is an error of ours with one sentence.
 """
 
 import importlib.metadata
+import re
 from collections.abc import Callable, Iterable
 from concurrent.futures import CancelledError, Executor, Future
 from functools import partial
@@ -28,6 +29,8 @@ T = TypeVar("T")
 CONNECT_TIMEOUT_S = 10.0
 MOST_STARTS = 5
 """How often a call is started when its result was lost with a worker."""
+ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|ws|wss)://)?(?:\[[\w:.%]+\]|[\w.-]+):(?P<port>[0-9]{1,5})/?")
+MOST_PORT = 65535
 KEPT = "what is finished is kept; give the same command again to go on"
 
 
@@ -50,6 +53,7 @@ class ClusterExecutor(Executor):
 
     def __init__(self, address: str) -> None:
         self._address = address
+        _check_address(address)
         try:
             self._client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
@@ -128,6 +132,16 @@ class ClusterExecutor(Executor):
 
     def _lost(self) -> ConfigError:
         return ConfigError(f"the connection to the cluster at {self._address} was lost: {KEPT}")
+
+
+def _check_address(address: str) -> None:
+    """Check the form of an address: what dask says of a wrong one takes 20 s and is no sentence."""
+    found = ADDRESS.fullmatch(address)
+    if found is None or not 0 < int(found["port"]) <= MOST_PORT:
+        raise ConfigError(
+            f"--cluster '{address}' is no address of a scheduler: write it with its port, like "
+            "tcp://192.168.1.5:8786"
+        )
 
 
 def find_refusal(expected: str, dask_worker: Worker | None = None) -> str:

@@ -5,12 +5,19 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from typing import ParamSpec, TypeVar
 
+from drivers.errors import RoverHilError
+
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+class WorkerLostError(RoverHilError):
+    """A process of this machine that computed for this one has ended."""
 
 
 @contextmanager
@@ -26,6 +33,7 @@ def open_executor(cluster: str | None = None, processes: int | None = None) -> I
 
     Raises:
         ConfigError: The cluster cannot be used, see `ClusterExecutor`.
+        WorkerLostError: A process of this machine was ended from outside.
     """
     executor: Executor
     if cluster is None:
@@ -37,6 +45,11 @@ def open_executor(cluster: str | None = None, processes: int | None = None) -> I
         executor = ClusterExecutor(cluster)
     try:
         yield executor
+    except BrokenProcessPool as error:
+        raise WorkerLostError(
+            "a process that computed was ended by a signal, or for want of memory: give the same "
+            "command again; a study goes on after its last finished trial"
+        ) from error
     finally:
         executor.shutdown(cancel_futures=True)
 

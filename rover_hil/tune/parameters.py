@@ -24,6 +24,27 @@ MISSING_TUNE = (
     "docs/how-to/bench_tuning.md; or give --logs, which needs [tune.logs]"
 )
 
+UNITS = {
+    "m": "m",
+    "s": "s",
+    "rad": "rad",
+    "deg": "deg",
+    "hz": "Hz",
+    "m_s": "m/s",
+    "m_s2": "m/s^2",
+    "rad_s": "rad/s",
+    "rad_s2": "rad/s^2",
+    "per_s": "1/s",
+    "per_rad": "1/rad",
+    "rad_sqrt_s": "",
+    "rad_sqrt_m": "",
+    "rad_sqrt_rad": "",
+    "m_sqrt_m": "",
+    "rad_s_sqrt_s": "",
+}
+"""Unit by the end of a key; empty where people write it in many ways."""
+ALIASES = {"1/s": ("s-1", "hz", "/s"), "1/rad": ("rad-1", "/rad"), "deg": ("°",)}
+
 Values = Mapping[str, float]
 Table = dict[str, object]
 
@@ -123,6 +144,11 @@ def _check(config: Config, key: str, parameter: TunableSettings, where: str) -> 
     if section in FORBIDDEN:
         raise ConfigError(f"{where}: [{section}] cannot be tuned; remove the parameter")
     start = _number(config.model_dump(by_alias=True), key, where)
+    unit = unit_of(key)
+    if unit and _plain(parameter.unit) not in {_plain(unit), *ALIASES.get(unit, ())}:
+        raise ConfigError(
+            f"{where}: unit is '{parameter.unit}', but the key is in {unit}: write low, high and unit so"
+        )
     for value in (parameter.low, parameter.high):
         try:
             edge = with_values(config, {key: value})
@@ -139,6 +165,17 @@ def _check(config: Config, key: str, parameter: TunableSettings, where: str) -> 
             f"{where}: the current value {start:g} is outside {parameter.low:g} to {parameter.high:g}: "
             "widen the range or change the value"
         )
+
+
+def unit_of(key: str) -> str:
+    """Return the unit that the end of a key names; empty where it names none, or one with a root."""
+    ends = [end for end in UNITS if f"_{key.rpartition('.')[2]}".endswith(f"_{end}")]
+    return UNITS[max(ends, key=len)] if ends else ""
+
+
+def _plain(unit: str) -> str:
+    """Return a unit as it is compared: rad/s^2, rad/s2 and rad/s² are the same."""
+    return unit.replace("²", "2").replace("^", "").replace(" ", "").lower()
 
 
 def _path(config: Config) -> tuple[Point, ...]:

@@ -5,7 +5,7 @@ import re
 import shutil
 import weakref
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
@@ -13,12 +13,12 @@ from types import ModuleType
 from typing import Any
 
 from drivers.errors import ConfigError
+from drivers.files import UNIT_BYTES, UNIT_BYTES_FREE, UNIT_DESCRIPTION_BYTES, UNIT_FILES, UNIT_PER_BYTE
 from sim_backends.fmu.library import fmpy
 
 NUMBERS = ("Real", "Float64")
 """Types of variables that are set and read as floating-point numbers."""
-LARGEST = 4 * 2**30
-"""Bytes of an unpacked unit."""
+DESCRIPTION = "modelDescription.xml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +136,7 @@ def open_unit(path: Path) -> Unit:
 
 def _unpacked(library: ModuleType, path: Path, folder: Folder) -> Unit:
     names = _unzip(path, folder.path)
-    version = _version(path, folder.path / "modelDescription.xml")
+    version = _version(path, folder.path / DESCRIPTION)
     description = _description(path, folder.path)
     if description.coSimulation is None:
         raise ConfigError(f"{path} is a unit for model exchange only: export it for co-simulation")
@@ -161,16 +161,31 @@ def _unzip(path: Path, folder: Path) -> list[str]:
     """Unpack a unit and return the names of its files."""
     try:
         with zipfile.ZipFile(path) as archive:
-            if sum(one.file_size for one in archive.infolist()) > LARGEST:
-                raise ConfigError(f"{path} is larger than {LARGEST / 2**30:.0f} GiB when it is unpacked")
             names = archive.namelist()
-            if "modelDescription.xml" not in names:
+            _check_size(path, archive.infolist())
+            if DESCRIPTION not in names:
                 raise ConfigError(f"{path} is no functional mock-up unit: it has no modelDescription.xml")
             # It leaves out absolute paths and '..'.
             archive.extractall(folder)
     except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
         raise ConfigError(f"{path} is no functional mock-up unit: {error}") from error
     return names
+
+
+def _check_size(path: Path, files: Sequence[zipfile.ZipInfo]) -> None:
+    """Check the limits of drivers/files.py; no more is unpacked of a file than what it declares here."""
+    size = sum(one.file_size for one in files)
+    description = sum(one.file_size for one in files if one.filename == DESCRIPTION)
+    allowed = min(max(UNIT_BYTES_FREE, UNIT_PER_BYTE * path.stat().st_size), UNIT_BYTES)
+    for found, most, what in (
+        (size, allowed, "bytes unpacked"),
+        (len(files), UNIT_FILES, "files"),
+        (description, UNIT_DESCRIPTION_BYTES, f"bytes of {DESCRIPTION}"),
+    ):
+        if found > most:
+            raise ConfigError(
+                f"{path}: {found} {what}, {most} are allowed: make it smaller; docs/reference/file_limits.md"
+            )
 
 
 def _description(path: Path, folder: Path) -> Any:

@@ -3,7 +3,9 @@
 import math
 import re
 import resource
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -379,3 +381,17 @@ def test_a_lower_limit_of_memory_stays(monkeypatch: pytest.MonkeyPatch) -> None:
             assert resource.getrlimit(resource.RLIMIT_AS) == lower
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+@pytest.mark.parametrize("time", ["yesterday", 1.5])
+def test_a_ros2_bag_whose_time_is_no_number_is_one_sentence(
+    command: Command, tmp_path: Path, time: object
+) -> None:
+    """SQLite stores a text in a column of numbers."""
+    bag = write_bag(tmp_path / "drive", plugin=StoragePlugin.SQLITE3)
+    with closing(sqlite3.connect(next(bag.glob("*.db3")))) as database:
+        database.execute("UPDATE messages SET timestamp = ? WHERE id > 20", (time,))
+        database.commit()
+    assert import_it(command, bag, WHEELS) == 2
+    assert_one_sentence(command.error, "is damaged")
+    assert not Path("drive.mcap").exists()

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.app import output
 from rover_hil.app.output import output_problem
 from tests.rover_hil.command import Command, assert_one_sentence
 
@@ -51,7 +50,7 @@ def test_a_reader_that_has_left_gets_no_traceback(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EPIPE])
 def test_an_error_of_a_file_is_none_of_the_output(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(output.os, "dup2", lambda *_: None)
+    monkeypatch.setattr(os, "dup2", lambda *_: None)
     assert output_problem(OSError(number, "some reason", "a file")) == ""
     assert output_problem(OSError(number, "some reason")) != ""
     assert output_problem(ValueError()) == ""

@@ -8,9 +8,11 @@ from tempfile import gettempdir
 import pytest
 
 from drivers.errors import ConfigError
+from sim_backends.fmu import unit
 from sim_backends.fmu.example.__main__ import main
 from sim_backends.fmu.example.build import HERE
 from sim_backends.fmu.read import read_unit_model
+from sim_backends.fmu.unit import open_unit
 from tests.fmu_unit import TOML, needs_a_unit, unit_folder
 
 pytestmark = needs_a_unit
@@ -216,3 +218,28 @@ def test_the_example_reports_what_is_wrong(tmp_path: Path, monkeypatch: pytest.M
     assert main([str(tmp_path / "axis.fmu")]) == ""
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "there is no C compiler" in main([str(tmp_path / "axis.fmu")])
+
+
+def test_a_unit_that_unpacks_to_gigabytes_is_refused_before_it_is_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limits of docs/reference/file_limits.md, here smaller ones: zeros pack to a thousandth."""
+
+    def size_of(content: int, description: int = 100, files: int = 1) -> str:
+        path = tmp_path / "bomb.fmu"
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("modelDescription.xml", b"x" * description)
+            for number in range(files):
+                archive.writestr(f"resources/{number}", bytes(content))
+        with pytest.raises(ConfigError) as caught:
+            open_unit(path)
+        return str(caught.value)
+
+    monkeypatch.setattr(unit, "UNIT_BYTES_FREE", 100_000)
+    assert "3000100 bytes unpacked" in size_of(3_000_000)
+    # Within the free part; refused only as it is no unit.
+    assert "of FMI without a version" in size_of(90_000)
+    monkeypatch.setattr(unit, "UNIT_DESCRIPTION_BYTES", 50)
+    assert "100 bytes of modelDescription.xml, 50 are allowed" in size_of(10)
+    monkeypatch.setattr(unit, "UNIT_FILES", 20)
+    assert "31 files, 20 are allowed" in size_of(1, files=30)

@@ -143,6 +143,12 @@ class Bag:
                     found = next(messages, None)
                 if found is None:
                     return
+                connection, recorded_ns, _ = found
+                if not isinstance(recorded_ns, int):
+                    raise LogError(
+                        f"{self._path} is damaged: the time of a message on {connection.topic} is "
+                        f"{str(recorded_ns)[:40]!r}, not a number: {FIX}"
+                    )
                 yield found
         finally:
             with self._named_failures():

@@ -152,3 +152,19 @@ def test_an_unreachable_cluster_ends_the_command_with_2(
         main()
     assert ended.value.code == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:1" in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["", "localhost", "tcp://localhost", "tcp://", "tcp://host:port", "foo://host:1", "h:99999", "[::1"],
+)
+def test_what_is_no_address_is_refused_at_once(address: str) -> None:
+    with pytest.raises(ConfigError, match="is no address of a scheduler: write it with its port"):
+        cluster.ClusterExecutor(address)
+
+
+@pytest.mark.parametrize(
+    "address", ["tcp://192.168.1.5:8786", "host.example:1", "tls://[fe80::1%eth0]:8786/"]
+)
+def test_addresses_of_schedulers(address: str) -> None:
+    assert cluster.ADDRESS.fullmatch(address) is not None

@@ -4,6 +4,8 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -11,9 +13,13 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
+from rover_hil.parallel import executor as executor_module
+from rover_hil.parallel.executor import WorkerLostError, open_executor
+from rover_hil.recording.data_files import PackedConfig
 from rover_hil.tune.parallel_missions import open_missions
-from rover_hil.tune.simulated_mission import simulate_mission
-from tests.rover_hil.tune.tuning import make_config
+from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
+from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.tune.tuning import answer, make_config, write_config
 
 pytestmark = pytest.mark.slow
 
@@ -76,3 +82,51 @@ def test_workers_end_with_a_killed_parent() -> None:
     while is_alive(worker) and clock.now_ns() < end_ns:
         clock.sleep_until(clock.now_ns() + nanoseconds(POLL_S))
     assert not is_alive(worker)
+
+
+def test_a_worker_that_was_killed_is_one_sentence() -> None:
+    with (
+        pytest.raises(
+            WorkerLostError, match="ended by a signal, or for want of memory: give the same command"
+        ),
+        open_executor(processes=1) as executor,
+    ):
+        executor.submit(signal.raise_signal, signal.SIGKILL).result()
+
+
+class FailingExecutor(Executor):
+    """Answers missions at once; as in a pool whose process was killed, everything fails after some."""
+
+    left = 0
+
+    def __init__(self, processes: int | None = None) -> None:
+        pass
+
+    def submit(self, function: object, packed: PackedConfig, seed: int) -> Future[SimulatedMission]:  # type: ignore[override]
+        future: Future[SimulatedMission] = Future()
+        type(self).left -= 1
+        if self.left < 0:
+            future.set_exception(BrokenProcessPool("a process in the process pool was terminated abruptly"))
+            return future
+        with packed.unpacked() as config:
+            future.set_result(answer(config, seed))
+        return future
+
+
+def test_a_study_whose_worker_was_killed_goes_on_after_its_last_trial(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_config(tmp_path)
+    monkeypatch.setattr(executor_module, "LocalExecutor", FailingExecutor)
+    journal = tmp_path / "tuning" / "a" / "study.jsonl"
+    arguments = ("tune", "rover.toml", "--study", "a", "--trials", "3")
+    FailingExecutor.left = 6  # the start has four missions; the first trial after it is not finished
+    assert command(*arguments) == 2
+    assert_one_sentence(command.error, "a process that computed was ended by a signal", "a study goes on")
+    begun = journal.read_text().splitlines()
+    assert len(begun) == 2
+    FailingExecutor.left = 1000
+    assert command(*arguments) in (0, 1)
+    lines = journal.read_text().splitlines()
+    assert lines[:2] == begun
+    assert len(lines) == 4

@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config
 from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord
-from rover_hil.tune.parameters import check_parameters, rounded, start_values, with_values
+from rover_hil.tune.parameters import check_parameters, rounded, start_values, unit_of, with_values
 from rover_hil.tune.tuned_config import tuned_text
 from tests.rover_hil.tune.tuning import TUNE, config_text, make_config
 
@@ -145,3 +145,31 @@ def test_a_missing_section_is_added() -> None:
 def test_a_text_that_cannot_be_edited_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match=r"write mission\.lookahead_m and \[tune\] as 'key = value' lines"):
         tuned_text(text, {"mission.lookahead_m": 0.2}, provenance(0.2))
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("mission.lookahead_m", "m"),
+        ("mission.heading_gain_per_s", "1/s"),
+        ("limits.wheel_acceleration_rad_s2", "rad/s^2"),
+        ("filter.gyro_bias_rad_s", "rad/s"),
+        ("filter.gyro_noise_rad_sqrt_s", ""),
+        ("filter.slip_sd", ""),
+    ],
+)
+def test_the_end_of_a_key_names_its_unit(key: str, unit: str) -> None:
+    assert unit_of(key) == unit
+
+
+@pytest.mark.parametrize(("unit", "is_right"), [("m", True), ("mm", False), ("1", False), ("rad", False)])
+def test_another_unit_than_that_of_the_key_is_refused(tmp_path: Path, unit: str, is_right: bool) -> None:
+    line = f'"mission.lookahead_m" = {{ low = 0.02, high = 1.0, unit = "{unit}" }}'
+    config = make_config(tmp_path, TUNE.replace(LOOKAHEAD, line))
+    if is_right:
+        check_parameters(config)
+        return
+    with pytest.raises(
+        ConfigError, match=rf"unit is '{unit}', but the key is in m: write low, high and unit"
+    ):
+        check_parameters(config)
