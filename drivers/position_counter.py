@@ -3,6 +3,7 @@
 from typing import TypeAlias
 
 from drivers.clock import NANOSECONDS_PER_SECOND
+from drivers.samples import LinkSample
 
 LONGEST_BUNCHING_NS = 100_000_000
 """Readings may arrive in bunches, so at least this much time is assumed between two of them."""
@@ -22,7 +23,7 @@ class PositionCounter:
     """Continues a position across the end of its register, and refuses jumps that no motor can make.
 
     When the next reading continues from a refused one, the device has restarted its counter: the position
-    continues from its last value, and the turns in between are unknown and not counted.
+    continues from its last value. The turns in between are unknown, which `restart_sample` reports.
 
     Refused is: a step faster than the motor; a reading further from another one than the span, as the
     register is then larger than told; and, where the revolution is given, a sudden step of more than half of
@@ -34,6 +35,7 @@ class PositionCounter:
         revolution: Counts per revolution, where the register may end there although `span` differs.
 
     Attributes:
+        has_restarted: The last position continues a restarted counter.
         is_ambiguous: The last step was more than a quarter of the span. At twice this speed whole spans are
             lost unnoticed.
     """
@@ -54,26 +56,30 @@ class PositionCounter:
         self._last_step: float | None = None
         self._spans = 0
         self._shift = 0.0
+        self.has_restarted = False
         self.is_ambiguous = False
 
     def count(self, t_ns: int, raw: float) -> float | None:
         """Return the position in counts, or None for a jump."""
+        self.has_restarted = False
         before = self._accepted
         if before is None:
             self._extent = (raw, raw)
             return self._accept(t_ns, raw, raw, 0.0, None)
-        step = self._step(before[1], raw)
-        if self._can_follow(before, self._extent, t_ns, raw, step):
+        step, suspect = self._step(before[1], raw), self._suspect
+        can_go_on = self._can_follow(before, self._extent, t_ns, raw, step)
+        if suspect is not None:
+            restarted = self._step(suspect[1], raw)
+            is_nearer = not can_go_on or abs(restarted) < abs(step)
+            if is_nearer and self._can_follow(suspect, (suspect[1], suspect[1]), t_ns, raw, restarted):
+                self._shift, self._spans = self._position(before[1]) - suspect[1], 0
+                self._extent = (suspect[1], suspect[1])
+                self.has_restarted = True
+                return self._accept(t_ns, raw, suspect[1], restarted, abs(restarted))
+        if can_go_on:
             return self._accept(t_ns, raw, before[1], step, abs(step))
-        suspect, self._suspect = self._suspect, (t_ns, raw)
-        if suspect is None:
-            return None
-        step = self._step(suspect[1], raw)
-        if not self._can_follow(suspect, (suspect[1], suspect[1]), t_ns, raw, step):
-            return None
-        self._shift, self._spans = self._position(before[1]) - suspect[1], 0
-        self._extent = (suspect[1], suspect[1])
-        return self._accept(t_ns, raw, suspect[1], step, abs(step))
+        self._suspect = t_ns, raw
+        return None
 
     def _accept(self, t_ns: int, raw: float, before: float, step: float, last_step: float | None) -> float:
         span = self._span
@@ -118,3 +124,10 @@ class PositionCounter:
             return after - before
         half = self._span / 2
         return (after - before + half) % self._span - half
+
+
+def restart_sample(device: str, t_ns: int, wheel: int) -> LinkSample:
+    """Return the report that turns of a wheel may be missing: odometry begins anew, its estimate is wider."""
+    return LinkSample(
+        device=device, t_ns=t_ns, up=True, reason=f"wheel {wheel}: its position counter has restarted"
+    )

@@ -10,7 +10,7 @@ from drivers.can_wheels.mapping_file import BusDescription
 from drivers.can_wheels.signals import Scale
 from drivers.driver import Rejection
 from drivers.operation_check import OperationCheck
-from drivers.position_counter import PositionCounter
+from drivers.position_counter import PositionCounter, restart_sample
 from drivers.samples import PowerSample, Sample, WheelSample
 from drivers.speed_check import SPEED_CONTRADICTS_POSITION, SpeedCheck
 
@@ -187,6 +187,8 @@ class WheelPart:
             if counts is None:
                 yield IMPLAUSIBLE_JUMP
                 return
+            if self._motion.counter is not None and self._motion.counter.has_restarted:
+                yield restart_sample(self._device, t_ns, self._wheel)
             if self._may_lack_turns(values, counts):
                 yield POSITION_AMBIGUOUS
             position_rad = self._position.to_si(counts)

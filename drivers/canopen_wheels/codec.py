@@ -44,7 +44,7 @@ from drivers.canopen_wheels.parameters import CanopenWheelsParameters
 from drivers.driver import Rejection
 from drivers.link import Received
 from drivers.operation_check import OperationCheck
-from drivers.position_counter import PositionCounter
+from drivers.position_counter import PositionCounter, restart_sample
 from drivers.samples import FaultSample, Sample, WheelSample
 from drivers.speed_check import SPEED_CONTRADICTS_POSITION, SpeedCheck
 
@@ -308,8 +308,12 @@ class CanopenWheelsCodec:
             position_rad=counts * drive.rad_per_count,
             current_a=current_a,
         )
-        is_wrong = drive.speed_check.contradicts(t_ns, counts * drive.rad_per_count)
-        return (sample, SPEED_CONTRADICTS_POSITION) if is_wrong else (sample,)
+        results: list[Sample | Rejection] = [sample]
+        if drive.counter.has_restarted:
+            results.insert(0, restart_sample(self._name, t_ns, drive.index))
+        if drive.speed_check.contradicts(t_ns, counts * drive.rad_per_count):
+            results.append(SPEED_CONTRADICTS_POSITION)
+        return results
 
     def _read_emergency(self, t_ns: int, drive: _Drive, data: bytes) -> Sequence[Sample | Rejection]:
         code, _ = _EMERGENCY.unpack_from(data)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from drivers.driver import Rejection
 from drivers.link import Received
-from drivers.position_counter import PositionCounter
+from drivers.position_counter import PositionCounter, restart_sample
 from drivers.robotino3_board.frames import FrameScanner, build_frame
 from drivers.robotino3_board.parameters import Robotino3BoardParameters
 from drivers.samples import BumperSample, PowerSample, Sample, WheelSample
@@ -127,6 +127,8 @@ class Robotino3BoardCodec:
             if position is None:
                 results.append(_IMPLAUSIBLE_JUMP)
                 continue
+            if counter.has_restarted:
+                results.append(restart_sample(self._name, t_ns, wheel))
             results.append(
                 WheelSample(
                     device=self._name,

@@ -28,7 +28,7 @@ from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.driver import Rejection
 from drivers.link import Received
 from drivers.operation_check import OperationCheck
-from drivers.position_counter import PositionCounter
+from drivers.position_counter import PositionCounter, restart_sample
 from drivers.samples import FaultSample, PowerSample, Sample, WheelSample
 from drivers.speed_check import SPEED_CONTRADICTS_POSITION, SpeedCheck
 from drivers.vesc.faults import fault_name
@@ -249,9 +249,12 @@ class VescCodec:
             wheel.speed_check.reset()
             return IMPLAUSIBLE_JUMP
         position_rad = steps * wheel.rad_per_step
-        samples: list[Sample | Rejection] = [
+        samples: list[Sample | Rejection] = []
+        if wheel.counter.has_restarted:
+            samples.append(restart_sample(self._name, t_ns, wheel.index))
+        samples.append(
             WheelSample(device=self._name, t_ns=t_ns, wheel=wheel.index, position_rad=position_rad)
-        ]
+        )
         if wheel.speed_check.contradicts(t_ns, position_rad):
             samples.append(SPEED_CONTRADICTS_POSITION)
         if wheel.index == 0:

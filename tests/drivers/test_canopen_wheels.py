@@ -17,7 +17,7 @@ from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import SystemClock
 from drivers.driver import Rejection
 from drivers.link import Received
-from drivers.samples import FaultSample, Sample, WheelCommand, WheelSample
+from drivers.samples import FaultSample, LinkSample, Sample, WheelCommand, WheelSample
 
 TABLE: dict[str, object] = {
     "interface": "virtual",
@@ -183,7 +183,9 @@ def test_a_position_continues_and_a_restarted_counter_does_not_move_the_rover() 
     assert isinstance(after, WheelSample)
     assert after.position_rad == pytest.approx((2**31 + 1) * COUNT)
     assert list(receive(codec, 0x281, "00 00 00 00", 20_000_000)) == [Rejection("implausible_jump")]
-    (again,) = receive(codec, 0x281, "00 00 00 00", 30_000_000)
+    report, again = receive(codec, 0x281, "00 00 00 00", 30_000_000)
+    assert isinstance(report, LinkSample)
+    assert report.reason == "wheel 0: its position counter has restarted"
     assert isinstance(again, WheelSample)
     assert again.position_rad == after.position_rad
 
