@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.rover_hil.bench.browser import Page, missing, served, write_config
+from tests.rover_hil.bench.browser import Page, served, write_config
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
     pytest.mark.timeout(300),
 ]
 LONGEST_MS = 50.0

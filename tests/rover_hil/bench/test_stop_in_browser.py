@@ -7,12 +7,11 @@ from urllib.parse import urlsplit
 import pytest
 
 from benchmarks.program.page_stop import ALARM, CASES, MOVES, ended, stop_in, wait_for_end, wait_s
-from tests.rover_hil.bench.browser import Page, missing, served, write_config
+from tests.rover_hil.bench.browser import Page, served, write_config
 from tests.rover_hil.bench.network import Network
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
     pytest.mark.timeout(300),
 ]
 LIMIT_S = 5.0
