@@ -66,6 +66,6 @@ def _turns(settings: ControlSettings, mission: MissionSettings) -> bool:
     if isinstance(mission, ByHandMission) or mission.heading == "hold":
         return False
     corners_m = [complex(*corner) for corner in corner_points(mission)]
-    ways_m = [1.0 + 0j, *(end - start for start, end in pairwise(corners_m))]
-    greatest_rad = max(abs(cmath.phase(after / before)) for before, after in pairwise(ways_m))
+    ways_m = [1.0 + 0j, *(end - start for start, end in pairwise(corners_m) if end != start)]
+    greatest_rad = max((abs(cmath.phase(after / before)) for before, after in pairwise(ways_m)), default=0.0)
     return make_kinematics(settings.rover).turns_on_spot and greatest_rad > SPOT_TURN_RAD

@@ -126,8 +126,12 @@ class PositionCounter:
         return (after - before + half) % self._span - half
 
 
-def restart_sample(device: str, t_ns: int, wheel: int) -> LinkSample:
-    """Return the report that turns of a wheel may be missing: odometry begins anew, its estimate is wider."""
-    return LinkSample(
-        device=device, t_ns=t_ns, up=True, reason=f"wheel {wheel}: its position counter has restarted"
-    )
+def restart_sample(device: str, t_ns: int, what: str) -> LinkSample:
+    """Return the report that turns may be missing: odometry begins anew, and its estimate is wider.
+
+    Args:
+        device: Name of the device in the configuration.
+        t_ns: Time of the first reading after the restart.
+        what: What counts, such as "wheel 0".
+    """
+    return LinkSample(device=device, t_ns=t_ns, up=True, reason=f"{what}: the position counter has restarted")

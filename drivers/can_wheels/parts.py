@@ -188,7 +188,7 @@ class WheelPart:
                 yield IMPLAUSIBLE_JUMP
                 return
             if self._motion.counter is not None and self._motion.counter.has_restarted:
-                yield restart_sample(self._device, t_ns, self._wheel)
+                yield restart_sample(self._device, t_ns, f"wheel {self._wheel}")
             if self._may_lack_turns(values, counts):
                 yield POSITION_AMBIGUOUS
             position_rad = self._position.to_si(counts)

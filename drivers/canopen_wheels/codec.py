@@ -310,7 +310,7 @@ class CanopenWheelsCodec:
         )
         results: list[Sample | Rejection] = [sample]
         if drive.counter.has_restarted:
-            results.insert(0, restart_sample(self._name, t_ns, drive.index))
+            results.insert(0, restart_sample(self._name, t_ns, f"wheel {drive.index}"))
         if drive.speed_check.contradicts(t_ns, counts * drive.rad_per_count):
             results.append(SPEED_CONTRADICTS_POSITION)
         return results

@@ -128,7 +128,7 @@ class Robotino3BoardCodec:
                 results.append(_IMPLAUSIBLE_JUMP)
                 continue
             if counter.has_restarted:
-                results.append(restart_sample(self._name, t_ns, wheel))
+                results.append(restart_sample(self._name, t_ns, f"wheel {wheel}"))
             results.append(
                 WheelSample(
                     device=self._name,

@@ -19,6 +19,7 @@ from typing import NamedTuple, TypeAlias
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.link import Received
+from drivers.position_counter import restart_sample
 from drivers.robotino_board.parameters import Board, RobotinoBoardParameters
 from drivers.robotino_board.scales import MAX_SPEED_STEPS, STEP_TICKS_PER_S, scales
 from drivers.samples import BumperSample, PowerSample, Sample, WheelSample
@@ -245,7 +246,7 @@ class RobotinoBoardCodec:
     read a motor) and "implausible_jump": the board's time runs backwards, or a wheel turned further than
     6885 rpm at the motor allow. Replies may come in bunches, so at least 0.1 s is assumed between them. When
     the next reply continues from the suspect one, the board has restarted its counters: positions continue
-    from their last value, and the turns of the wheels in between are unknown and not counted.
+    from their last value, and a `LinkSample` reports that turns in between may be missing.
 
     Args:
         name: Name of the device in the configuration.
@@ -263,6 +264,7 @@ class RobotinoBoardCodec:
         self._accepted: _Counters | None = None
         self._suspect: _Counters | None = None
         self._ticks: Counts = (0, 0, 0)
+        self._has_restarted = False
 
     def decode(self, item: Received[bytes]) -> list[Sample | Rejection]:
         """Return three `WheelSample`, a `PowerSample` and a `BumperSample` for each reply in the stream.
@@ -305,11 +307,13 @@ class RobotinoBoardCodec:
             return [_MOTOR_FAULT_SEEN]
         if not self._accept(_Counters(t_ns, reply.time_ms, reply.ticks)):
             return [_IMPLAUSIBLE_JUMP]
-        return self._samples(t_ns, reply)
+        samples = self._samples(t_ns, reply)
+        return [restart_sample(self._name, t_ns, "board"), *samples] if self._has_restarted else samples
 
     def _accept(self, counters: _Counters) -> bool:
         base = self._accepted
-        if base is not None and not _can_follow(base, counters):
+        self._has_restarted = base is not None and not _can_follow(base, counters)
+        if self._has_restarted:
             base, self._suspect = self._suspect, counters
             if base is None or not _can_follow(base, counters):
                 return False

@@ -251,7 +251,7 @@ class VescCodec:
         position_rad = steps * wheel.rad_per_step
         samples: list[Sample | Rejection] = []
         if wheel.counter.has_restarted:
-            samples.append(restart_sample(self._name, t_ns, wheel.index))
+            samples.append(restart_sample(self._name, t_ns, f"wheel {wheel.index}"))
         samples.append(
             WheelSample(device=self._name, t_ns=t_ns, wheel=wheel.index, position_rad=position_rad)
         )

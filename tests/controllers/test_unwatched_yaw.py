@@ -52,6 +52,11 @@ def test_turns_of_the_mission_watch_the_yaw(mission: dict[str, Any]) -> None:
     assert without_gyro.startswith("yaw unwatched: nothing compares the turn by the wheels; a gyro, ")
 
 
+@pytest.mark.parametrize("points", [[(0.0, 0.0), (1.0, 0.0)], [(0.0, 0.0)]])
+def test_a_leg_without_length_is_no_turn(points: list[tuple[float, float]]) -> None:
+    assert unwatched({**ALONG, "type": "waypoints", "points": points}) != ""
+
+
 def test_small_bends_are_no_turns() -> None:
     bends = {**ALONG, "type": "waypoints", "points": [(1.0, 0.0), (2.0, 0.4), (3.0, 0.8)]}
     assert unwatched(bends) != ""

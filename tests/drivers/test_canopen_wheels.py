@@ -185,7 +185,7 @@ def test_a_position_continues_and_a_restarted_counter_does_not_move_the_rover() 
     assert list(receive(codec, 0x281, "00 00 00 00", 20_000_000)) == [Rejection("implausible_jump")]
     report, again = receive(codec, 0x281, "00 00 00 00", 30_000_000)
     assert isinstance(report, LinkSample)
-    assert report.reason == "wheel 0: its position counter has restarted"
+    assert report.reason == "wheel 0: the position counter has restarted"
     assert isinstance(again, WheelSample)
     assert again.position_rad == after.position_rad
 

@@ -24,7 +24,7 @@ from drivers.robotino_board.codec import (
 )
 from drivers.robotino_board.parameters import Board
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from drivers.samples import BumperSample, PowerSample, Sample, WheelCommand, WheelSample
+from drivers.samples import BumperSample, LinkSample, PowerSample, Sample, WheelCommand, WheelSample
 from tests.drivers.test_driver import ScriptedLink
 
 STEP_RAD_S = 27 * math.tau / 60 / 16
@@ -309,7 +309,14 @@ def test_restarted_counters_are_refused_once_and_positions_go_on() -> None:
     codec = make_codec()
     decode(codec, build_reply(make_reply((500_000, 0, 0), 60_000)))
     assert reasons(decode(codec, build_reply(make_reply((0, 0, 0), 60_020)))) == ["implausible_jump"]
-    assert positions(decode(codec, build_reply(make_reply((30, 0, 0), 60_040)))) == [500_030, 0, 0]
+    report, *samples = decode(codec, build_reply(make_reply((30, 0, 0), 60_040)))
+    assert isinstance(report, LinkSample)
+    assert report.reason == "board: the position counter has restarted"
+    assert positions(samples) == [500_030, 0, 0]
+    assert not any(
+        isinstance(sample, LinkSample)
+        for sample in decode(codec, build_reply(make_reply((60, 0, 0), 60_060)))
+    )
 
 
 def test_time_that_runs_backwards_shows_a_restart_close_to_the_old_position() -> None:
