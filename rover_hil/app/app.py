@@ -31,7 +31,7 @@ from rover_hil.app.options import (
     number_option,
     out_option,
 )
-from rover_hil.app.output import end_output, open_missing_outputs, output_problem, tell
+from rover_hil.app.output import end_output, open_missing_streams, output_problem, tell
 from rover_hil.app.terrain.commands import terrain_app
 from rover_hil.run.end_signals import held_signals
 
@@ -717,7 +717,7 @@ def main() -> None:
     """
     # Our matrices are small: more threads of numpy's linear algebra only spin, and take the loop's processor.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    open_missing_outputs()
+    open_missing_streams()
     try:
         check_name_lengths(sys.argv[1:])
         app(_spread(sys.argv[1:], ("--test", "--logs", "--held-out")), prog_name="rover-hil")

@@ -8,11 +8,11 @@ from contextlib import suppress
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
-def open_missing_outputs() -> None:
-    """Replace an output that was closed by the shell (`>&-`) with one that leads nowhere."""
-    for name in ("stdout", "stderr"):
+def open_missing_streams() -> None:
+    """Replace a stream that the shell has closed (`>&-`, `<&-`) with one that leads nowhere or is empty."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - to the end
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: PTH123, SIM115 - to the end
 
 
 def tell(sentence: str) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from drivers.clock import Clock, nanoseconds
 from drivers.device_settings import DriveSettings
 from drivers.samples import WheelCommand, WheelSample
+from rover_hil.run.end_signals import END_REQUEST
 
 PERIOD_S = 0.02
 EXPIRY_S = 0.2
@@ -62,6 +63,7 @@ class Turner:
         now_ns = self._clock.now_ns()
         end_ns = now_ns + nanoseconds(duration_s)
         while now_ns < end_ns:
+            END_REQUEST.obey()
             speeds = tuple(
                 self._speed_rad_s if wheel == turning else 0.0 for wheel in range(self.wheel_count)
             )

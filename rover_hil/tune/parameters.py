@@ -43,6 +43,8 @@ UNITS = {
     "rad_s_sqrt_s": "",
 }
 """Unit by the end of a key; empty where people write it in many ways."""
+QUANTITIES = frozenset(("m", "s", "rad", "deg", "v", "a", "n", "nm", "kg"))
+"""Units that may stand before `_per_`, as in `speed_constant_v_s_per_rad`."""
 ALIASES = {"1/s": ("s-1", "hz", "/s"), "1/rad": ("rad-1", "/rad"), "deg": ("°",)}
 
 Values = Mapping[str, float]
@@ -169,7 +171,11 @@ def _check(config: Config, key: str, parameter: TunableSettings, where: str) -> 
 
 def unit_of(key: str) -> str:
     """Return the unit that the end of a key names; empty where it names none, or one with a root."""
-    ends = [end for end in UNITS if f"_{key.rpartition('.')[2]}".endswith(f"_{end}")]
+    name = f"_{key.rpartition('.')[2]}"
+    of_what, per, _ = name.rpartition("_per_")
+    if per and (of_what.rpartition("_")[2] in QUANTITIES or not name.endswith(("_per_s", "_per_rad"))):
+        return ""
+    ends = [end for end in UNITS if name.endswith(f"_{end}")]
     return UNITS[max(ends, key=len)] if ends else ""
 
 

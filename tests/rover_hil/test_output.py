@@ -42,6 +42,12 @@ def test_closed_outputs(tmp_path: Path) -> None:
     assert run_shell("rover-hil terrain climb --slope-deg 5 >&- 2>&-", tmp_path).returncode == 0
 
 
+def test_a_closed_input_is_no_terminal_that_confirms(tmp_path: Path) -> None:
+    done = run_shell("rover-hil calibrate imu robotino --out x.toml <&-", tmp_path)
+    assert done.returncode == 2
+    assert_one_sentence(done.stderr, "this would move", "add --drive")
+
+
 def test_a_reader_that_has_left_gets_no_traceback(tmp_path: Path) -> None:
     done = run_shell("rover-hil terrain climb --slope-deg 5 --json | true", tmp_path)
     assert "Traceback" not in done.stderr

@@ -156,6 +156,9 @@ def test_a_text_that_cannot_be_edited_is_refused(text: str) -> None:
         ("filter.gyro_bias_rad_s", "rad/s"),
         ("filter.gyro_noise_rad_sqrt_s", ""),
         ("filter.slip_sd", ""),
+        ("motor.speed_constant_v_s_per_rad", ""),
+        ("mission.yaw_gain_per_m", ""),
+        ("mission.gain_per_rad", "1/rad"),
     ],
 )
 def test_the_end_of_a_key_names_its_unit(key: str, unit: str) -> None:
