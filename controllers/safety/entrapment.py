@@ -2,11 +2,13 @@
 
 import cmath
 import math
+from collections import deque
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
+from controllers.estimation.pose_fixes import HISTORY_NS
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.samples import PoseFixSample, Sample
@@ -38,24 +40,37 @@ STRAIGHT = 0.7
 """Least distance between the ends of a travel over its length: that of a right angle of equal sides."""
 
 
-class _Seen(NamedTuple):
-    """A fix, and what the wheels had travelled by then.
+KNOWN_YAW_RAD = math.pi / 4.0 / DEVIATIONS
+"""Greatest standard deviation of the yaw of a fix that shows a direction: within `DEVIATIONS` of them a
+displacement along the travel remains greater along it than across."""
+
+
+class _Travelled(NamedTuple):
+    """What the wheels had travelled by a time.
 
     Attributes:
-        fixed_m: Place by the fix, in its frame.
-        fixed_rad: Yaw by the fix.
-        sd_m: Standard deviation of the place in each axis.
+        t_ns: The time.
         wheels_m: Place by the wheels, in the local frame.
         yaw_rad: Estimated yaw.
         length_m: Length of the travel of the wheels.
     """
 
-    fixed_m: complex
-    fixed_rad: float
-    sd_m: float
+    t_ns: int
     wheels_m: complex
     yaw_rad: float
     length_m: float
+
+
+class _Seen(NamedTuple):
+    """A fix, and what the wheels had travelled when it was captured."""
+
+    fix: PoseFixSample
+    travelled: _Travelled
+
+    @property
+    def place_m(self) -> complex:
+        """By the fix, in its frame."""
+        return complex(self.fix.x_m, self.fix.y_m)
 
 
 class _Progress(NamedTuple):
@@ -64,7 +79,8 @@ class _Progress(NamedTuple):
     Attributes:
         wheels_m: Distance between both ends by the wheels.
         length_m: Length of their travel.
-        moved_m: Displacement by the fixes along it; negative backwards.
+        moved_m: Displacement by the fixes along it; negative backwards. Where the yaw of the first fix is not
+            known well, its magnitude in any direction, and 1 in 7 is noise.
         noise_m: A displacement below this is none.
     """
 
@@ -105,7 +121,7 @@ class ProgressByFixes:
         if begin is None or last is None:
             self._begin = self._last = seen
             return
-        if seen.length_m - last.length_m < self._settings.entrapment_m / LOOKS:
+        if seen.travelled.length_m - last.travelled.length_m < self._settings.entrapment_m / LOOKS:
             return
         self._last = seen
         whole, newest = _compare(begin, seen), _compare(last, seen)
@@ -121,14 +137,16 @@ class ProgressByFixes:
 
 def _compare(begin: _Seen, end: _Seen) -> _Progress:
     """Compare two fixes in the body frame of the first."""
-    wheels_m = (end.wheels_m - begin.wheels_m) * cmath.rect(1.0, -begin.yaw_rad)
-    fixed_m = (end.fixed_m - begin.fixed_m) * cmath.rect(1.0, -begin.fixed_rad)
+    first, last = begin.travelled, end.travelled
+    wheels_m = (last.wheels_m - first.wheels_m) * cmath.rect(1.0, -first.yaw_rad)
+    fixed_m = (end.place_m - begin.place_m) * cmath.rect(1.0, -begin.fix.yaw_rad)
     along = wheels_m / abs(wheels_m) if wheels_m else 1.0 + 0j
+    is_direction_known = 0.0 <= begin.fix.yaw_std_rad <= KNOWN_YAW_RAD
     return _Progress(
         wheels_m=abs(wheels_m),
-        length_m=end.length_m - begin.length_m,
-        moved_m=(fixed_m * along.conjugate()).real,
-        noise_m=DEVIATIONS * math.hypot(begin.sd_m, end.sd_m),
+        length_m=last.length_m - first.length_m,
+        moved_m=(fixed_m * along.conjugate()).real if is_direction_known else abs(fixed_m),
+        noise_m=DEVIATIONS * math.hypot(begin.fix.position_std_m, end.fix.position_std_m),
     )
 
 
@@ -136,7 +154,8 @@ class EntrapmentRule(StopRule):
     """Stops where fixes show that the rover does not get on; the slip reading alone is a suspicion.
 
     Progress is the displacement along the travel of the wheels. A rover that slips much and moves is not
-    entrapped.
+    entrapped. A fix is compared with the newest travel up to its capture. One that was captured more than
+    `HISTORY_NS` before the newest motion does not count.
     """
 
     observes = (PoseFixSample,)
@@ -146,6 +165,7 @@ class EntrapmentRule(StopRule):
         self._fixes = {device: ProgressByFixes(settings) for device in roles.fixes}
         self._arrived: list[PoseFixSample] = []
         self._wheels_m, self._length_m = 0j, 0.0
+        self._history: deque[_Travelled] = deque()
         self._slipped_m = 0.0
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -155,20 +175,8 @@ class EntrapmentRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Take the travel and the fixes of a cycle; return a reason when the rover does not get on."""
-        self._wheels_m += cycle.travel_m
-        self._length_m += cycle.distance_m
-        for fix in self._arrived:
-            self._fixes[fix.device].take(
-                _Seen(
-                    fixed_m=complex(fix.x_m, fix.y_m),
-                    fixed_rad=fix.yaw_rad,
-                    sd_m=fix.position_std_m,
-                    wheels_m=self._wheels_m,
-                    yaw_rad=cycle.yaw_rad,
-                    length_m=self._length_m,
-                )
-            )
-        self._arrived.clear()
+        self._travel(cycle)
+        self._take_fixes()
         for device, progress in self._fixes.items():
             if progress.lost_m >= self._settings.entrapment_m:
                 text = (
@@ -183,6 +191,26 @@ class EntrapmentRule(StopRule):
                 "camera is covered, turned, or in the dark"
             )
             yield StopReason("no motion seen", text, Severity.SUSPICION)
+
+    def _travel(self, cycle: Cycle) -> None:
+        """Note what the wheels have travelled by the time of their newest motion."""
+        self._wheels_m += cycle.travel_m
+        self._length_m += cycle.distance_m
+        history, t_ns = self._history, cycle.motion_ns
+        if t_ns is None or (history and t_ns <= history[-1].t_ns):
+            return
+        history.append(_Travelled(t_ns, self._wheels_m, cycle.yaw_rad, self._length_m))
+        while history[0].t_ns < t_ns - HISTORY_NS:
+            history.popleft()
+
+    def _take_fixes(self) -> None:
+        """Compare each fix with what the wheels had travelled when it was captured."""
+        for fix in self._arrived:
+            travels = reversed(self._history)
+            before = next((each for each in travels if each.t_ns <= fix.t_capture_ns), None)
+            if before is not None:
+                self._fixes[fix.device].take(_Seen(fix, before))
+        self._arrived.clear()
 
     def _suspect(self, cycle: Cycle) -> Iterator[StopReason]:
         """Add up the travel at a slip near 1. Smaller slip clears; unknown slip does not."""

@@ -6,10 +6,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.turn_evidence import TurnEvidence
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.unproven_turn import UnprovenTurn
 from controllers.safety.yaw_fixes import YawFixes
 from drivers.settings import Settings
 
@@ -119,13 +119,18 @@ class GyroFollowsRule(StopRule):
 
     Wheels with time stamps of their own seem to turn the rover when a stamp is wrong, and back again in the
     next increment: such noise is known by successive turn rates that go opposite ways, and does not count.
+
+    Args:
+        settings: Thresholds.
+        roles: Gyro and devices that give fixes.
+        unproven: Shared with `MissedTurnRule`; this rule adds to it.
     """
 
-    def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
+    def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._settings = settings
         self._gyro = roles.gyro
         self._fixes = YawFixes(roles)
-        self._unproven_rad = 0.0
+        self._unproven = unproven
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -146,8 +151,7 @@ class GyroFollowsRule(StopRule):
                 f"rate for {self._settings.gyro_follow_s:g} s: no signal, wrong axis, wrong sign, or wheels "
                 "without grip"
             )
-            # Nobody knows since when the gyro has no signal: the turn is that of the wheels, as uncertain.
-            yaw_rad = self._wheels_rad + ESTIMATION.pose.gap_turn_error * self._unproven_rad
+            yaw_rad = self._unproven.error_rad(self._wheels_rad)
             yield StopReason("gyro follows", text, self._severity(cycle.now_ns), yaw_rad=yaw_rad)
 
     def _severity(self, now_ns: int) -> Severity:
@@ -160,7 +164,7 @@ class GyroFollowsRule(StopRule):
         settings, moments, wheels = self._settings, self._moments, evidence.wheels
         moments.add(wheels.duration_s, wheels.turn_rad, evidence.gyro_rad)
         self._noise.add(wheels.duration_s, wheels.turn_rad)
-        self._unproven_rad += wheels.both_ways_rad
+        self._unproven.add(wheels)
         wheel_variance = moments.wheel_variance
         least_variance = settings.gyro_follow_rad_s**2 + NOISE_SHARE * self._noise.variance
         is_turning = wheel_variance > least_variance
@@ -172,7 +176,8 @@ class GyroFollowsRule(StopRule):
             self._against_s = self._against_s + wheels.duration_s if is_against else 0.0
             self._wheels_rad += abs(wheels.turn_rad - evidence.gyro_rad)
         elif is_turning:
-            self._lost_s = self._against_s = self._wheels_rad = self._unproven_rad = 0.0
+            self._lost_s = self._against_s = self._wheels_rad = 0.0
+            self._unproven.prove()
 
 
 class _Moments:

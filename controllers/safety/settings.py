@@ -34,6 +34,7 @@ from controllers.safety.operator_rule import OperatorRule
 from controllers.safety.reasons import StopRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
+from controllers.safety.unproven_turn import UnprovenTurn
 
 
 class SafetySettings(
@@ -54,8 +55,9 @@ class SafetySettings(
         expiry_s: A command holds for this long after its cycle.
         settle_s: All required devices must be fresh for this long before the first motion.
         recover_s: And for this long before motion resumes after a stop.
-        suspicion_rest_s: And for this long after a stop that a healthy rover may show, too. Such a stop
-            happens once: the second before `forget_stops_m`, or the third in a mission, lasts until restart.
+        suspicion_rest_s: And for this long with the wheels at rest after a stop that a healthy rover may
+            show, too. Such a stop happens once: the second before `forget_stops_m`, or the third in a
+            mission, lasts until restart, whatever their causes.
         identical_stops: The rover stays stopped until restart when it stops this many times for the same
             cause: driving may bring back a cause that cannot be seen at rest.
         forget_stops_m: Stops for a cause are forgotten after this distance without a sign of that cause.
@@ -76,6 +78,7 @@ def make_rules(
 
     Without a gyro there is nothing to compare the headings with.
     """
+    unproven = UnprovenTurn()
     return (
         BumperRule(settings),
         OperatorRule(),
@@ -89,8 +92,8 @@ def make_rules(
         StuckGyroRule(settings, roles),
         GyroJumpRule(settings, roles),
         GyroDifferenceRule(settings, roles),
-        GyroFollowsRule(settings, roles),
-        MissedTurnRule(settings, roles),
+        GyroFollowsRule(settings, roles, unproven),
+        MissedTurnRule(settings, roles, unproven),
         GyroRestRule(settings, roles),
         GyroSampleRateRule(settings, roles),
         *(() if roles.gyro is None else (HeadingTurnRule(settings, roles, heading_lag_s),)),

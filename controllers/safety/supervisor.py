@@ -1,9 +1,8 @@
 """When the rover may move."""
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -49,8 +48,11 @@ class Doubt(NamedTuple):
     is_unseen: bool
 
 
-RECOVERIES = 2
-"""A mission recovers from this many stops for one suspicion, given `forget_stops_m` between them."""
+MOST_SUSPICIONS = 3
+"""This many suspicions of a mission end it, whatever the distance between them."""
+
+SEVERITIES = tuple(Severity)
+"""The least severe one first."""
 
 
 @dataclass(slots=True)
@@ -61,11 +63,24 @@ class _Stops:
     healthy_m: float = 0.0
 
 
+@dataclass(slots=True)
+class _Suspicions:
+    """Suspicions of a mission, whatever their causes, and the distance driven since without a sign of one."""
+
+    count: int = 0
+    causes: set[str] = field(default_factory=set)
+    healthy_m: float = math.inf
+
+
 class SafetySupervisor:
     """Asks the stop rules and decides the mode of a mission.
 
-    A recoverable stop lasts `suspicion_rest_s` and lets the rover go on once: the second for the same cause
-    before `forget_stops_m` without a sign of it, and the third in a mission, is final.
+    The most severe reason of a cycle decides, the first of several. Where another comes before it, that is
+    the likelier cause, and both are reported.
+
+    A recoverable stop is a suspicion: the rover goes on after `suspicion_rest_s` with its wheels at rest. The
+    second suspicion before `forget_stops_m` without a sign of one, and the third in a mission, is final,
+    whatever their causes. A stop counts as one suspicion, however many rules have it.
 
     Args:
         settings: Thresholds and waiting times.
@@ -87,8 +102,8 @@ class SafetySupervisor:
         self._rules = make_rules(settings, roles, wheel_count, heading_lag_s)
         self._observers: dict[type[Sample], list[StopRule]] = {}
         self._stops: dict[str, _Stops] = {}
-        self._recoveries = Counter[str]()
-        self._rest_s = 0.0
+        self._suspicions = _Suspicions()
+        self._is_suspected = False
         self._healthy_since_ns: int | None = None
         self._doubted_rad: dict[str, float] = {}
         self.mode = Mode.SETTLING
@@ -117,14 +132,12 @@ class SafetySupervisor:
         self.doubts = list(self._doubts(stops))
         if self.mode is Mode.EMERGENCY_STOP:
             return
-        stop = next(iter(stops), None)
         if self.mode is Mode.RUNNING:
             self._forget_stops(cycle.distance_m, {reason.cause for reason in reasons})
-            stop = self._count(stop)
-        if stop is None:
-            self._resume(cycle.now_ns)
+        if stops:
+            self._stop(self._count(_most_severe(stops)))
         else:
-            self._stop(stop)
+            self._resume(cycle)
 
     def _doubts(self, stops: Sequence[StopReason]) -> Iterator[Doubt]:
         """Yield the doubt of each stop when it begins, and what is added to the yaw's while it lasts."""
@@ -149,42 +162,71 @@ class SafetySupervisor:
             self.mode = Mode.EMERGENCY_STOP
         elif self.mode is Mode.RUNNING:
             self.mode = Mode.SAFE_STOP
-            is_suspicion = stop.severity is Severity.RECOVERABLE
-            self._rest_s = self._settings.suspicion_rest_s if is_suspicion else self._settings.recover_s
 
-    def _resume(self, now_ns: int) -> None:
-        if self._healthy_since_ns is None:
-            self._healthy_since_ns = now_ns
-        healthy_ns = now_ns - self._healthy_since_ns
-        if self.mode is Mode.SETTLING or self.mode is Mode.SAFE_STOP:
-            wait_s = self._settings.settle_s if self.mode is Mode.SETTLING else self._rest_s
-            if healthy_ns >= nanoseconds(wait_s):
-                self.mode = Mode.RUNNING
+    def _resume(self, cycle: Cycle) -> None:
+        if self._healthy_since_ns is None or (self._is_suspected and not cycle.is_still):
+            self._healthy_since_ns = cycle.now_ns
+        is_waiting = self.mode is Mode.SETTLING or self.mode is Mode.SAFE_STOP
+        if is_waiting and cycle.now_ns - self._healthy_since_ns >= nanoseconds(self._wait_s()):
+            self.mode = Mode.RUNNING
+            self._is_suspected = False
         if self.mode is not Mode.SAFE_STOP:
             self.reason = ""
 
+    def _wait_s(self) -> float:
+        """Return for how long there must be no reason to stop before motion begins or resumes."""
+        settings = self._settings
+        if self.mode is Mode.SETTLING:
+            return settings.settle_s
+        return max(settings.recover_s, settings.suspicion_rest_s if self._is_suspected else 0.0)
+
     def _forget_stops(self, distance_m: float, signs: Collection[str]) -> None:
         """Forget the stops of every cause that has shown no sign for long enough."""
+        if self._suspicions.causes.isdisjoint(signs):
+            self._suspicions.healthy_m += distance_m
         for cause, stops in list(self._stops.items()):
             if cause not in signs:
                 stops.healthy_m += distance_m
             if stops.healthy_m >= self._settings.forget_stops_m:
                 del self._stops[cause]
 
-    def _count(self, stop: StopReason | None) -> StopReason | None:
-        """Count a stop; return it, final where it is one too many for its cause."""
-        if stop is None:
-            return None
+    def _count(self, stop: StopReason) -> StopReason:
+        """Count a stop; return it, final where it is one too many."""
+        if stop.severity is Severity.RECOVERABLE:
+            return self._suspect(stop)
+        if self.mode is not Mode.RUNNING:
+            return stop
         stops = self._stops.setdefault(stop.cause, _Stops())
         stops.count += 1
         stops.healthy_m = 0.0
-        count, most = stops.count, self._settings.identical_stops
-        if stop.severity is Severity.RECOVERABLE:
-            self._recoveries[stop.cause] += 1
-            most = RECOVERIES
-            if self._recoveries[stop.cause] > RECOVERIES:
-                count = self._recoveries[stop.cause]
-        if count < most or stop.severity is Severity.FINAL:
+        if stops.count < self._settings.identical_stops or stop.severity is Severity.FINAL:
             return stop
-        text = f"{stop.text}; stopped {count} times for this, stays stopped until restart"
-        return stop._replace(text=text, severity=Severity.FINAL)
+        return _last(stop, f"stopped {stops.count} times for this")
+
+    def _suspect(self, stop: StopReason) -> StopReason:
+        """Count a suspicion, once while the rover is stopped; return it, final where it is one too many.
+
+        It may arise after another reason has stopped the rover, while it brakes.
+        """
+        if self._is_suspected or self.mode not in (Mode.RUNNING, Mode.SAFE_STOP):
+            return stop
+        suspicions = self._suspicions
+        is_early = suspicions.healthy_m < self._settings.forget_stops_m
+        suspicions.count += 1
+        suspicions.causes.add(stop.cause)
+        suspicions.healthy_m = 0.0
+        self._is_suspected = True
+        if not is_early and suspicions.count < MOST_SUSPICIONS:
+            return stop
+        return _last(stop, f"stopped {suspicions.count} times on suspicion")
+
+
+def _most_severe(stops: Sequence[StopReason]) -> StopReason:
+    """Return the most severe stop; its text begins with that of the first, which is the likelier cause."""
+    stop = max(stops, key=lambda stop: SEVERITIES.index(stop.severity))
+    return stop if stop is stops[0] else stop._replace(text=f"{stops[0].text}; {stop.text}")
+
+
+def _last(stop: StopReason, why: str) -> StopReason:
+    """Return the stop as a final one."""
+    return stop._replace(text=f"{stop.text}; {why}, stays stopped until restart", severity=Severity.FINAL)

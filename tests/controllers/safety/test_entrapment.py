@@ -13,6 +13,7 @@ from controllers.safety.reasons import Cycle, Severity, StopReason
 from drivers.samples import PoseFixSample
 from tests.controllers.floor_fixes import FLOOR, on_floor
 
+CYCLE_NS = 20_000_000
 ROLES = DeviceRoles(wheels="wheels", fixes=("overhead",), required={})
 
 
@@ -22,14 +23,20 @@ class Travel:
     The wheels go in a direction of the local frame; the fixes come in the frame of their floor.
     """
 
-    def __init__(self, settings: EntrapmentSettings | None = None, yaw_rad: float = 0.3) -> None:
+    def __init__(
+        self, settings: EntrapmentSettings | None = None, yaw_rad: float = 0.3, lag_ns: int = 0
+    ) -> None:
         self.rule = EntrapmentRule(settings or EntrapmentSettings(), ROLES)
         self.yaw_rad = yaw_rad
+        self.lag_ns = lag_ns
+        self.now_ns = 0
         self.place_m = 0j
 
     def go(self, distance_m: float, slip: float | None = None, direction: complex = 1.0) -> list[StopReason]:
+        self.now_ns += CYCLE_NS
         cycle = Cycle(
-            now_ns=0,
+            now_ns=self.now_ns,
+            motion_ns=self.now_ns,
             distance_m=distance_m,
             travel_m=distance_m * direction,
             yaw_rad=self.yaw_rad,
@@ -39,7 +46,8 @@ class Travel:
 
     def fix(self, place_m: complex | None = None, **changes: Any) -> None:
         seen = on_floor(self.place_m if place_m is None else place_m, self.yaw_rad)
-        self.rule.observe(replace(seen, **changes), 0)
+        seen = replace(seen, t_ns=self.now_ns, t_capture_ns=self.now_ns - self.lag_ns)
+        self.rule.observe(replace(seen, **changes), self.now_ns)
 
     def drive(self, wheels_m: float, moved: complex, sd_m: float = 0.003) -> list[StopReason]:
         """Let the wheels travel along x in small steps while the rover moves; then comes a fix."""
@@ -203,11 +211,84 @@ def test_fixes_of_other_devices_and_other_samples_do_not_count() -> None:
 def test_two_devices_are_judged_apart() -> None:
     roles = DeviceRoles(wheels="wheels", fixes=("overhead", "marks"), required={})
     rule = EntrapmentRule(EntrapmentSettings(), roles)
-    for _ in range(2):
-        rule.observe(on_floor(0j, 0.0), 0)
-        rule.observe(replace(on_floor(5.0 + 0j, 0.0), device="marks"), 0)
-        found = list(rule.check(Cycle(now_ns=0, distance_m=0.6, travel_m=0.6)))
+    for t_ns in range(2):
+        for place_m, device in ((0j, "overhead"), (5.0 + 0j, "marks")):
+            rule.observe(replace(on_floor(place_m, 0.0), device=device, t_capture_ns=t_ns), t_ns)
+        found = list(rule.check(Cycle(now_ns=t_ns, motion_ns=t_ns, distance_m=0.6, travel_m=0.6)))
     assert [reason.text.split(" and ")[1].split()[0] for reason in found] == ["overhead", "marks"]
+
+
+def late_drive(speed_m_s: float, lag_s: float, travels: float) -> list[StopReason]:
+    """Drive 4 m; fixes at 10 Hz say how far a share of the travel had moved the rover a while before."""
+    travel = Travel()
+    found = []
+    step_m = speed_m_s * CYCLE_NS / 1e9
+    rest = lag = round(lag_s * 1e9 / CYCLE_NS)
+    places = [0.0] * rest + [travels * step_m * index for index in range(round(4.0 / step_m))]
+    for cycle, _ in enumerate(places):
+        found += travel.go(step_m if cycle > rest else 0.0)
+        if cycle >= lag and cycle % 5 == 0:
+            travel.fix(complex(places[cycle - lag]), t_capture_ns=travel.now_ns - lag * CYCLE_NS)
+    return found
+
+
+@pytest.mark.parametrize(("speed_m_s", "lag_s"), [(0.5, 1.2), (1.0, 0.6), (1.0, 1.9)])
+def test_late_fixes_are_compared_with_the_travel_at_their_capture(speed_m_s: float, lag_s: float) -> None:
+    assert late_drive(speed_m_s, lag_s, travels=1.0) == []
+    assert late_drive(speed_m_s, lag_s, travels=0.0) != []
+
+
+def test_fixes_from_before_the_known_travel_do_not_count() -> None:
+    travel = Travel(lag_ns=2_100_000_000)
+    for _ in range(150):
+        assert travel.go(0.02) == []
+        travel.fix()
+
+
+def test_without_a_known_motion_of_the_wheels_fixes_do_not_count() -> None:
+    rule = Travel().rule
+    for t_ns in range(2):
+        rule.observe(replace(on_floor(0j, 0.0), t_capture_ns=t_ns), t_ns)
+        assert list(rule.check(Cycle(now_ns=t_ns, distance_m=0.6, travel_m=0.6))) == []
+
+
+def test_a_motion_that_stays_the_newest_is_noted_once() -> None:
+    travel = Travel()
+    travel.drive(0.0, 0j)
+    travel.go(0.3)
+    travel.fix()
+    repeated = Cycle(now_ns=travel.now_ns + CYCLE_NS, motion_ns=travel.now_ns, distance_m=0.3, travel_m=0.3)
+    # What is travelled by an unknown time counts from the next known one on.
+    assert list(travel.rule.check(repeated)) == []
+    travel.fix()
+    assert travel.go(0.0) == []
+    travel.fix()
+    assert travel.go(0.0) != []
+
+
+@pytest.mark.parametrize("yaw_std_rad", [math.pi / 8.0 + 1e-9, 10.0, math.inf, math.nan, -1.0])
+def test_where_the_yaw_of_a_fix_is_not_known_any_displacement_is_progress(yaw_std_rad: float) -> None:
+    travel = Travel()
+    for _ in range(10):
+        travel.go(0.02)
+        travel.place_m += 0.02
+        # The yaw is wrong by 90 deg, so that the displacement seems to be sideways.
+        seen = on_floor(travel.place_m, travel.yaw_rad)
+        travel.fix(yaw_rad=seen.yaw_rad - math.pi / 2.0, yaw_std_rad=yaw_std_rad)
+    for _ in range(30):
+        seen = on_floor(travel.place_m, travel.yaw_rad)
+        travel.fix(yaw_rad=seen.yaw_rad - math.pi / 2.0, yaw_std_rad=yaw_std_rad)
+        assert travel.go(0.1) == []
+        travel.place_m += 0.1
+
+
+def test_a_yaw_that_is_known_shows_the_direction() -> None:
+    travel = Travel()
+    for _ in range(10):
+        travel.go(0.0)
+    travel.fix(yaw_std_rad=math.pi / 8.0)
+    assert travel.go(0.0) == []
+    assert travel.drive(0.6, 0.2j) != []
 
 
 def test_a_slip_near_1_alone_is_a_suspicion() -> None:

@@ -12,6 +12,7 @@ from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.unproven_turn import UnprovenTurn
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={})
 STEP_S = 0.02
@@ -22,7 +23,7 @@ def difference(**settings: float) -> GyroDifferenceRule:
 
 
 def follows(**settings: float) -> GyroFollowsRule:
-    return GyroFollowsRule(GyroTurnSettings.model_validate(settings), ROLES)
+    return GyroFollowsRule(GyroTurnSettings.model_validate(settings), ROLES, UnprovenTurn())
 
 
 def evidence(gyro_rad: float, left_rad: float, right_rad: float) -> TurnEvidence:
@@ -182,7 +183,7 @@ def test_a_gyro_that_follows_again_has_not_turned_against_the_wheels() -> None:
 
 
 def test_while_fixes_agree_with_the_yaw_a_gyro_that_does_not_follow_is_a_suspicion() -> None:
-    rule = GyroFollowsRule(GyroTurnSettings(), replace(ROLES, fixes=("overhead",)))
+    rule = GyroFollowsRule(GyroTurnSettings(), replace(ROLES, fixes=("overhead",)), UnprovenTurn())
 
     def fix(*, accepted: bool) -> None:
         innovation = Innovation(name="overhead yaw", residual=0.0, variance=1.0, nis=0.0, accepted=accepted)

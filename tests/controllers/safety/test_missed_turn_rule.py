@@ -8,6 +8,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroTurnSettings
 from controllers.safety.missed_turn_rule import MissedTurnRule
 from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.unproven_turn import UnprovenTurn
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", fixes=("overhead",), required={})
 
@@ -22,12 +23,12 @@ def turn(
 ) -> list[StopReason]:
     """Return the reasons of some cycles with the same turn, of which the gyro measures a share."""
     wheels = WheelTurn(duration_s=duration_s, left_rad=left_rad, right_rad=right_rad)
-    seen = TurnEvidence(gyro_rad=share * wheels.turn_rad, wheels=wheels)
-    return [reason for _ in range(steps) for reason in rule.check(Cycle(now_ns=0, evidence=seen))]
+    cycle = Cycle(now_ns=0, evidence=TurnEvidence(gyro_rad=share * wheels.turn_rad, wheels=wheels))
+    return [reason for _ in range(steps) for reason in rule.check(cycle)]
 
 
-def make_rule() -> MissedTurnRule:
-    return MissedTurnRule(GyroTurnSettings(), ROLES)
+def make_rule(unproven: UnprovenTurn | None = None) -> MissedTurnRule:
+    return MissedTurnRule(GyroTurnSettings(), ROLES, unproven or UnprovenTurn())
 
 
 @pytest.mark.parametrize("sides", [(0.125, 0.0), (0.0, 0.125)])
@@ -43,8 +44,7 @@ def test_a_steady_turn_without_a_signal_of_the_gyro_is_named_and_can_recover(
         "imu: measures 5 % of a turn of 0.50 rad by the wheels: no signal, wrong axis, wrong sign, or wheels "
         "without grip"
     )
-    # And 0.3 of the motion on which the gyro was not seen to be alive.
-    assert reason.yaw_rad == pytest.approx(0.475 + 0.3 * 0.5)
+    assert reason.yaw_rad == pytest.approx(0.475)
     assert turn(rule, 0.05, *sides, 3) == []
     assert turn(rule, 0.05, *sides, 1) != []
 
@@ -57,10 +57,14 @@ def test_a_gyro_that_turns_the_other_way_stops_for_good(share: float, severity: 
 
 @pytest.mark.parametrize("share", [0.11, 0.5, 1.0])
 def test_a_gyro_that_measures_a_tenth_of_the_turn_is_alive(share: float) -> None:
-    rule = make_rule()
-    assert turn(rule, share, 0.5, 0.0, 10) == []
+    unproven = UnprovenTurn()
+    unproven.add(WheelTurn(left_rad=1.0))
+    rule = make_rule(unproven)
+    # 0.3 of the motion on which the gyro was not seen to be alive.
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
-    assert reason.yaw_rad == pytest.approx(0.5 + 0.3 * 0.5)
+    assert reason.yaw_rad == pytest.approx(0.5 + 0.3)
+    assert turn(rule, share, 0.5, 0.0, 1) == []
+    assert unproven.error_rad(0.0) == 0.0
 
 
 def test_wheels_that_move_the_rover_more_than_they_turn_it_are_no_evidence() -> None:

@@ -485,17 +485,20 @@ class Named(StopRule):
 class Suspected:
     """A supervisor with one rule, which runs."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, settle_s: float = 0.0, suspicion_rest_s: float = 2.0
+    ) -> None:
         self.rule = Named()
         monkeypatch.setattr("controllers.safety.supervisor.make_rules", lambda *_: (self.rule,))
-        self.supervisor = SafetySupervisor(SafetySettings(settle_s=0.0, recover_s=0.5), GYRO_ONLY, 2)
+        settings = SafetySettings(settle_s=settle_s, recover_s=0.5, suspicion_rest_s=suspicion_rest_s)
+        self.supervisor = SafetySupervisor(settings, GYRO_ONLY, 2)
         self.now_ns = 0
         self.cycle()
 
-    def cycle(self, *reasons: StopReason, distance_m: float = 0.0) -> Mode:
+    def cycle(self, *reasons: StopReason, distance_m: float = 0.0, is_still: bool = True) -> Mode:
         self.now_ns += 100 * MS
         self.rule.reasons = list(reasons)
-        self.supervisor.update(Cycle(now_ns=self.now_ns, distance_m=distance_m))
+        self.supervisor.update(Cycle(now_ns=self.now_ns, distance_m=distance_m, is_still=is_still))
         return self.supervisor.mode
 
     def rest_s(self) -> float:
@@ -507,7 +510,8 @@ class Suspected:
 
 
 NO_GRIP = StopReason("no grip", "imu: no grip", Severity.RECOVERABLE, yaw_rad=0.5)
-FINALLY = "imu: no grip; stopped {} times for this, stays stopped until restart"
+FINALLY = "imu: no grip; stopped {} times on suspicion, stays stopped until restart"
+STOPPED = StopReason("fault", "fault")
 
 
 def test_a_recoverable_stop_rests_for_two_seconds_and_widens_what_cannot_keep_it_stopped(
@@ -526,8 +530,83 @@ def test_a_recoverable_stop_rests_for_two_seconds_and_widens_what_cannot_keep_it
 def test_another_reason_during_the_rest_does_not_shorten_it(monkeypatch: pytest.MonkeyPatch) -> None:
     run = Suspected(monkeypatch)
     run.cycle(NO_GRIP)
-    run.cycle(StopReason("fault", "fault"))
+    run.cycle(STOPPED)
     assert run.rest_s() == pytest.approx(2.1)
+
+
+def test_the_rest_after_a_suspicion_begins_when_the_wheels_are_at_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(NO_GRIP, is_still=False)
+    for _ in range(30):
+        assert run.cycle(is_still=False) is Mode.SAFE_STOP
+    assert run.rest_s() == pytest.approx(2.0)
+    run.cycle(STOPPED, is_still=False)
+    for _ in range(5):
+        assert run.cycle(is_still=False) is Mode.SAFE_STOP
+    assert run.cycle(is_still=False) is Mode.RUNNING
+
+
+def test_the_rest_after_a_suspicion_is_not_shorter_than_after_other_stops(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = Suspected(monkeypatch, suspicion_rest_s=0.1)
+    run.cycle(NO_GRIP)
+    assert run.rest_s() == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("first", [STOPPED, NO_GRIP])
+def test_the_most_severe_reason_of_a_cycle_decides(
+    monkeypatch: pytest.MonkeyPatch, first: StopReason
+) -> None:
+    run = Suspected(monkeypatch)
+    final = StopReason("missed turn", "imu: missed turn", Severity.FINAL)
+    assert run.cycle(first, final) is Mode.EMERGENCY_STOP
+    assert run.supervisor.reason == f"{first.text}; imu: missed turn"
+
+
+def test_a_suspicion_is_not_hidden_by_another_stop_of_its_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(STOPPED, NO_GRIP)
+    assert run.supervisor.reason == "fault; imu: no grip"
+    assert run.rest_s() == pytest.approx(2.1)
+    assert run.cycle(STOPPED, NO_GRIP) is Mode.EMERGENCY_STOP
+
+
+def test_of_reasons_as_severe_the_first_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(STOPPED, STOPPED._replace(text="other"))
+    assert run.supervisor.reason == "fault"
+
+
+def test_a_suspicion_while_the_rover_is_stopped_counts_and_prolongs_the_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(STOPPED)
+    assert run.cycle(NO_GRIP) is Mode.SAFE_STOP
+    assert run.rest_s() == pytest.approx(2.1)
+    run.cycle(STOPPED)
+    assert run.cycle(NO_GRIP) is Mode.EMERGENCY_STOP
+    assert run.supervisor.reason == FINALLY.format(2)
+
+
+def test_one_stop_is_one_suspicion_however_many_rules_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(NO_GRIP)
+    assert run.cycle(NO_GRIP, NO_GRIP._replace(cause="missed turn"), is_still=False) is Mode.SAFE_STOP
+    assert run.cycle(NO_GRIP._replace(cause="missed turn"), is_still=False) is Mode.SAFE_STOP
+    assert run.rest_s() == pytest.approx(2.1)
+
+
+def test_a_suspicion_before_the_first_motion_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch, settle_s=1.0)
+    assert run.cycle(NO_GRIP) is Mode.SETTLING
+    for _ in range(10):
+        assert run.cycle(is_still=False) is Mode.SETTLING
+    assert run.cycle(is_still=False) is Mode.RUNNING
+    assert run.cycle(NO_GRIP) is Mode.SAFE_STOP
 
 
 def test_the_second_suspicion_before_a_metre_without_one_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -549,11 +628,28 @@ def test_the_third_suspicion_of_a_mission_is_final(monkeypatch: pytest.MonkeyPat
     assert run.supervisor.reason == FINALLY.format(3)
 
 
-def test_suspicions_of_different_causes_are_counted_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_suspicions_of_different_causes_are_counted_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    missed = NO_GRIP._replace(cause="missed turn")
     run = Suspected(monkeypatch)
-    for cause in ("no grip", "missed turn"):
-        assert run.cycle(NO_GRIP._replace(cause=cause)) is Mode.SAFE_STOP
+    for stop in (NO_GRIP, missed):
+        assert run.cycle(stop) is Mode.SAFE_STOP
         run.rest_s()
+        run.cycle(distance_m=1.0)
+    assert run.cycle(NO_GRIP) is Mode.EMERGENCY_STOP
+    assert run.supervisor.reason == FINALLY.format(3)
+    run = Suspected(monkeypatch)
+    run.cycle(missed)
+    run.rest_s()
+    run.cycle(distance_m=0.1)
+    assert run.cycle(NO_GRIP) is Mode.EMERGENCY_STOP
+
+
+def test_distance_with_a_sign_of_any_suspicion_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(NO_GRIP)
+    run.rest_s()
+    run.cycle(NO_GRIP._replace(severity=Severity.SIGN), distance_m=1.0)
+    assert run.cycle(NO_GRIP._replace(cause="missed turn")) is Mode.EMERGENCY_STOP
 
 
 def test_a_suspicion_is_shown_and_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
