@@ -320,16 +320,16 @@ class Estimator:
         if not self._has_doubted_bias and self._is_perhaps_offset(rest):
             self._has_doubted_bias = True
             yaw_rad = self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
-            if (
-                yaw_rad > LINEAR_RAD
-            ):  # beyond, the covariance does not hold the chord of the path turned by it
+            if yaw_rad > LINEAR_RAD:
+                # The covariance does not hold the chord of the path turned by so much.
                 chord_m = 2.0 * self._path_m * math.sin(0.5 * min(yaw_rad, math.pi))
                 self._filter.widen(chord_m, chord_m, 0.0)
         wheel_rad = [self._speed_limit_rad_s * rest.unknown_s] * len(self._effects)
         reach_m = math.hypot(*greatest_motion(self._effects, wheel_rad)[:2])
-        yaw_rad = 0.0 if Witness.ACCELEROMETER in rest.moving else abs(rest.turned_rad)
+        if self._is_commanded and rest.moving == (Witness.GYRO,):  # a nudge, or a wrong gyro
+            reach_m = 0.0
         before_m, before_rad = self._doubted
-        self._doubted = max(before_m, reach_m), max(before_rad, yaw_rad)
+        self._doubted = max(before_m, reach_m), max(before_rad, abs(rest.turned_rad))
         added_m, added_rad = map(_added, self._doubted, (before_m, before_rad))
         if added_m or added_rad:
             self._widen((added_m, added_m, added_rad))
@@ -342,7 +342,8 @@ class Estimator:
     def _is_at_rest(self, rest: Rest) -> bool:
         """Return whether the rover is taken to be at rest; the gyro alone does not contradict a command."""
         is_offset = rest.is_offset and not self._is_bias_known
-        self._is_resting = self.is_still and (rest.holds or self._is_commanded or is_offset)
+        is_commanded = self._is_commanded and not rest.is_turning
+        self._is_resting = self.is_still and (rest.holds or is_commanded or is_offset)
         return self._is_resting
 
     def _doubt_stuck_wheels(self, increment: BodyIncrement) -> None:

@@ -36,14 +36,16 @@ class Rest(NamedTuple):
         holds: Whether nothing does now.
         is_contradicted: Whether something has for long enough to count.
         is_offset: Whether only the gyro does and the accelerometer rests.
+        is_turning: Whether both gyro and accelerometer do.
         unknown_s: Time for which the motion of the rover is unknown, since the wheels stopped.
-        turned_rad: Turn by the gyro in that time.
+        turned_rad: Turn by the gyro in that time that no accelerometer confirms.
     """
 
     moving: tuple[Witness, ...] = ()
     holds: bool = True
     is_contradicted: bool = False
     is_offset: bool = False
+    is_turning: bool = False
     unknown_s: float = 0.0
     turned_rad: float = 0.0
 
@@ -122,7 +124,8 @@ class RestWatch:
     A contradiction counts from twice `standstill_s` after the stop on: a body swings after its wheels have
     stopped, and a reading is filtered. The wheels must have reported after it began that they rest. It ends
     when the wheels move again. The motion is unknown from the last moment at which an accelerometer rested,
-    without one from that at which the wheels stopped; and until it rests, without one until the end.
+    without one from that at which the wheels stopped; and until it rests, without one until the end. Wheels
+    that are commanded to rest are taken to do so while nothing reports motion, also without an accelerometer.
 
     Args:
         settings: Noise and times.
@@ -132,6 +135,7 @@ class RestWatch:
     """
 
     def __init__(self, settings: FilterSettings) -> None:
+        self._settings = settings
         self.readings = InertialReadings(settings)
         self._least_ns = nanoseconds(2.0 * settings.standstill_s)
         self._now_ns = 0
@@ -177,18 +181,26 @@ class RestWatch:
         if reports_speed:
             moving.append(Witness.SPEED)
         if moving:
+            turned_rad = self._unconfirmed_turn(elapsed_s, bias[0], shakes=bool(shakes)) if turns else 0.0
             self._moving_ns = now_ns if self._moving_ns is None else self._moving_ns
             self._has_reported = reported_ns > self._moving_ns + REPORT_NS
-            self._contradict(elapsed_s, tuple(moving), bias[0] if turns else None)
+            self._contradict(elapsed_s, tuple(moving), turned_rad)
         else:
-            self._confirm(elapsed_s, is_measured=shakes is False)
-        return self._rest._replace(is_offset=moving == [Witness.GYRO] and shakes is False)
+            self._confirm(elapsed_s, is_known=shakes is False or is_commanded)
+        return self._rest._replace(
+            is_offset=moving == [Witness.GYRO] and shakes is False, is_turning=turns and bool(shakes)
+        )
 
-    def _contradict(self, elapsed_s: float, moving: tuple[Witness, ...], bias_rad_s: float | None) -> None:
-        rest, rate_rad_s = self._rest, self.readings.rate_rad_s(self._still_ns or 0)
-        turned_rad = rest.turned_rad
-        if bias_rad_s is not None and rate_rad_s is not None:
-            turned_rad += (rate_rad_s - bias_rad_s) * elapsed_s
+    def _unconfirmed_turn(self, elapsed_s: float, bias_rad_s: float, *, shakes: bool) -> float:
+        """Return the turn of this cycle that no accelerometer confirms; at first that of all the readings."""
+        since_ns = self._still_ns or 0
+        rate_rad_s = (self.readings.rate_rad_s(since_ns) or 0.0) - bias_rad_s
+        if self._moving_ns is None or Witness.GYRO not in self._rest.moving:
+            return rate_rad_s * min(self._settings.standstill_s, seconds(self._now_ns - since_ns))
+        return 0.0 if shakes else rate_rad_s * elapsed_s
+
+    def _contradict(self, elapsed_s: float, moving: tuple[Witness, ...], turned_rad: float) -> None:
+        rest = self._rest
         unknown_s = rest.unknown_s + elapsed_s
         is_long = self._now_ns - (self._still_ns or 0) >= self._least_ns
         is_contradicted = is_long and self._has_reported
@@ -199,15 +211,15 @@ class RestWatch:
             holds=False,
             is_contradicted=is_contradicted or rest.is_contradicted,
             unknown_s=unknown_s,
-            turned_rad=turned_rad,
+            turned_rad=rest.turned_rad + turned_rad,
         )
 
-    def _confirm(self, elapsed_s: float, *, is_measured: bool) -> None:
+    def _confirm(self, elapsed_s: float, *, is_known: bool) -> None:
         self._moving_ns = None
-        if is_measured:
+        if is_known:
             self._confirmed_ns = self._now_ns
         if not self._rest.is_contradicted:
             self._rest = Rest()
             return
-        unknown_s = self._rest.unknown_s + (0.0 if is_measured else elapsed_s)
-        self._rest = self._rest._replace(holds=is_measured, unknown_s=unknown_s)
+        unknown_s = self._rest.unknown_s + (0.0 if is_known else elapsed_s)
+        self._rest = self._rest._replace(holds=is_known, unknown_s=unknown_s)

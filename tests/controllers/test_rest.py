@@ -8,7 +8,9 @@ import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.settings import FilterSettings
+from controllers.operator import OperatorInput
 from controllers.roles import DeviceRoles
+from controllers.safety.supervisor import Mode
 from controllers.settings import ControlSettings
 from drivers.samples import AccelerationSample, RateSample, Sample, WheelSample
 from tests.controllers.simulated import SKID
@@ -23,6 +25,14 @@ OBSERVER = ControlSettings.model_validate(
         "filter": FilterSettings().model_dump(),
     }
 )
+
+
+def paused() -> ControlLoop:
+    """Return a loop that commands the wheels to rest."""
+    mission = {"type": "by_hand", "speed_m_s": 0.2, "yaw_rate_limit_rad_s": 0.5}
+    loop = ControlLoop(ControlSettings.model_validate({**OBSERVER.model_dump(), "mission": mission}), ROLES)
+    loop.operate(0, OperatorInput(is_paused=True))
+    return loop
 
 
 def drive(
@@ -108,6 +118,46 @@ def test_a_turn_of_the_gyro_is_not_dropped_while_the_wheels_report_a_rest() -> N
     end = last(drive(3.0, loop=loop, from_ms=1000, gyro_rad_s=0.4))
     assert end.estimate.yaw_rad == pytest.approx(1.2, abs=0.05)
     assert math.sqrt(end.estimate.covariance[5]) > 0.3  # or the gyro is wrong
+
+
+def test_a_paused_rover_that_is_turned_as_both_gyro_and_accelerometer_say_has_turned() -> None:
+    loop = paused()
+    last(drive(2.0, loop=loop, shake_m_s2=0.02))
+    end = last(drive(3.14, loop=loop, from_ms=2000, gyro_rad_s=0.5, shake_m_s2=1.0))
+    sd_rad = math.sqrt(end.estimate.covariance[5])
+    assert abs(end.estimate.yaw_rad - 1.57) < 2.0 * sd_rad
+    assert end.estimate.yaw_rad == pytest.approx(1.57, abs=0.05)
+
+
+def test_a_turn_of_a_paused_rover_that_only_the_gyro_reports_is_uncertain() -> None:
+    loop = paused()
+    last(drive(2.0, loop=loop, shake_m_s2=0.02))
+    last(drive(1.0, loop=loop, from_ms=2000, gyro_rad_s=0.5, shake_m_s2=1.0))
+    end = last(drive(2.0, loop=loop, from_ms=3000, gyro_rad_s=0.5, shake_m_s2=0.02))
+    # The accelerometer confirmed 0.5 rad; another 1 rad may be an error of the gyro.
+    assert abs(end.estimate.yaw_rad - 1.5) < 2.0 * math.sqrt(end.estimate.covariance[5])
+    assert abs(end.estimate.yaw_rad - 0.5) < 2.0 * math.sqrt(end.estimate.covariance[5])
+
+
+@pytest.mark.parametrize(("shake_m_s2", "gyro_rad_s", "nudge_s"), [(None, 0.08, 0.3), (0.02, 0.1, 0.36)])
+def test_a_nudge_does_not_end_a_pause(shake_m_s2: float | None, gyro_rad_s: float, nudge_s: float) -> None:
+    loop = paused()
+    last(drive(10.0, loop=loop, shake_m_s2=shake_m_s2))
+    last(drive(nudge_s, loop=loop, from_ms=10_000, shake_m_s2=shake_m_s2, gyro_rad_s=gyro_rad_s))
+    end = last(drive(3.0, loop=loop, from_ms=10_000 + round(1000 * nudge_s), shake_m_s2=shake_m_s2))
+    assert end.mode is Mode.PAUSED, end.reason
+    assert position_sd_m(end) < 1e-3
+    assert 2.0 * math.sqrt(end.estimate.covariance[5]) > gyro_rad_s * nudge_s
+
+
+def test_a_paused_rover_without_an_accelerometer_is_lost_only_while_something_reports_motion() -> None:
+    loop = paused()
+    last(drive(10.0, loop=loop, reported_rad_s=0.0))
+    moved = last(drive(0.2, loop=loop, from_ms=10_000, reported_rad_s=3.0))
+    end = last(drive(3.0, loop=loop, from_ms=10_200, reported_rad_s=0.0))
+    # 0.2 s at 10 rad/s and a radius of 0.1 m.
+    assert position_sd_m(moved) == pytest.approx(0.2 / math.sqrt(3.0), abs=0.02)
+    assert position_sd_m(end) == pytest.approx(position_sd_m(moved), abs=0.02)
 
 
 def test_without_an_accelerometer_a_contradicted_rest_stays_in_doubt_until_the_wheels_move() -> None:

@@ -61,7 +61,10 @@ def drive_with_a_gap(
 
 @pytest.mark.parametrize("wrap_rad", [None, 100.0, math.inf])
 def test_speeds_take_over_when_positions_end_and_positions_when_they_return(wrap_rad: float | None) -> None:
-    assert drive_with_a_gap(make(wrap_rad)) == Angle(pytest.approx(4.0))
+    angle = drive_with_a_gap(make(wrap_rad))
+    assert angle.angle_rad == pytest.approx(4.0)
+    assert not angle.is_new_base
+    assert angle.error_rad == 0.0
 
 
 @pytest.mark.parametrize("wrap_rad", [None, 100.0])
