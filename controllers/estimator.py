@@ -57,7 +57,7 @@ class Estimator:
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
         evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
         is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
-        wheel_doubt: Why the wheels do not measure the motion of the rover; None without a contradiction.
+        suspicion: Why the wheels may not measure the motion of the rover; empty without a contradiction.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Estimator:
         self._has_doubted_bias = False
         self._path_m = 0.0
         self._is_commanded = False
-        self.wheel_doubt: str | None = None
+        self.suspicion = ""
         self._effects = wheel_effects(kinematics)
         self._effects_at_rad = self.steering.angles_rad
         fastest_turn_rad_s = wheel_speed_limit_rad_s * sum(abs(effect[2]) for effect in self._effects)
@@ -312,11 +312,14 @@ class Estimator:
             reports_speed=any(angle.contradicts_rest for angle in self._angles),
             is_commanded=self._is_commanded,
         )
-        self.wheel_doubt = None
+        self.suspicion = ""
         if not rest.is_contradicted:
             self._doubted, self._has_doubted_bias = (0.0, 0.0), False
             return rest
-        self.wheel_doubt = f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}"
+        self.suspicion = (
+            f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}; "
+            "the estimate is wider"
+        )
         if not self._has_doubted_bias and self._is_perhaps_offset(rest):
             self._has_doubted_bias = True
             yaw_rad = self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
@@ -368,9 +371,10 @@ class Estimator:
         if any(added_rad):
             self._filter.widen(*self._in_gyro_frame(greatest_motion(self._effects, added_rad)))
         stuck = [str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown]
-        if stuck and not self.wheel_doubt:
-            self.wheel_doubt = (
-                f"wheel {', '.join(stuck)} does not turn, but the gyro contradicts the turn by the others"
+        if stuck and not self.suspicion:
+            self.suspicion = (
+                f"wheel {', '.join(stuck)} does not turn, but the gyro contradicts the turn by the others; "
+                "the estimate is wider"
             )
 
     def _in_gyro_frame(self, greatest: BodyMotion) -> BodyMotion:
