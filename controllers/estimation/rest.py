@@ -125,7 +125,8 @@ class RestWatch:
     stopped, and a reading is filtered. The wheels must have reported after it began that they rest. It ends
     when the wheels move again. The motion is unknown from the last moment at which an accelerometer rested,
     without one from that at which the wheels stopped; and until it rests, without one until the end. Wheels
-    that are commanded to rest are taken to do so while nothing reports motion, also without an accelerometer.
+    that are commanded to rest are taken to do so while nothing reports motion, also without an accelerometer;
+    and motion that is reported for less than twice `standstill_s` is then a touch: the body swings.
 
     Args:
         settings: Noise and times.
@@ -145,6 +146,7 @@ class RestWatch:
     def _begin(self, still_ns: int | None) -> None:
         self._still_ns = still_ns
         self._confirmed_ns = still_ns or 0
+        self._unknown_s = 0.0  # before that
         self._moving_ns: int | None = None
         self._rest = Rest()
 
@@ -184,9 +186,10 @@ class RestWatch:
             turned_rad = self._unconfirmed_turn(elapsed_s, bias[0], shakes=bool(shakes)) if turns else 0.0
             self._moving_ns = now_ns if self._moving_ns is None else self._moving_ns
             self._has_reported = reported_ns > self._moving_ns + REPORT_NS
-            self._contradict(elapsed_s, tuple(moving), turned_rad)
+            is_touch = is_commanded and now_ns - self._moving_ns < self._least_ns
+            self._contradict(tuple(moving), turned_rad, is_touch=is_touch)
         else:
-            self._confirm(elapsed_s, is_known=shakes is False or is_commanded)
+            self._confirm(is_known=shakes is False or is_commanded)
         return self._rest._replace(
             is_offset=moving == [Witness.GYRO] and shakes is False, is_turning=turns and bool(shakes)
         )
@@ -199,27 +202,28 @@ class RestWatch:
             return rate_rad_s * min(self._settings.standstill_s, seconds(self._now_ns - since_ns))
         return 0.0 if shakes else rate_rad_s * elapsed_s
 
-    def _contradict(self, elapsed_s: float, moving: tuple[Witness, ...], turned_rad: float) -> None:
+    def _contradict(self, moving: tuple[Witness, ...], turned_rad: float, *, is_touch: bool) -> None:
         rest = self._rest
-        unknown_s = rest.unknown_s + elapsed_s
         is_long = self._now_ns - (self._still_ns or 0) >= self._least_ns
         is_contradicted = is_long and self._has_reported
-        if is_contradicted and not rest.is_contradicted:
-            unknown_s = seconds(self._now_ns - self._confirmed_ns)
         self._rest = Rest(
             moving=tuple(witness for witness in Witness if witness in {*rest.moving, *moving}),
             holds=False,
             is_contradicted=is_contradicted or rest.is_contradicted,
-            unknown_s=unknown_s,
+            unknown_s=self._unknown_s if is_touch else self._unknown_until_now_s(),
             turned_rad=rest.turned_rad + turned_rad,
         )
 
-    def _confirm(self, elapsed_s: float, *, is_known: bool) -> None:
+    def _confirm(self, *, is_known: bool) -> None:
         self._moving_ns = None
-        if is_known:
-            self._confirmed_ns = self._now_ns
         if not self._rest.is_contradicted:
             self._rest = Rest()
-            return
-        unknown_s = self._rest.unknown_s + (0.0 if is_known else elapsed_s)
-        self._rest = self._rest._replace(holds=is_known, unknown_s=unknown_s)
+        elif not is_known:
+            self._rest = self._rest._replace(holds=False, unknown_s=self._unknown_until_now_s())
+        else:
+            self._rest = self._rest._replace(holds=True)
+        if is_known:
+            self._confirmed_ns, self._unknown_s = self._now_ns, self._rest.unknown_s
+
+    def _unknown_until_now_s(self) -> float:
+        return self._unknown_s + seconds(self._now_ns - self._confirmed_ns)

@@ -142,24 +142,38 @@ def test_a_turn_of_a_paused_rover_that_only_the_gyro_reports_is_uncertain() -> N
     assert abs(end.estimate.yaw_rad - 0.5) < 2.0 * math.sqrt(end.estimate.covariance[5])
 
 
-@pytest.mark.parametrize(("shake_m_s2", "gyro_rad_s", "nudge_s"), [(None, 0.08, 0.3), (0.02, 0.1, 0.36)])
-def test_a_nudge_does_not_end_a_pause(shake_m_s2: float | None, gyro_rad_s: float, nudge_s: float) -> None:
-    loop = paused()
-    last(drive(10.0, loop=loop, shake_m_s2=shake_m_s2))
-    last(drive(nudge_s, loop=loop, from_ms=10_000, shake_m_s2=shake_m_s2, gyro_rad_s=gyro_rad_s))
-    end = last(drive(3.0, loop=loop, from_ms=10_000 + round(1000 * nudge_s), shake_m_s2=shake_m_s2))
+@pytest.mark.parametrize(
+    ("rest_m_s2", "touch_m_s2", "gyro_rad_s", "touch_s"),
+    [(None, None, 0.08, 0.3), (0.02, 0.02, 0.1, 0.36), (0.02, 1.0, 0.1, 0.26)],
+)
+def test_a_touch_does_not_end_a_pause(
+    rest_m_s2: float | None, touch_m_s2: float | None, gyro_rad_s: float, touch_s: float
+) -> None:
+    loop, after_ms = paused(), 10_000 + round(1000 * touch_s)
+    last(drive(10.0, loop=loop, shake_m_s2=rest_m_s2))
+    last(drive(touch_s, loop=loop, from_ms=10_000, shake_m_s2=touch_m_s2, gyro_rad_s=gyro_rad_s))
+    end = last(drive(3.0, loop=loop, from_ms=after_ms, shake_m_s2=rest_m_s2))
     assert end.mode is Mode.PAUSED, end.reason
     assert position_sd_m(end) < 1e-3
-    assert 2.0 * math.sqrt(end.estimate.covariance[5]) > gyro_rad_s * nudge_s
+    error_rad = end.estimate.yaw_rad - gyro_rad_s * touch_s
+    assert abs(error_rad) < 2.0 * math.sqrt(end.estimate.covariance[5])
+
+
+def test_a_paused_rover_that_is_moved_for_longer_is_lost() -> None:
+    loop = paused()
+    last(drive(10.0, loop=loop, shake_m_s2=0.02))
+    end = last(drive(1.0, loop=loop, from_ms=10_000, shake_m_s2=1.0, gyro_rad_s=0.3))
+    assert position_sd_m(end) == pytest.approx(1.0 / math.sqrt(3.0), abs=0.05)
+    assert last(drive(1.0, loop=loop, from_ms=11_000, shake_m_s2=0.02)).mode is Mode.EMERGENCY_STOP
 
 
 def test_a_paused_rover_without_an_accelerometer_is_lost_only_while_something_reports_motion() -> None:
     loop = paused()
     last(drive(10.0, loop=loop, reported_rad_s=0.0))
-    moved = last(drive(0.2, loop=loop, from_ms=10_000, reported_rad_s=3.0))
-    end = last(drive(3.0, loop=loop, from_ms=10_200, reported_rad_s=0.0))
-    # 0.2 s at 10 rad/s and a radius of 0.1 m.
-    assert position_sd_m(moved) == pytest.approx(0.2 / math.sqrt(3.0), abs=0.02)
+    moved = last(drive(0.8, loop=loop, from_ms=10_000, reported_rad_s=3.0))
+    end = last(drive(3.0, loop=loop, from_ms=10_800, reported_rad_s=0.0))
+    # 0.8 s at 10 rad/s and a radius of 0.1 m.
+    assert position_sd_m(moved) == pytest.approx(0.8 / math.sqrt(3.0), abs=0.02)
     assert position_sd_m(end) == pytest.approx(position_sd_m(moved), abs=0.02)
 
 
