@@ -57,7 +57,6 @@ class StepOutput:
             without fresh motion.
         steering_rad: Present steering angles of the wheels; None where none steers.
         crab: Slip angle against which a rover that crabs turns its wheels; None while it does not crab.
-        wheel_doubt: Why the wheels do not measure the motion of the rover; None without a contradiction.
     """
 
     t_ns: int
@@ -76,7 +75,6 @@ class StepOutput:
     steering_rad: tuple[float, ...] | None = None
     crab: CrabReport | None = None
     suspicion: str = ""
-    wheel_doubt: str | None = None
 
 
 class ControlLoop:
@@ -224,8 +222,7 @@ class ControlLoop:
             contradiction=self._estimator.contradiction.report if is_fresh else None,
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
-            suspicion="" if self._follower is None else self._supervisor.suspicion,
-            wheel_doubt=self._estimator.wheel_doubt,
+            suspicion=self._supervisor.suspicion or self._estimator.suspicion,
         )
 
     def _mode(self) -> Mode:

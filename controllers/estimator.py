@@ -57,7 +57,7 @@ class Estimator:
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
         evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
         is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
-        wheel_doubt: Why the wheels do not measure the motion of the rover; None without a contradiction.
+        suspicion: Why the wheels may not measure the motion of the rover; empty without a contradiction.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Estimator:
         self._has_doubted_bias = False
         self._path_m = 0.0
         self._is_commanded = False
-        self.wheel_doubt: str | None = None
+        self.suspicion = ""
         self._effects = wheel_effects(kinematics)
         self._effects_at_rad = self.steering.angles_rad
         fastest_turn_rad_s = wheel_speed_limit_rad_s * sum(abs(effect[2]) for effect in self._effects)
@@ -312,24 +312,27 @@ class Estimator:
             reports_speed=any(angle.contradicts_rest for angle in self._angles),
             is_commanded=self._is_commanded,
         )
-        self.wheel_doubt = None
+        self.suspicion = ""
         if not rest.is_contradicted:
             self._doubted, self._has_doubted_bias = (0.0, 0.0), False
             return rest
-        self.wheel_doubt = f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}"
+        self.suspicion = (
+            f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}; "
+            "the estimate is wider"
+        )
         if not self._has_doubted_bias and self._is_perhaps_offset(rest):
             self._has_doubted_bias = True
             yaw_rad = self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
-            if (
-                yaw_rad > LINEAR_RAD
-            ):  # beyond, the covariance does not hold the chord of the path turned by it
+            if yaw_rad > LINEAR_RAD:
+                # The covariance does not hold the chord of the path turned by so much.
                 chord_m = 2.0 * self._path_m * math.sin(0.5 * min(yaw_rad, math.pi))
                 self._filter.widen(chord_m, chord_m, 0.0)
         wheel_rad = [self._speed_limit_rad_s * rest.unknown_s] * len(self._effects)
         reach_m = math.hypot(*greatest_motion(self._effects, wheel_rad)[:2])
-        yaw_rad = 0.0 if Witness.ACCELEROMETER in rest.moving else abs(rest.turned_rad)
+        if self._is_commanded and rest.moving == (Witness.GYRO,):  # a nudge, or a wrong gyro
+            reach_m = 0.0
         before_m, before_rad = self._doubted
-        self._doubted = max(before_m, reach_m), max(before_rad, yaw_rad)
+        self._doubted = max(before_m, reach_m), max(before_rad, abs(rest.turned_rad))
         added_m, added_rad = map(_added, self._doubted, (before_m, before_rad))
         if added_m or added_rad:
             self._widen((added_m, added_m, added_rad))
@@ -342,7 +345,8 @@ class Estimator:
     def _is_at_rest(self, rest: Rest) -> bool:
         """Return whether the rover is taken to be at rest; the gyro alone does not contradict a command."""
         is_offset = rest.is_offset and not self._is_bias_known
-        self._is_resting = self.is_still and (rest.holds or self._is_commanded or is_offset)
+        is_commanded = self._is_commanded and not rest.is_turning
+        self._is_resting = self.is_still and (rest.holds or is_commanded or is_offset)
         return self._is_resting
 
     def _doubt_stuck_wheels(self, increment: BodyIncrement) -> None:
@@ -367,9 +371,10 @@ class Estimator:
         if any(added_rad):
             self._filter.widen(*self._in_gyro_frame(greatest_motion(self._effects, added_rad)))
         stuck = [str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown]
-        if stuck and not self.wheel_doubt:
-            self.wheel_doubt = (
-                f"wheel {', '.join(stuck)} does not turn, but the gyro contradicts the turn by the others"
+        if stuck and not self.suspicion:
+            self.suspicion = (
+                f"wheel {', '.join(stuck)} does not turn, but the gyro contradicts the turn by the others; "
+                "the estimate is wider"
             )
 
     def _in_gyro_frame(self, greatest: BodyMotion) -> BodyMotion:

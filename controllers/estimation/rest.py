@@ -36,14 +36,16 @@ class Rest(NamedTuple):
         holds: Whether nothing does now.
         is_contradicted: Whether something has for long enough to count.
         is_offset: Whether only the gyro does and the accelerometer rests.
+        is_turning: Whether both gyro and accelerometer do.
         unknown_s: Time for which the motion of the rover is unknown, since the wheels stopped.
-        turned_rad: Turn by the gyro in that time.
+        turned_rad: Turn by the gyro in that time that no accelerometer confirms.
     """
 
     moving: tuple[Witness, ...] = ()
     holds: bool = True
     is_contradicted: bool = False
     is_offset: bool = False
+    is_turning: bool = False
     unknown_s: float = 0.0
     turned_rad: float = 0.0
 
@@ -122,7 +124,9 @@ class RestWatch:
     A contradiction counts from twice `standstill_s` after the stop on: a body swings after its wheels have
     stopped, and a reading is filtered. The wheels must have reported after it began that they rest. It ends
     when the wheels move again. The motion is unknown from the last moment at which an accelerometer rested,
-    without one from that at which the wheels stopped; and until it rests, without one until the end.
+    without one from that at which the wheels stopped; and until it rests, without one until the end. Wheels
+    that are commanded to rest are taken to do so while nothing reports motion, also without an accelerometer;
+    and motion that is reported for less than twice `standstill_s` is then a touch: the body swings.
 
     Args:
         settings: Noise and times.
@@ -132,6 +136,7 @@ class RestWatch:
     """
 
     def __init__(self, settings: FilterSettings) -> None:
+        self._settings = settings
         self.readings = InertialReadings(settings)
         self._least_ns = nanoseconds(2.0 * settings.standstill_s)
         self._now_ns = 0
@@ -141,6 +146,7 @@ class RestWatch:
     def _begin(self, still_ns: int | None) -> None:
         self._still_ns = still_ns
         self._confirmed_ns = still_ns or 0
+        self._unknown_s = 0.0  # before that
         self._moving_ns: int | None = None
         self._rest = Rest()
 
@@ -177,37 +183,47 @@ class RestWatch:
         if reports_speed:
             moving.append(Witness.SPEED)
         if moving:
+            turned_rad = self._unconfirmed_turn(elapsed_s, bias[0], shakes=bool(shakes)) if turns else 0.0
             self._moving_ns = now_ns if self._moving_ns is None else self._moving_ns
             self._has_reported = reported_ns > self._moving_ns + REPORT_NS
-            self._contradict(elapsed_s, tuple(moving), bias[0] if turns else None)
+            is_touch = is_commanded and now_ns - self._moving_ns < self._least_ns
+            self._contradict(tuple(moving), turned_rad, is_touch=is_touch)
         else:
-            self._confirm(elapsed_s, is_measured=shakes is False)
-        return self._rest._replace(is_offset=moving == [Witness.GYRO] and shakes is False)
+            self._confirm(is_known=shakes is False or is_commanded)
+        return self._rest._replace(
+            is_offset=moving == [Witness.GYRO] and shakes is False, is_turning=turns and bool(shakes)
+        )
 
-    def _contradict(self, elapsed_s: float, moving: tuple[Witness, ...], bias_rad_s: float | None) -> None:
-        rest, rate_rad_s = self._rest, self.readings.rate_rad_s(self._still_ns or 0)
-        turned_rad = rest.turned_rad
-        if bias_rad_s is not None and rate_rad_s is not None:
-            turned_rad += (rate_rad_s - bias_rad_s) * elapsed_s
-        unknown_s = rest.unknown_s + elapsed_s
+    def _unconfirmed_turn(self, elapsed_s: float, bias_rad_s: float, *, shakes: bool) -> float:
+        """Return the turn of this cycle that no accelerometer confirms; at first that of all the readings."""
+        since_ns = self._still_ns or 0
+        rate_rad_s = (self.readings.rate_rad_s(since_ns) or 0.0) - bias_rad_s
+        if self._moving_ns is None or Witness.GYRO not in self._rest.moving:
+            return rate_rad_s * min(self._settings.standstill_s, seconds(self._now_ns - since_ns))
+        return 0.0 if shakes else rate_rad_s * elapsed_s
+
+    def _contradict(self, moving: tuple[Witness, ...], turned_rad: float, *, is_touch: bool) -> None:
+        rest = self._rest
         is_long = self._now_ns - (self._still_ns or 0) >= self._least_ns
         is_contradicted = is_long and self._has_reported
-        if is_contradicted and not rest.is_contradicted:
-            unknown_s = seconds(self._now_ns - self._confirmed_ns)
         self._rest = Rest(
             moving=tuple(witness for witness in Witness if witness in {*rest.moving, *moving}),
             holds=False,
             is_contradicted=is_contradicted or rest.is_contradicted,
-            unknown_s=unknown_s,
-            turned_rad=turned_rad,
+            unknown_s=self._unknown_s if is_touch else self._unknown_until_now_s(),
+            turned_rad=rest.turned_rad + turned_rad,
         )
 
-    def _confirm(self, elapsed_s: float, *, is_measured: bool) -> None:
+    def _confirm(self, *, is_known: bool) -> None:
         self._moving_ns = None
-        if is_measured:
-            self._confirmed_ns = self._now_ns
         if not self._rest.is_contradicted:
             self._rest = Rest()
-            return
-        unknown_s = self._rest.unknown_s + (0.0 if is_measured else elapsed_s)
-        self._rest = self._rest._replace(holds=is_measured, unknown_s=unknown_s)
+        elif not is_known:
+            self._rest = self._rest._replace(holds=False, unknown_s=self._unknown_until_now_s())
+        else:
+            self._rest = self._rest._replace(holds=True)
+        if is_known:
+            self._confirmed_ns, self._unknown_s = self._now_ns, self._rest.unknown_s
+
+    def _unknown_until_now_s(self) -> float:
+        return self._unknown_s + seconds(self._now_ns - self._confirmed_ns)

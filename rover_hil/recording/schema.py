@@ -190,7 +190,6 @@ class EstimateRecord(TypedDict):
     steering_rad: NotRequired[MaybeNumbers]
     crab: NotRequired[CrabRecord | None]
     suspicion: NotRequired[str | None]
-    wheel_doubt: NotRequired[str | None]
     exact: NotRequired[str]
 
 
@@ -394,7 +393,6 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "steering_rad": output.steering_rad,
         "crab": None if output.crab is None else _crab(output.crab),
         "suspicion": output.suspicion or None,
-        "wheel_doubt": output.wheel_doubt,
     }
 
 

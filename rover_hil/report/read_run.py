@@ -77,7 +77,6 @@ class _Collector:
         self._drift_sources: list[str] = []
         self._uncompared: Counter[str] = Counter()
         self._rebases = 0
-        self._wheel_doubts: dict[str, float] = {}
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._suspicions: list[str] = []
@@ -150,7 +149,6 @@ class _Collector:
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
             innovations=self._innovations(),
             odometry_rebases=self._rebases,
-            wheel_doubts=self._wheel_doubts,
             uncompared=dict(self._uncompared),
             wheels=self._wheels(),
             slip=self._slip(),
@@ -173,9 +171,6 @@ class _Collector:
         self._suspicions.append(output.get("suspicion") or "")
         self._limits.append(Limit(output["limit"]))
         self._rebases = output["odometry_rebases"]
-        doubt = output.get("wheel_doubt")
-        if doubt is not None:
-            self._wheel_doubts.setdefault(doubt, t_s)
         self._rows["time", ""].append((t_s,))
         self._rows["estimate", ""].append(
             (pose_s, pose["x_m"], pose["y_m"], pose["yaw_rad"], *pose["covariance"])

@@ -158,7 +158,6 @@ class RunData:
         headings: Yaw in the local frame, by device and reference.
         gyro: The integrated gyro, its bias taken off; None without one.
         odometry_rebases: How often the odometry lost its base, together with the motion in between.
-        wheel_doubts: What contradicted the wheels, and when first, in s.
         uncompared: How many measurements could not be compared with the estimate, by name.
         slip: By slip compensation; None without it.
         drift: By compensation with trace and tilt; None without it.
@@ -184,7 +183,6 @@ class RunData:
     gyro: Series | None
     innovations: Mapping[str, InnovationData]
     odometry_rebases: int
-    wheel_doubts: Mapping[str, float]
     uncompared: Mapping[str, int]
     wheels: Sequence[WheelData]
     slip: SlipData | None

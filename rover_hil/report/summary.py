@@ -14,7 +14,7 @@ from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
-from rover_hil.report.run_data import RunData, WheelData
+from rover_hil.report.run_data import Cycles, RunData, WheelData
 from rover_hil.report.tracks import Series, Track, running_mean, spans
 
 LEAST_DISTANCE_M = 0.05
@@ -95,6 +95,21 @@ class SlipSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Suspicion:
+    """What may have been wrong although it stopped nothing.
+
+    Attributes:
+        text: In its own words, when it came up first.
+        start_s: When that was.
+        cycles: In how many cycles it was there, whatever the numbers in its words.
+    """
+
+    text: str
+    start_s: float
+    cycles: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
     """What a run came to. None is for what its log does not hold.
 
@@ -124,11 +139,10 @@ class Summary:
         limited_cycles: In how many cycles which limit held the set-points back.
         refused_innovations: How many measurements were refused by the filter, by name.
         odometry_rebases: How often the odometry lost its base, together with the motion in between.
-        wheel_doubts: What contradicted the wheels, and when first, in s.
         uncompared_measurements: How many could not be compared with the estimate, by name: fixes that came
             too late, numbers that are not finite.
         stops: Safety stops.
-        suspicions: In how many cycles what was suspected and stopped nothing, numbers in it left out.
+        suspicions: What was suspected and stopped nothing, the most frequent first.
         yaw_unwatched: That nothing would have noticed a wrong yaw, and what would; else empty.
         devices: Health facts at the end of the run.
     """
@@ -162,10 +176,9 @@ class Summary:
     limited_cycles: dict[str, int]
     refused_innovations: dict[str, int]
     odometry_rebases: int
-    wheel_doubts: dict[str, float]
     uncompared_measurements: dict[str, int]
     stops: tuple[Stop, ...]
-    suspicions: dict[str, int]
+    suspicions: tuple[Suspicion, ...]
     yaw_unwatched: str
     devices: tuple[Health, ...]
 
@@ -211,10 +224,9 @@ def summarise(run: RunData) -> Summary:
             name: int(np.sum(data.is_accepted == 0)) for name, data in run.innovations.items()
         },
         odometry_rebases=run.odometry_rebases,
-        wheel_doubts=dict(run.wheel_doubts),
         uncompared_measurements=dict(run.uncompared),
         stops=_stops(run),
-        suspicions=dict(Counter(_NUMBER.sub("...", each) for each in cycles.suspicion if each).most_common()),
+        suspicions=_suspicions(cycles),
         yaw_unwatched=str(find_unwatched_yaw(run.config, run.config.device_roles()) or ""),
         devices=tuple(run.health),
     )
@@ -314,6 +326,15 @@ def _mean_while_turning(values: Array, t_s: Array, wheel: WheelData) -> float | 
 def _spread(time_us: Array) -> Spread:
     p50_us, p99_us = np.percentile(time_us, (50, 99))
     return Spread(p50_us=float(p50_us), p99_us=float(p99_us), max_us=float(time_us.max()))
+
+
+def _suspicions(cycles: Cycles) -> tuple[Suspicion, ...]:
+    texts = [_NUMBER.sub("...", each) for each in cycles.suspicion]
+    return tuple(
+        Suspicion(text=cycles.suspicion[first], start_s=float(cycles.t_s[first]), cycles=count)
+        for text, count in Counter(filter(None, texts)).most_common()
+        for first in (texts.index(text),)
+    )
 
 
 def _stops(run: RunData) -> tuple[Stop, ...]:

@@ -101,7 +101,6 @@ def facts(summary: Summary) -> list[Fact]:
     if summary.work is not None:
         work = f"99 % took less than {time_text(summary.work.p99_us)}"
         found.append(Fact("skipped cycles", f"{summary.skipped} of {summary.cycles}", work))
-    found += _wheel_facts(summary)
     for name, count in summary.uncompared_measurements.items():
         found.append(Fact(name, str(count), "measurements that could not be compared with the estimate"))
     found += _doubt_facts(summary)
@@ -113,19 +112,16 @@ def facts(summary: Summary) -> list[Fact]:
 
 
 def _doubt_facts(summary: Summary) -> list[Fact]:
-    found = [Fact("may be wrong", f"in {count} cycles", what) for what, count in summary.suspicions.items()]
-    if summary.yaw_unwatched:
-        found.append(Fact("yaw", "unwatched", summary.yaw_unwatched.removeprefix("yaw unwatched: ")))
-    return found
-
-
-def _wheel_facts(summary: Summary) -> list[Fact]:
     found = []
     if summary.odometry_rebases:
         lost = "times the motion of the wheels was lost for a while; the estimate is wider"
         found.append(Fact("odometry anew", str(summary.odometry_rebases), lost))
-    for doubt, t_s in summary.wheel_doubts.items():
-        found.append(Fact("wheels in doubt", f"from {t_s:.1f} s", f"{doubt}; the estimate is wider"))
+    found += [
+        Fact("may be wrong", f"from {each.start_s:.1f} s", f"{each.text}; in {each.cycles} cycles")
+        for each in summary.suspicions
+    ]
+    if summary.yaw_unwatched:
+        found.append(Fact("yaw", "unwatched", summary.yaw_unwatched.removeprefix("yaw unwatched: ")))
     return found
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from controllers.estimation.wheel_angle import WheelAngle
+from controllers.estimation.wheel_angle import Angle, WheelAngle
 
 MS = 1_000_000
 LIMIT_RAD_S = 12.0
@@ -46,23 +46,58 @@ def test_positions_lead_where_both_exist() -> None:
         assert wheel.take(i * 50 * MS + 10 * MS, None, 9.0) is None
 
 
-def test_speeds_take_over_when_positions_end_and_positions_when_they_return() -> None:
-    wheel = make()
-    angle = None
-    for i in range(21):
-        t_ns, true_rad = i * 100 * MS, 0.2 * i
-        position = true_rad if i < 5 or i > 15 else None
-        # The counter of the drive has begun at another number meanwhile.
-        angle = wheel.take(t_ns, position if i < 5 or position is None else position - 50.0, 2.0) or angle
-    assert angle is not None
+def drive_with_a_gap(
+    wheel: WheelAngle, *, scale: float = 1.0, restart_rad: float = 0.0, from_rad: float = 0.0
+) -> Angle:
+    """Return the angle after a gap of 1.1 s in which only speeds come; the wheel turns by 4 rad in all."""
+    found = None
+    for i in range(17):
+        shown_rad = (from_rad + 0.25 * i) % math.tau - (restart_rad if i > 5 else 0.0)
+        angle = wheel.take(i * 100 * MS, None if 5 < i < 16 else shown_rad, 2.5 * scale)
+        found = angle or found
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("wrap_rad", [None, 100.0, math.inf])
+def test_speeds_take_over_when_positions_end_and_positions_when_they_return(wrap_rad: float | None) -> None:
+    angle = drive_with_a_gap(make(wrap_rad))
     assert angle.angle_rad == pytest.approx(4.0)
     assert not angle.is_new_base
+    assert angle.error_rad == 0.0
+
+
+@pytest.mark.parametrize("wrap_rad", [None, 100.0])
+def test_a_position_that_returns_and_disagrees_with_the_speeds_is_a_new_base(wrap_rad: float | None) -> None:
+    angle = drive_with_a_gap(make(wrap_rad), scale=0.5)
+    assert angle.is_new_base
+    assert abs(angle.angle_rad - 4.0) <= angle.error_rad + 1e-9
+
+
+def test_a_counter_that_has_restarted_in_a_gap_is_a_new_base_as_uncertain_as_a_wheel_can_be() -> None:
+    angle = drive_with_a_gap(make(), restart_rad=500.0)
+    assert angle.is_new_base
+    assert angle.angle_rad == pytest.approx(4.0)
+    assert angle.error_rad == pytest.approx(2.75 + 1.5 * LIMIT_RAD_S * 1.1)
+
+
+def test_a_position_that_never_wraps_leads_over_speeds_that_disagree() -> None:
+    angle = drive_with_a_gap(make(math.inf), scale=0.5)
+    assert angle.angle_rad == pytest.approx(4.0)
+    assert not angle.is_new_base
+    assert angle.error_rad == pytest.approx(1.375, abs=0.2)
+
+
+def test_a_wrap_in_a_gap_is_counted_where_the_speeds_agree() -> None:
+    angle = drive_with_a_gap(make(), from_rad=4.0)
+    assert not angle.is_new_base
+    assert angle.angle_rad == pytest.approx(8.0)
 
 
 @pytest.mark.parametrize("low_rad", [-math.pi, 0.0])
-@pytest.mark.parametrize("turns", [1, 2])
+@pytest.mark.parametrize("turns", [1, 2, 3, 4])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_wrap_of_one_or_two_turns_is_counted(low_rad: float, turns: int, direction: float) -> None:
+def test_a_wrap_of_one_to_four_turns_is_counted(low_rad: float, turns: int, direction: float) -> None:
     wheel, range_rad = make(), turns * math.tau
     for i in range(200):
         true_rad = 1.0 + direction * 0.4 * i
@@ -135,6 +170,15 @@ def test_a_speed_beside_a_position_that_stays_is_a_contradiction() -> None:
         wheel.take(t_ms * MS, position, speed)
         found.append(wheel.contradicts_rest)
     assert found == [False, True, False]
+
+
+def test_a_speed_that_is_no_longer_reported_contradicts_no_rest() -> None:
+    wheel = make()
+    for i in range(20):
+        wheel.take(i * 100 * MS, 0.3 * i, 3.0)
+    for i in range(20, 60):
+        wheel.take(i * 100 * MS, 0.3 * 20, None)
+    assert not wheel.contradicts_rest
 
 
 def test_a_reset_forgets_positions_and_speeds() -> None:

@@ -371,7 +371,7 @@ def test_the_report_tells_new_bases_and_contradictions(command: Command) -> None
     assert import_it(command, Path("bag")) == 0, command.error
     found = {fact.name: fact for fact in facts(summarise(read_run(Path("drive.mcap"))))}
     assert found["odometry anew"].value == "1"
-    assert "motion is reported by gyro" in found["wheels in doubt"].detail
+    assert "motion is reported by gyro" in found["may be wrong"].detail
     assert command("replay", "drive.mcap") == 0
     assert "every output identical" in command.out
 

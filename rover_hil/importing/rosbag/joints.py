@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.wheel_angle import MOST_TURNS, ROUNDING, TURN_RAD
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
 from rover_hil.importing.rosbag.bag import BagMessage
@@ -19,10 +20,6 @@ from rover_hil.importing.rosbag.topics import WheelTopic
 
 Array = NDArray[np.float64]
 
-TURN_RAD = 2.0 * math.pi
-MOST_TURNS = 4
-ROUNDING = 1e-3
-"""Angles with few digits may exceed the range after which they wrap by this share."""
 REGULAR = 1.5
 """Two angles are further apart than this many usual periods where messages are missing."""
 LEAST_WRAPS = 2

@@ -204,9 +204,9 @@ class _Doubts:
             self._note(
                 f"odometry began anew at {t_s:.1f} s: the motion before is unknown, the estimate is wider"
             )
-        if output.wheel_doubt and output.wheel_doubt not in self._known:
-            self._known.add(output.wheel_doubt)
-            self._note(f"at {t_s:.1f} s: {output.wheel_doubt}; the estimate is wider")
+        if output.suspicion and output.suspicion not in self._known:
+            self._known.add(output.suspicion)
+            self._note(f"at {t_s:.1f} s: {output.suspicion}")
 
     def _note(self, text: str) -> None:
         notes = self._contents.notes
