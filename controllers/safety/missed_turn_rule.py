@@ -5,18 +5,14 @@ from collections.abc import Iterator
 
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
-from controllers.safety.gyro_turn_rules import AVERAGE_S, GyroTurnSettings
+from controllers.safety.gyro_turn_rules import AGAINST, AVERAGE_S, GyroTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
 from controllers.safety.yaw_fixes import YawFixes
 
-TURNING = 0.5
-"""Least share of the turn in what the wheels of both senses add up to: they turn the rover on the spot, and
-slip explains a missing turn only where they lose half of their motion. Straight ahead it is near zero."""
-
-LEAST_SHARE = (TURNING - 1.0) / (2.0 * TURNING)
-"""Share of the turn, -0.5, that remains where the wheels that turn the rover lose all of their motion, and
-those that turn it back lose none. A gyro that measures less turns against the wheels."""
+ON_THE_SPOT = 0.9
+"""Least share of the turn in what the wheels of both senses add up to. On the spot all wheels turn the rover in
+the same sense, which gives 1; a rover that drives on and holds its heading on slippery ground stays below."""
 
 NO_TURN = TurnEvidence(0.0, WheelTurn())
 
@@ -49,7 +45,7 @@ class MissedTurnRule(StopRule):
         if self._part.wheels.duration_s < AVERAGE_S:
             return
         part, self._part = self._part, NO_TURN
-        is_turning = abs(part.wheels.turn_rad) >= TURNING * (part.wheels.left_rad + part.wheels.right_rad)
+        is_turning = abs(part.wheels.turn_rad) >= ON_THE_SPOT * (part.wheels.left_rad + part.wheels.right_rad)
         self._turn = _sum(self._turn, part) if is_turning else NO_TURN
         turn_rad = self._turn.wheels.turn_rad
         if abs(turn_rad) < self._settings.gyro_turn_rad:
@@ -60,7 +56,7 @@ class MissedTurnRule(StopRule):
                 f"{self._gyro}: measures {100.0 * share:.0f} % of a turn of {abs(turn_rad):.2f} rad by the "
                 "wheels: no signal, wrong axis, wrong sign, or wheels without grip"
             )
-            severity = Severity.FINAL if share < LEAST_SHARE else self._fixes.severity(cycle.now_ns)
+            severity = Severity.FINAL if share < AGAINST else self._fixes.severity(cycle.now_ns)
             yaw_rad = self._unproven.error_rad((1.0 - share) * abs(turn_rad))
             yield StopReason("missed turn", text, severity, yaw_rad=yaw_rad)
         else:

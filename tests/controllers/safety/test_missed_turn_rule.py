@@ -69,8 +69,8 @@ def test_a_gyro_that_measures_a_tenth_of_the_turn_is_alive(share: float) -> None
 
 def test_wheels_that_move_the_rover_more_than_they_turn_it_are_no_evidence() -> None:
     """Uneven slip lets the wheels of a rover turn that goes straight ahead."""
-    assert turn(make_rule(), 0.0, 0.75, 0.251, 10) == []
-    assert turn(make_rule(), 0.0, 0.75, 0.25, 10) != []
+    assert turn(make_rule(), 0.0, 0.95, 0.052, 10) == []
+    assert turn(make_rule(), 0.0, 0.95, 0.049, 10) != []
 
 
 def test_a_straight_part_begins_a_new_turn() -> None:
