@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 from drivers.clock import SystemClock, nanoseconds, seconds
 from rover_hil.recording.reader import LogReader
@@ -84,6 +85,16 @@ def freeze_network(bench: Bench) -> None:
     bench.network.freeze()
 
 
+def close_network(bench: Bench) -> None:
+    """The tunnel is closed."""
+    bench.network.close()
+
+
+def reopen_network(bench: Bench) -> None:
+    """The tunnel is made again."""
+    bench.network.reopen()
+
+
 def add_readers(bench: Bench) -> None:
     """Many ask for the stream and do not read it."""
     port = int(bench.page.url.rsplit(":", 1)[1])
@@ -110,13 +121,14 @@ CASES: dict[str, tuple[Callable[[Bench], None], float, Callable[[Bench], None]]]
     "server killed": (kill_server, OUTAGE_S, nothing),
     "network gone": (freeze_network, OUTAGE_S, nothing),
     "network back": (freeze_network, OUTAGE_S, thaw_network),
+    "tunnel closed": (close_network, OUTAGE_S, reopen_network),
     "300 readers": (add_readers, 0.0, nothing),
 }
 """What breaks before the press, how long that lasts after it, and what is mended then."""
 
 
 @contextmanager
-def bench_of(folder: Path) -> Iterator[Bench]:
+def bench_of(folder: Path, stderr: TextIO | None = None) -> Iterator[Bench]:
     """Give a browser on the page of a rover behind its ports, through a network that can fail."""
     write_config(folder, length_m="9.0", width_m="4.0")
     with ExitStack() as stack:
@@ -126,7 +138,7 @@ def bench_of(folder: Path) -> Iterator[Bench]:
             )
         )
         stack.callback(simulator.send_signal, signal.SIGINT)
-        url, server = stack.enter_context(served(folder))
+        url, server = stack.enter_context(served(folder, stderr=stderr))
         network = stack.enter_context(Network(int(url.rsplit(":", 1)[1])))
         page = stack.enter_context(Page(f"http://localhost:{network.port}"))
         readers: list[socket.socket] = []

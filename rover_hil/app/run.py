@@ -19,6 +19,7 @@ from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_te
 from rover_hil.app.json_text import print_json_text
 from rover_hil.app.memory import ShortOfMemoryError, sentence_of
 from rover_hil.app.options import LOG_NAME
+from rover_hil.app.output import tell
 from rover_hil.config import Config, load_config
 from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
@@ -294,7 +295,7 @@ def run_real(
                 end_request=request,
             )
             request.obey()
-        Terminal(stderr=True, soft_wrap=True).print(f"moving {order.rover}")
+        tell(f"moving {order.rover}")  # a standard error that is lost ends no run
         _note_path(log, config, clock.now_ns())
         gc.collect()
         gc.freeze()  # what start-up made need not be looked at again in every collection

@@ -15,6 +15,8 @@ from rover_hil.bench.finished_runs import RunReader
 from rover_hil.bench.session import LOG_NAME, Kind, Session, State
 
 REFRESH_S = 0.25
+RECONNECT_S = 60.0
+"""A page whose connection is back within this time goes on; later it is loaded again, as another browser."""
 GAIN_PERIOD_S = 0.04
 SLIDER_STEPS = 400
 RUNS_ON_TOP = 2
@@ -88,6 +90,8 @@ class _Controls:
             with ui.element("div").classes("bench-row q-mt-sm"):
                 self._pause = _button("Pause", self._toggle_pause, "primary")
                 self._stop = _button("Stop", self._do(lambda: self.session.stop(self.browser)), "primary")
+                take = self._do(lambda: self.session.take_control(self.browser))
+                self._take_control = _button("Take control", take, "warning")
                 self._clear = _button("Clear way-points", self._clear_points, "grey-7")
             self._note = ui.label().classes("bench-note q-mt-xs")
             with ui.element("div").classes("bench-report"):
@@ -235,6 +239,7 @@ class _Controls:
         self._pause.set_enabled(is_running and has_control)
         self._pause.set_text("Resume" if now.is_paused else "Pause")
         self._stop.set_enabled(is_running and has_control)
+        self._take_control.set_visibility(now.is_control_free and not has_control)
         self._clear.set_visibility(bool(self.points))
         self._stick.set_visibility(is_running and has_control and now.kind is Kind.BY_HAND)
         self._note.set_text(_note(now.state, has_control=has_control, is_real=is_real, is_armed=now.is_armed))
@@ -269,7 +274,7 @@ def build_page(session: Session, title: str) -> None:
     """Register the page of a session."""
     reader = RunReader()
 
-    @ui.page("/", title=f"{title} - rover_hil bench", dark=None)
+    @ui.page("/", title=f"{title} - rover_hil bench", dark=None, reconnect_timeout=RECONNECT_S)
     def bench(client: Client) -> None:
         browser = client.id
         ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')

@@ -2,11 +2,13 @@
 
 import asyncio
 import gc
+import signal
 import socket
 from collections.abc import AsyncIterator
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI, WebSocket
@@ -24,6 +26,7 @@ from rover_hil.bench.session import Session
 from rover_hil.bench.stop_line import PingedWebSocket, serve_line
 from rover_hil.pages.render import PLOT_SCRIPT
 from rover_hil.recording.text import strict_json
+from rover_hil.run.end_signals import END_REQUEST, end_signals
 
 HOST = "127.0.0.1"
 STREAM_PERIOD_S = 0.04
@@ -57,9 +60,19 @@ def bind(port: int) -> socket.socket:
 
 
 def serve(session: Session, title: str, listener: socket.socket) -> None:
-    """Serve the page until ctrl-C."""
+    """Serve the page until a signal ends the program.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C came.
+        Terminated: Another signal came.
+    """
     config = server_config(make_app(session, title))
     server = uvicorn.Server(config)
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if END_REQUEST.number is None:
+            END_REQUEST.note(number)
+        server.should_exit = True
 
     async def serve_and_give_life() -> None:
         tasks = [asyncio.create_task(give_life(session)), asyncio.create_task(_look_at_files(session))]
@@ -69,10 +82,19 @@ def serve(session: Session, title: str, listener: socket.socket) -> None:
             for task in tasks:
                 task.cancel()
 
-    gc.collect()
-    gc.freeze()  # else each full collection would look at all of the page's libraries again, for tens of ms
-    with asyncio.Runner(loop_factory=config.get_loop_factory()) as runner:
-        runner.run(serve_and_give_life())
+    # An exception of a handler would be lost in the event loop.
+    previous = {number: signal.signal(number, note) for number in end_signals()}
+    try:
+        END_REQUEST.obey()
+        gc.collect()
+        # Else each full collection would look at all of the page's libraries again, for tens of ms.
+        gc.freeze()
+        with asyncio.Runner(loop_factory=config.get_loop_factory()) as runner:
+            runner.run(serve_and_give_life())
+    finally:
+        for each, handler in previous.items():
+            signal.signal(each, handler)
+    END_REQUEST.obey()
 
 
 def server_config(app: ASGIApp) -> uvicorn.Config:

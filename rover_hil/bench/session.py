@@ -1,7 +1,7 @@
 """The state behind the page: who is in control, what runs, what was seen of it."""
 
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -41,8 +41,10 @@ BY_HAND_LIMIT_S = 3600.0
 VIEWS_KEPT = 2400
 """Two minutes."""
 NOT_IN_CONTROL = (
-    "another browser is in control: close its page to take over; you can watch and press the emergency stop"
+    "another browser is in control: close its page, and press Take control if a run goes on; you can watch "
+    "and press the emergency stop"
 )
+STILL_THERE = "the browser in control answers: close its page first"
 LOOP_HANGS = "the loop of the run takes no orders at the moment: wait, or press the emergency stop"
 
 
@@ -85,6 +87,7 @@ class Snapshot:
         mission: Corners of the path in m; empty by hand.
         log_bytes: Size of the log.
         pictures: Of each camera, the number of its newest picture and words on the trace in it.
+        is_control_free: Nobody is in control, or who is does not answer.
         runs: Names of the finished runs, the newest first.
         refused: Orders from browsers that were refused because they were no finite numbers.
         server_late_ms: How late the program of the page gave a sign of life at most, since the run began.
@@ -102,6 +105,7 @@ class Snapshot:
     mission: list[tuple[float, float]]
     log_bytes: int
     controller: str | None
+    is_control_free: bool
     gains: Mapping[str, float]
     pictures: Mapping[str, tuple[int, str]]
     runs: tuple[str, ...]
@@ -137,6 +141,8 @@ class Session:
         self._is_closing = False
         self._process = self._make_process()
         self._controller: str | None = None
+        self._answered_ns = 0
+        self._lines: Counter[str] = Counter()
         self._armed_until_ns = 0
         self._views: deque[bytes] = deque(maxlen=VIEWS_KEPT)
         self._number = 0
@@ -154,18 +160,39 @@ class Session:
         self._report_name = ""
         self._gains = _gains_of(config.mission)
 
-    def join(self, browser: str) -> bool:
-        """Give control to a browser if none has it; return whether it has it now."""
+    def enter(self, browser: str) -> None:
+        """Note a connection of a browser."""
         with self._lock:
-            self._controller = self._controller or browser
-            return self._controller == browser
+            self._lines[browser] += 1
 
     def leave(self, browser: str) -> None:
-        """Note that a browser is gone; commands by hand expire on their own."""
+        """Note that a connection of a browser has ended; with its last one the browser is gone.
+
+        While a run goes on it stays in control: the rover drives on for nobody else who happens to look.
+        Commands by hand expire on their own.
+        """
         with self._lock:
+            self._lines[browser] -= 1
+            if self._lines[browser] > 0:
+                return
+            del self._lines[browser]
             if self._controller == browser:
-                self._controller = None
                 self._armed_until_ns = 0
+                if self._order is None:
+                    self._controller = None
+
+    def take_control(self, browser: str) -> None:
+        """Give control to a browser whose user asks for it.
+
+        Raises:
+            ConfigError: The browser in control is there.
+        """
+        with self._lock:
+            if not self._is_control_free():
+                raise ConfigError(STILL_THERE)
+            self._controller = browser
+            self._answered_ns = self._clock.now_ns()
+            self._armed_until_ns = 0
 
     def arm(self, browser: str) -> None:
         """Allow one start of the real rover within 30 s.
@@ -281,9 +308,16 @@ class Session:
         self._process.server_life.give()
 
     def answered(self, browser: str) -> None:
-        """Note that a browser has answered. If none is in control it is now; the loop is told of that one."""
-        if self.join(browser):
-            self._process.browser_life.give()
+        """Note that a browser has answered; the loop is told of the one in control.
+
+        If none is in control, it is now. While a run goes on one is, also when it is gone: only a user gives
+        control to another one then.
+        """
+        with self._lock:
+            self._controller = self._controller or browser
+            if self._controller == browser:
+                self._answered_ns = self._clock.now_ns()
+                self._process.browser_life.give()
 
     def look_at_files(self) -> None:
         """Renew the size of the log and the list of finished runs; waits for the disk."""
@@ -346,6 +380,7 @@ class Session:
                 mission=_corners(self.config.mission if mission is None else mission),
                 log_bytes=self._log_bytes,
                 controller=self._controller,
+                is_control_free=self._is_control_free(),
                 gains=dict(self._gains),
                 pictures={name: (number, item["words"]) for name, (number, item) in self._pictures.items()},
                 runs=self._runs,
@@ -364,6 +399,10 @@ class Session:
         with self._lock:
             self._is_closing = True
         self._process.close()
+
+    def _is_control_free(self) -> bool:
+        silent_ns = self._clock.now_ns() - self._answered_ns
+        return self._controller is None or silent_ns > nanoseconds(self.config.bench.page_timeout_s)
 
     def _require_control(self, browser: str) -> None:
         if browser != self._controller:
@@ -431,6 +470,8 @@ class Session:
                     self._report_name = self._order.log_path.parent.name
                 self._order = None
                 self._state = State.IDLE
+                if self._controller not in self._lines:
+                    self._controller = None
                 if process is not None and not self._is_closing:
                     self._process, process = process, None
         if process is not None:

@@ -1,8 +1,8 @@
 """The connection of its own on which a page sends its emergency stops and shows that its browser is there.
 
 It waits behind nothing else that the page loads. The browser itself answers the pings, also of a hidden tab
-and while the page's script hangs. A browser that comes back sends its stops before it answers again. Whoever
-answers may be in control, as long as the connection lasts.
+and while the page's script hangs. A browser that comes back sends its stops before it answers again, also
+when its page was loaded again. Whoever answers may be in control, as long as one of its connections lasts.
 """
 
 import asyncio
@@ -76,6 +76,7 @@ async def serve_line(socket: WebSocket, session: Session) -> None:
     await socket.accept()
     try:
         hello = HELLO.validate_json(await asyncio.wait_for(socket.receive_text(), HELLO_S))
+        session.enter(hello.browser)
         try:
             with _pinging(socket, lambda: session.answered(hello.browser)):
                 await _serve_presses(socket, session)

@@ -1,10 +1,12 @@
 "use strict";
-// The emergency stop: sent on a connection of its own, and again until it is acknowledged.
+// The emergency stop: sent on a connection of its own, and again until it is acknowledged, also when the page reloads.
 
 const PRESS_AGAIN_MS = 250, ALARM_MS = 1000, FRESH_MS = 1000, LINE_AGAIN_MS = 500, LINE_LOST_MS = 2000;
+const STORED = "rover_hil emergency stop";
 const alarm = document.getElementById("bench-alarm");
 let stopLine = null, lineTriedMs = -Infinity, numbers = 0;
 let press = null; // The stop that is not acknowledged yet: number, run, times of this and of the first press, answer.
+let goesOn = null; // The run of which an answer told, and the one that the page showed then.
 
 // ---- the connection: WebSockets do not count among the few connections that a browser makes to one server ----
 
@@ -33,8 +35,32 @@ function renewLine() {
 function emergencyStop() {
   const pressedMs = performance.now(), sinceMs = press?.sinceMs ?? pressedMs;
   if (!press) alarm.hidden = true;
-  press = { number: ++numbers, run: live.run ?? "", pressedMs, sinceMs, postedMs: -Infinity, answer: null };
+  press = { number: ++numbers, run: knownRun(), pressedMs, sinceMs, postedMs: -Infinity, answer: null };
   sendPress();
+  store();
+}
+
+// An answer may be newer than the stream.
+function knownRun() {
+  return goesOn && goesOn.shown === live.run ? goesOn.run : live.run ?? "";
+}
+
+// NiceGUI may reload the page after a lost connection. A browser that stores nothing still sends from this page.
+function store() {
+  try {
+    if (!press) sessionStorage.removeItem(STORED);
+    else sessionStorage.setItem(STORED, JSON.stringify({ run: press.run, sinceMs: performance.timeOrigin + press.sinceMs }));
+  } catch {}
+}
+
+function restore() {
+  try {
+    const stored = JSON.parse(sessionStorage.getItem(STORED));
+    if (!stored) return;
+    const sinceMs = Math.min(stored.sinceMs - performance.timeOrigin, performance.now());
+    // Pressed long ago: it is for its run only.
+    press = { number: ++numbers, run: stored.run, pressedMs: -Infinity, sinceMs, postedMs: -Infinity, answer: null };
+  } catch {}
 }
 
 function sendOnLine() {
@@ -69,14 +95,17 @@ function acknowledge({ press: number, answer, run }) {
   if (number !== press?.number) return;
   press.answer = answer;
   if (answer === "sent") return;
-  if (answer === "ended") { press = null; alarm.hidden = true; return; }
+  if (answer === "ended") { press = null; store(); alarm.hidden = true; return; }
   // Another run: who has pressed just now means it. Later nobody's run is stopped in silence.
-  if (performance.now() - press.pressedMs < FRESH_MS) { press.run = run; sendPress(); return; }
+  if (performance.now() - press.pressedMs < FRESH_MS) { press.run = run; sendPress(); store(); return; }
   press = null;
+  store();
+  goesOn = { shown: live.run, run };
   alarm.textContent = "The run for which you pressed EMERGENCY STOP has ended, another one goes on: press again to stop it.";
   alarm.hidden = false;
 }
 
 document.getElementById("bench-stop").addEventListener("click", emergencyStop);
 setInterval(sendPress, PRESS_AGAIN_MS);
+restore();
 openLine();

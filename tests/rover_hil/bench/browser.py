@@ -10,11 +10,12 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, TextIO
 
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
+from rover_hil.app.exit_codes import EXIT_TERMINATED
 from rover_hil.config import read_config_text
 
 if TYPE_CHECKING:
@@ -67,13 +68,16 @@ def serving(folder: Path) -> Iterator[str]:
 
 
 @contextmanager
-def served(folder: Path, program: Sequence[str] = PROGRAM) -> "Iterator[tuple[str, subprocess.Popen[str]]]":
+def served(
+    folder: Path, program: Sequence[str] = PROGRAM, stderr: TextIO | None = None
+) -> "Iterator[tuple[str, subprocess.Popen[str]]]":
     """Serve the page of the configuration in a folder; give its address and the process."""
     with subprocess.Popen(
         [*program, "bench", CONFIG, "--port", "0", "--out", "runs"],
         cwd=folder,
         env=ENVIRONMENT,
         stdout=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     ) as process:
         assert process.stdout is not None
@@ -85,7 +89,7 @@ def served(folder: Path, program: Sequence[str] = PROGRAM) -> "Iterator[tuple[st
             process.send_signal(signal.SIGCONT)
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=WAIT_S)
-    assert process.returncode in (0, -signal.SIGKILL)
+    assert process.returncode in (0, EXIT_TERMINATED, -signal.SIGKILL)
 
 
 class Page:

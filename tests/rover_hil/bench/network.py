@@ -1,4 +1,4 @@
-"""A network between a browser and the page that can be interrupted without a word, and restored."""
+"""A network between a browser and the page that can be interrupted, without a word or not, and restored."""
 
 import socket
 import threading
@@ -10,23 +10,27 @@ CHUNK = 65536
 
 
 class Network:
-    """Passes TCP connections on to a port of this computer; while frozen nothing passes, nothing is closed.
+    """Passes TCP connections on to a port of this computer.
+
+    While frozen nothing passes, nothing is closed; while closed there are no connections.
 
     Args:
         port: Where the server listens.
 
     Attributes:
         port: Where the browser connects.
+        refused: Requests that begin so close their connection.
     """
+
+    refused: tuple[bytes, ...] = ()
 
     def __init__(self, port: int) -> None:
         self._to = port
         self._flows = threading.Event()
         self._flows.set()
-        self._listener = socket.create_server(("127.0.0.1", 0))
         self._sockets: list[socket.socket] = []
-        self.port: int = self._listener.getsockname()[1]
-        threading.Thread(target=self._accept, daemon=True).start()
+        self.port = 0
+        self.reopen()
 
     def __enter__(self) -> Self:
         return self
@@ -35,10 +39,7 @@ class Network:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.thaw()
-        for one in (self._listener, *self._sockets):
-            with suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-            one.close()
+        self.close()
 
     def freeze(self) -> None:
         """Let nothing pass."""
@@ -48,10 +49,24 @@ class Network:
         """Let all pass again, also what was sent meanwhile."""
         self._flows.set()
 
-    def _accept(self) -> None:
+    def close(self) -> None:
+        """Close all connections, and let nobody connect."""
+        for one in (self._listener, *self._sockets):
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+            one.close()
+        self._sockets.clear()
+
+    def reopen(self) -> None:
+        """Let the browser connect, again at the same port."""
+        self._listener = socket.create_server(("127.0.0.1", self.port))
+        self.port = self._listener.getsockname()[1]
+        threading.Thread(target=self._accept, args=(self._listener,), daemon=True).start()
+
+    def _accept(self, listener: socket.socket) -> None:
         with suppress(OSError):
             while True:
-                near, _ = self._listener.accept()
+                near, _ = listener.accept()
                 try:
                     far = socket.create_connection(("127.0.0.1", self._to))
                 except OSError:
@@ -63,7 +78,7 @@ class Network:
 
     def _pump(self, source: socket.socket, sink: socket.socket) -> None:
         with suppress(OSError):
-            while data := source.recv(CHUNK):
+            while (data := source.recv(CHUNK)) and not data.startswith(self.refused):
                 self._flows.wait()
                 sink.sendall(data)
         self._flows.wait()

@@ -56,7 +56,7 @@ def test_another_origin_or_name_gets_nothing_and_orders_nothing(
     served: tuple[Client, Session], headers: dict[str, str]
 ) -> None:
     client, session = served
-    session.join("a")
+    session.answered("a")
     if session.snapshot().kind is None:
         session.start("a", Kind.MISSION, is_real=False)
     sent = len(FakeProcess.orders)
@@ -71,7 +71,7 @@ def test_the_page_itself_stops_the_rover_and_may_load_from_nowhere_else(
     served: tuple[Client, Session],
 ) -> None:
     client, session = served
-    session.join("a")
+    session.answered("a")
     if session.snapshot().kind is None:
         session.start("a", Kind.MISSION, is_real=False)
     answer = client.request("POST", "/stop", origin=HOME)

@@ -10,6 +10,7 @@ import pytest
 
 from controllers.motion.settings import ByHandMission, WaypointsMission
 from controllers.operator import OperatorInput
+from drivers.clock import nanoseconds
 from drivers.errors import ConfigError, LogError
 from rover_hil.bench import session as session_module
 from rover_hil.bench.finished_runs import find_report, list_runs, read_finished
@@ -45,13 +46,19 @@ class FakeProcess:
 def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
     monkeypatch.setattr(session_module, "LoopProcess", FakeProcess)
     session = Session(load_config("robotino"), tmp_path, "robotino", None, None)  # type: ignore[arg-type]
-    session.join("a")
+    come(session, "a")
     yield session
     session.close()
 
 
+def come(session: Session, browser: str) -> None:
+    """Let a browser connect and answer."""
+    session.enter(browser)
+    session.answered(browser)
+
+
 def test_only_one_browser_is_in_control_but_everyone_may_stop(session: Session) -> None:
-    assert not session.join("b")
+    come(session, "b")
     refusals: tuple[Callable[[], None], ...] = (
         lambda: session.start("b", Kind.MISSION, is_real=False),
         lambda: session.pause("b", is_paused=True),
@@ -67,8 +74,65 @@ def test_only_one_browser_is_in_control_but_everyone_may_stop(session: Session) 
     end = FakeProcess.orders[-1]
     assert isinstance(end, EndOrder)
     assert end.end is End.EMERGENCY_STOP
+    session._take({"kind": "ended", "reason": "emergency stop"})
+    session._take({"kind": "reported"})
     session.leave("a")
-    assert session.join("b")
+    session.answered("b")
+    session.arm("b")
+
+
+def test_a_browser_with_a_new_connection_keeps_control_and_arming_when_the_old_one_ends(
+    session: Session,
+) -> None:
+    session.arm("a")
+    session.enter("a")
+    session.leave("a")
+    session.answered("b")
+    session.start("a", Kind.MISSION, is_real=True)
+
+
+def test_while_a_run_goes_on_nobody_takes_control_without_a_click(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    life = session._process.browser_life
+    come(session, "b")
+    session.start("a", Kind.MISSION, is_real=False)
+    count = life.count
+    session.leave("a")
+    session.answered("b")
+    assert life.count == count
+    with pytest.raises(ConfigError, match="the browser in control answers: close its page first"):
+        session.take_control("b")
+    assert not session.snapshot().is_control_free
+    late_ns = session._clock.now_ns() + nanoseconds(session.config.bench.page_timeout_s) + 1
+    monkeypatch.setattr(type(session._clock), "now_ns", lambda clock: late_ns)
+    assert session.snapshot().is_control_free
+    session.take_control("b")
+    assert not session.snapshot().is_control_free
+    come(session, "a")  # it is back, too late
+    assert life.count == count
+    session.answered("b")
+    assert life.count == count + 1
+    session.pause("b", is_paused=True)
+
+
+def test_a_browser_that_left_in_a_run_and_is_back_is_in_control_until_the_run_has_ended(
+    session: Session,
+) -> None:
+    life = session._process.browser_life
+    session.start("a", Kind.MISSION, is_real=False)
+    session.leave("a")
+    come(session, "b")
+    count = life.count
+    come(session, "a")
+    assert life.count == count + 1
+    session.leave("a")
+    session._take({"kind": "ended", "reason": "time over"})
+    assert session.snapshot().controller == "a"
+    session._take({"kind": "reported"})
+    assert session.snapshot().controller is None
+    session.answered("b")
+    session.start("b", Kind.MISSION, is_real=False)
 
 
 def test_a_press_stops_the_run_for_which_it_was_meant_once_and_no_other_one(session: Session) -> None:
@@ -94,9 +158,8 @@ def test_a_press_stops_the_run_for_which_it_was_meant_once_and_no_other_one(sess
 
 def test_only_the_answers_of_the_browser_in_control_are_told_to_the_loop(session: Session) -> None:
     life = session._process.browser_life
+    assert life.count == 1  # of "a"
     session.answered("b")
-    assert life.count == 0
-    session.answered("a")
     assert life.count == 1
     session.leave("a")
     session.answered("b")  # it takes over
@@ -186,7 +249,7 @@ def test_an_emergency_stop_and_a_lost_browser_disarm(session: Session, disarm: s
     session.arm("a")
     if disarm == "lost browser":
         session.leave("a")
-        session.join("a")
+        come(session, "a")
     else:
         session.emergency_stop()
     with pytest.raises(ConfigError, match="not armed"):

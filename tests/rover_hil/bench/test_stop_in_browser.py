@@ -25,6 +25,7 @@ ANSWERS = {
     "server killed": ("", ENDED, True),
     "network gone": (GONE, "goes on", True),
     "network back": (GONE, PRESSED, True),
+    "tunnel closed": (GONE, PRESSED, True),
     "300 readers": ("", PRESSED, False),
 }
 PRESS = """
@@ -33,6 +34,8 @@ press = { number: ++numbers, run: arguments[0], pressedMs: nowMs - arguments[1],
           postedMs: -Infinity, answer: null };
 sendPress();
 """
+LATE_PRESS = "emergencyStop(); press.pressedMs -= 5000"
+STOPS = (b"GET /line", b"POST /stop")
 HELD = "dispatchEvent(new KeyboardEvent('keydown', { code: 'KeyW', repeat: arguments[0], bubbles: true }))"
 LET_GO = "dispatchEvent(new KeyboardEvent('keyup', { code: 'KeyW', bubbles: true }))"
 
@@ -94,6 +97,65 @@ def test_a_press_that_comes_late_stops_no_other_run_and_one_of_just_now_does(
     page.wait(lambda: page.mode != "running", "the run does not end")
     wait_for_end(log_of(tmp_path))
     assert ended(log_of(tmp_path))[1] == PRESSED
+
+
+def test_a_press_outlives_a_reload_of_the_page(served_page: tuple[Page, Network], tmp_path: Path) -> None:
+    page, network = served_page
+    page.click("Start mission")
+    page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not move")
+    network.close()
+    page.driver.execute_script("document.getElementById('bench-stop').click()")
+    network.refused = STOPS
+    network.reopen()
+    page.driver.refresh()
+    page.wait(lambda: "NOT CONFIRMED" in page.driver.execute_script(ALARM), "the press is forgotten")
+    assert ended(log_of(tmp_path))[1] == "goes on"
+    network.refused = ()
+    page.wait(lambda: page.driver.execute_script(ALARM) == "", "the press is not confirmed")
+    wait_for_end(log_of(tmp_path))
+    assert ended(log_of(tmp_path)) == ((GONE,), PRESSED)
+    page.driver.refresh()
+    wait_s(1.0)
+    assert page.driver.execute_script("return press === null")
+
+
+def test_a_second_press_stops_the_run_that_an_answer_named_while_the_stream_is_silent(
+    served_page: tuple[Page, Network], tmp_path: Path
+) -> None:
+    page, _ = served_page
+    page.click("Start mission")
+    page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not move")
+    page.driver.execute_script("source.close(); live.run = 'an older run'")
+    page.driver.execute_script(LATE_PRESS)
+    page.wait(lambda: "another one goes on" in page.driver.execute_script(ALARM), "the page does not say so")
+    assert ended(log_of(tmp_path))[1] == "goes on"
+    page.driver.execute_script(LATE_PRESS)
+    wait_for_end(log_of(tmp_path))
+    assert ended(log_of(tmp_path))[1] == PRESSED
+
+
+def test_a_watching_tab_takes_control_of_a_run_only_by_a_click(
+    served_page: tuple[Page, Network], tmp_path: Path
+) -> None:
+    page, _ = served_page
+    page.click("Start mission")
+    page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not move")
+    own = page.driver.current_window_handle
+    page.driver.switch_to.new_window("tab")
+    watching = page.driver.current_window_handle
+    page.driver.get(page.url)
+    page.wait(lambda: bool(page.driver.execute_script(MOVES)), "it does not watch")
+    page.driver.switch_to.window(own)
+    page.driver.close()
+    page.driver.switch_to.window(watching)
+    page.wait(lambda: page.mode == "safe stop", "the rover does not stop")
+    wait_s(2.0)
+    assert not page.driver.execute_script(MOVES)
+    page.click("Take control")
+    page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not drive on")
+    page.click("Stop")
+    wait_for_end(log_of(tmp_path))
+    assert ended(log_of(tmp_path)) == ((GONE,), "stopped by the user")
 
 
 def test_a_key_that_is_held_over_a_lost_network_drives_again_only_after_it_was_let_go(

@@ -30,7 +30,7 @@ PATIENCE_S = 60.0
 def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
     monkeypatch.setattr(session_module, "LoopProcess", FakeProcess)
     session = Session(load_config("robotino"), tmp_path, "robotino", None, None)  # type: ignore[arg-type]
-    session.join("a")
+    session.answered("a")
     yield session
     session.close()
 
@@ -92,12 +92,13 @@ def test_a_press_is_ordered_once_and_answered_each_time(session: Session) -> Non
 def test_a_browser_answers_pings_without_a_word_of_its_script(session: Session) -> None:
     async def work() -> None:
         life = session._process.browser_life
+        first = life.count
         async with served(session) as port:
             async with line_of(port, {"browser": "another"}):
                 await asyncio.sleep(0.5)
-                assert life.count == 0  # it is not in control
+                assert life.count == first  # it is not in control
             async with line_of(port, {"browser": "a"}):
-                await until(lambda: life.count >= 3)
+                await until(lambda: life.count >= first + 3)
             await until(lambda: session.snapshot().controller is None)
             count = life.count
             await asyncio.sleep(0.5)
@@ -113,9 +114,27 @@ def test_a_silent_connection_is_not_taken_for_a_browser(session: Session) -> Non
     """Pings begin after the page has said who it is: a press that waits is sent before."""
 
     async def work() -> None:
+        life = session._process.browser_life
+        first = life.count
         async with served(session) as port, connect(f"ws://127.0.0.1:{port}/line", ping_interval=None):
             await asyncio.sleep(0.5)
-        assert session._process.browser_life.count == 0
+        assert life.count == first
+
+    run(work)
+
+
+def test_a_line_that_is_renewed_gives_control_to_nobody_else(session: Session) -> None:
+    async def work() -> None:
+        async with served(session) as port, line_of(port, {"browser": "watching"}):
+            async with line_of(port, {"browser": "a"}) as old, line_of(port, {"browser": "a"}) as new:
+                await press(new, 1, "")  # both have said hello
+                await press(old, 1, "")
+                session.arm("a")
+                await old.close()
+                await asyncio.sleep(0.5)
+                assert session.snapshot().controller == "a"
+                assert session.snapshot().is_armed
+            await until(lambda: session.snapshot().controller == "watching")
 
     run(work)
 

@@ -1,0 +1,54 @@
+"""The program of the page when its terminal is lost, or what it reports leads nowhere."""
+
+import signal
+import socket
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from benchmarks.program.page_stop import bench_of, ended, start_real_run, wait_for_end
+from rover_hil.app.exit_codes import EXIT_TERMINATED
+from tests.rover_hil.bench.browser import WAIT_S, served, write_config
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+FULL = Path("/dev/full")
+READERS = 8
+LOST = "rover-hil: the terminal or connection was lost (SIGHUP)\n"
+
+
+@pytest.mark.parametrize("count", [0, READERS])
+def test_the_program_ends_with_its_terminal_whoever_reads(count: int, tmp_path: Path) -> None:
+    write_config(tmp_path)
+    messages = tmp_path / "messages"
+    with messages.open("w") as stderr, served(tmp_path, stderr=stderr) as (url, process):
+        port = urlsplit(url).port
+        readers = [socket.create_connection(("127.0.0.1", port or 0)) for _ in range(max(count, 1))]
+        for reader in readers:
+            path = "/stream" if count else "/static/stop.js"
+            reader.sendall(f"GET {path} HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n".encode())
+            assert b"200 OK" in reader.recv(4096)  # the event loop runs
+        process.send_signal(signal.SIGHUP)
+        assert process.wait(WAIT_S) == EXIT_TERMINATED
+        for reader in readers:
+            reader.close()
+    assert messages.read_text().endswith(LOST)
+
+
+def test_a_run_ends_with_the_terminal(tmp_path: Path) -> None:
+    with bench_of(tmp_path) as bench:
+        start_real_run(bench.page)
+        bench.server.send_signal(signal.SIGHUP)
+        assert bench.server.wait(WAIT_S) == EXIT_TERMINATED
+    (path,) = tmp_path.glob("runs/*/run.mcap")
+    assert ended(path) == ((), "the program of the page has ended")
+
+
+@pytest.mark.skipif(not FULL.is_char_device(), reason="needs /dev/full")
+def test_a_real_run_begins_where_nothing_can_be_reported(tmp_path: Path) -> None:
+    with FULL.open("w") as stderr, bench_of(tmp_path, stderr) as bench:
+        start_real_run(bench.page)
+        bench.page.click("Stop")
+        (path,) = tmp_path.glob("runs/*/run.mcap")
+        wait_for_end(path)
+    assert ended(path) == ((), "stopped by the user")
