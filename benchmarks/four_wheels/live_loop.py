@@ -6,9 +6,9 @@ Each seed is other noise on the same slope, with `rover-hil run --virtual`: as s
 followed by the nose (`steer_against_drift = false`); and with wheels that are taken to roll. The shipped
 parameters are from a seed that is not among these.
 
-Prints as JSON for each, medians over the seeds: distance of estimate and rover from each other at the end,
-distance of the true end from the end of the line, rms of the rover's true distance from the line, and for the
-shipped one rms errors of slip and slip angle; then how many microseconds a step takes, with
+Prints as JSON for each, median, least and greatest over the seeds: distance of estimate and rover from each
+other at the end, distance of the true end from the end of the line, rms of the true distance from the line,
+and for the shipped one rms errors of slip and slip angle; then how many microseconds a step takes, with
 a frame to look at and without: median and 99th percentile.
 """
 
@@ -66,6 +66,11 @@ def drive(way: str, seed: int, path: Path) -> dict[str, float]:
     return figures
 
 
+def median_and_range(values: Sequence[float]) -> list[float]:
+    """Return median, least and greatest."""
+    return [round(float(value), 3) for value in (np.median(values), min(values), max(values))]
+
+
 def step_times_us(path: Path) -> dict[str, list[float]]:
     """Return median and 99th percentile of the steps of a drive, with a frame to look at and without."""
     times: dict[str, list[float]] = {"with_frame": [], "without": []}
@@ -89,16 +94,14 @@ def main() -> int:
     )
     parser.add_argument("--seeds", type=int, default=3)
     arguments = parser.parse_args()
-    report: dict[str, dict[str, float]] = {}
+    report: dict[str, dict[str, list[float]]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for way in WAYS:
             found = [
                 drive(way, seed, Path(folder) / f"{way} {seed}.mcap")
                 for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds)
             ]
-            report[way] = {
-                name: round(float(np.median([row[name] for row in found])), 3) for name in found[0]
-            }
+            report[way] = {name: median_and_range([row[name] for row in found]) for name in found[0]}
             print(f"{way}: {json.dumps(report[way])}", file=sys.stderr)
         times = step_times_us(Path(folder) / "timed.mcap")
     print(json.dumps({"seeds": arguments.seeds, **report, "step_us": times}, indent=2))

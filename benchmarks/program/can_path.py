@@ -39,7 +39,7 @@ CALLS, REPEATS = 20_000, 7
 
 
 class Rover(threading.Thread):
-    """The far end: sends a frame every 2 ms and counts the set-points it hears."""
+    """The far end: sends a frame of wheels at rest every 2 ms and counts the set-points it hears."""
 
     def __init__(self, port: Port[bytes]) -> None:
         super().__init__(daemon=True)
@@ -60,7 +60,7 @@ class Rover(threading.Thread):
             if self.is_sending:
                 writer = next(kinds)
                 other = pack_can_frame(CanFrame(0x301, self.sent.to_bytes(8, "little")))
-                is_taken = self._port.write(other if writer is None else writer.write({"Speed": 1000}))
+                is_taken = self._port.write(other if writer is None else writer.write({}))
                 self.sent += is_taken
                 self.refused += not is_taken
             next_ns += FRAME_PERIOD_NS
@@ -80,6 +80,7 @@ def sustain(interface: Literal["virtual", "slcan"], seconds: float) -> dict[str,
         rover.start()
         with drive:
             received, commanded = drive_rover(drive, rover, seconds)
+            heard = rover.heard  # before the zero set-points with which the drive closes
         rejected = dict(drive.health().rejected)
         rover.is_listening = False
         rover.join()
@@ -91,8 +92,8 @@ def sustain(interface: Literal["virtual", "slcan"], seconds: float) -> dict[str,
         "lost": rover.sent - received + rover.refused,
         "rejected": sum(rejected.values()),
         "set_points_sent": commanded,
-        "set_points_heard": rover.heard,
-        "set_points_lost": commanded - rover.heard,
+        "set_points_heard": heard,
+        "set_points_lost": commanded - heard,
     }
 
 

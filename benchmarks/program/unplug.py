@@ -77,7 +77,12 @@ def measure(log_path: Path, device: str) -> dict[str, object]:
                 modes.append((message.t_ns, str(record["mode"])))
             else:
                 commands.append((message.t_ns, max(abs(speed) for speed in record["speed_rad_s"])))
-    detected_ns = next(t_ns for t_ns, mode in modes if mode == "safe_stop")
+    detected_ns = next((t_ns for t_ns, mode in modes if mode == "safe_stop"), None)
+    if detected_ns is None:
+        raise SystemExit(
+            f"{device}: no stop in the run. In real time the device fails {FAULT_START_S:g} s after the "
+            "simulator starts: on a loaded machine that is before the run"
+        )
     resumed_ns = next(t_ns for t_ns, mode in modes if t_ns > detected_ns and mode == "running")
     zero_ns = next(t_ns for t_ns, speed in commands if t_ns >= detected_ns and speed == 0)
     silent_ns, back_ns = _longest_silence(raw_ns)

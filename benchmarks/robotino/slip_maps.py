@@ -5,6 +5,8 @@
 Prints as JSON the distance error as a fraction of encoder distance, rms over runs (BrOleg5/
 research-wheel-slippage), of maps trained on every other run on one surface: on the other half, on the runs
 over two surfaces, and on a surface that was left out of training. `linear_m` is the map of paper 003.
+`not_valid` is the share of the distance that the map itself marks as not valid; `rms_by_training` is the
+rms with each set of training runs alone; the difference is the scatter.
 """
 
 import argparse
@@ -12,6 +14,7 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypedDict
 
 from controllers.slip.effort.motor_model import MotorSettings
 from rover_hil.identify.slip.camera_scale import find_scale
@@ -26,6 +29,16 @@ BARS = (
     ("other_half", "best_known_surface", 0.043),
 )
 """What the maps must reach: table, map, rms."""
+
+
+class Row(TypedDict):
+    """Errors of one map over n runs, as a fraction of encoder distance."""
+
+    rms: float
+    rms_by_training: list[float]
+    bias: float
+    n: int
+    not_valid: float
 
 
 def main() -> int:
@@ -71,16 +84,19 @@ def _number(path: Path) -> int:
 
 def _scores(
     splits: Sequence[tuple[list[RunWindows], list[RunWindows]]], m_per_px: float | None = None
-) -> dict[str, dict[str, float]]:
+) -> dict[str, Row]:
     errors: dict[str, list[RunError]] = {}
+    by_training: dict[str, list[float]] = {}
     for train, test in splits:
         scale = find_scale(train).m_per_px if m_per_px is None else m_per_px
         for name, found in score_runs(fit_maps(train, scale), test, scale).items():
             errors.setdefault(name, []).extend(found)
+            by_training.setdefault(name, []).append(round(Score.of(found).rms, 4))
     scores = {name: Score.of(found) for name, found in errors.items() if found}
     return {
         name: {
             "rms": round(score.rms, 4),
+            "rms_by_training": by_training[name],
             "bias": round(score.bias, 4),
             "n": score.n,
             "not_valid": round(score.invalid, 3),
