@@ -11,8 +11,9 @@ from controllers.safety.unproven_turn import UnprovenTurn
 from controllers.safety.yaw_fixes import YawFixes
 
 ON_THE_SPOT = 0.9
-"""Least share of the turn in what the wheels of both senses add up to. On the spot all wheels turn the rover in
-the same sense, which gives 1; a rover that drives on and holds its heading on slippery ground stays below."""
+"""Least share of the turn in what the wheels of both senses add up to. On the spot all wheels turn the rover
+in the same sense, which gives 1; a rover that drives on and holds its heading on slippery ground stays below.
+"""
 
 NO_TURN = TurnEvidence(0.0, WheelTurn())
 
