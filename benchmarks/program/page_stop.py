@@ -27,6 +27,7 @@ from tests.rover_hil.bench.network import Network
 BAR_S = 1.0
 READERS = 300
 OUTAGE_S = 5.0
+PORTS = ("board", "imu")
 MOVES = (
     "return live.last !== null && live.state.state === 'running' && live.last.set_rad_s.some((s) => s !== 0)"
 )
@@ -138,6 +139,10 @@ def bench_of(folder: Path, stderr: TextIO | None = None) -> Iterator[Bench]:
             )
         )
         stack.callback(simulator.send_signal, signal.SIGINT)
+        deadline_ns = CLOCK.now_ns() + nanoseconds(WAIT_S)
+        while not all((folder / "ports" / name).exists() for name in PORTS):
+            assert CLOCK.now_ns() < deadline_ns, "the simulated rover has no ports"
+            wait_s(0.05)
         url, server = stack.enter_context(served(folder, stderr=stderr))
         network = stack.enter_context(Network(int(url.rsplit(":", 1)[1])))
         page = stack.enter_context(Page(f"http://localhost:{network.port}"))

@@ -13,10 +13,11 @@ import httpx
 
 from drivers.errors import ConfigError
 from rover_hil.bench import session as session_module
-from rover_hil.bench.server import bind, make_app
+from rover_hil.bench.server import bind
 from rover_hil.bench.session import Kind, Session
 from rover_hil.bench.views import EndOrder
 from rover_hil.config import load_config
+from tests.rover_hil.bench.application import new_application
 from tests.rover_hil.bench.test_session import FakeProcess
 
 HOME = "http://localhost:8484"
@@ -27,7 +28,7 @@ class Client:
 
     def __init__(self, session: Session) -> None:
         # Without its lifespan, which belongs to NiceGUI and may begin only once in a process.
-        self._transport = httpx.ASGITransport(make_app(session, "robotino"))
+        self._transport = httpx.ASGITransport(new_application(session))
 
     def request(self, method: str, path: str, **headers: str) -> httpx.Response:
         async def ask() -> httpx.Response:

@@ -17,10 +17,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.bench import connection_limits
 from rover_hil.bench import session as session_module
-from rover_hil.bench.server import LIFE_PERIOD_S, bind, give_life, make_app, server_config
+from rover_hil.bench.server import LIFE_PERIOD_S, bind, give_life, server_config
 from rover_hil.bench.session import Kind, Session
 from rover_hil.bench.views import EndOrder
 from rover_hil.config import load_config
+from tests.rover_hil.bench.application import new_application
 from tests.rover_hil.bench.test_session import FakeProcess
 
 PATIENCE_S = 60.0
@@ -38,7 +39,7 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session
 @asynccontextmanager
 async def served(session: Session) -> AsyncIterator[int]:
     """Serve a session in this event loop; give the port."""
-    config = server_config(make_app(session, "robotino"))
+    config = server_config(new_application(session))
     config.lifespan = "off"  # it belongs to NiceGUI and may begin only once in a process
     server = uvicorn.Server(config)
     with bind(0) as listener:
