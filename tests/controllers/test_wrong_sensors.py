@@ -133,10 +133,8 @@ def test_a_gyro_that_is_off_at_rest_keeps_the_rover_stopped() -> None:
     loop, rover = long_drive(), omni_rover()
     rover.mute = change_gyro(CHANGES["offset"])
     outputs = run(loop, rover, 4.0)
+    assert {output.mode for output in outputs} == {Mode.SETTLING}
     assert outputs[-1].reason.startswith("gyro: reads 0.5")
-    # The turn that the gyro reads may be true, and no device can find the yaw.
-    assert {output.mode for output in outputs} == {Mode.SETTLING, Mode.EMERGENCY_STOP}
-    assert outputs[-1].reason.endswith("needs a restart at a known pose")
 
 
 def test_a_step_of_the_bias_is_named_at_the_next_rest_and_the_yaw_becomes_uncertain() -> None:
