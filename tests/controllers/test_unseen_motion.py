@@ -187,8 +187,8 @@ def test_after_too_much_unseen_motion_the_run_ends_where_no_device_can_find_the_
     last = run(loop, rover, 1.0)[-1]
     assert last.mode is Mode.EMERGENCY_STOP
     assert last.reason == (
-        "wheels: no wheel motion measured for 0.3 s; pose filter: position uncertain by 0.24 m, motion was not "
-        "measured: needs a restart at a known pose"
+        "wheels: no wheel motion measured for 0.3 s; pose filter: position uncertain by 0.24 m, motion was "
+        "not measured: needs a restart at a known pose"
     )
     assert nees(rover, last) < GREATEST_NEES
 

@@ -63,8 +63,8 @@ def test_what_one_rule_has_proven_the_other_does_not_doubt() -> None:
     gyro = Gyro()
     gyro.drive(1.0, STRAIGHT + SWEEP + STRAIGHT[:100])
     missed = [reason for reason in gyro.drive(0.0, TURN) if reason.cause == "missed turn"]
-    # The missed turn, and 0.3 of what the wheels of both sides have turned since the sweep, whose evidence fades
-    # over a part of a second.
+    # The missed turn, and 0.3 of what the wheels of both sides have turned since the sweep, whose evidence
+    # fades over a part of a second.
     assert missed[0].yaw_rad == pytest.approx(0.5 + 0.3 * (math.hypot(2.0, 2.0) + 0.5), rel=0.2)
     gyro = Gyro()
     # The turn rate does not change: `GyroFollowsRule` alone has no evidence.
