@@ -1,10 +1,10 @@
-# make setup | run | test | test-slow | test-kernel | safety-coverage | check | reference | site | wheel | mutation
+# make setup | run | test | test-slow | test-page | test-kernel | safety-coverage | check | reference | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-slow test-kernel safety-coverage check reference site wheel mutation
+.PHONY: setup run test test-slow test-page test-kernel safety-coverage check reference site wheel mutation
 
 setup: $(STAMP)
 
@@ -26,7 +26,12 @@ test: setup
 # Processes, browsers, clusters and whole tutorials: minutes. Installs Chromium, its driver and groff where they are missing.
 test-slow: setup
 	.ci/slow_tools
-	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
+	$(BIN)/python -m pytest -n auto --dist loadfile -m slow --ignore tests/rover_hil/bench
+
+# The page of `bench` in a real browser: more than ten minutes, and not part of CI.
+test-page: setup
+	.ci/slow_tools
+	$(BIN)/python -m pytest -n 0 -m slow tests/rover_hil/bench
 
 # Part of the nightly, not of `make test`: minutes, and 90 MB of Debian's packages in .cache/kernel the first time.
 test-kernel: setup

@@ -83,6 +83,7 @@ def test_a_browser_that_disappears_while_driving_by_hand_stops_the_rover(url: st
         page.kill()
     with Page(url) as page:
         page.wait(lambda: bool(page.driver.execute_script(AT_REST)), "the rover does not stop")
+        page.click("Take control")
         page.click("Stop")
         page.wait(lambda: page.mode == "idle", "no end")
     log = newest_log(folder)
