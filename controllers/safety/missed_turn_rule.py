@@ -13,6 +13,7 @@ from controllers.safety.yaw_fixes import YawFixes
 ON_THE_SPOT = 0.9
 """Least share of the turn in what the wheels of both senses add up to. On the spot all wheels turn the rover
 in the same sense, which gives 1; a rover that drives on and holds its heading on slippery ground stays below.
+Chosen by hand: with 0.5 the rule stopped 5 of 100 healthy missions of the simulated Robotino, with 0.9 none.
 """
 
 NO_TURN = TurnEvidence(0.0, WheelTurn())
