@@ -1,10 +1,10 @@
-# make setup | run | test | test-slow | test-page | test-kernel | safety-coverage | check | reference | site | wheel | mutation
+# make setup | run | test | test-slow | test-kernel | safety-coverage | check | reference | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-slow test-page test-kernel safety-coverage check reference site wheel mutation
+.PHONY: setup run test test-slow test-kernel safety-coverage check reference site wheel mutation
 
 setup: $(STAMP)
 
@@ -27,10 +27,7 @@ test: setup
 test-slow: setup
 	.ci/slow_tools
 	$(BIN)/python -m pytest -n auto --dist loadfile -m slow --ignore tests/rover_hil/bench
-
-# The page of `bench` in a real browser: more than ten minutes, and not part of CI.
-test-page: setup
-	.ci/slow_tools
+	# The page of `bench` in a real browser, one after the other: each needs both cores to answer in time.
 	$(BIN)/python -m pytest -n 0 -m slow tests/rover_hil/bench
 
 # Part of the nightly, not of `make test`: minutes, and 90 MB of Debian's packages in .cache/kernel the first time.

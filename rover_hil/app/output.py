@@ -33,9 +33,9 @@ def end_output() -> str:
 def output_problem(error: BaseException) -> str:
     """Return what to tell of an error in writing the standard output; "" for any other error.
 
-    What is written to a file of ours names it in its error.
+    Where the standard output takes one more line, the error is that of another pipe, port or disk.
     """
-    if not isinstance(error, OSError) or error.filename is not None:
+    if not isinstance(error, OSError) or error.filename is not None or not _output_fails():
         return ""
     if error.errno == errno.EPIPE:
         reason = "nobody reads it any more"
@@ -47,3 +47,12 @@ def output_problem(error: BaseException) -> str:
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"cannot write the output: {reason}; the files that were written are complete"
+
+
+def _output_fails() -> bool:
+    try:
+        sys.stdout.write("\n")
+        sys.stdout.flush()
+    except OSError:
+        return True
+    return False

@@ -1,6 +1,7 @@
 """Limits on connections, so that none takes the time or the files that the emergency stop needs."""
 
 import asyncio
+import itertools
 from collections import Counter
 from typing import Any
 
@@ -16,14 +17,22 @@ TRY_LATER = 1013
 
 
 class BoundedHttp(HttpToolsProtocol):
-    """Connections of uvicorn, up to a number; one too many is cut off."""
+    """Connections of uvicorn, up to a number.
+
+    One too many takes the place of the oldest that has asked for nothing; where there is none, it is cut off.
+    """
+
+    _counter = itertools.count()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection."""
+        self.number = next(self._counter)
         is_one_too_many = len(self.connections) >= MOST_CONNECTIONS
+        others = [other for other in self.connections if isinstance(other, BoundedHttp)]
+        silent = [other for other in others if other.cycle is None]
         super().connection_made(transport)
         if is_one_too_many:
-            transport.abort()
+            min(silent, key=lambda other: other.number, default=self).transport.abort()
 
 
 class ConnectionLimits:

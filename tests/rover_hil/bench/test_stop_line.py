@@ -207,7 +207,7 @@ def test_many_who_read_the_stream_or_not_leave_room_for_the_stop(session: Sessio
     run(work)
 
 
-def test_connections_are_limited_and_those_that_are_open_are_kept(
+def test_connections_are_limited_and_those_in_use_are_kept(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connection_limits, "MOST_CONNECTIONS", 5)
@@ -215,15 +215,34 @@ def test_connections_are_limited_and_those_that_are_open_are_kept(
     async def work() -> None:
         async with served(session) as port, line_of(port, {"browser": "a"}) as line:
             session.start("a", Kind.MISSION, is_real=False)
-            idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(8)]
-            await until(
-                lambda: sum(reader.at_eof() or reader.exception() is not None for reader, _ in idle) == 4
-            )
+            silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(8)]
+            await until(lambda: [is_cut_off(reader) for reader, _ in silent] == [True] * 4 + [False] * 4)
             assert (await press(line, 1, session.snapshot().run))["answer"] == "sent"
-            for _, writer in idle:
+            async with line_of(port, {"browser": "b"}) as second:
+                assert (await press(second, 1, session.snapshot().run))["answer"] == "sent"
+            for _, writer in silent:
                 writer.transport.abort()
 
     run(work)
+
+
+def test_one_connection_too_many_is_cut_off_where_all_are_in_use(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connection_limits, "MOST_CONNECTIONS", 2)
+
+    async def work() -> None:
+        hello = {"browser": "a"}
+        async with served(session) as port, line_of(port, hello), line_of(port, hello):
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            await until(lambda: is_cut_off(reader))
+            writer.transport.abort()
+
+    run(work)
+
+
+def is_cut_off(reader: asyncio.StreamReader) -> bool:
+    return reader.at_eof() or reader.exception() is not None
 
 
 def test_an_event_loop_that_hangs_gives_no_sign_of_life_and_tells_how_late_the_next_one_is(
