@@ -3,7 +3,7 @@
 import asyncio
 import itertools
 from collections import Counter
-from typing import Any
+from typing import Any, cast
 
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -29,7 +29,7 @@ class BoundedHttp(HttpToolsProtocol):
         self.number = next(self._counter)
         is_one_too_many = len(self.connections) >= MOST_CONNECTIONS
         others = [other for other in self.connections if isinstance(other, BoundedHttp)]
-        silent = [other for other in others if other.cycle is None]
+        silent = [other for other in others if cast("object | None", other.cycle) is None]
         super().connection_made(transport)
         if is_one_too_many:
             min(silent, key=lambda other: other.number, default=self).transport.abort()
