@@ -1,10 +1,12 @@
-# make setup | run | test | test-slow | test-kernel | safety-coverage | check | reference | site | wheel | mutation
+# make setup | run | test | test-slow | test-nightly | test-kernel | safety-coverage | check | reference | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Collecting all the others takes half a minute.
+SLOW_FILES = $(shell grep -rl "mark\.slow" tests --include "test_*.py" --exclude-dir bench)
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-slow test-kernel safety-coverage check reference site wheel mutation
+.PHONY: setup run test test-slow test-nightly test-kernel safety-coverage check reference site wheel mutation
 
 setup: $(STAMP)
 
@@ -21,14 +23,20 @@ run: setup
 	$(BIN)/rover-hil run robotino --virtual
 
 test: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow and not nightly"
 
 # Processes, browsers, clusters and whole tutorials: minutes. Installs Chromium, its driver and groff where they are missing.
 test-slow: setup
 	.ci/slow_tools
-	$(BIN)/python -m pytest -n auto --dist loadfile -m slow --ignore tests/rover_hil/bench
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "slow and not nightly" $(SLOW_FILES)
 	# The page of `bench` in a real browser, one after the other: each needs both cores to answer in time.
-	$(BIN)/python -m pytest -n 0 -m slow tests/rover_hil/bench
+	$(BIN)/python -m pytest -n 0 -m "slow and not nightly" tests/rover_hil/bench
+
+# What repeats a faster test on more cases: a quarter of an hour. With `make test-kernel` before a release.
+test-nightly: setup
+	.ci/slow_tools
+	$(BIN)/python -m pytest -n auto --dist loadfile -m nightly --ignore tests/rover_hil/bench
+	$(BIN)/python -m pytest -n 0 -m nightly tests/rover_hil/bench
 
 # Part of the nightly, not of `make test`: minutes, and 90 MB of Debian's packages in .cache/kernel the first time.
 test-kernel: setup

@@ -47,8 +47,8 @@ class _Controls:
     reader: RunReader
     points: list[tuple[float, float]] = field(default_factory=list)
 
-    def build(self) -> None:
-        """Put the page together."""
+    async def build(self) -> None:
+        """Put the page together, card by card: the event loop handles an emergency stop between them."""
         with ui.element("div").classes("bench-page"):
             with ui.element("div").classes("bench-column"):
                 with _card("Path", PATH_WORDS).classes("bench-path"):
@@ -60,11 +60,13 @@ class _Controls:
                     for chart, (title, unit) in CHARTS.items():
                         with _card(title, unit):
                             _canvas(chart)
+            await asyncio.sleep(0.0)
             with ui.element("div").classes("bench-column"):
                 self._build_run()
+                await asyncio.sleep(0.0)
                 self._build_stick()
                 # Above the cards that grow, so that a slider does not move under the pointer.
-                self._build_gains()
+                await self._build_gains()
                 with _card("Now", ""):
                     _table("bench-facts")
                 with _card("Devices", "state, rate, age of the newest sample"):
@@ -107,7 +109,7 @@ class _Controls:
             ).classes("bench-note")
             ui.html('<div id="bench-stick"><div id="bench-knob"></div></div>', sanitize=False)
 
-    def _build_gains(self) -> None:
+    async def _build_gains(self) -> None:
         self._sliders: dict[str, ui.slider] = {}
         with _card("Gains", "within their allowed range; logged, replayed exactly"):
             gains = self.session.snapshot().gains
@@ -125,6 +127,7 @@ class _Controls:
                     )
                     number.on("keydown.enter", self._on_number(name, number, slider))
                     self._sliders[name] = slider
+                await asyncio.sleep(0.0)
 
     def _build_finished(self) -> None:
         with _card("Finished runs", "open one, or two on top of each other"):
@@ -275,14 +278,14 @@ def build_page(session: Session, title: str) -> None:
     reader = RunReader()
 
     @ui.page("/", title=f"{title} - rover_hil bench", dark=None, reconnect_timeout=RECONNECT_S)
-    def bench(client: Client) -> None:
+    async def bench(client: Client) -> None:
         browser = client.id
         ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
         ui.add_body_html(BAR.format(title=escape(title), browser=escape(browser)))
         ui.add_body_html('<script src="/static/plot.js" defer></script>')
         ui.add_body_html('<script src="/static/bench.js" defer></script>')
         ui.add_body_html('<script src="/static/stop.js" defer></script>')
-        _Controls(session, browser, reader).build()
+        await _Controls(session, browser, reader).build()
 
 
 def _note(state: State, *, has_control: bool, is_real: bool, is_armed: bool) -> str:

@@ -2,13 +2,17 @@
 
 import re
 import sys
+from functools import cache
 
 import pytest
+import typer.main
 
 from rover_hil.app.app import main
 
 PROGRESS = re.compile(r"^ *\d+\.\d s  .*\n", re.MULTILINE)
 """Lines of a step that takes two seconds, as any may on a busy machine."""
+_get_command = cache(typer.main.get_command)
+"""The commands and their options are put together once, not in each test."""
 
 
 class Command:
@@ -16,6 +20,7 @@ class Command:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self._monkeypatch = monkeypatch
+        monkeypatch.setattr("typer.main.get_command", _get_command)
         self._capsys = capsys
         self.out = ""
         self.error = ""

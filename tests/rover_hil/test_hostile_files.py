@@ -390,7 +390,7 @@ def test_a_name_that_no_file_can_have_is_one_sentence() -> None:
 
 
 @pytest.mark.timeout(400)
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_drawn_part_of_the_hostile_files_is_handled() -> None:
     command = [sys.executable, "-m", "benchmarks.hostile_files", "--quick"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)

@@ -122,9 +122,9 @@ def test_replay_refuses_a_device_that_the_configuration_lacks(tmp_path: Path) ->
     [
         ("robotino", "board"),
         ("robotino", "imu"),
-        ("el-dorado", "wheels"),
         ("el-dorado", "compass"),
-        ("el-dorado", "imu"),
+        pytest.param("el-dorado", "wheels", marks=pytest.mark.nightly),
+        pytest.param("el-dorado", "imu", marks=pytest.mark.nightly),
     ],
 )
 def test_a_lost_device_stops_the_rover_and_a_returned_one_lets_it_go_on(

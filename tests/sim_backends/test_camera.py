@@ -145,7 +145,9 @@ def test_the_ground_moves_under_the_camera_as_the_rover_does(
     assert (shift_back * METRES_PER_PIXEL, shift_right * METRES_PER_PIXEL) == pytest.approx(moved_m, abs=8e-4)
 
 
-@pytest.mark.parametrize("sideslip_rad", [0.0, 0.15, -0.15])
+@pytest.mark.parametrize(
+    "sideslip_rad", [-0.15, *(pytest.param(angle, marks=pytest.mark.nightly) for angle in (0.0, 0.15))]
+)
 def test_the_trace_leaves_the_wheel_against_the_direction_of_travel(sideslip_rad: float) -> None:
     # The wall on the sun's side is dark. The front wheel's trace lies on the other side of the rear one's.
     side = -1 if sideslip_rad < 0 else 1

@@ -124,6 +124,7 @@ def test_reads_measured_runs_as_the_files_own_steps_say(shared_data: Path) -> No
     assert left.measured["left_m_s"].mean() == pytest.approx(0.081, abs=0.003)
 
 
+@pytest.mark.nightly
 def test_reads_averages_and_several_surfaces(shared_data: Path) -> None:
     averaged = read_drive_runs(shared_data / "robotino_2021" / "experimental_data_blue.csv")
     assert len(averaged) >= 8
@@ -149,6 +150,7 @@ def test_rolling_wheels_under_a_good_camera_leave_no_gap(tmp_path: Path) -> None
     assert verdict.verdict is Answer.NO_GAP, verdict.sentence
 
 
+@pytest.mark.nightly
 def test_a_wrong_scale_on_straight_drives_is_a_set_of_two(tmp_path: Path) -> None:
     verdict = analyse(*omni_records(tmp_path, TrueRover(mm_per_px=2.02))).verdict
     assert verdict.verdict is Answer.NAMED_SET, verdict.sentence
@@ -159,6 +161,7 @@ def test_a_wrong_scale_on_straight_drives_is_a_set_of_two(tmp_path: Path) -> Non
     assert best.parameters["error"].value == pytest.approx(true[best.name], abs=0.012)
 
 
+@pytest.mark.nightly
 def test_slip_that_follows_the_pull_is_named(tmp_path: Path) -> None:
     verdict = analyse(*omni_records(tmp_path, TrueRover(slip_per_pull=0.25))).verdict
     assert any("wheel_slip" in names for names in verdict.confidence_set), verdict.sentence
@@ -180,6 +183,7 @@ def field_drives(folder: Path, errors: tuple[float, float, float, float]) -> Non
         write_table(folder / f"drive{index}_truth.csv", recorded.truth)
 
 
+@pytest.mark.nightly
 def test_hard_iron_is_named_from_field_drives(tmp_path: Path) -> None:
     field_drives(tmp_path, (6.0, -3.0, 0.0, 0.0))
     model = make_four_wheel()

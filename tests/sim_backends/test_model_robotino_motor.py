@@ -228,7 +228,7 @@ def test_a_log_makes_one_run_per_wheel() -> None:
     assert runs[0].conditions["speed_step_rad_s"] == pytest.approx(SPEED_STEP_RAD_S, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_friction_and_delay_are_named_in_records_of_another_simulator(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     motor = TrueMotor(supply_v=34.0, kp=110.0, coulomb_nm=0.0085, viscous_nm_s=0.0)

@@ -32,7 +32,7 @@ def test_without_effect_there_is_no_gap(tmp_path: Path, kind: str) -> None:
     assert verdict.verdict is Answer.NO_GAP, verdict.sentence
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) -> None:
     model = make_model()
     runs = read_side_slope(folder_with(tmp_path, 2, "white", flow=0.006))

@@ -90,6 +90,7 @@ def test_with_the_friction_in_the_model_nothing_is_left(folder: Path) -> None:
     assert json.loads(verdict_in(folder, "second"))["verdict"] == "NO_GAP"
 
 
+@pytest.mark.nightly
 def test_without_the_card_there_is_no_wrong_name(folder: Path) -> None:
     text = FILES["axis.toml"]
     first = text.index("[effects.coulomb_friction]")

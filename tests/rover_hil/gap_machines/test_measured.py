@@ -9,7 +9,7 @@ from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from tests.rover_hil.gap_machines.emps import emps_model, emps_runs
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 @pytest.fixture(scope="module")

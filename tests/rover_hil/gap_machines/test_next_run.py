@@ -69,6 +69,7 @@ def test_the_designed_run_separates_what_the_runs_confuse(cart: SmallCart, confu
     assert [list(names) for names in after.confidence_set] == [[cart.law]]
 
 
+@pytest.mark.nightly
 def test_the_chosen_run_is_never_worse_than_a_repetition(confused: Analysis) -> None:
     for number in (DRAG, 2, 3):
         analysis = confused
@@ -111,6 +112,7 @@ def test_what_no_allowed_run_separates_is_said(cart: SmallCart) -> None:
         ({"dry": 2.5}, False, {Answer.UNNAMED, Answer.PARTLY_NAMED}),
     ],
 )
+@pytest.mark.nightly
 def test_it_speaks_without_a_certain_name(
     runs: Mapping[str, float], has_friction: bool, answers: set[Answer]
 ) -> None:
@@ -257,6 +259,7 @@ def test_shapes_use_their_amplitude_and_stay_inside(shape: str) -> None:
     assert shaped(shape, limits, 2.1, 5.0, times_s) is None
 
 
+@pytest.mark.nightly
 def test_a_range_of_a_channel_excludes_runs_that_leave_it(cart: SmallCart) -> None:
     allowed = Allowed.model_validate({**WIDE, "channels": {"speedometer": {"low": -0.5, "high": 2.5}}})
     proposal = _proposal(analyse(make_model(), cart.runs, allowed=allowed))

@@ -60,7 +60,7 @@ def refitted(cart: SmallCart, analysis: Analysis, effect: str) -> Array:
 
 
 @pytest.mark.parametrize("effect", ["quadratic_drag", "viscous_friction"])
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_errors_with_a_new_run_are_those_of_a_new_fit(
     cart: SmallCart, analysis: Analysis, effect: str
 ) -> None:

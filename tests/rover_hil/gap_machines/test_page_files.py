@@ -26,7 +26,7 @@ from rover_hil.gap.workflow import analyse
 from tests.rover_hil.gap.gap_models import Cart
 from tests.rover_hil.gap_machines.page_motor import make_motor, measure_motor
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 EQUATION = "torque += c sign(speed)"
 

@@ -49,7 +49,7 @@ def test_a_small_scatter_of_a_parameter_is_no_gap() -> None:
     assert "loss by" in verdict.sentence
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_large_scatter_is_a_gap_without_a_name_and_its_size_is_reported() -> None:
     verdict = answer(0.15)
     assert verdict.verdict is Answer.UNNAMED

@@ -12,7 +12,7 @@ from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 SAMPLES, SIGMA, UNITS, EACH = 160, 0.02, 5, 3
 DRAGS = np.array([0.08, 0.14, 0.20, 0.26, 0.32])

@@ -127,6 +127,7 @@ def test_people_see_every_name_value_and_reason(
     assert "rolling" not in printed
 
 
+@pytest.mark.nightly
 def test_friction_on_the_ground_is_not_taken_for_the_motor_s_own(
     free: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -136,7 +136,7 @@ def part_set(source: Path, folder: Path, every: int, remainder: int) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_measured_runs_reach_the_bars(
     shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -56,7 +56,7 @@ def logs(recorded: Path, tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.usefixtures("unrendered")
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_true_noise_is_found_and_better_on_the_held_out_log(
     command: Command, logs: list[str], tmp_path: Path
 ) -> None:
