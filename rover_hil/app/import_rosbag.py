@@ -8,8 +8,9 @@ from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
+from rover_hil.importing.drive import START_NS, Contents
 from rover_hil.importing.rosbag.bag import bounded_memory
-from rover_hil.importing.rosbag.to_log import START_NS, Contents, write_bag_as_log
+from rover_hil.importing.rosbag.to_log import write_bag_as_log
 from rover_hil.importing.rosbag.topics import read_topics
 from rover_hil.pages.atomic_write import check_file, unfinished
 from rover_hil.terminal import Terminal
