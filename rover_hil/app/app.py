@@ -712,9 +712,10 @@ def import_table(
 
     Wheels, increments of distance and yaw, steering, angular rate, currents and true poses are used.
 
-    Example: `rover-hil import table drive.csv --columns columns.toml --out drive.mcap`
+    Example: `rover-hil import table table.csv --columns columns.toml --out table.mcap`
 
-    docs/how-to/import_a_table.md names the keys of the file of columns.
+    Data: `rover-hil sample table` writes the table and the file of columns; for yours,
+    docs/how-to/import_a_table.md names the keys.
     """
     with held_signals():
         from rover_hil.app.import_table import import_tables

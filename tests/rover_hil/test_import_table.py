@@ -2,6 +2,7 @@
 
 import gzip
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from scipy.io import savemat
 
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.datasets.log import read_drive
+from rover_hil.importing.table.columns import read_columns
 from tests.rover_hil.command import Command, assert_one_sentence
 
 PERIOD_S, ROWS = 0.05, 101
@@ -324,3 +326,20 @@ def test_a_wrong_file_of_columns_names_the_key(
     for word in words:
         assert word in command.error
     assert "Traceback" not in command.error
+
+
+def test_the_files_of_columns_in_the_how_to_are_valid(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "import_a_table.md").read_text("utf-8")
+    blocks = re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        (tmp_path / "columns.toml").write_text(block, "utf-8")
+        read_columns(tmp_path / "columns.toml")
+
+
+def test_the_sample_becomes_a_log_that_follows_its_truth(command: Command) -> None:
+    assert command("sample", "table") == 0
+    arguments = ("table.csv", "--columns", "columns.toml", "--out", "drive.mcap")
+    assert command("import", "table", *arguments) == 0, command.error
+    assert command("replay", "drive.mcap") == 0
+    assert "every output identical" in command.out
