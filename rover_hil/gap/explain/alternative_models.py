@@ -34,13 +34,14 @@ def find_alternative_terms(prepared: Prepared, naming: Naming, best: Explanation
         if part is None and others:
             continue
         cost = part.cost if part is not None else prepared.start.cost
-        term = _term(prepared, part.fit if part is not None else prepared.start, best, cost - best.cost)
+        start = part.fit if part is not None else prepared.start
+        term = equal_term(prepared, start, best.fit, cost - best.cost)
         if term:
             found[name] = term
     return found
 
 
-def _term(prepared: Prepared, part: Fit, best: Explanation, gain: float) -> str:
+def equal_term(prepared: Prepared, part: Fit, best: Fit, gain: float) -> str:
     """Return the best term for the residual of a part of an explanation, if it explains enough."""
     noise, observations = prepared.noise, prepared.problem.observations
     effect = _change(prepared, part, best)
@@ -54,9 +55,9 @@ def _term(prepared: Prepared, part: Fit, best: Explanation, gain: float) -> str:
     return max(enough, key=lambda name: enough[name], default="")
 
 
-def _change(prepared: Prepared, part: Fit, best: Explanation) -> Array:
+def _change(prepared: Prepared, part: Fit, best: Fit) -> Array:
     """Return the change by the effect, whitened and projected, of unit length."""
     problem = prepared.problem
-    change = problem.predict(best.fit.point) - problem.predict(part.point)
+    change = problem.predict(best.point) - problem.predict(part.point)
     projected = Projection(part).apply(prepared.noise.whiten(np.where(np.isfinite(change), change, 0.0)))
     return projected / max(float(np.linalg.norm(projected)), 1e-300)
