@@ -1,10 +1,11 @@
-"""Wheels, geometry and marker of three robots by a plain fit of their trajectories; imports nothing of the product.
+"""Wheels, geometry and marker of three robots by a plain fit of trajectories, without the product.
 
     python -m benchmarks.gap.reference_rovers DATA [--json FILE]
 
-DATA holds `diff`, `tricyc` and `omni3` of the optiodom recordings. Wheel ticks are integrated over stretches of
-4 s; where the marker ends, seen from where it began, is fitted to the motion capture. Free are the wheels, the
-geometry, and place and yaw of the marker on the robot. The 95 % interval is that of the jackknife over runs.
+DATA holds `diff`, `tricyc` and `omni3` of the optiodom recordings. Wheel ticks are integrated over stretches
+of 4 s; where the marker ends, seen from where it began, is fitted to the motion capture. Free are the wheels,
+the geometry, and place and yaw of the marker on the robot. The 95 % interval is that of the jackknife over
+runs.
 """
 
 import argparse
@@ -180,7 +181,9 @@ def reference(name: str, folder: Path) -> dict[str, object]:
         ]
     )
     count = len(by_run)
-    spread = np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
+    spread = np.sqrt(
+        (count - 1) / count * np.sum((np.array(left_out) - np.mean(left_out, axis=0)) ** 2, axis=0)
+    )
     half = float(stats.t.ppf(0.975, count - 1)) * spread
     return {
         "runs": count,
@@ -213,9 +216,8 @@ def main() -> None:
         parameters = table["parameters"]
         assert isinstance(parameters, dict)
         for one, row in parameters.items():
-            print(
-                f"  {one} {row['value']:.5f} ({row['low']:.5f} to {row['high']:.5f}), nominal {row['nominal']}"
-            )
+            interval = f"{row['low']:.5f} to {row['high']:.5f}"
+            print(f"  {one} {row['value']:.5f} ({interval}), nominal {row['nominal']}")
     if arguments.json is not None:
         arguments.json.write_text(json.dumps(tables, indent=2) + "\n", "utf-8")
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -109,23 +110,20 @@ def _with_base_parameters(analysis: Analysis, seed: int, advance: Callable[[str]
     if plan is None:
         return analysis
     locked = [run for run in analysis.runs if run.name in plan.confirm]
-
-    def trial_of(name: str) -> Trial:
-        advance(f"comparing with the nominal {name}")
-        if machine is not None:
-            return machine_trial(machine, fitted, locked, seed, name)
-        return model_trial(findings.prepared, best, findings.naming.inflation, locked, name)
-
-    machine, findings = analysis.machine, analysis.findings
-    if machine is not None:
+    if analysis.machine is not None:
+        machine = analysis.machine
         fitted = machine.best if verdict.effects else machine.base
         rows = machine_bases(machine, fitted)
-    elif findings is not None:
+        trial_of: Callable[[str], Trial] = partial(machine_trial, machine, fitted, locked, seed)
+    elif analysis.findings is not None:
+        findings = analysis.findings
         best = findings.best if verdict.effects else None
         start = findings.prepared.start if best is None else best.fit
         rows = model_bases(findings.prepared, start, verdict_rules.intervals(findings, start))
+        trial_of = partial(model_trial, findings.prepared, best, findings.naming.inflation, locked)
     else:
         return analysis
+    advance("comparing base parameters with their nominal values")
     return replace(analysis, verdict=with_base_parameters(verdict, judged(rows, trial_of)))
 
 

@@ -41,14 +41,26 @@ def find_alternative_terms(prepared: Prepared, naming: Naming, best: Explanation
     return found
 
 
-def equal_term(prepared: Prepared, part: Fit, best: Fit, gain: float) -> str:
-    """Return the best term for the residual of a part of an explanation, if it explains enough."""
+def equal_term(
+    prepared: Prepared, part: Fit, best: Fit, gain: float, *, is_alike_counted: bool = True
+) -> str:
+    """Return the best term for the residual of a part of an explanation, if it explains enough.
+
+    Args:
+        prepared: Observations and terms.
+        part: The fit without what the term would replace.
+        best: The fit with it.
+        gain: What it explains.
+        is_alike_counted: A term of the same shape counts where it explains more; else never.
+    """
     noise, observations = prepared.noise, prepared.problem.observations
     effect = _change(prepared, part, best)
     reach = set_reach(noise.freedom)
     enough = {}
     for score in score_all(part, noise, directions(observations, noise, prepared.terms), is_steady=True):
         is_alike = abs(float(score.projected @ effect)) >= EXPLAIN.naming.alike
+        if is_alike and not is_alike_counted:
+            continue
         explained = one_sided_z(score) ** 2
         if explained >= gain + (reach if is_alike else -reach):
             enough[score.direction.name] = explained

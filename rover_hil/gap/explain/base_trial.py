@@ -54,7 +54,8 @@ def model_trial(
         name: The base parameter.
     """
     noise, observations = prepared.noise, prepared.problem.observations
-    names, best, cost = (), prepared.start, prepared.start.cost
+    names: tuple[str, ...] = ()
+    best, cost = prepared.start, prepared.start.cost
     if found is not None:
         names, best, cost = found.names, found.fit, found.cost
     held = Problem(prepared.problem.model, observations, (name,))
@@ -89,7 +90,9 @@ def model_trial(
         rivals = [search.explain((*names, one.card.name)) for one in others[: EXPLAIN.naming.top]]
         equals += [one.names for one in rivals if is_as_good(one.fit, one.cost)]
     if not equals and not observations.is_steady:
-        term = equal_term(replace(prepared, problem=held), part_fit, best, part_cost - cost)
+        # A term of the same shape is the parameter written as an equation.
+        without = replace(prepared, problem=held)
+        term = equal_term(without, part_fit, best, part_cost - cost, is_alike_counted=False)
         equals += [(f"a term {term}",)] if term else []
     runs = LockedRuns(prepared, locked)
     before, after = runs.errors(part_fit.point), runs.errors(best.point)
