@@ -81,6 +81,7 @@ class Case:
         is_unplug: The plug is pulled.
         pause_s: How long the process does not run.
         by_heading: Only a heading can show it, once the gyro has turned wrongly by `HEADING_SHOWS_RAD`.
+        is_excited: Whether a Robotino excites its yaw to read its slip.
         why: Of a fault that cannot be noticed: why not.
     """
 
@@ -96,6 +97,7 @@ class Case:
     is_unplug: bool = False
     pause_s: float = 0.0
     by_heading: bool = False
+    is_excited: bool = True
     why: str = ""
 
     @property

@@ -6,7 +6,7 @@ The truth is the plant's. Only the log is read, never a filter or a rule.
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -189,12 +189,13 @@ def add_truth(story: Story) -> None:
         moment.truth = (float(x), float(y), float(yaw))
 
 
-def measure(title: str) -> Row:
+def measure(title: str, is_excited: bool = True) -> Row:
     """Run the case with this title on simulated time; return its row.
 
     A worker process finds it here: it cannot import the module of the command.
     """
     case = next(case for case in all_cases() if case.title == title)
+    case = replace(case, is_excited=is_excited)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
         _, window = run_case(case, path)

@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.safety.faults.cases import Case
 from benchmarks.safety.faults.injection import Window, inject
+from controllers.slip.effort.settings import SURFACES
 from drivers.clock import VirtualClock, nanoseconds
 from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import collect_data_files
@@ -31,6 +32,8 @@ def rover_config(case: Case) -> Config:
     A frame costs more than all the rest, and the camera stops nothing.
     """
     config = load_config(case.rover)
+    if not case.is_excited and config.slip is not None:
+        config = config.model_copy(update={"slip": config.slip.model_copy(update={"use": SURFACES})})
     if case.rover != "el-dorado" or case.device == "camera":
         return config
     table = config.model_dump(by_alias=True)

@@ -1,0 +1,154 @@
+"""Rectangles on floors of `tests/nature`, which share no code with an estimator and were fitted to none."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.safety.missions import drive, with_fixes
+from controllers.motion.mission import corner_points
+from controllers.safety import Mode
+from rover_hil.config import Config, load_config
+from rover_hil.tune.metrics import TruePath, closure_m, path_rms_m
+from tests.nature.floors import NATURES, Nature
+
+BAR_PATH_M, BAR_CLOSURE_M = 0.045, 0.100
+FIXES_PER_S = 0.5
+FIRST_FLOOR = 100
+"""Of `make gates`. Floors 0 to 39 are those of the quantiles of slip in `tests/nature/floors`."""
+FIRST_FULL_FLOOR = 200
+"""Of `make gates-full`; nothing is tuned on these."""
+DIFFERENTIAL = Path(__file__).parents[2] / "docs" / "examples" / "differential.toml"
+TWO_WHEELS = "tread, two wheels"
+VERSIONS = ("encoders and gyro", "shipped", "secant")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """A row of the table: missions of one version on the floors of one nature.
+
+    Attributes:
+        nature: Name of the contact law.
+        version: How slip is known, one of `VERSIONS`.
+        has_fixes: With pose fixes every two seconds.
+    """
+
+    nature: str
+    version: str
+    has_fixes: bool
+
+    @property
+    def title(self) -> str:
+        """Name of the row."""
+        return f"{self.nature}, {self.version}, {'fixes' if self.has_fixes else 'no fixes'}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """The true way of a mission.
+
+    Attributes:
+        has_finished: The mission was driven to its end.
+        path_m: Rms distance from the rectangle.
+        closure_m: Distance of the end from the start.
+    """
+
+    has_finished: bool
+    path_m: float
+    closure_m: float
+
+    @property
+    def is_within(self) -> bool:
+        """Whether it is within the bars of path and closure."""
+        return self.has_finished and self.path_m <= BAR_PATH_M and self.closure_m <= BAR_CLOSURE_M
+
+
+def cells(versions: Sequence[str]) -> Iterator[Cell]:
+    """Yield the rows of these versions; the rover with two wheels has no map of slip."""
+    for nature in NATURES:
+        for version in versions:
+            if nature.name == TWO_WHEELS and version != VERSIONS[0]:
+                continue
+            for has_fixes in (False, True):
+                yield Cell(nature=nature.name, version=version, has_fixes=has_fixes)
+
+
+def configure(cell: Cell, seed: int) -> Config:
+    """Return the rover of a row, with noise of `seed`."""
+    if cell.nature == TWO_WHEELS:
+        config = _with_the_rectangle_of_the_robotino(load_config(str(DIFFERENTIAL)))
+    else:
+        config = _with_slip_by(load_config("robotino"), cell.version)
+    simulation = config.require_simulation().model_copy(update={"seed": seed})
+    config = config.model_copy(update={"simulation": simulation})
+    return with_fixes(config, FIXES_PER_S) if cell.has_fixes else config
+
+
+def _with_slip_by(config: Config, version: str) -> Config:
+    if version == VERSIONS[0]:
+        return config.model_copy(update={"slip": None})
+    if version == "secant":
+        assert config.slip is not None
+        assert config.slip.maps.yaw_probe is not None
+        same = (0.0, 1.0)
+        probe = config.slip.maps.yaw_probe.model_copy(
+            update={"reads": "loss", "transmission_losses": same, "slips": same}
+        )
+        maps = config.slip.maps.model_copy(update={"yaw_probe": probe})
+        return config.model_copy(update={"slip": config.slip.model_copy(update={"maps": maps})})
+    return config
+
+
+def _with_the_rectangle_of_the_robotino(config: Config) -> Config:
+    rectangle = {"length_m": 0.9, "width_m": 0.4, "speed_m_s": 0.15}
+    assert config.mission is not None
+    return config.model_copy(update={"mission": config.mission.model_copy(update=rectangle)})
+
+
+def drive_floor(cell: Cell, seed: int) -> Way:
+    """Drive the rectangle on the floor of `seed`; the same arguments give the same way."""
+    nature = _nature(cell.nature)
+    floor, config = nature.draw_floor(seed), configure(cell, seed)
+    driven = drive(
+        config,
+        limit_s=config.loop.time_limit_s,
+        make_plant=lambda start_ns: nature.plant(floor, np.random.default_rng(seed), start_ns),
+    )
+    x_m, y_m, yaw_rad = np.array([moment.truth for moment in driven.moments]).T
+    assert config.mission is not None
+    path, corners = TruePath(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad), corner_points(config.mission)
+    return Way(
+        has_finished=driven.mode is Mode.FINISHED,
+        path_m=path_rms_m(path, corners),
+        closure_m=closure_m(path, corners),
+    )
+
+
+def _nature(name: str) -> Nature:
+    return next(nature for nature in NATURES if nature.name == name)
+
+
+def row_of(ways: Sequence[Way]) -> dict[str, float]:
+    """Return the figures of a row: counts, and medians in mm."""
+    within, floors = sum(way.is_within for way in ways), len(ways)
+    low, high = wilson_interval(within, floors)
+    return {
+        "floors": floors,
+        "within": within,
+        "95 % from %": round(100.0 * low),
+        "to %": round(100.0 * high),
+        "finished": sum(way.has_finished for way in ways),
+        "path mm": round(1e3 * float(np.median([way.path_m for way in ways])), 1),
+        "closure mm": round(1e3 * float(np.median([way.closure_m for way in ways])), 1),
+    }
+
+
+def wilson_interval(hits: int, trials: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share, by the score of Wilson (1927)."""
+    z = 1.96
+    share, width = hits / trials, z * z / trials
+    middle = (share + width / 2.0) / (1.0 + width)
+    half = z * math.sqrt(share * (1.0 - share) / trials + width / trials / 4.0) / (1.0 + width)
+    return max(0.0, middle - half), min(1.0, middle + half)
