@@ -1,4 +1,4 @@
-# make setup | run | test | test-slow | test-nightly | test-kernel | safety-coverage | check | reference | site | wheel | mutation
+# make setup | run | test | test-slow | test-nightly | test-kernel | gates | gates-full | safety-coverage | check | reference | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SLOW_FILES = $(shell grep -rl "mark\.slow" tests --include "test_*.py" --exclude-dir bench)
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-slow test-nightly test-kernel safety-coverage check reference site wheel mutation
+.PHONY: setup run test test-slow test-nightly test-kernel gates gates-full safety-coverage check reference site wheel mutation
 
 setup: $(STAMP)
 
@@ -41,6 +41,15 @@ test-nightly: setup
 # Part of the nightly, not of `make test`: minutes, and 90 MB of Debian's packages in .cache/kernel the first time.
 test-kernel: setup
 	$(BIN)/python .ci/kernel
+
+# What must not get worse, against docs/results/gates.md: a quarter of an hour on two cores.
+gates: setup
+	$(BIN)/python -m benchmarks.gates
+
+# Prints the table of docs/results/floors.md: 60 other floors, all versions. Nothing is tuned on it.
+gates-full: setup
+	$(BIN)/python -m benchmarks.gates --full
+	$(BIN)/python -m benchmarks.safety.faults --two-processes
 
 safety-coverage: setup
 	$(BIN)/python -m coverage run -m pytest -q -n 0 tests/controllers/safety tests/controllers/test_limits.py \

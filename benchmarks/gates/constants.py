@@ -1,0 +1,224 @@
+"""Every number of estimators, monitors and stop rules, and what a change by 20 % does to two missions.
+
+    python -m benchmarks.gates.constants > numbers.md      # half an hour on two cores
+
+Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how
+many mm the path of the Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a floor of
+`tests/nature`, without and with pose fixes. Those of sComp are of another rover, see docs/results/scomp.md.
+"""
+
+import ast
+import importlib
+import math
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache, partial
+from pathlib import Path
+from unittest import mock
+
+from pydantic import BaseModel
+from rich.console import Console
+from rich.progress import track
+
+from benchmarks.gates import floors
+from benchmarks.gates.floors import FIRST_FLOOR, VERSIONS, Cell, drive_floor
+from benchmarks.sensitivity import FACTORS, varied
+from drivers.clock import wall_time_text
+from rover_hil.config import Config
+from rover_hil.parallel.executor import open_executor
+
+ROOT = Path(__file__).parents[2]
+OF_SCOMP = "controllers.slip.scomp"
+FOLDERS = ("controllers/slip", "controllers/estimation", "controllers/safety")
+ROBOTINO = tuple(
+    Cell(nature="bristle", version=VERSIONS[1], has_fixes=has_fixes) for has_fixes in (False, True)
+)
+CONFIGURE = floors.configure
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number in a file.
+
+    Attributes:
+        module: Name of its module.
+        owner: Class whose default it is; empty where it is the module's own.
+        name: Its name there.
+        text: Its value as written.
+    """
+
+    module: str
+    owner: str
+    name: str
+    text: str
+
+    @property
+    def title(self) -> str:
+        """Its name in the table."""
+        return ".".join(
+            part for part in (self.module.removeprefix("controllers."), self.owner, self.name) if part
+        )
+
+
+def numbers(root: Path = ROOT) -> Iterator[Number]:
+    """Yield every number of the folders: constants of modules, and defaults of parameters and settings."""
+    for folder in FOLDERS:
+        for path in sorted((root / folder).rglob("*.py")):
+            module = ".".join(path.relative_to(root).with_suffix("").parts)
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            for name, value in _assigned(tree):
+                yield Number(module, "", name, ast.unparse(value))
+            for node in tree.body:
+                if isinstance(node, ast.ClassDef) and node.name.endswith(("Parameters", "Settings", "Map")):
+                    for name, value in _assigned(node):
+                        yield Number(module, node.name, name, ast.unparse(value))
+
+
+def _assigned(node: ast.Module | ast.ClassDef) -> Iterator[tuple[str, ast.expr]]:
+    for statement in node.body:
+        if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
+            name, value = statement.targets[0].id, statement.value
+        elif isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+            name, value = statement.target.id, statement.value or ast.Constant(None)
+        else:
+            continue
+        if _is_number(value):
+            yield name, value
+
+
+def _is_number(node: ast.expr) -> bool:
+    """Return whether an expression is arithmetic and holds a number other than 0."""
+    parts = [part for part in ast.walk(node) if isinstance(part, ast.Constant)]
+    kinds = (
+        ast.Constant,
+        ast.BinOp,
+        ast.UnaryOp,
+        ast.operator,
+        ast.unaryop,
+        ast.Call,
+        ast.Attribute,
+        ast.Name,
+        ast.Load,
+    )
+    is_arithmetic = all(isinstance(part, kinds) for part in ast.walk(node))
+    return is_arithmetic and any(type(part.value) in (int, float) and part.value for part in parts)
+
+
+@contextmanager
+def changed(number: Number, factor: float) -> Iterator[None]:
+    """Give a number another value for a while; every user that reads it from its place sees it."""
+    module = importlib.import_module(number.module)
+    if not number.owner:
+        usual = getattr(module, number.name)
+        setattr(module, number.name, varied(usual, factor))
+        try:
+            yield
+        finally:
+            setattr(module, number.name, usual)
+        return
+    owner = getattr(module, number.owner)
+    if not is_dataclass(owner):
+        with mock.patch.object(floors, "configure", partial(_configured, owner, number.name, factor)):
+            yield
+        return
+    group = next(each for each in _groups(module) if type(each) is owner)
+    usual = getattr(group, number.name)
+    object.__setattr__(group, number.name, varied(usual, factor))
+    try:
+        yield
+    finally:
+        object.__setattr__(group, number.name, usual)
+
+
+def _configured(owner: type, name: str, factor: float, cell: Cell, seed: int) -> Config:
+    """Return the rover of a row with a setting changed, wherever its configuration has it."""
+    config = CONFIGURE(cell, seed)
+    for settings in _settings(config):
+        if isinstance(settings, owner) and vars(settings)[name] is not None:
+            vars(settings)[name] = varied(vars(settings)[name], factor)
+    return config
+
+
+def _settings(value: object) -> Iterator[BaseModel]:
+    if isinstance(value, BaseModel):
+        yield value
+        value = vars(value)
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        for part in value:
+            yield from _settings(part)
+
+
+def _groups(module: object) -> Iterator[object]:
+    """Yield the groups of numbers in the objects of a module."""
+    for value in vars(module).values():
+        if is_dataclass(value) and not isinstance(value, type):
+            yield value
+            yield from (getattr(value, field.name) for field in fields(value))
+
+
+Figures = dict[str, float]
+
+
+@cache
+def usual_figures() -> Figures:
+    """Return the figures as shipped."""
+    return figures()
+
+
+def figures() -> Figures:
+    """Return what is watched, in mm; infinite where a mission did not end as it should."""
+    found = {}
+    for cell in ROBOTINO:
+        way = drive_floor(cell, FIRST_FLOOR)
+        found["fixes" if cell.has_fixes else "no fixes"] = 1e3 * way.path_m if way.has_finished else math.inf
+    return found
+
+
+def changes(number: Number) -> dict[str, str]:
+    """Return the row of a number: by how many mm each figure changes at 0.8 and 1.2."""
+    usual = usual_figures()
+    if number.module.startswith(OF_SCOMP):
+        return dict.fromkeys(usual, "of another rover")
+    found: list[Figures | str] = []
+    for factor in FACTORS:
+        try:
+            with changed(number, factor):
+                found.append(figures())
+        except ValueError as error:  # out of its range
+            found.append(type(error).__name__)
+    return {
+        name: " / ".join(
+            _change(each if isinstance(each, str) else each[name] - usual[name]) for each in found
+        )
+        for name in usual
+    }
+
+
+def _change(value: float | str) -> str:
+    if isinstance(value, str):
+        return "refused"
+    if math.isnan(value):
+        return "0"
+    return "stopped" if math.isinf(value) else f"{value:+.1f}" if abs(value) >= 0.05 else "0"
+
+
+def main() -> int:
+    """Print the table."""
+    every, day = list(numbers()), wall_time_text()
+    today = f"{day[:4]}-{day[4:6]}-{day[6:8]}"
+    with open_executor() as pool:
+        print("| number | value | no fixes, mm | fixes, mm | date |")
+        print("|---|---|---|---|---|")
+        found = track(pool.map(changes, every), total=len(every), console=Console(stderr=True))
+        for number, row in zip(every, found, strict=True):
+            cells = [number.title, number.text, *row.values(), today]
+            print(f"| {' | '.join(cells)} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
