@@ -46,7 +46,7 @@ test-kernel: setup
 gates: setup
 	$(BIN)/python -m benchmarks.gates
 
-# Prints the table of docs/results/floors.md: 60 other floors, all versions. Nothing is tuned on it.
+# Prints the table "Versions" of docs/results/gates.md: 60 other floors, all versions. Nothing is tuned on it.
 gates-full: setup
 	$(BIN)/python -m benchmarks.gates --full
 	$(BIN)/python -m benchmarks.safety.faults --two-processes
