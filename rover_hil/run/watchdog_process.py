@@ -48,7 +48,7 @@ class WatchdogProcess:
         self._silent_periods = max(1, round(expiry_s * 1000.0 / program.PERIOD_MS))
         self._note = note
         self._file = -1
-        self._counts = memoryview(bytearray(8)).cast("Q")
+        self._counts = memoryview(bytearray(program.PAGE_SIZE)).cast("Q")
         self._process: subprocess.Popen[bytes] | None = None
         self._life = LifeWatch(self, SILENT_S, f"watchdog: no sign of life for {SILENT_S:g} s")
         self._lost = ""
@@ -96,6 +96,7 @@ class WatchdogProcess:
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
+            self._counts = memoryview(bytearray(self._counts)).cast("Q")  # lets go of the shared page
 
     @property
     def count(self) -> int:
