@@ -38,10 +38,13 @@ ROVERS = {
     "Robotino, board EA05": CONFIGS / "robotino.toml",
     "Robotino 3, board EA09": EXAMPLES / "robotino3_board.toml",
     "CAN by DBC": CONFIGS / "el-dorado.toml",
-    "ODrive": EXAMPLES / "differential.toml",
+    "ODrive": CONFIGS / "el-dorado.toml",
+    "steered CAN wheels": CONFIGS / "el-dorado-crab.toml",
     "CANopen": EXAMPLES / "canopen_wheels.toml",
     "VESC": EXAMPLES / "vesc.toml",
 }
+MAPPINGS = {"ODrive": "odrive_0_6"}
+"""In place of the configuration's own."""
 STUCK_FILE = "stuck"
 STUCK_S = 600
 BAR_S = 0.3
@@ -112,9 +115,10 @@ def speeds(folder: Path) -> list[tuple[int, float]]:
 
 
 @contextmanager
-def driving(config: Path, folder: Path) -> "Iterator[subprocess.Popen[bytes]]":
+def driving(name: str, folder: Path) -> "Iterator[subprocess.Popen[bytes]]":
     """Give the process of a loop that drives its simulated rover."""
-    (folder / "rover.toml").write_text(CAMERA.sub("", config.read_text()))
+    text = CAMERA.sub("", ROVERS[name].read_text())
+    (folder / "rover.toml").write_text(text.replace("generic_wheel", MAPPINGS.get(name, "generic_wheel")))
     itself = "benchmarks.safety.hung_loop"
     with started(folder, itself, "--serve"):
         wait_for((folder / "truth.txt").exists, "the simulated rover does not begin")
@@ -135,7 +139,7 @@ def measure(name: str, case: str) -> tuple[bool, str]:
     """Return whether a case is within its bar, and its row."""
     with tempfile.TemporaryDirectory() as folder_name:
         folder = Path(folder_name)
-        with driving(ROVERS[name], folder) as program:
+        with driving(name, folder) as program:
             before = max(speed for _, speed in speeds(folder)[-5:])
             act_ns = CLOCK.now_ns()
             CASES[case](program.pid, folder)
@@ -194,7 +198,7 @@ def count_ends(times: int) -> int:
         with tempfile.TemporaryDirectory() as folder_name, loaded_machine():
             folder = Path(folder_name)
             name = list(ROVERS)[number % len(ROVERS)]
-            with driving(ROVERS[name], folder) as program:
+            with driving(name, folder) as program:
                 program.wait(WAIT_S)
             said = (folder / "--loop.txt").read_text(errors="replace")
             told = [line.strip() for line in said.splitlines() if "watchdog" in line]
