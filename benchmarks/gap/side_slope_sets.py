@@ -20,7 +20,7 @@ def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:
     if findings is None or findings.best is None or not is_named(analysis.verdict.verdict):
         return None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    found = intervals(findings, findings.best)
+    found = intervals(findings, findings.best.fit)
     return ExtendedModel(model, describe_model(model, model.name, provenance, findings.best.fit, found))
 
 

@@ -697,6 +697,32 @@ def import_rosbag(
     sys.exit(import_bag(bag, topics_path=topics, out=out, force=force, as_json=json))
 
 
+@import_app.command("table")
+def import_table(
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Tables, one per drive: .csv or other text, .gz, .npy, .npz, .mat, .parquet."),
+    ],
+    columns: Annotated[Path, typer.Option(help="TOML file: which column holds what.")],
+    out: Annotated[Path, out_option("The log to write; for several tables the folder of their logs.")],
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Turn tables into logs, which replay exactly: all of them, or none where one is wrong.
+
+    Wheels, increments of distance and yaw, steering, angular rate, currents and true poses are used.
+
+    Example: `rover-hil import table table.csv --columns columns.toml --out table.mcap`
+
+    Data: `rover-hil sample table` writes the table and the file of columns; for yours,
+    docs/how-to/import_a_table.md names the keys.
+    """
+    with held_signals():
+        from rover_hil.app.import_table import import_tables
+
+    sys.exit(import_tables(files, columns_path=columns, out=out, force=force, as_json=json))
+
+
 def _spread(arguments: list[str], options: tuple[str, ...]) -> list[str]:
     """Return arguments with `--test A --test B` for `--test A B`, which the library does not parse."""
     spread: list[str] = []

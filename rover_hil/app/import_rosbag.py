@@ -5,14 +5,15 @@ from pathlib import Path
 
 from drivers.clock import seconds
 from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.app.import_contents import print_contents
 from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
+from rover_hil.importing.drive import START_NS, Contents
 from rover_hil.importing.rosbag.bag import bounded_memory
-from rover_hil.importing.rosbag.to_log import START_NS, Contents, write_bag_as_log
+from rover_hil.importing.rosbag.to_log import write_bag_as_log
 from rover_hil.importing.rosbag.topics import read_topics
 from rover_hil.pages.atomic_write import check_file, unfinished
-from rover_hil.terminal import Terminal
 
 
 def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json: bool) -> int:
@@ -30,20 +31,8 @@ def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json
         for contents in write_bag_as_log(path, topics, rover, part):
             step(f"importing, {seconds(contents.end_ns - START_NS):.0f} s of the bag are done")
     duration_s = seconds(contents.end_ns - START_NS)
-    console = Terminal(soft_wrap=True)
     if as_json:
         print_json({"log": str(out), "duration_s": duration_s, **asdict(contents)})
         return EXIT_OK
-    for section, count in contents.used.items():
-        console.print(f"{section}: {count} messages")
-    for section, count in contents.left_out.items():
-        console.print(f"{section}: {count} messages without usable numbers left out")
-    if contents.outside:
-        console.print(
-            f"{contents.outside} messages left out: recorded before the clock was set, at time 0 or far "
-            "from the others"
-        )
-    for note in contents.notes:
-        console.print(note)
-    console.print(f"{duration_s:.1f} s: {out}")
+    print_contents(contents, out, what="messages")
     return EXIT_OK

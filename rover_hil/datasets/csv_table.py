@@ -115,7 +115,7 @@ def read_csv(
         delimiter: Between cells, None for the first of tab, semicolon and comma in the file's first line; one
             at the end of every line is left out.
         header_lines: 1, with units in brackets behind the names; 3: long names, units, names; None: all above
-            the first number, the last holds the names.
+            the first number, the last holds the names; without any the columns are called 1, 2 and so on.
 
     Raises:
         RoverHilError: The file cannot be read, is shorter than its header, has a name twice, or is larger
@@ -135,7 +135,8 @@ def read_csv(
     count = _header_lines(rows) if header_lines is None else header_lines
     if len(rows) < count > 1:
         raise error(f"{path} has {len(rows)} lines, no header of {count}: is it such a file?")
-    header = rows[:count] or [()]
+    width = len(rows[0]) if rows else 0
+    header = rows[:count] or [tuple(map(str, range(1, width + 1))) if count == 0 else ()]
     named = [_name_and_unit(cell) for cell in header[-1]]
     for name, times in Counter(name for name, _ in named).items():
         if name and times > 1:

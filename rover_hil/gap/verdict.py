@@ -39,6 +39,44 @@ class FoundEffect:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FittedBase:
+    """A base parameter as the runs show it.
+
+    Attributes:
+        name: Of the parameter.
+        unit: Its unit.
+        nominal: What the model was given.
+        prior_sd: How well that was known.
+        value: Fitted.
+        ci95: Its 95 % interval.
+        pull: Distance of the value from the nominal one in prior deviations, with sign.
+        is_named: The runs prove that the nominal value is wrong and this one right.
+        why: Of a value that is far from the nominal one but not named: what is not proven.
+        equals: Explanations with the nominal value that explain the runs as well.
+    """
+
+    name: str
+    unit: str
+    nominal: float
+    prior_sd: float
+    value: float
+    ci95: tuple[float, float]
+    pull: float
+    is_named: bool = False
+    why: str = ""
+    equals: Sequence[Sequence[str]] = ()
+
+    def sentence(self) -> str:
+        """Return the value with its interval beside what the model was given."""
+        low, high = self.ci95
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return (
+            f"{self.name} is {self.value:.4g}{unit} ({low:.4g} to {high:.4g}), not {self.nominal:.4g}: "
+            f"{abs(self.pull):.1f} prior deviations"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """Content of `verdict.json`."""
 
@@ -47,6 +85,7 @@ class Verdict:
     p_gap: float | None = None
     where: Sequence[Mapping[str, str | float | int]] = ()
     effects: Sequence[FoundEffect] = ()
+    base_parameters: Sequence[FittedBase] = ()
     confidence_set: Sequence[Sequence[str]] = ()
     rejected: Sequence[Mapping[str, str]] = ()
     unnamed: Sequence[Mapping[str, str | float]] = ()
@@ -77,4 +116,18 @@ class Verdict:
             similar = f" (most similar effect: {one['closest']}, cosine {one['cosine']})"
             lines.append(f"Unexplained: {one['equation']}{similar if one['closest'] else ''}")
         lines += [f"Warning: {one}" for one in self.warnings]
+        lines += self._base_lines()
         return [*lines, f"Next run: {self.next_run}"] if self.next_run else lines
+
+    def _base_lines(self) -> list[str]:
+        """Return the base parameters as a table."""
+        if not self.base_parameters:
+            return []
+        rows = [("Base parameter", "value", "95 % interval", "unit", "nominal", "prior sd", "pull")]
+        for one in self.base_parameters:
+            low, high = one.ci95
+            interval = f"{low:.4g} to {high:.4g}"
+            numbers = (f"{one.nominal:.4g}", f"{one.prior_sd:.2g}", f"{one.pull:+.1f}")
+            rows.append((one.name, f"{one.value:.4g}", interval, one.unit, *numbers))
+        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+        return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -14,6 +14,7 @@ from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Findings
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
+from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.jackknife import jackknife
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
@@ -124,23 +125,9 @@ def _answer(findings: Findings) -> Answer:
         if findings.prepared.problem.observations.is_steady
         else EXPLAIN.verdict.whole_share_of_series
     )
-    if share < whole or (is_single and findings.alternatives) or _far_base_parameters(findings):
+    if share < whole or (is_single and findings.alternatives):
         return Answer.PARTLY_NAMED
     return Answer.NAMED if is_single else Answer.NAMED_SET
-
-
-def _far_base_parameters(findings: Findings) -> list[tuple[str, float]]:
-    """Return the base parameters that contradict the best explanation, and how far they are from nominal."""
-    best = findings.best
-    if best is None:
-        return []
-    cards = findings.prepared.problem.model.effects
-    released = {card.releases for card in cards if card.name in best.names}
-    return [
-        (item.key[1], abs(float(pull)))
-        for item, pull in zip(best.fit.free, best.fit.pull, strict=True)
-        if not item.key[0] and abs(pull) > EXPLAIN.verdict.far_sd and item.key[1] not in released
-    ]
 
 
 def explained_share(findings: Findings) -> float:
@@ -180,10 +167,9 @@ def is_named(answer: Answer) -> bool:
     return answer in (Answer.NAMED, Answer.NAMED_SET, Answer.PARTLY_NAMED)
 
 
-def intervals(findings: Findings, best: Explanation) -> dict[Key, tuple[float, float]]:
+def intervals(findings: Findings, fitted: Fit) -> dict[Key, tuple[float, float]]:
     """Return the 95 % interval of every fitted parameter; of series, wider where runs scatter."""
     prepared, factor = findings.prepared, interval_factor(findings)
-    fitted = best.fit
     keys = [item.key for item in fitted.free]
     widenings = [1.0 for _ in keys]
     if not prepared.problem.observations.is_steady:
@@ -198,7 +184,7 @@ def intervals(findings: Findings, best: Explanation) -> dict[Key, tuple[float, f
 def found_effects(findings: Findings, best: Explanation) -> list[FoundEffect]:
     """Return the effects of an explanation with intervals."""
     cards = {card.name: card for card in findings.prepared.problem.model.effects}
-    ci95 = intervals(findings, best)
+    ci95 = intervals(findings, best.fit)
     effects = []
     for name in best.names:
         parameters = {
@@ -250,8 +236,6 @@ def _unsure(findings: Findings) -> str:
     for name, alternative in findings.alternatives.items():
         channel, term = alternative.split(": ", 1)
         text += f"; a term {term} in {channel} explains as much as {name}"
-    for name, distance in _far_base_parameters(findings):
-        text += f"; {name} is {distance:.1f} prior deviations from its nominal value"
     return text
 
 

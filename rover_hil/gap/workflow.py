@@ -2,15 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
 from rover_hil.gap import verdict_rules
+from rover_hil.gap.base_parameters import Trial, judged, with_base_parameters
 from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.explain.alternative_models import find_alternative_terms
+from rover_hil.gap.explain.base_trial import model_bases, model_trial
 from rover_hil.gap.explain.candidates import candidate_directions
 from rover_hil.gap.explain.gap_test import GapTest, find_gap
 from rover_hil.gap.explain.holdout_validation import validate
@@ -22,6 +25,7 @@ from rover_hil.gap.explain.residual_equations import Equation, find_equations
 from rover_hil.gap.explain.search import Explanation
 from rover_hil.gap.findings import Analysis, Findings
 from rover_hil.gap.machines.analysis import analyse_machine
+from rover_hil.gap.machines.base_trial import machine_bases, machine_trial
 from rover_hil.gap.machines.next_run.allowed import Allowed
 from rover_hil.gap.machines.next_run.planned import require_durations
 from rover_hil.gap.machines.next_run.proposal import propose_run
@@ -76,6 +80,7 @@ def analyse(
         require_durations(model, runs, allowed)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance, announce)
     analysis = _with_next_run(analysis, allowed or Allowed(), seed, advance)
+    analysis = _with_base_parameters(analysis, seed, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
         for one in missing_values(model, runs)
@@ -97,6 +102,29 @@ def _with_next_run(
     tables = [option_table(proposal, one, rank) for rank, one in enumerate(proposal.options)]
     verdict = replace(verdict, next_run=proposal_sentence(proposal), next_runs=tables)
     return replace(analysis, verdict=verdict, proposal=proposal)
+
+
+def _with_base_parameters(analysis: Analysis, seed: int, advance: Callable[[str], None]) -> Analysis:
+    """Return an analysis with its base parameters, and those far from nominal in its verdict."""
+    plan, verdict = analysis.plan, analysis.verdict
+    if plan is None:
+        return analysis
+    locked = [run for run in analysis.runs if run.name in plan.confirm]
+    if analysis.machine is not None:
+        machine = analysis.machine
+        fitted = machine.best if verdict.effects else machine.base
+        rows = machine_bases(machine, fitted)
+        trial_of: Callable[[str], Trial] = partial(machine_trial, machine, fitted, locked, seed)
+    elif analysis.findings is not None:
+        findings = analysis.findings
+        best = findings.best if verdict.effects else None
+        start = findings.prepared.start if best is None else best.fit
+        rows = model_bases(findings.prepared, start, verdict_rules.intervals(findings, start))
+        trial_of = partial(model_trial, findings.prepared, best, findings.naming.inflation, locked)
+    else:
+        return analysis
+    advance("comparing base parameters with their nominal values")
+    return replace(analysis, verdict=with_base_parameters(verdict, judged(rows, trial_of)))
 
 
 def _analyse(

@@ -4,19 +4,18 @@ Source: GitHub robomechanics/3d-terramechanics @ 55a6e92 (MIT-style licence), as
 docs/results/terrain.md.
 """
 
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 
 from drivers.errors import LogError
-from drivers.files import TABLE_BYTES, read_packed_bytes, read_text
 from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.csv_table import read_csv
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion
 from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest
 
+FIX = "give the files of the test bed"
 PLATE_DIAMETERS_M = {1: 0.06, 2: 0.06, 3: 0.06, 4: 0.1, 5: 0.1, 6: 0.1, 7: 0.08, 8: 0.08, 9: 0.08}
 """Round plates of the tests 1 to 9."""
 REST_SAMPLES = 200
@@ -57,13 +56,9 @@ def read_cmu_wheel(path: Path) -> WheelTests:
     Raises:
         LogError: The file is missing or lacks a column.
     """
-    try:
-        rows = list(csv.DictReader(io.StringIO(read_text(path, TABLE_BYTES))))
-        table = {name: np.array([float(row[name]) for row in rows]) for name in _WHEEL_COLUMNS}
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise LogError(
-            f"{path}: is no table of wheel tests ({error}); give the CSV of the test bed."
-        ) from None
+    cells = read_csv(path)
+    cells.require(_WHEEL_COLUMNS, FIX)
+    table = {name: cells.numbers(name, fix=FIX, is_needed=True) for name in _WHEEL_COLUMNS}
     angle = np.radians(table["beta_deg"])
     speed = table["V_mm_s"] / 1000.0
     motion = Motion(table["r_omega_mm_s"] / 1000.0, speed * np.cos(angle), speed * np.sin(angle))
@@ -100,7 +95,7 @@ def _read_plate(folder: Path, number: int, diameter_m: float) -> PlateTest:
         force = _table(folder / f"{name}_ft.csv.gz", skip=1)
         height_mm, clock_s = position[:, 4], position[:, 6]
         time_s, raw_n = force[:, 0], -force[:, 3]
-    except (OSError, IndexError, ValueError) as error:
+    except (IndexError, ValueError) as error:
         raise LogError(f"{folder / name}: is no plate test ({error}); give the test bed's files.") from None
     hours = round((time_s[0] - clock_s[0]) / 3600.0)
     down_m = -np.interp(time_s, clock_s + 3600.0 * hours, height_mm) / 1000.0
@@ -114,5 +109,5 @@ def _read_plate(folder: Path, number: int, diameter_m: float) -> PlateTest:
 
 
 def _table(path: Path, skip: int) -> Array:
-    lines = read_packed_bytes(path, TABLE_BYTES).decode("utf-8").splitlines()
-    return np.array([[float(x) for x in line.split(",")] for line in lines[skip:] if line.strip()])
+    cells = read_csv(path, header_lines=skip)
+    return np.column_stack([cells.numbers(name, fix=FIX, is_needed=True) for name in cells.names])

@@ -83,7 +83,7 @@ class WheelsModel:
             rover, wheels, self._contact(base, active), weight - acceleration @ rover.mass.T
         )
         age_s = base["pose_age_s"] + active["latency"]["time"]
-        forward, left, turn = (_shifted(t_s, one, age_s) for one in twist.T)
+        forward, left, turn = (_shifted(t_s, one, age_s) for one in _at_marker(twist, base).T)
         rate = _shifted(t_s, twist[:, 2], base["gyro_age_s"])
         return {
             "forward_m_s": forward,
@@ -131,6 +131,14 @@ class WheelsModel:
         return np.stack((x_n, y_n, ahead_m * y_n - aside_m * x_n), axis=1)
 
 
+def _at_marker(twist: Array, base: Values) -> Array:
+    """Return the motion of the point that the poses are of, along the axes of their yaw."""
+    forward = twist[:, 0] - base["marker_y_m"] * twist[:, 2]
+    left = twist[:, 1] + base["marker_x_m"] * twist[:, 2]
+    cosine, sine = math.cos(base["marker_yaw_rad"]), math.sin(base["marker_yaw_rad"])
+    return np.stack((cosine * forward + sine * left, cosine * left - sine * forward, twist[:, 2]), axis=1)
+
+
 def _shifted(t_s: Array, rate: Array, age_s: float) -> Array:
     """Return the rates that a pose of this age shows; a negative one is ahead of the wheels."""
     if age_s >= 0.0:
@@ -165,6 +173,11 @@ def _parameters(wheels: int) -> tuple[Parameter, ...]:
             "logarithm of true over configured stiffness",
         ),
         parameter("pose_age_s", "s", 0.0, 0.02, -1.0, 1.0, "age of the pose beyond that of the wheels"),
+        parameter(
+            "marker_x_m", "m", 0.0, 0.005, -1.0, 1.0, "place of the poses forward of the rover's origin"
+        ),
+        parameter("marker_y_m", "m", 0.0, 0.005, -1.0, 1.0, "place of the poses to the left of it"),
+        parameter("marker_yaw_rad", "rad", 0.0, 0.01, -3.2, 3.2, "yaw of the poses over that of the rover"),
         parameter("gyro_age_s", "s", 0.0, 0.02, -1.0, 1.0, "the same of the gyro's rate"),
         parameter("gyro_bias_rad_s", "rad/s", 0.0, 0.001, -0.3, 0.3, "what calibration at rest leaves"),
     )

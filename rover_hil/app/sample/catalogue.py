@@ -54,6 +54,11 @@ SAMPLES: Mapping[str, Sample] = {
         ("first_rosbag2", "topics.toml"),
         drives.write_bag,
     ),
+    "table": Sample(
+        "a drive as a table, and which of its columns hold what",
+        ("table.csv", "columns.toml"),
+        drives.write_table,
+    ),
     "drive": Sample(
         "a drive on sand as a CSV file, and its tracked path",
         ("drive.csv", "tracker.csv"),

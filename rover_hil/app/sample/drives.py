@@ -41,6 +41,29 @@ topic = "/imu/imu"
 [truth]
 topic = "/ground_truth"
 """
+TABLE_COLUMNS = """rover = "robotino"
+
+[time]
+column = "t"
+unit = "ms"
+
+[[wheel]]
+position = { column = "wheel1", unit = "deg" }
+current = { column = "current1", unit = "mA" }
+
+[[wheel]]
+position = { column = "wheel2", unit = "deg" }
+current = { column = "current2", unit = "mA" }
+
+[[wheel]]
+position = { column = "wheel3", unit = "deg" }
+current = { column = "current3", unit = "mA" }
+
+[truth]
+x = { column = "x", unit = "mm" }
+y = { column = "y", unit = "mm" }
+yaw = { column = "yaw", unit = "deg" }
+"""
 DRIVE_S = 100.0
 DRIVE_POINTS_M = ((2.0, 0.0), (4.0, 1.5), (6.0, 0.5))
 DRIVE_NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad")
@@ -79,6 +102,18 @@ def write_bag(folder: Path) -> None:
         run_virtual(load_config("robotino"), log, BAG_S, None)
         write_rosbag2(LogReader(log), folder / "first_rosbag2", lambda: None)
     (folder / "topics.toml").write_text(BAG_TOPICS, "utf-8")
+
+
+def write_table(folder: Path) -> None:
+    """Write a drive of the simulated Robotino as a table, and the file of its columns."""
+    table = _recorded(load_config("robotino"), BAG_S).table(ROBOTINO_NAMES)
+    columns = {"t": 1e3 * table["t_s"]}
+    for motor in MOTORS:
+        columns[f"wheel{motor}"] = np.degrees(table[f"enc{motor}_rad"])
+        columns[f"current{motor}"] = 1e3 * table[f"current{motor}_a"]
+    columns |= {"x": 1e3 * table["x_m"], "y": 1e3 * table["y_m"], "yaw": np.degrees(table["psi_rad"])}
+    _write(folder / "table.csv", columns)
+    (folder / "columns.toml").write_text(TABLE_COLUMNS, "utf-8")
 
 
 def write_drive(folder: Path) -> None:

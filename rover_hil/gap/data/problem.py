@@ -143,11 +143,13 @@ class Problem:
     Args:
         model: The simulator.
         observations: Measured values.
+        held: Base parameters that are not fitted but taken as nominal.
     """
 
-    def __init__(self, model: Model, observations: Observations) -> None:
+    def __init__(self, model: Model, observations: Observations, held: Sequence[str] = ()) -> None:
         self.model = model
         self.observations = observations
+        self.held = tuple(held)
         self.evaluations = 0
         self.sites = [group.site for group in observations.groups]
         self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
@@ -224,7 +226,10 @@ class Problem:
                 step=DATA.fit.step_share * item.prior_sd,
             )
             for item in self.model.parameters
-            if item.prior_sd > 0.0 and item.lower < item.upper and item.name not in leave_out
+            if item.prior_sd > 0.0
+            and item.lower < item.upper
+            and item.name not in leave_out
+            and item.name not in self.held
         ]
         return [*found, *self.run_free(names)]
 

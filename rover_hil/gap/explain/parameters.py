@@ -123,8 +123,6 @@ class VerdictParameters:
     whole_share: float = 0.9  # of the explainable gap, for a name without reservation
     whole_share_of_series: float = 0.98  # the same for series, whose many samples show more of an effect
     half_share: float = 0.5  # of the explainable gap, for a name
-    # Distance of a base parameter from its nominal value, in prior deviations, that contradicts a name.
-    far_sd: float = 3.0
     most_members: int = 4  # of a set of alternatives
     power_z: float = 1.28  # standard normal quantile of 90 % power
 

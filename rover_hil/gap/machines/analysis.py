@@ -181,13 +181,13 @@ def _validated(
 def _with_rivals(findings: MachineFindings) -> MachineFindings:
     """Add the free-form terms that replace the only effect of an explanation as well as it explains."""
     machine = findings.machine
-    if len(findings.best.names) != 1 or not _has_ports(machine):
+    if len(findings.best.names) != 1 or not has_ports(machine):
         return findings
     base, best = findings.base, findings.best
     terms = free_terms(machine, findings.problem, base)
     rivals = []
     for one in search_terms(machine, findings.problem, terms, base):
-        if one.objection or _likeness(one.fit, best, base) > MACHINES.terms.same_law:
+        if one.objection or likeness(one.fit, best, base) > MACHINES.terms.same_law:
             continue
         if is_within_noise(one.fit) or (one.fit.merit <= best.merit and is_equal(one.fit, best)):
             rivals.append(one)
@@ -200,12 +200,12 @@ def _with_terms(machine: StateModel, terms: Sequence[FittedTerm]) -> tuple[tuple
     return tuple((machine.with_effects([*machine.port_effects, one.term.effect]), one.fit) for one in terms)
 
 
-def _has_ports(machine: Machine) -> TypeGuard[StateModel]:
+def has_ports(machine: Machine) -> TypeGuard[StateModel]:
     """Return True where forces and free-form terms can act inside."""
     return isinstance(machine, StateModel) and bool(machine.ports)
 
 
-def _likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
+def likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
     """Return the cosine of what two explanations change in the predictions of the base model."""
     first, second = base.errors - one.errors, base.errors - other.errors
     length = float(np.linalg.norm(first) * np.linalg.norm(second))
@@ -214,7 +214,7 @@ def _likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
 
 def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     machine = findings.machine
-    if not _has_ports(machine):
+    if not has_ports(machine):
         return findings
     best = findings.best
     free = fits.free(best.names, {})
@@ -232,7 +232,7 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
 def _with_drafts(findings: MachineFindings, locked: Sequence[Run]) -> MachineFindings:
     """Add the free-form terms that explain what is left."""
     machine = findings.machine
-    if not _has_ports(machine):
+    if not has_ports(machine):
         return findings
     found = find_drafts(machine, findings.problem, locked, findings.best)
     return replace(

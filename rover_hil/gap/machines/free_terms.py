@@ -146,7 +146,7 @@ def search_terms(
     terms = [one for one in terms if strength_of(machine, one)[0] not in known]
     effects = [*machine.port_effects, *(one.effect for one in terms)]
     wider = machine.with_effects(effects)
-    own = Problem(wider, problem.observations)
+    own = Problem(wider, problem.observations, problem.held)
     cards = {card.name: card for card in wider.effects}
     kept = [cards[name] for name in at.names]
     names = [strength_of(machine, one)[0] for one in terms]

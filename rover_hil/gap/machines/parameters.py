@@ -112,8 +112,6 @@ class MachineVerdictParameters:
 
     whole: float = 0.9  # least share of the gap, on locked runs, that a name without reservation closes
     half: float = 0.5  # least share that a name closes
-    # Distance of a base parameter from its nominal value, in prior deviations, that contradicts a name.
-    far_sd: float = 3.0
     most_members: int = 4  # of a set of alternatives
     # Score of an effect by the noise of the samples that counts as detectable; a convention, not calibrated.
     power_z: float = 4.0

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.error_budget import ChannelError
 from rover_hil.gap.machines.parameters import MACHINES
@@ -117,11 +116,6 @@ def _reservations(findings: MachineFindings) -> list[str]:
     elif findings.p_remaining <= MACHINES.tests.alpha and not is_rest_small:
         rest = max(findings.budget_after, key=lambda one: one.model_error / one.sensor_noise)
         reasons.append(f"a model error remains, {rest.sentence()}")
-    released = {card.releases for card in findings.machine.effects if card.name in findings.best.names}
-    for item, pull in zip(findings.best.fit.free, findings.best.fit.pull, strict=True):
-        is_base = not item.key[0] and not run_of(item.key)
-        if is_base and abs(pull) > MACHINES.verdict.far_sd and item.key[1] not in released:
-            reasons.append(f"{item.key[1]} is {abs(pull):.1f} prior deviations from its nominal value")
     reasons += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
     return reasons
 

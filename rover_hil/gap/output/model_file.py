@@ -12,8 +12,10 @@ from pydantic import ValidationError
 from drivers.errors import ConfigError
 from drivers.files import parse_toml, read_text
 from drivers.settings import Settings
+from rover_hil.gap.base_parameters import HALF_WIDTHS
 from rover_hil.gap.data.problem import Key
 from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.verdict import FittedBase
 from sim_backends.models.interface import (
     Array,
     Channel,
@@ -217,6 +219,18 @@ def describe_model(
                 for item in one.parameters
             }
     return ModelFile(base=base, provenance=provenance, parameters=parameters, effects=effects)
+
+
+def with_found(file: ModelFile, bases: Sequence[FittedBase]) -> ModelFile:
+    """Return a model file with the fitted values of the base parameters that are the finding."""
+    parameters, effects = dict(file.parameters), {name: dict(one) for name, one in file.effects.items()}
+    for one in bases:
+        if one.is_named:
+            half = 0.5 * (one.ci95[1] - one.ci95[0])
+            number = Number(value=one.value, unit=one.unit, sd=half / HALF_WIDTHS)
+            card, _, name = one.name.rpartition(SEPARATOR)
+            (effects[card] if card else parameters)[name] = number
+    return file.model_copy(update={"parameters": parameters, "effects": effects})
 
 
 def _number(

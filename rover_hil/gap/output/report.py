@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from rover_hil.gap.base_parameters import headline
 from rover_hil.gap.explain.localise_residuals import by_place
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.answer_style import GRADES, TAGS
@@ -24,6 +25,7 @@ def report_text(analysis: Analysis) -> str:
         grade=GRADES[analysis.verdict.verdict],
         tag=TAGS[analysis.verdict.verdict],
         plan=analysis.plan.content() if analysis.plan is not None else None,
+        headline=headline(analysis.verdict),
         findings=findings,
         cards=cards,
         locations=findings.locations if findings is not None else (),

@@ -76,5 +76,6 @@ def test_a_base_parameter_far_from_its_nominal_value_contradicts_a_name(model: W
     """No effect explains a late gyro."""
     verdict = verdict_on(model, {"gyro_age_s": 0.1}, {"wheel_radius": {"error": -0.05}})
     assert verdict.verdict == "PARTLY_NAMED", verdict.sentence
+    first = verdict.sentence.split(". ")[0]
     assert "gyro_age_s is " in verdict.sentence
-    assert " prior deviations from its nominal value" in verdict.sentence
+    assert " prior deviations" in first

@@ -25,6 +25,7 @@ KEYS = {
     "p_gap",
     "where",
     "effects",
+    "base_parameters",
     "confidence_set",
     "rejected",
     "unnamed",

@@ -43,7 +43,7 @@ def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) 
     assert found.findings.best is not None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
     best = found.findings.best
-    file = describe_model(model, "side-slope", provenance, best.fit, intervals(found.findings, best))
+    file = describe_model(model, "side-slope", provenance, best.fit, intervals(found.findings, best.fit))
     again = analyse(ExtendedModel(model, file), runs).verdict
     assert again.verdict is Answer.NO_GAP, again.sentence
 

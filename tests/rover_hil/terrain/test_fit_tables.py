@@ -106,7 +106,7 @@ def test_several_wheels_in_a_folder_are_told_apart_by_the_wheels_name(tmp_path: 
             output=output,
         )
 
-    with pytest.raises(LogError, match=r"grousered_wheel_steady_state\.csv: is no table"):
+    with pytest.raises(LogError, match=r"grousered_wheel_steady_state\.csv line 1 names no column"):
         fit_wheel("cmu_grousered")
     with pytest.raises(LogError, match=r"not one .* for wheel wh31"):
         fit_wheel("wh31")

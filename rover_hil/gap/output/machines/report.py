@@ -7,18 +7,17 @@ from typing import NamedTuple
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from rover_hil.gap.base_parameters import headline
 from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.machine_fit import MachineFit
-from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.output.answer_style import GRADES, TAGS
 from rover_hil.gap.output.machines import figures, force_figures
 from rover_hil.gap.output.machines.draft_file import draft_lines
 from rover_hil.gap.output.machines.error_source import channel_sources, force_sources
 from rover_hil.gap.output.machines.next_run_figures import draw_next_run
 from rover_hil.gap.output.machines.series import ForceTrace, Trace, forces, traces
-from rover_hil.gap.output.machines.words import headline, lead, next_steps
+from rover_hil.gap.output.machines.words import lead, next_steps
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
@@ -35,20 +34,6 @@ class SizeRow(NamedTuple):
     ci95: Sequence[float]
     other: float | None
     is_outside: bool
-
-
-class BaseRow(NamedTuple):
-    """A fitted base parameter; pulls are in prior deviations."""
-
-    name: str
-    unit: str
-    nominal: float
-    prior_sd: float
-    value: float
-    ci95: Sequence[float]
-    pull_before: float | None
-    pull_after: float
-    is_far: bool
 
 
 class RunRow(NamedTuple):
@@ -77,7 +62,6 @@ def machine_report_text(analysis: Analysis, findings: MachineFindings) -> str:
         cards={card.name: card for card in findings.machine.effects},
         sizes=_sizes(verdict),
         evidence=findings.found.evidence if findings.found is not None and verdict.effects else (),
-        bases=_bases(findings),
         run_units={one.name: one.unit for one in findings.machine.run_parameters},
         run_rows=_run_rows(findings),
         budget_pictures=draw_pictures(_budget_drawings(findings)),
@@ -108,37 +92,6 @@ def _sizes(verdict: Verdict) -> list[SizeRow]:
             other = verdict.weightings.get(f"{effect.name}.{name}", {}).get("random_force")
             is_outside = other is not None and not one.ci95[0] <= other <= one.ci95[1]
             rows.append(SizeRow(effect.name, name, one.value, one.unit, one.ci95, other, is_outside))
-    return rows
-
-
-def _pulls(found: MachineFit) -> dict[str, float]:
-    return {
-        item.key[1]: float(pull)
-        for item, pull in zip(found.fit.free, found.fit.pull, strict=True)
-        if not item.key[0]
-    }
-
-
-def _bases(findings: MachineFindings) -> list[BaseRow]:
-    before, after = _pulls(findings.base), _pulls(findings.best)
-    rows = []
-    for item in findings.machine.parameters:
-        if item.name not in after:
-            continue
-        size = findings.size("", item.name)
-        rows.append(
-            BaseRow(
-                item.name,
-                item.unit,
-                item.nominal,
-                item.prior_sd,
-                size.value,
-                (size.low, size.high),
-                before.get(item.name) if findings.best.names else None,
-                after[item.name],
-                abs(after[item.name]) > MACHINES.verdict.far_sd,
-            )
-        )
     return rows
 
 

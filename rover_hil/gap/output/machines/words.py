@@ -6,28 +6,6 @@ from rover_hil.gap.output.machines.draft_file import DRAFT_NAME
 from rover_hil.gap.verdict import Answer, Verdict
 
 
-def headline(verdict: Verdict) -> str:
-    """Return the answer in one short sentence."""
-    sets = [" and ".join(names) for names in verdict.confidence_set]
-    several = bool(verdict.confidence_set) and len(verdict.confidence_set[0]) > 1
-    verb = "are" if several else "is"
-    match verdict.verdict:
-        case Answer.NO_GAP:
-            return "The model agrees with the runs."
-        case Answer.NAMED:
-            return f"{sets[0]} {verb} missing in the model."
-        case Answer.NAMED_SET:
-            return f"{' or '.join(sets)} {verb} missing in the model."
-        case Answer.PARTLY_NAMED:
-            return f"{' or '.join(sets)} {verb} probably missing in the model."
-        case Answer.UNNAMED:
-            return "There is a gap, and no effect explains it."
-        case _ if verdict.p_gap is not None and verdict.gap:
-            return "There is a gap; these runs do not show which effect causes it."
-        case _:
-            return "No gap was found, but these runs cannot exclude one."
-
-
 def lead(findings: MachineFindings) -> str:
     """Return the errors of the worst channel in one sentence."""
     pairs = list(zip(findings.budget_before, findings.budget_after, strict=True))

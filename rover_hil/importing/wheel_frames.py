@@ -1,4 +1,4 @@
-"""The wheels of a bag as a CAN bus: a mapping with its DBC file, and frames that hold numbers exactly."""
+"""The wheels of a recorded drive as a CAN bus: a mapping, its DBC file, and frames with exact numbers."""
 
 import struct
 from collections.abc import Sequence
@@ -6,7 +6,12 @@ from pathlib import Path
 
 from drivers.can_frame import CanFrame, pack_can_frame
 
-QUANTITIES = {"Position": ("rad", 0x100), "Speed": ("rad/s", 0x140), "Current": ("A", 0x180)}
+QUANTITIES = {
+    "Position": ("rad", 0x100),
+    "Speed": ("rad/s", 0x140),
+    "Current": ("A", 0x180),
+    "Steering": ("rad", 0x1C0),
+}
 """Unit, and number of the message of the first wheel."""
 DOUBLE = struct.Struct("<d")
 

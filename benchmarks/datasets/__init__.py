@@ -1,0 +1,1 @@
+"""Recorded drives of other people, from their files to logs."""

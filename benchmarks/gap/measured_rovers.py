@@ -1,0 +1,124 @@
+"""`rover-hil gap --config` on the circles of measured robots, beside the reference fit of their trajectories.
+
+    python -m benchmarks.gap.measured_rovers DATA [--runs 6]
+
+DATA holds `diff` and `omni3` of the optiodom recordings. The reference was fitted and stored before the first
+comparison (`benchmarks.gap.reference_rovers`). The tricycle has no sensor on its rear wheels; a configuration
+of wheels needs one on each, so it is not among them.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.gap.reference_rovers import Array, read_run
+from benchmarks.gap.rover_of_wheels import ROOT, START_NS, verdict_of
+from drivers.samples import Sample, WheelSample
+from rover_hil.config import Config, load_config
+from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.schema import TRUTH
+from rover_hil.recording.writer import LogWriter
+
+REFERENCE = Path(__file__).parent / "references" / "optiodom_circles.json"
+RADII_M = {"diff": 0.042, "omni3": 0.051}
+TICKS = {"diff": 43.7 * 64.0, "omni3": 12.0 * 1024.0}
+MASSES_KG = {"diff": 3.0, "omni3": 8.0}
+
+
+def wheels_of(robot: str) -> list[dict[str, float]]:
+    """Return the wheels by the data sheet, in the order of the ticks."""
+    if robot == "diff":
+        return [{"x_m": 0.0, "y_m": -0.1}, {"x_m": 0.0, "y_m": 0.1}]
+    found = []
+    for angle_deg in (210.0, -30.0, 90.0):
+        angle = np.radians(angle_deg)
+        place = {"x_m": float(-0.195 * np.sin(angle)), "y_m": float(0.195 * np.cos(angle))}
+        found.append({**place, "angle_deg": angle_deg, "roller_deg": 90.0})
+    return found
+
+
+def config_text(robot: str) -> str:
+    """Return the configuration of a robot: that of the differential example with other wheels."""
+    text = (ROOT / "docs/examples/differential.toml").read_text("utf-8")
+    head, tail = text[: text.index("[[rover.wheels]]")], text[text.index("[loop]") :]
+    lines = []
+    for wheel in wheels_of(robot):
+        numbers = {**wheel, "radius_m": RADII_M[robot]}
+        lines += ["[[rover.wheels]]", *(f"{name} = {value:.6f}" for name, value in numbers.items())]
+        lines.append("motor = { stall_torque_nm = 4.0, no_load_rad_s = 20.0, stall_current_a = 8.0 }")
+    tail = tail.replace("mass_kg = 8.0", f"mass_kg = {MASSES_KG[robot]}")
+    if robot != "diff":
+        tail = tail[: tail.index("[[simulation.plant.castors]]")].replace(
+            "centre_of_mass_x_m = -0.03", "centre_of_mass_x_m = 0.0"
+        )
+        tail = tail.replace("can/differential.toml", "can/mecanum.toml")
+    return head + "\n".join(lines) + "\n\n" + tail
+
+
+def write_log(path: Path, config: Config, run: Array, ticks: float) -> None:
+    """Write a recorded drive as a log, the motion capture on /truth."""
+    path.parent.mkdir(parents=True)
+    text = config.model_dump_json(by_alias=True).encode()
+    angles_rad = np.cumsum(run[:, 4:], axis=0) * 2.0 * np.pi / ticks
+    yaw_rad = np.unwrap(run[:, 3])
+    with LogWriter(path, START_NS, text, collect_data_files(config), "virtual") as log:
+        for row, angles, yaw in zip(run, angles_rad, yaw_rad, strict=True):
+            t_ns = START_NS + round(row[0] * 1e9)
+            samples: list[Sample] = [
+                WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=float(angle))
+                for wheel, angle in enumerate(angles)
+            ]
+            pose = {"t_ns": t_ns, "x_m": float(row[1]), "y_m": float(row[2]), "yaw_rad": float(yaw)}
+            log.write_json(TRUTH, t_ns, pose)
+            log.samples(t_ns, samples)
+
+
+def main() -> None:
+    """Print the verdicts and the reference."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--runs", type=int, default=6)
+    arguments = parser.parse_args()
+    data = arguments.data.resolve()
+    os.chdir(ROOT)
+    reference = json.loads(REFERENCE.read_text("utf-8"))
+    for robot, radius_m in RADII_M.items():
+        text = config_text(robot)
+        file = Path(tempfile.gettempdir()) / f"measured_{robot}.toml"
+        file.write_text(text, "utf-8")
+        config = load_config(str(file))
+        files = sorted(one for one in (data / robot).rglob("*_run-??.csv.gz"))
+        chosen = np.unique(
+            np.linspace(0, len(files) - 1, min(len(files), arguments.runs)).round().astype(int)
+        )
+        runs = iter([read_run(files[index]) for index in chosen])
+
+        def write(
+            path: Path, config: Config = config, runs: Iterator[Array] = runs, robot: str = robot
+        ) -> None:
+            write_log(path, config, next(runs), TICKS[robot])
+
+        verdict = verdict_of(text, write, len(chosen))
+        print(f"\n{robot}, {len(chosen)} runs, {verdict['seconds']:.0f} s: {verdict['verdict']}")
+        print(verdict["sentence"])
+        print(json.dumps(verdict["effects"]))
+        for one in verdict.get("base_parameters", []):
+            low, high = one["ci95"]
+            print(
+                f"  {one['name']} {one['value']:.5f} ({low:.5f} to {high:.5f}), pull {one['pull']:+.1f}"
+                f"{', named' if one['is_named'] else ''} {one['why']}"
+            )
+        for name, row in reference[robot]["parameters"].items():
+            share = f", {row['value'] / radius_m - 1.0:+.4f}" if name.startswith("radius") else ""
+            print(f"  reference {name} {row['value']:.5f} ({row['low']:.5f} to {row['high']:.5f}){share}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""When a base parameter far from its nominal value is the finding: one rule for both engines.
+
+Premises, tested on the runs: the interval is narrower than the prior's; with the nominal value neither the
+other base parameters, nor an effect, nor a free term explains the runs as well; on locked runs the fitted
+value closes the gap that the nominal one leaves.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+
+from rover_hil.gap.verdict import Answer, FittedBase, Verdict
+
+FAR_SD = 3.0
+"""Distance of a value from its nominal one, in prior deviations, that has to be told."""
+CLOSES = 0.5
+"""Least share of the gap on locked runs that the value closes; the rule for a name of an effect."""
+IMPROVES = 0.7
+"""Least share of the locked runs that it improves."""
+MOST_MEMBERS = 4
+"""Of a set of explanations."""
+HALF_WIDTHS = NormalDist().inv_cdf(0.975)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What the runs say of one base parameter, compared with its nominal value.
+
+    Attributes:
+        equals: Explanations with the nominal value that explain the runs as well, as names of effects and
+            terms; an empty one means the other base parameters alone.
+        closure: Share of the gap of the nominal value on locked runs that the fitted one closes; None where
+            there is no gap.
+        improved: Share of the locked runs that the fitted value improves.
+    """
+
+    equals: tuple[tuple[str, ...], ...]
+    closure: float | None
+    improved: float
+
+
+def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list[FittedBase]:
+    """Return base parameters, those far from their nominal value with what the runs prove of them.
+
+    Args:
+        rows: All fitted base parameters.
+        trial_of: Makes the comparison with the nominal value; called for far ones only.
+    """
+    return [_judged(one, trial_of) if abs(one.pull) > FAR_SD else one for one in rows]
+
+
+def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
+    low, high = row.ci95
+    if high - low > 2.0 * HALF_WIDTHS * row.prior_sd or low <= row.nominal <= high:
+        return replace(row, why="not decided, its interval is wider than what was known before")
+    trial = trial_of(row.name)
+    if () in trial.equals:
+        return replace(row, why="other base parameters explain the runs as well")
+    if trial.equals:
+        names = ", ".join(" and ".join(one) for one in (*((row.name,),), *trial.equals))
+        return replace(
+            row, why=f"not decided, these explain the runs equally: {names}", equals=list(trial.equals)
+        )
+    if trial.closure is None:
+        return replace(row, why="the gap on the locked runs is too small to prove it")
+    if trial.closure < CLOSES or trial.improved < IMPROVES:
+        return replace(
+            row,
+            why=f"on the locked runs it closes {trial.closure:.0%} of the gap and improves "
+            f"{trial.improved:.0%} of the runs only",
+        )
+    return replace(row, is_named=True)
+
+
+def far(rows: Sequence[FittedBase]) -> list[FittedBase]:
+    """Return the base parameters that have to be told, the farthest first."""
+    return sorted((one for one in rows if abs(one.pull) > FAR_SD), key=lambda one: -abs(one.pull))
+
+
+def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdict:
+    """Return a verdict on effects with the base parameters in it.
+
+    Args:
+        verdict: On the effects alone; NAMED and NAMED_SET say nothing yet of base parameters.
+        rows: The base parameters, judged.
+    """
+    verdict = replace(verdict, base_parameters=list(rows))
+    told = far(rows)
+    if not told:
+        return verdict
+    named, open_ = [one for one in told if one.is_named], [one for one in told if not one.is_named]
+    answer, members = _answer(verdict, named, open_)
+    head = _head(named, open_)
+    return replace(
+        verdict, verdict=answer, confidence_set=members, sentence=f"{head} {_rest(verdict, named)}"
+    )
+
+
+def _answer(
+    verdict: Verdict, named: Sequence[FittedBase], open_: Sequence[FittedBase]
+) -> tuple[Answer, list[list[str]]]:
+    """Return the answer with base parameters far from nominal, and the explanations that are left."""
+    members = [list(names) for names in verdict.confidence_set]
+    own = [one.name for one in named]
+    is_agreement = verdict.verdict is Answer.NO_GAP
+    if verdict.effects:
+        # A base parameter may be pulled by what the effects lack: then neither is certain.
+        return Answer.PARTLY_NAMED, [[*names, *own] for names in members]
+    if verdict.verdict is Answer.NOT_IDENTIFIABLE and members:
+        return verdict.verdict, members
+    equals = [list(names) for one in open_ for names in one.equals]
+    if open_:
+        if is_agreement and len(open_) == 1 and equals and len(equals) < MOST_MEMBERS:
+            return Answer.NAMED_SET, [[*own, open_[0].name], *([*own, *names] for names in equals)]
+        if is_agreement:
+            return Answer.NOT_IDENTIFIABLE, []
+        if not named:
+            return verdict.verdict, members
+    return (Answer.NAMED if is_agreement else Answer.PARTLY_NAMED), [own]
+
+
+def _head(named: Sequence[FittedBase], open_: Sequence[FittedBase]) -> str:
+    """Return the finding in one sentence."""
+    if named:
+        more = [*(one.name for one in named[1:]), *(one.name for one in open_)]
+        also = f"; also far from nominal: {', '.join(more)}" if more else ""
+        return f"Wrong in the model: {named[0].sentence()}{also}."
+    others = ", ".join(one.name for one in open_[1:])
+    also = f"; also far from nominal: {others}" if others else ""
+    why = open_[0].why
+    return f"Perhaps wrong in the model: {open_[0].sentence()}; {why}{also}."
+
+
+def _rest(verdict: Verdict, named: Sequence[FittedBase]) -> str:
+    """Return what the verdict says of the effects, so that it does not contradict the finding."""
+    text = verdict.sentence
+    if verdict.verdict is Answer.NO_GAP:
+        own = "this value" if len(named) == 1 else "the fitted values"
+        return f"With {own}: {text[0].lower()}{text[1:]}"
+    return f"Probably m{text[1:]}" if text.startswith("Missing") else text
+
+
+def headline(verdict: Verdict) -> str:
+    """Return the answer in a sentence of at most two lines."""
+    told = far(verdict.base_parameters)
+    named = [one for one in told if one.is_named]
+    if named and not verdict.effects:
+        more = f" and {len(named) - 1} more" if len(named) > 1 else ""
+        return f"Wrong in the model: {named[0].sentence()}{more}."
+    text = _of_effects(verdict, [" and ".join(names) for names in verdict.confidence_set])
+    if not told:
+        return text
+    return f"{text} {told[0].name} is {abs(told[0].pull):.1f} prior deviations from its nominal value."
+
+
+def _of_effects(verdict: Verdict, sets: Sequence[str]) -> str:
+    several = bool(verdict.confidence_set) and len(verdict.confidence_set[0]) > 1
+    verb = "are" if several else "is"
+    match verdict.verdict:
+        case Answer.NO_GAP:
+            return "The model agrees with the runs."
+        case Answer.BAD_DATA:
+            return "The data cannot be used."
+        case Answer.UNNAMED:
+            return "There is a gap, and no effect explains it."
+        case Answer.NAMED | Answer.NAMED_SET | Answer.PARTLY_NAMED:
+            names = " or ".join(sets)
+            missing = "missing in the model" if verdict.effects else "wrong in the model"
+            probably = "probably " if verdict.verdict is Answer.PARTLY_NAMED else ""
+            return f"{names} {verb} {probably}{missing}."
+        case _ if verdict.p_gap is not None and verdict.gap:
+            return "There is a gap; these runs do not show which effect causes it."
+        case _:
+            return "No gap was found, but these runs cannot exclude one."

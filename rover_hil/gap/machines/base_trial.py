@@ -1,0 +1,104 @@
+"""Base parameters of a machine, and what explains its runs where one of them is nominal."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+
+from rover_hil.gap.base_parameters import Trial
+from rover_hil.gap.data.problem import Problem, run_of
+from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
+from rover_hil.gap.machines.free_terms import free_terms, search_terms, strength_of
+from rover_hil.gap.machines.holdout import hold_out
+from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.search import best_shapes, is_equal, is_within_noise, score_effects
+from rover_hil.gap.machines.sizes import size_of
+from rover_hil.gap.statistics.score import one_sided_z
+from rover_hil.gap.verdict import FittedBase
+from sim_backends.models.interface import Run
+from sim_backends.state_model.model import StateModel
+
+
+def machine_bases(findings: MachineFindings, found: MachineFit) -> list[FittedBase]:
+    """Return the base parameters of a fit with their intervals."""
+    items = {item.name: item for item in findings.machine.parameters}
+    rows = []
+    for free, pull in zip(found.fit.free, found.fit.pull, strict=True):
+        effect, name = free.key
+        if effect or run_of(free.key) or name not in items:
+            continue
+        size, item = size_of(found, free.key), items[name]
+        rows.append(
+            FittedBase(
+                name=name,
+                unit=item.unit,
+                nominal=item.nominal,
+                prior_sd=item.prior_sd,
+                value=size.value,
+                ci95=(size.low, size.high),
+                pull=float(pull),
+            )
+        )
+    return rows
+
+
+def machine_trial(
+    findings: MachineFindings, found: MachineFit, locked: Sequence[Run], seed: int, name: str
+) -> Trial:
+    """Return what the runs say of a base parameter, compared with its nominal value.
+
+    Args:
+        findings: On the machine.
+        found: The fit that is reported: the base or the named explanation.
+        locked: Runs for the validation.
+        seed: Of the intervals.
+        name: The base parameter.
+    """
+    machine = findings.machine
+    held = Problem(machine, findings.problem.observations, (name,))
+    cards = [card for card in machine.effects if card.releases != name]
+    fits = MachineFits(held, cards)
+    begin = {key: value for key, value in found.fit.point.items() if key != ("", name)}
+    part = fits.best(found.names, {}, begin)
+    equals: list[tuple[str, ...]] = [()] if _is_as_good(part, found, part) else []
+    if not equals:
+        ranked = sorted(best_shapes(score_effects(fits, part)), key=one_sided_z, reverse=True)
+        chosen = [one.direction for one in ranked[: MACHINES.terms.most_fitted] if one_sided_z(one) > 0.0]
+        options = [((*found.names, one.name), {one.name: one.shapes}, part.fit.point) for one in chosen]
+        rivals = fits.fit_all(options)
+        equals += [one.names for one in rivals if _is_as_good(one, found, part)]
+    if not equals and has_ports(machine):
+        equals += _terms(_held_machine(machine, name), held, found, part)
+    holdout = hold_out(machine, locked, part, found, np.random.default_rng(seed))
+    return Trial(equals=tuple(equals), closure=holdout.closure, improved=holdout.improved)
+
+
+def _held_machine(machine: StateModel, name: str) -> StateModel:
+    parts = {one.name: getattr(machine, one.name) for one in fields(machine)}
+    parts["parameters"] = tuple(
+        replace(item, prior_sd=0.0) if item.name == name else item for item in machine.parameters
+    )
+    return type(machine)(**parts)
+
+
+def _is_as_good(rival: MachineFit, found: MachineFit, part: MachineFit) -> bool:
+    """Return True where left-out runs do not prefer the fitted value to an explanation without it."""
+    if is_within_noise(rival) and is_within_noise(found):
+        return True
+    if rival.merit <= found.merit:
+        return True
+    gain = part.error - found.error
+    return part.error - rival.error >= MACHINES.search.set_share * gain and is_equal(rival, found)
+
+
+def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineFit) -> list[tuple[str, ...]]:
+    """Return the free-form terms that replace the fitted value, and are not the same law."""
+    terms = free_terms(machine, held, part)
+    return [
+        (strength_of(machine, one.term)[0],)
+        for one in search_terms(machine, held, terms, part)
+        if not one.objection
+        and likeness(one.fit, found, part) <= MACHINES.terms.same_law
+        and _is_as_good(one.fit, found, part)
+    ]

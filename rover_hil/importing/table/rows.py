@@ -1,0 +1,393 @@
+"""The numbers of a drive in SI units, from the columns of a table."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
+from drivers.clock import NANOSECONDS_PER_SECOND
+from drivers.errors import LogError
+from drivers.settings import Settings
+from rover_hil.config import Config
+from rover_hil.datasets.array_table import Table, read_table
+from rover_hil.datasets.arrays import Array
+from rover_hil.importing.rosbag.joints import Steps
+from rover_hil.importing.table.columns import (
+    LENGTHS,
+    SI_PER_UNIT,
+    TURN_RAD,
+    AngleColumn,
+    Column,
+    Columns,
+    SpeedColumn,
+    SteeredWheelColumns,
+    TimeColumn,
+    TruthColumns,
+    TurnColumn,
+    WheelColumns,
+)
+
+FIX = "correct the cell or the file of columns"
+LONGEST_S = 1e6
+"""A drive is not longer."""
+LONGEST_GAP_S = 1.0
+"""In a longer gap of the table the path of the rover is worth a word."""
+MOST_JUMPS = 0.02
+"""Share of the rows in which a wheel may turn faster than the limits say: chosen by hand, as for a bag."""
+
+
+class Row(NamedTuple):
+    """What was measured at one time.
+
+    Attributes:
+        t_ns: Since the first row.
+        section: `wheels`, `increments`, `imu` or `truth`.
+        values: By quantity; one number for each wheel, else one for each axis.
+    """
+
+    t_ns: int
+    section: str
+    values: Mapping[str, Sequence[float]]
+
+
+@dataclass
+class Drive:
+    """A recorded drive.
+
+    Attributes:
+        rows: In the order of their times.
+        quantities: Which the wheels have.
+        notes: What a user must know of it, one sentence each.
+    """
+
+    rows: list[Row] = field(default_factory=list)
+    quantities: tuple[str, ...] = ("Position",)
+    notes: list[str] = field(default_factory=list)
+
+
+def read_drive_table(path: Path, columns: Columns, rover: Config) -> Drive:
+    """Return the drive in a table.
+
+    Args:
+        path: The table.
+        columns: What its columns hold.
+        rover: Its wheels and their limits.
+
+    Raises:
+        LogError: The table cannot be read or holds something wrong; names file, row, column and fix.
+    """
+    return _Reader(path, columns, rover).read()
+
+
+class _Reader:
+    def __init__(self, path: Path, columns: Columns, rover: Config) -> None:
+        self._columns = columns
+        self._rover = rover
+        self._table = self._open(path)
+        self._drive = Drive()
+        times = self._times_s(self._table, columns.time)
+        self._start_s = float(times[0])
+        self._used = self._not_repeated(times)
+        times = times[self._used]
+        self._elapsed_s = np.diff(times)
+        self._t_ns = self._nanoseconds(times)
+
+    def read(self) -> Drive:
+        """Return the drive."""
+        columns, drive = self._columns, self._drive
+        if columns.wheel:
+            self._take_wheels(columns.wheel)
+        elif columns.increments is not None:
+            distance, turn = columns.increments.distance, columns.increments.turn
+            forward_m = self._steps(distance, SI_PER_UNIT[distance.unit])
+            self._take_moves(forward_m, np.zeros_like(forward_m), self._steps(turn, _angle_unit(turn)))
+        elif columns.tricycle is not None:
+            self._take_tricycle(columns.tricycle)
+        if columns.imu is not None:
+            self._take_imu()
+        if columns.truth is not None:
+            self._take_truth(columns.truth)
+        if len(self._elapsed_s) and self._elapsed_s.max() > LONGEST_GAP_S:
+            drive.notes.append(
+                f"no row for up to {self._elapsed_s.max():.1f} s: the path meanwhile is not measured"
+            )
+        drive.rows.sort(key=lambda row: row.t_ns)  # stable, so that rows of one time keep their order
+        return drive
+
+    def _open(self, path: Path) -> Table:
+        columns = self._columns
+        return read_table(path, delimiter=columns.delimiter, header_lines=columns.header_lines)
+
+    def _name(self, table: Table, column: Column) -> str:
+        """Return the name of a column given by name or number.
+
+        Raises:
+            LogError: The table has no such column.
+        """
+        name = column.column
+        if isinstance(name, int):
+            if name > len(table.names):
+                raise LogError(
+                    f"{table.path} has {len(table.names)} columns, no column {name}: correct the file of "
+                    "columns, or give the delimiter there"
+                )
+            name = table.names[name - 1]
+        known = ", ".join(list(table.names)[:20])
+        table.require((name,), f"it has {known}; correct the file of columns, or give the delimiter there")
+        return name
+
+    def _numbers(self, column: Column, *, is_needed: bool = False) -> Array:
+        name = self._name(self._table, column)
+        numbers: Array = column.sign * self._table.numbers(name, fix=FIX, is_needed=is_needed)[self._used]
+        return numbers
+
+    def _times_s(self, table: Table, time: TimeColumn) -> Array:
+        """Return the times of all rows, which never run back.
+
+        Raises:
+            LogError: They do, or are not the times of a drive.
+        """
+        name = self._name(table, time)
+        times_s = time.sign * SI_PER_UNIT[time.unit] * table.numbers(name, fix=FIX, is_needed=True)
+        back = np.flatnonzero(np.diff(times_s) < 0.0)
+        if back.size:
+            row = int(back[0]) + 1
+            raise LogError(
+                f"{table.where(row)}, column '{name}': the time runs back by "
+                f"{times_s[row - 1] - times_s[row]:.6g} s, {back.size} times in all: divide the file there, "
+                "or name another column"
+            )
+        if times_s[-1] - times_s[0] > LONGEST_S:
+            raise LogError(
+                f"{table.path}, column '{name}': {times_s[-1] - times_s[0]:.3g} s from the first row to the "
+                "last, more than 11 days: correct its unit, which may be ms, us or ns"
+            )
+        return times_s
+
+    def _nanoseconds(self, times_s: Array) -> list[int]:
+        numbers: list[int] = np.round((times_s - self._start_s) * NANOSECONDS_PER_SECOND).astype(int).tolist()
+        return numbers
+
+    def _not_repeated(self, times_s: Array) -> Array:
+        """Return which rows are not the row before once more, time included."""
+        table = self._table
+        names = [self._name(table, column) for column in _all_columns(self._columns)]
+        numbers = np.column_stack([table.numbers(name, fix=FIX) for name in names])
+        same = (np.diff(times_s) == 0.0) & np.all(np.diff(numbers, axis=0) == 0.0, axis=1)
+        if same.any():
+            self._drive.notes.append(f"{int(same.sum())} rows that repeat the one before are left out")
+        return np.concatenate(([True], ~same))
+
+    def _steps(self, column: Column, unit: float) -> Array:
+        """Return increments in SI units; each is needed, because what one held is in no other row."""
+        return self._numbers(column, is_needed=True) * unit
+
+    def _take_wheels(self, wheels: Sequence[WheelColumns]) -> None:
+        radii_m = _radii_m(self._rover.rover)
+        if len(wheels) != len(radii_m):
+            raise LogError(
+                f"the file of columns has {len(wheels)} [[wheel]], but the rover {len(radii_m)} wheels: give "
+                "one for each, in the rover's order"
+            )
+        none = np.full(len(self._t_ns), math.nan)
+        quantities: dict[str, list[Array]] = {}
+        for place, (wheel, radius_m) in enumerate(zip(wheels, radii_m, strict=True), start=1):
+            found = {
+                "Position": self._angles_rad(place, wheel, radius_m),
+                "Speed": None if wheel.speed is None else self._speeds_rad_s(wheel.speed, radius_m),
+                "Current": None
+                if wheel.current is None
+                else self._numbers(wheel.current) * SI_PER_UNIT[wheel.current.unit],
+                "Steering": None if wheel.steering is None else self._angle_rad(wheel.steering),
+            }
+            for quantity, values in found.items():
+                quantities.setdefault(quantity, []).append(none if values is None else values)
+        given = {name: rows for name, rows in quantities.items() if not all(row is none for row in rows)}
+        self._drive.quantities = tuple(dict.fromkeys(("Position", *given)))
+        tables = {name: np.column_stack(rows).tolist() for name, rows in given.items()}
+        self._add("wheels", tables)
+
+    def _angles_rad(self, place: int, wheel: WheelColumns, radius_m: float) -> Array | None:
+        """Return how far a wheel has turned in every row, NaN where that is not known."""
+        column = wheel.step or wheel.position
+        if column is None:
+            self._drive.notes.append(f"wheel {place}: no angles, its speeds are integrated")
+            return None
+        unit = _turn_unit(column, radius_m)
+        if wheel.step is not None:
+            turned = np.cumsum(self._numbers(column, is_needed=True)) * unit
+        else:
+            turned = self._unwrapped(place, column, unit)
+        self._check_jumps(place, turned, self._name(self._table, column))
+        return turned
+
+    def _unwrapped(self, place: int, column: TurnColumn, unit: float) -> Array:
+        values = self._numbers(column)
+        known = np.flatnonzero(np.isfinite(values))
+        if len(known) < len(values):
+            missing = len(values) - len(known)
+            self._drive.notes.append(f"wheel {place}: {missing} of {len(values)} rows hold no angle")
+        if len(known) < 2 or column.wrap is None:
+            return values * unit
+        steps = np.diff(values[known])
+        limit = self._rover.limits.wheel_speed_rad_s / abs(unit)
+        elapsed_s = np.diff(np.asarray(self._t_ns)[known]) / NANOSECONDS_PER_SECOND
+        if not Steps(elapsed_s, steps, float(np.ptp(values[known])), limit).are_counted(column.wrap):
+            name = self._name(self._table, column)
+            raise LogError(
+                f"{self._table.path}, column '{name}': it wraps after {column.wrap:g}, and the wheel may "
+                "turn by more than half of that between two rows at limits.wheel_speed_rad_s = "
+                f"{self._rover.limits.wheel_speed_rad_s:g}: lower that limit if the wheels are slower, or "
+                "record faster"
+            )
+        steps = steps - column.wrap * np.round(steps / column.wrap)
+        values[known] = values[known[0]] + np.concatenate(([0.0], np.cumsum(steps)))
+        return values * unit
+
+    def _check_jumps(self, place: int, turned_rad: Array, name: str) -> None:
+        """Check that a wheel is not faster than it can be, which a wrong unit or an unknown wrap makes it.
+
+        Raises:
+            LogError: It is, often.
+        """
+        known = np.flatnonzero(np.isfinite(turned_rad))
+        elapsed_s = np.diff(np.asarray(self._t_ns)[known]) / NANOSECONDS_PER_SECOND
+        limit_rad_s = self._rover.limits.wheel_speed_rad_s
+        # Rows come late by up to a period: the wheel may have turned since long before.
+        slack_s = 2.0 * float(np.median(elapsed_s)) if len(elapsed_s) else 0.0
+        fast = np.abs(np.diff(turned_rad[known])) > limit_rad_s * (elapsed_s + slack_s)
+        if not fast.any():
+            return
+        rows = np.flatnonzero(self._used)[known[1:][fast]]
+        where = self._table.where(int(rows[0]))
+        if fast.sum() > max(3.0, MOST_JUMPS * len(fast)):
+            raise LogError(
+                f"{where}, column '{name}': wheel {place} turns faster than limits.wheel_speed_rad_s = "
+                f"{limit_rad_s:g} there and in {int(fast.sum())} rows in all: correct the unit, "
+                "ticks_per_turn or gear_ratio, give the wrap, or raise that limit"
+            )
+        self._drive.notes.append(
+            f"wheel {place}: the angle jumps {int(fast.sum())} times, first in {where}: the motion there is "
+            "unknown"
+        )
+
+    def _speeds_rad_s(self, column: SpeedColumn, radius_m: float) -> Array:
+        unit = SI_PER_UNIT[column.unit] / (radius_m if column.unit in LENGTHS else column.gear_ratio)
+        return self._numbers(column) * unit
+
+    def _angle_rad(self, column: AngleColumn) -> Array:
+        return (self._numbers(column) - column.sign * column.zero) * _angle_unit(column)
+
+    def _take_tricycle(self, tricycle: SteeredWheelColumns) -> None:
+        """Take the motion of a rolling wheel that leads or follows an axle: no wheel slips sideways."""
+        rolled_m = (
+            self._steps(tricycle.step, _turn_unit(tricycle.step, tricycle.radius_m)) * tricycle.radius_m
+        )
+        if tricycle.steering_step is not None:
+            column = tricycle.steering_step
+            steering_rad = np.cumsum(self._numbers(column, is_needed=True)) * _angle_unit(column)
+        else:
+            assert tricycle.steering is not None  # noqa: S101 the model has checked it
+            column = tricycle.steering
+            steering_rad = (self._numbers(column, is_needed=True) - column.sign * column.zero) * _angle_unit(
+                column
+            )
+        # In the middle of the step, where the wheel pointed on average.
+        middle_rad = steering_rad - 0.5 * np.diff(steering_rad, prepend=steering_rad[0])
+        forward_m = rolled_m * np.cos(middle_rad)
+        turn_rad = rolled_m * np.sin(middle_rad) / tricycle.wheelbase_m
+        self._take_moves(forward_m, np.zeros_like(forward_m), turn_rad)
+
+    def _take_moves(self, x_m: Array, y_m: Array, turn_rad: Array) -> None:
+        # What the first row holds was driven before the drive begins.
+        for values in (x_m, y_m, turn_rad):
+            values[0] = 0.0
+        self._drive.notes.append(
+            "the wheels get the angles that give this path: identify neither slip nor motors with them"
+        )
+        self._add("increments", {"move": np.column_stack((x_m, y_m, turn_rad)).tolist()})
+
+    def _take_imu(self) -> None:
+        imu = self._columns.imu
+        if imu is None:
+            return
+        rates = self._numbers(imu.yaw_rate) * SI_PER_UNIT[imu.yaw_rate.unit]
+        zeros = np.zeros_like(rates)
+        values = {"rate": np.column_stack((zeros, zeros, rates)).tolist()}
+        axes = [axis for axis in (imu.acceleration_x, imu.acceleration_y, imu.acceleration_z) if axis]
+        if axes:
+            stack = np.column_stack([self._numbers(axis) * SI_PER_UNIT[axis.unit] for axis in axes])
+            values["acceleration"] = stack.tolist()
+        self._add("imu", values)
+
+    def _take_truth(self, truth: TruthColumns) -> None:
+        table, time, t_ns = self._table, truth.time or self._columns.time, self._t_ns
+        used = self._used
+        if truth.file is not None:
+            table = self._open(self._table.path.parent / truth.file)
+            times_s = self._times_s(table, time)
+            used = np.ones(len(times_s), bool)
+            t_ns = self._nanoseconds(times_s)
+        x, y, yaw = (
+            column.sign * table.numbers(self._name(table, column), fix=FIX)[used]
+            for column in (truth.x, truth.y, truth.yaw)
+        )
+        x_m, y_m = x * SI_PER_UNIT[truth.x.unit], y * SI_PER_UNIT[truth.y.unit]
+        yaw_rad = (yaw - truth.yaw.sign * truth.yaw.zero) * _angle_unit(truth.yaw)
+        poses = np.column_stack((x_m, y_m, yaw_rad)).tolist()
+        last_ns = self._t_ns[-1]
+        kept = [
+            Row(t, "truth", {"pose": pose}) for t, pose in zip(t_ns, poses, strict=True) if 0 <= t <= last_ns
+        ]
+        if not kept:
+            raise LogError(
+                f"{table.path}: no true pose lies between the first and the last row of {self._table.path}: "
+                "correct the time columns or their units"
+            )
+        if len(kept) < len(poses):
+            self._drive.notes.append(
+                f"{len(poses) - len(kept)} true poses before the first or behind the last row are left out"
+            )
+        self._drive.rows.extend(kept)
+
+    def _add(self, section: str, tables: Mapping[str, Sequence[Sequence[float]]]) -> None:
+        names = list(tables)
+        self._drive.rows.extend(
+            Row(t_ns, section, dict(zip(names, values, strict=True)))
+            for t_ns, *values in zip(self._t_ns, *tables.values(), strict=True)
+        )
+
+
+def _all_columns(columns: Columns) -> Iterator[Column]:
+    """Yield all columns of the table of the drive."""
+    yield columns.time
+    groups: list[Settings | None] = [*columns.wheel, columns.increments, columns.tricycle, columns.imu]
+    if columns.truth is not None and columns.truth.file is None:
+        groups.append(columns.truth)
+    for group in groups:
+        for _, value in group or ():
+            if isinstance(value, Column):
+                yield value
+
+
+def _radii_m(rover: RoverSettings) -> list[float]:
+    """Return the radius of each wheel, in the rover's order."""
+    if isinstance(rover, WheelsRoverSettings):
+        return [wheel.radius_m for wheel in rover.wheels]
+    return [rover.wheel_radius_m] * (3 if rover.kinematics == "omni3" else 4)
+
+
+def _turn_unit(column: TurnColumn, radius_m: float) -> float:
+    """Return the size of the unit of a column in rad of the wheel."""
+    if column.ticks_per_turn is not None:
+        return TURN_RAD / (column.ticks_per_turn * column.gear_ratio)
+    return SI_PER_UNIT[column.unit] / (radius_m if column.unit in LENGTHS else column.gear_ratio)
+
+
+def _angle_unit(column: AngleColumn) -> float:
+    """Return the size of the unit of a column in rad."""
+    return SI_PER_UNIT[column.unit] if column.ticks_per_turn is None else TURN_RAD / column.ticks_per_turn

@@ -1,0 +1,109 @@
+"""A base parameter far from its nominal value: when it is the finding, and where it is told."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rover_hil.gap.base_parameters import Trial, headline, judged, with_base_parameters
+from rover_hil.gap.output.model_file import read_model_file
+from rover_hil.gap.output.results import MODEL_NAME, REPORT_NAME, VERDICT_NAME, write_results
+from rover_hil.gap.verdict import Answer, FittedBase, FoundEffect, Verdict
+from rover_hil.gap.workflow import analyse
+from sim_backends.state_model.model import StateModel
+from tests.rover_hil.gap_machines.axis import axis_model, measured_runs
+
+TRACK = FittedBase(
+    name="track", unit="m", nominal=0.2, prior_sd=0.001, value=0.21, ci95=(0.2095, 0.2105), pull=10.0
+)
+AGREES = Verdict(verdict=Answer.NO_GAP, sentence="No gap: the rover agrees.", p_gap=0.5)
+PROVEN = Trial(equals=(), closure=0.99, improved=1.0)
+
+
+def judge(row: FittedBase, trial: Trial, verdict: Verdict = AGREES) -> Verdict:
+    return with_base_parameters(verdict, judged([row], lambda _: trial))
+
+
+def test_a_proven_value_is_named_and_told_first() -> None:
+    verdict = judge(TRACK, PROVEN)
+    assert verdict.verdict is Answer.NAMED
+    assert verdict.confidence_set == [["track"]]
+    assert verdict.sentence.startswith(
+        "Wrong in the model: track is 0.21 m (0.2095 to 0.2105), not 0.2: 10.0 prior deviations."
+    )
+    assert len(headline(verdict)) < 160
+
+
+@pytest.mark.parametrize(
+    ("row", "trial", "answer", "why"),
+    [
+        (replace(TRACK, ci95=(0.201, 0.22)), PROVEN, Answer.NOT_IDENTIFIABLE, "wider than"),
+        (TRACK, replace(PROVEN, equals=((),)), Answer.NOT_IDENTIFIABLE, "other base parameters"),
+        (TRACK, replace(PROVEN, equals=(("slip",),)), Answer.NAMED_SET, "equally: track, slip"),
+        (TRACK, replace(PROVEN, closure=None), Answer.NOT_IDENTIFIABLE, "too small to prove"),
+        (TRACK, replace(PROVEN, closure=0.3), Answer.NOT_IDENTIFIABLE, "30% of the gap"),
+        (TRACK, replace(PROVEN, improved=0.5), Answer.NOT_IDENTIFIABLE, "50% of the runs"),
+    ],
+)
+def test_each_premise_that_fails_is_told(row: FittedBase, trial: Trial, answer: Answer, why: str) -> None:
+    verdict = judge(row, trial)
+    assert verdict.verdict is answer
+    assert why in verdict.sentence.split(". ")[0] + verdict.base_parameters[0].why
+    assert not verdict.base_parameters[0].is_named
+    assert "prior deviations" in headline(verdict)
+
+
+def test_what_is_left_keeps_the_name_uncertain() -> None:
+    """A gap that nothing explains may have pulled the value."""
+    left = replace(AGREES, verdict=Answer.UNNAMED, sentence="There is a gap.")
+    assert judge(TRACK, PROVEN, left).verdict is Answer.PARTLY_NAMED
+    named = replace(
+        AGREES,
+        verdict=Answer.NAMED,
+        sentence="Missing: slip.",
+        effects=[FoundEffect(name="slip", parameters={})],
+        confidence_set=[["slip"]],
+    )
+    verdict = judge(TRACK, PROVEN, named)
+    assert verdict.verdict is Answer.PARTLY_NAMED
+    assert "Probably missing: slip" in verdict.sentence
+
+
+def test_a_value_within_its_prior_changes_nothing() -> None:
+    def never(_: str) -> Trial:
+        raise AssertionError("no comparison is needed")
+
+    rows = judged([replace(TRACK, pull=2.9)], never)
+    assert with_base_parameters(AGREES, rows) == replace(AGREES, base_parameters=rows)
+
+
+def axis(**nominal: float) -> StateModel:
+    model = axis_model()
+    parameters = [
+        replace(item, nominal=nominal.get(item.name, item.nominal), prior_sd=0.1) for item in model.parameters
+    ]
+    return replace(model, parameters=tuple(parameters), port_effects=model.port_effects[:2])
+
+
+@pytest.fixture(scope="module")
+def command(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
+    folder = tmp_path_factory.mktemp("finding")
+    analysis = analyse(axis(gain=7.0), measured_runs(8))
+    write_results(folder, analysis, "axis", "")
+    return lambda: folder
+
+
+def test_a_wrong_gain_of_a_machine_is_named_in_every_file(command: Callable[[], Path]) -> None:
+    folder = command()
+    verdict = json.loads((folder / VERDICT_NAME).read_text("utf-8"))
+    assert (verdict["verdict"], verdict["confidence_set"]) == ("NAMED", [["gain"]]), verdict["sentence"]
+    gain = verdict["base_parameters"][0]
+    assert gain["ci95"][0] < 8.0 < gain["ci95"][1]
+    written = read_model_file(folder / MODEL_NAME).parameters
+    assert written["gain"].value == gain["value"]
+    assert written["damping"].value == 4.0
+    page = (folder / REPORT_NAME).read_text("utf-8")
+    assert "Wrong in the model: gain is " in page
+    assert "wrong in the model</td>" in page
