@@ -27,6 +27,7 @@ from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.schema import END, end_record
+from rover_hil.recording.watchdog_note import note_path
 from rover_hil.recording.writer import LogWriter, Mirror
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
@@ -37,7 +38,7 @@ from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End, Executive, Operator, RunResult, end_by
 from rover_hil.run.linear_algebra import allocate_linear_algebra
 from rover_hil.run.real_time import enter_realtime
-from rover_hil.run.watchdog_process import WatchdogProcess, note_path
+from rover_hil.run.watchdog_process import WatchdogProcess
 from rover_hil.terminal import Terminal
 from sim_backends.world.plant import Truth
 

@@ -23,11 +23,6 @@ RESTARTS = 3
 """How often a watchdog that has died is started again in a run."""
 
 
-def note_path(log_path: Path) -> Path:
-    """Return the file that holds why the watchdog ended the run of a log, where it did."""
-    return log_path.with_suffix(".watchdog.txt")
-
-
 class WatchdogError(RoverHilError, OSError):
     """The watchdog cannot be started, or could not stop the drive: the rover must not move."""
 

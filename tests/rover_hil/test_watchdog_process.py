@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ import pytest
 
 from drivers.clock import SystemClock, nanoseconds
 from drivers.emergency_stop import EmergencyStop, PortKind, StopPort
+from rover_hil.recording.watchdog_note import note_path
 from rover_hil.run import watchdog_process, watchdog_program
-from rover_hil.run.watchdog_process import WatchdogError, WatchdogProcess, note_path
+from rover_hil.run.watchdog_process import WatchdogError, WatchdogProcess
 from rover_hil.run.watchdog_program import ARMED, BEATS, CHECKING, OVER, RESTING, SIGNS, STATE, STOPS, WAITS
 
 PATIENCE_S = 60.0
@@ -32,11 +34,8 @@ LOST = "watchdog: its process has ended with code -9"
 def own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the process of the watchdog run as it is while mutmut changes the loop's side."""
     if "MUTANT_UNDER_TEST" in os.environ:
-        popen = subprocess.Popen
         environment = os.environ | {"MUTANT_UNDER_TEST": "none"}
-        monkeypatch.setattr(
-            subprocess, "Popen", lambda *a, **kw: popen(*a, **kw, env=environment)
-        )
+        monkeypatch.setattr(subprocess, "Popen", partial(subprocess.Popen, env=environment))
 
 
 def wait_for(condition: Callable[[], bool]) -> None:

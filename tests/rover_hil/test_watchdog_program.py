@@ -347,7 +347,7 @@ def test_a_network_interface_gets_frames_and_nothing_is_received(monkeypatch: py
         buses.append(Bus(*how))
         return buses[-1]
 
-    monkeypatch.setattr(program.socket, "socket", open_bus)
+    monkeypatch.setattr(socket, "socket", open_bus)
     port = Port("socketcan", "can7", 0, [FRAME, LONG_FRAME])
     assert port.check() == port.stop() == ""
     begin = [
