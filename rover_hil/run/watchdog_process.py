@@ -87,7 +87,7 @@ class WatchdogProcess:
             self._counts[program.STATE] = program.OVER
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1.0)
-            self._discard()
+            self._discard(self._process)
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -149,14 +149,14 @@ class WatchdogProcess:
             self._lost = ""
         elif not self._lost and self._process is not None and self._process.poll() is not None:
             self._lost = f"watchdog: its process has ended with code {self._process.returncode}"
-            self._restart()
+            self._restart(self._process)
         return self._lost or reason
 
-    def _restart(self) -> None:
+    def _restart(self, dead: "subprocess.Popen[bytes]") -> None:
         if self._restarts_left == 0:
             return
         self._restarts_left -= 1
-        self._discard()
+        self._discard(dead)
         with suppress(OSError):  # the rover rests until it can be started
             self._spawn()
 
@@ -195,11 +195,8 @@ class WatchdogProcess:
         line = os.read(process.stdout.fileno(), 4096).decode(errors="replace").strip()
         return line or f"it has ended with code {process.wait()}"
 
-    def _discard(self) -> None:
+    def _discard(self, process: "subprocess.Popen[bytes]") -> None:
         """Let go of the process, whatever it does."""
-        process, self._process = self._process, None
-        if process is not None:
+        self._process = None
+        with process:
             process.kill()
-            process.wait()
-            if process.stdout is not None:
-                process.stdout.close()

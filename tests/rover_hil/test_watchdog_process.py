@@ -151,6 +151,13 @@ def test_the_port_is_checked_before_anything_moves(watchdog: WatchdogProcess, po
     )
 
 
+def test_one_that_is_over_is_not_ready(port: Path) -> None:
+    with WatchdogProcess(stop_of(port), LONG_S) as watchdog:
+        watchdog.close()
+        with pytest.raises(WatchdogError, match="is not ready: it has ended; the rover must not move"):
+            watchdog.check_port()
+
+
 def test_without_shared_memory_nothing_moves(port: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = sorted(path.name for path in Path("/proc/self/fd").iterdir())
     watchdog = WatchdogProcess(stop_of(port), LONG_S)

@@ -1,5 +1,8 @@
 """The process of the watchdog, function by function: silence, hang, stop frames, cause."""
 
+import ctypes
+import gc
+import json
 import os
 import pty
 import select
@@ -679,3 +682,48 @@ def test_it_runs_before_a_loop_in_a_real_time_class(
     monkeypatch.setattr(os, "sched_setparam", set_param)
     program.take_priority()
     assert got == taken
+
+
+def test_it_keeps_out_signals_swap_and_collections_then_watches(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    did: list[object] = []
+    note = did.append
+
+    class Library:
+        def __init__(self, name: str | None) -> None:
+            assert name is None
+
+        def mlockall(self, flags: int) -> None:
+            note(("mlockall", flags))
+
+    class Stream:
+        def __init__(self, file: int) -> None:
+            self.file = file
+
+        def fileno(self) -> int:
+            return self.file
+
+    def run(watch: Watch) -> None:
+        note((watch._order, watch._answers, watch._screen))
+
+    monkeypatch.setattr(signal, "signal", lambda number, handler: note((number, handler)))
+    monkeypatch.setattr(ctypes, "CDLL", Library)
+    monkeypatch.setattr(program, "take_priority", lambda: note("priority"))
+    for act in ("collect", "freeze", "disable"):
+        monkeypatch.setattr(gc, act, lambda act=act: note(act))
+    monkeypatch.setattr(sys, "argv", ["watchdog_program.py", json.dumps(bench.order)])
+    monkeypatch.setattr(sys, "stdout", Stream(71))
+    monkeypatch.setattr(sys, "stderr", Stream(72))
+    monkeypatch.setattr(Watch, "run", run)
+    program.main()
+    ignored = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE)
+    assert did == [
+        *((number, signal.SIG_IGN) for number in ignored),
+        "priority",
+        ("mlockall", 1),
+        "collect",
+        "freeze",
+        "disable",
+        (bench.order, 71, 72),
+    ]
