@@ -46,7 +46,7 @@ class WatchdogProcess:
         self._counts = memoryview(bytearray(program.PAGE_SIZE)).cast("Q")
         self._process: subprocess.Popen[bytes] | None = None
         self._life = LifeWatch(self, SILENT_S, f"watchdog: no sign of life for {SILENT_S:g} s")
-        self._lost = ""
+        self._lost: list[str] = []
         self._signs = self._waits = self._seen_stops = self._seen_beats = 0
         self._restarts_left = RESTARTS
 
@@ -146,11 +146,11 @@ class WatchdogProcess:
         count = self.count
         if count != self._seen_beats:
             self._seen_beats = count
-            self._lost = ""
+            self._lost.clear()
         elif not self._lost and self._process is not None and self._process.poll() is not None:
-            self._lost = f"watchdog: its process has ended with code {self._process.returncode}"
+            self._lost.append(f"watchdog: its process has ended with code {self._process.returncode}")
             self._restart(self._process)
-        return self._lost or reason
+        return next(iter(self._lost), reason)
 
     def _restart(self, dead: "subprocess.Popen[bytes]") -> None:
         if self._restarts_left == 0:

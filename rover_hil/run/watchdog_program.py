@@ -27,8 +27,6 @@ REPEAT_PERIODS = 5
 may act."""
 END_MS = 2000
 """Longest wait for a process to be gone after SIGKILL."""
-TICKS_PER_PERIOD = 1
-"""Processor time in `/proc` is counted in hundredths of a second."""
 
 PAGE_SIZE = 4096
 SIGNS, WAITS, STATE, BEATS, STOPS = range(5)
@@ -101,22 +99,24 @@ class Silence:
     def __init__(self, silent_periods: int, threads: Threads) -> None:
         self._silent_periods = silent_periods
         self._threads = threads
-        self._signs = -1
-        self._waits = -1
+        self._signs = 0
         self._silent = 0
-        self._worked = 0.0
-        self.must_stop = self.begins = self.hangs = False
+        self._waits: int
+        self._worked: float
+        """Both are of a silence, and set where it begins."""
+        self.must_stop: bool
+        self.begins: bool
+        self.hangs: bool
 
     def rest(self) -> None:
         """Count no period: the loop commands nothing."""
-        self._signs = -1
-        self.must_stop = self.begins = self.hangs = False
+        self._silent = 0
 
     def count(self, signs: int, waits: int) -> None:
         """Judge one period by the counts at its end."""
         self.must_stop = self.begins = self.hangs = False
         if signs != self._signs:
-            self._signs, self._waits = signs, waits
+            self._signs = signs
             self._silent = 0
             return
         self._silent += 1
@@ -165,7 +165,7 @@ class ProcThreads:
                     share = 0.0
                 elif state == "R":
                     worked = ticks[task] - self._ticks.get(task, ticks[task])
-                    share = min(share, worked / TICKS_PER_PERIOD)
+                    share = min(share, worked)  # counted in hundredths of a second, a period each
         except OSError:
             share = 1.0
         self._ticks = ticks
@@ -175,7 +175,7 @@ class ProcThreads:
 def _read(path: str) -> bytes:
     file = os.open(path, os.O_RDONLY)
     try:
-        return os.read(file, 1024)
+        return os.read(file, PAGE_SIZE)
     finally:
         os.close(file)
 
@@ -288,7 +288,7 @@ class Watch:
         payloads = [bytes.fromhex(payload) for payload in order["payloads"]]
         self._port = Port(order["port"], order["path"], order["baud_rate"], payloads)
         self._loop = select.poll()
-        self._loop.register(order["loop"], select.POLLIN)
+        self._loop.register(order["loop"])
         self._beats = page[BEATS]  # the counts of a process that this one replaces go on
         self._stops = page[STOPS]
 

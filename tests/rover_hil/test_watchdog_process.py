@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +29,16 @@ SILENT_NS = nanoseconds(0.5)
 LOST = "watchdog: its process has ended with code -9"
 
 
+IS_MUTATED = "MUTANT_UNDER_TEST" in os.environ
+ROOT = Path(__file__).parents[3 if IS_MUTATED else 2]
+"""Of the program as it is: mutmut changes a copy in a folder of its own."""
+
+
 @pytest.fixture(autouse=True)
-def own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the process of the watchdog run as it is while mutmut changes the loop's side."""
-    if "MUTANT_UNDER_TEST" in os.environ:
-        environment = os.environ | {"MUTANT_UNDER_TEST": "none"}
-        monkeypatch.setattr(subprocess, "Popen", partial(subprocess.Popen, env=environment))
+def program_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run the watchdog's process unchanged while mutmut changes the loop's side: it imports no packages."""
+    if IS_MUTATED:
+        monkeypatch.setattr(watchdog_program, "__file__", str(ROOT / "rover_hil/run/watchdog_program.py"))
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
@@ -223,7 +226,8 @@ def test_the_states_that_it_gives_to_the_process(port: Path, tmp_path: Path) -> 
         watchdog.feed()
         watchdog.feed()
         watchdog.note_waiting()
-        assert (counts[STATE], counts[SIGNS], counts[WAITS]) == (ARMED, 3, 1)
+        watchdog.note_waiting()
+        assert (counts[STATE], counts[SIGNS], counts[WAITS]) == (ARMED, 3, 2)
         watchdog.rest()
         assert counts[STATE] == RESTING
         watchdog.arm()
@@ -325,8 +329,8 @@ def begin(port: Path, act: str) -> tuple["subprocess.Popen[str]", int]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"MUTANT_UNDER_TEST": "none"},
-        cwd=Path(__file__).parents[2],
+        env=os.environ | {"PYTHONPATH": ""},
+        cwd=ROOT,
     )
     assert loop.stdout is not None
     return loop, os.pidfd_open(int(loop.stdout.readline()))
