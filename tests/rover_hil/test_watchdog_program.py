@@ -12,7 +12,7 @@ import subprocess
 import sys
 import termios
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -296,6 +296,16 @@ def test_a_serial_port_keeps_its_rate_where_that_has_no_name(terminal: tuple[int
         assert (in_speed, out_speed) == (termios.B57600, termios.B57600)
     finally:
         os.close(keeping)
+
+
+def test_a_serial_port_is_asked_for_eight_bits_and_no_carrier(
+    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Sequence[object]] = []
+    monkeypatch.setattr(termios, "tcsetattr", lambda file, when, modes: asked.append(modes))
+    Port("serial", terminal[1], 9600, [b"x"]).stop()
+    ((*modes, _),) = asked
+    assert modes == [0, 0, termios.CS8 | termios.CREAD | termios.CLOCAL, 0, termios.B9600, termios.B9600]
 
 
 def test_the_check_sends_nothing(tmp_path: Path) -> None:
