@@ -2,6 +2,7 @@
 
     python -m benchmarks.safety.hung_loop [--rover NAME] [--times N]
     python -m benchmarks.safety.hung_loop --healthy N      # ends of healthy runs on a loaded machine
+    python -m benchmarks.safety.hung_loop --starts N       # processes left behind
 
 Stuck: a library sleeps with the interpreter's lock held. The simulated rover is a process of its own, behind
 serial ports and slcan, and writes down how fast its wheels really turn. Exit code 1 where a bar is missed.
@@ -207,6 +208,39 @@ def count_ends(times: int) -> int:
     return ends
 
 
+LIFE = """
+import os, signal, sys
+from drivers.emergency_stop import EmergencyStop, PortKind, StopPort
+from rover_hil.run.watchdog_process import WatchdogProcess
+stop = EmergencyStop(StopPort(PortKind.SERIAL, sys.argv[1], 115200), (b"stop",))
+with WatchdogProcess(stop, 0.1) as watchdog:
+    watchdog.check_port()
+    watchdog.arm()
+    end = sys.argv[2]
+    if end == "loop killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if end == "watchdog killed":
+        os.kill(watchdog._process.pid, signal.SIGKILL)
+    if end == "error":
+        raise SystemExit(1)
+"""
+ENDS = ("by itself", "loop killed", "watchdog killed", "error")
+
+
+def count_left(starts: int) -> int:
+    """Start and end loops with a watchdog in each way; return how many of their processes are left."""
+    with tempfile.NamedTemporaryFile() as port:
+        for number in range(starts):
+            end = ENDS[number % len(ENDS)]
+            command = [sys.executable, "-c", LIFE, port.name, end]
+            subprocess.run(command, check=False, cwd=ROOT, stderr=subprocess.DEVNULL)
+        CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(1.0))
+        commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
+        left = sum(port.name.encode() in command for command in commands)
+    print(f"{starts} starts and ends, {', '.join(ENDS)} in turn: {left} processes left")
+    return left
+
+
 def main() -> int:
     if sys.argv[1:2] == ["--serve"]:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -222,7 +256,10 @@ def main() -> int:
     parser.add_argument("--rover", choices=ROVERS)
     parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--healthy", type=int, default=0)
+    parser.add_argument("--starts", type=int, default=0)
     options = parser.parse_args()
+    if options.starts:
+        return 1 if count_left(options.starts) else 0
     if options.healthy:
         return 1 if count_ends(options.healthy) else 0
     cost = cost_us()
