@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from drivers.clock import Clock
 from drivers.driver import Codec, DriveCodec, Driver, WheelDrive
+from drivers.emergency_stop import EmergencyStop, PortKind, StopPort
 from drivers.link import CameraImage, Link, RawTap
 from drivers.settings import PathText, Settings
 
@@ -61,6 +62,10 @@ class ByteDeviceSettings(DeviceSettings):
             ConfigError: A data file that the settings name is missing or wrong.
         """
 
+    @abstractmethod
+    def stop_port(self) -> StopPort:
+        """Return the port as another process opens it to stop the device."""
+
     def make_driver(
         self, name: str, link: Link[bytes], clock: Clock, tap: RawTap | None = None
     ) -> Driver[bytes]:
@@ -84,6 +89,10 @@ class SerialDeviceSettings(ByteDeviceSettings):
         from drivers.serial_link import SerialLink
 
         return SerialLink(self.port, self.baud_rate, clock, self.reconnect_limit_s)
+
+    def stop_port(self) -> StopPort:
+        """Return the serial port."""
+        return StopPort(PortKind.SERIAL, self.port, self.baud_rate)
 
     def exclusive_port(self) -> tuple[str, str]:
         """Return the serial port."""
@@ -123,6 +132,12 @@ class CanDeviceSettings(ByteDeviceSettings):
 
         return CanLink(self.interface, self.channel, self.bit_rate, clock, self.reconnect_limit_s)
 
+    def stop_port(self) -> StopPort:
+        """Return the bus; one inside this process cannot be reached from another."""
+        if self.interface == "virtual":
+            return StopPort(PortKind.NONE, self.channel)
+        return StopPort(PortKind(self.interface), self.channel)
+
 
 class DriveSettings(ByteDeviceSettings):
     """A device that also turns wheels."""
@@ -138,6 +153,14 @@ class DriveSettings(ByteDeviceSettings):
     @abstractmethod
     def make_codec(self, name: str) -> DriveCodec:
         """Build the codec of the drive called `name`."""
+
+    def make_emergency_stop(self) -> EmergencyStop:
+        """Return how another process stops this drive.
+
+        Raises:
+            ConfigError: A data file that the settings name is missing or wrong.
+        """
+        return EmergencyStop(self.stop_port(), tuple(self.make_codec("").encode_emergency_stop()))
 
     def make_driver(
         self, name: str, link: Link[bytes], clock: Clock, tap: RawTap | None = None

@@ -115,6 +115,14 @@ class DriveCodec(Codec[bytes], Protocol):
         """Return what switches the drive off after standstill; may be empty."""
         ...
 
+    def encode_emergency_stop(self) -> Sequence[bytes]:
+        """Return what stops the wheels in whatever state the drive is; changes nothing in the codec.
+
+        A process that does not know what was sent before sends it, again and again, also to a drive at rest
+        or in the middle of a frame. The drive is left in a state from which the driver starts it again.
+        """
+        ...
+
 
 @runtime_checkable
 class SteeringCodec(DriveCodec, Protocol):

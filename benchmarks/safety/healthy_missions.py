@@ -92,6 +92,8 @@ def main() -> int:
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.missions)
     others = arguments.nature + arguments.el_dorado
+    if others > arguments.missions:
+        parser.error(f"--missions counts all: give at least {others}")
     rovers = [
         *["robotino"] * (arguments.missions - others),
         *["nature"] * arguments.nature,

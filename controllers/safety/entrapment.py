@@ -36,6 +36,9 @@ DEVIATIONS = 2.0
 LOOKS = 5
 """Fixes are compared at most this often in `entrapment_m`: each comparison may take noise for progress."""
 
+LEAST_PROGRESS = 0.02
+"""A displacement below this share of the travel of the wheels is none: so a rover slides along a wall."""
+
 STRAIGHT = 0.7
 """Least distance between the ends of a travel over its length: that of a right angle of equal sides."""
 
@@ -92,7 +95,7 @@ class _Progress(NamedTuple):
     @property
     def is_seen(self) -> bool:
         """Whether the rover has moved along the travel, or against it."""
-        return abs(self.moved_m) > self.noise_m
+        return abs(self.moved_m) > max(self.noise_m, LEAST_PROGRESS * self.wheels_m)
 
 
 class ProgressByFixes:

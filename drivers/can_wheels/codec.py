@@ -115,6 +115,24 @@ class CanWheelsCodec:
             operation.note_stop()
         return self._encode_fixed(self._bus.mapping.stop)
 
+    def encode_emergency_stop(self) -> Sequence[bytes]:
+        """Return zero speeds, encoded three times for drives that check a counter, and the [[stop]] messages.
+
+        Messages that only steer are left out. A drive that takes speed and steering angle in one message is
+        steered to 0.
+        """
+        fresh = CanWheelsCodec("", self._bus)
+        standstill = [
+            outbox.writer.write(
+                dict(outbox.fixed)
+                | {scale.signal: scale.to_raw(0.0) for _, scale in (*outbox.wheels, *outbox.steered)}
+            )
+            for _ in range(3)
+            for outbox in fresh._outboxes
+            if outbox.wheels
+        ]
+        return [*standstill, *fresh.encode_stop()]
+
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
         """Return the set-point messages, and the speeds they mean after clipping and rounding.
 

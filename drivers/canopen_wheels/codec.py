@@ -275,6 +275,13 @@ class CanopenWheelsCodec:
             for drive in self._drives
         ]
 
+    def encode_emergency_stop(self) -> Sequence[bytes]:
+        """Return "disable operation" with speed 0 for each drive: an enabled one slows down on its ramp.
+
+        The drive then misses this program's heartbeat, as after `encode_stop`.
+        """
+        return [rpdo_1(drive.node, SWITCH_ON, 0) for drive in self._drives]
+
     def _read_status(self, t_ns: int, drive: _Drive, data: bytes) -> Sequence[Sample | Rejection]:
         statusword, velocity = _STATUS_SPEED.unpack_from(data)
         drive.state = state_of(statusword)

@@ -116,6 +116,10 @@ class Robotino3BoardCodec:
         """Return a request for standstill; the board cuts the motors' supply after a second of it."""
         return self.encode_speeds((0.0,) * self.wheel_count)[0]
 
+    def encode_emergency_stop(self) -> Sequence[bytes]:
+        """Return the request for standstill, three times: the first may end a half-sent one."""
+        return 3 * [*self.encode_stop()]
+
     def _read_motors(self, t_ns: int, value: bytes) -> Sequence[Sample | Rejection]:
         fields = _READINGS.unpack(value)
         speeds, ticks, currents_a = fields[:3], fields[4:7], fields[8:11]

@@ -300,6 +300,10 @@ class RobotinoBoardCodec:
         """Return one request with the brakes on."""
         return [build_request(BoardRequest((0, 0, 0), (False, False, False), self._gains))]
 
+    def encode_emergency_stop(self) -> list[bytes]:
+        """Return the request with the brakes on, three times: the first may end a half-sent one."""
+        return 3 * self.encode_stop()
+
     def _read(self, t_ns: int, reply: BoardReply) -> list[Sample | Rejection]:
         if reply.board != self._board:
             return [Rejection(f"board_is_{reply.board}")]

@@ -211,6 +211,10 @@ class VescCodec:
             wheel.operation.note_stop()
         return ()
 
+    def encode_emergency_stop(self) -> Sequence[bytes]:
+        """Return speed 0 for each controller; its timeout follows, with its own brake current."""
+        return [encode_command(Command.RPM, wheel.node, 0) for wheel in self._wheels]
+
     def _read(self, t_ns: int, command: int, node: int, data: bytes) -> Sequence[Sample | Rejection]:
         if command == _SHORT_BUFFER and node == self._host_id:
             return self._read_answer(t_ns, data)

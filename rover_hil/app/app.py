@@ -74,7 +74,13 @@ def common(
 @app.command()
 def run(
     config: ConfigArgument,
-    virtual: Annotated[bool, typer.Option("--virtual", help="Drive the embedded simulated rover.")] = False,
+    virtual: Annotated[
+        bool,
+        typer.Option(
+            "--virtual",
+            help="Drive the embedded simulated rover, in step with simulated time: no watchdog is needed.",
+        ),
+    ] = False,
     duration: Annotated[
         float | None,
         number_option("End after this many seconds instead of with the mission.", "s", 0.1, LONGEST_S),

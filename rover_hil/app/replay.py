@@ -18,6 +18,7 @@ from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.made_with import changes_since, made_with
 from rover_hil.recording.reader import LogReader
+from rover_hil.recording.watchdog_note import read_note
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.replay import ReplayResult, replay
 from rover_hil.terminal import Terminal
@@ -100,6 +101,8 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
     console = Terminal()
     if not log.is_complete:
         console.print(f"{log.path} was cut off; everything up to the cut was replayed")
+        if note := read_note(log.path):
+            console.print(note, soft_wrap=True)
     elif not result.has_end:
         console.print(
             f"{log.path} does not say how the run ended: it was interrupted, or its end was removed; "

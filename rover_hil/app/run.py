@@ -12,7 +12,9 @@ from rich.text import Text
 from controllers.control_loop import StepOutput
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
-from drivers.clock import SystemClock, VirtualClock, nanoseconds, wall_time_text
+from drivers.clock import SystemClock, VirtualClock, wall_time_text
+from drivers.device_settings import DriveSettings
+from drivers.emergency_stop import EmergencyStop
 from drivers.errors import ConfigError, NotConnectedError
 from rover_hil.app.drive import order_drive
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_terminated, exit_unfinished
@@ -25,6 +27,7 @@ from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.schema import END, end_record
+from rover_hil.recording.watchdog_note import note_path
 from rover_hil.recording.writer import LogWriter, Mirror
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
@@ -35,7 +38,7 @@ from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End, Executive, Operator, RunResult, end_by
 from rover_hil.run.linear_algebra import allocate_linear_algebra
 from rover_hil.run.real_time import enter_realtime
-from rover_hil.run.watchdog import Watchdog
+from rover_hil.run.watchdog_process import WatchdogProcess
 from rover_hil.terminal import Terminal
 from sim_backends.world.plant import Truth
 
@@ -259,6 +262,7 @@ def run_real(
 
     Raises:
         ConfigError: The user has no right to use the scheduler.
+        WatchdogError: The watchdog cannot be started, or cannot open the port of the drive.
         NotConnectedError: A device cannot be opened.
         KeyboardInterrupt: Ctrl-C came before the drive was opened.
         Terminated: Another signal came before.
@@ -271,6 +275,9 @@ def run_real(
         with unfinished(log_path) as part:
             log = resources.enter_context(_open_log(part, log_path, config, clock.now_ns(), "real", mirror))
             rig = build_real_rig(config, clock, log)
+            watchdog = resources.enter_context(
+                WatchdogProcess(_stop_of(config), config.safety.expiry_s, note_path(log_path))
+            )
             request.obey()
             try:
                 rig.connect(CONNECT_TIMEOUT_S)
@@ -279,12 +286,7 @@ def run_real(
                     f"{error}; `rover-hil doctor` reports more, `rover-hil simulate` serves a simulated rover"
                 ) from error
             resources.enter_context(closing(rig))
-            watchdog = Watchdog(
-                rig.drive,
-                clock,
-                nanoseconds(config.safety.expiry_s),
-                log.watchdog,
-            )
+            watchdog.check_port()
             executive = Executive(
                 rig,
                 log,
@@ -299,11 +301,19 @@ def run_real(
         _note_path(log, config, clock.now_ns())
         gc.collect()
         gc.freeze()  # what start-up made need not be looked at again in every collection
-        watchdog.start()
+        watchdog.arm()
         try:
             return _execute(executive, log, limit_s, request)
         finally:
-            watchdog.end()
+            watchdog.close()
+
+
+def _stop_of(config: Config) -> EmergencyStop:
+    """Return how another process stops the drive of `config`."""
+    drive = config.devices[config.roles.wheels]
+    if not isinstance(drive, DriveSettings):
+        raise ConfigError(f"device '{config.roles.wheels}' turns no wheels")
+    return drive.make_emergency_stop()
 
 
 def require_uninterrupted(result: RunResult) -> None:

@@ -6,17 +6,19 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import TypeAlias
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.operator import OperatorInput
 from controllers.unwatched_yaw import find_unwatched_yaw
-from drivers.clock import PacedClock
+from drivers.clock import PacedClock, SystemClock, nanoseconds
 from drivers.errors import RoverHilError
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
 from rover_hil.bench.page_operator import PageOperator
 from rover_hil.bench.views import Notice, Order, Picture, RunOrder
 from rover_hil.config import BenchSettings, Config
+from rover_hil.recording.watchdog_note import read_note
 from rover_hil.run.executive import Operator, RunResult
 from rover_hil.run.sign_of_life import LifeWatch, SignOfLife
 
@@ -27,6 +29,8 @@ SERVER_SILENT = "page: its program gave no sign of life for {:g} s"
 BROWSER_SILENT = "page: the browser in control did not answer for {:g} s"
 END_S = 5.0
 """Time that a run has to stop the drive and close its log when the program ends."""
+NOTE_S = 1.0
+"""Time that the watchdog has to write why it ended a run."""
 DIED = "the process of the run has ended without a word: `rover-hil replay` reads its log up to there"
 
 RunFunction: TypeAlias = Callable[[RunOrder, Operator, PacedClock | None], RunResult]
@@ -63,6 +67,7 @@ class LoopProcess:
         their_notices.close()
         self._waiting: queue.SimpleQueue[RunOrder | Order | None] = queue.SimpleQueue()
         self._is_closing = False
+        self._log_path: Path | None = None
         threading.Thread(target=self._send, name="orders", daemon=True).start()
         threading.Thread(target=self._drain, name="notices", daemon=True).start()
 
@@ -73,6 +78,8 @@ class LoopProcess:
         """
         if isinstance(order, OperatorInput) and self._waiting.qsize() >= MOST_ORDERS:
             return False
+        if isinstance(order, RunOrder) and not order.is_virtual:
+            self._log_path = order.log_path
         self._waiting.put(order)
         return True
 
@@ -98,12 +105,22 @@ class LoopProcess:
             except (EOFError, OSError):
                 if self._is_closing:
                     return
-                notice = {"kind": "failed", "error": DIED}
+                notice = {"kind": "failed", "error": self._cause_of_death()}
             kind = notice["kind"]
             self._on_notice(notice)
         self._notices.close()
         self._waiting.put(None)
         self._process.join()
+
+    def _cause_of_death(self) -> str:
+        """Return what the watchdog wrote beside the log, else that nothing is known."""
+        if self._log_path is None:
+            return DIED
+        clock = SystemClock()
+        end_ns = clock.now_ns() + nanoseconds(NOTE_S)
+        while not (note := read_note(self._log_path)) and clock.now_ns() < end_ns:
+            clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
+        return note or DIED
 
 
 class NoticeSender:

@@ -98,6 +98,9 @@ class LogWriter:
         mirror: Gets each record too, in the log's thread: topic, time in ns since 1970, JSON. It must return
             at once.
 
+    Attributes:
+        on_wait: Called again and again while someone who notes a record must wait; it must note none.
+
     Raises:
         FileExistsError: `path` exists; a log is never overwritten.
         LogError: The file cannot be written, or could not be read: the configuration and its data files are
@@ -118,6 +121,7 @@ class LogWriter:
         self._path = final_path or path
         _check_attached(self._path, {CONFIG_ATTACHMENT: config_json, **attachments})
         self._stream = path.open("xb")
+        self.on_wait: Callable[[], None] = lambda: None
         self._failure = ""
         self._mirror = mirror
         self._wall_offset_ns = wall_time_ns() - start_ns
@@ -197,6 +201,7 @@ class LogWriter:
                 return
             waits += 1
             self._is_awaited = waits > AWAKE_AFTER_WAITS
+            self.on_wait()
             self._has_room.clear()
             self._has_room.wait(WAKE_S)
 
@@ -270,11 +275,13 @@ class LogWriter:
             return
         self._items.append(item)
         while len(self._items) > MOST_ITEMS and self._thread.is_alive():
+            self.on_wait()
             self._has_room.clear()
             self._has_room.wait(WAKE_S)
 
     def _wait_for_pictures(self) -> None:
         while not self._picture_room.acquire(timeout=WAKE_S):
+            self.on_wait()
             if not self._thread.is_alive():
                 return
 

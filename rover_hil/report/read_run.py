@@ -23,6 +23,7 @@ from rover_hil.datasets.log import HEADING, POSE, LogRows, Readings
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
+from rover_hil.recording.watchdog_note import read_note
 from rover_hil.report.run_data import (
     CrabData,
     Cycles,
@@ -137,6 +138,7 @@ class _Collector:
             config=self._config,
             config_json=log.config_json,
             is_complete=log.is_complete,
+            cut_off_by="" if log.is_complete else read_note(log.path),
             end=self._end,
             duration_s=duration_s,
             cycles=self._cycles(),

@@ -147,6 +147,7 @@ class RunData:
 
     Attributes:
         is_complete: False when the log was cut off.
+        cut_off_by: Why the watchdog ended the run, where the log was cut off and it did; else empty.
         end: How the run ended by its own account; None when it was killed or imported.
         duration_s: By the run's own account, else up to the last message.
         estimate: The filter's pose at the time of the wheel positions that it is based on.
@@ -171,6 +172,7 @@ class RunData:
     config: Config
     config_json: bytes
     is_complete: bool
+    cut_off_by: str
     end: EndRecord | None
     duration_s: float
     cycles: Cycles

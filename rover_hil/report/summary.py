@@ -118,7 +118,7 @@ class Summary:
         origin: What made the log: "virtual", "real", or what was imported.
         is_complete: False when the log was cut off.
         end: Why the run ended; None when the log was cut off or imported.
-        reason: The same with its particulars.
+        reason: The same with its particulars; why the watchdog ended it, where it did.
         mode: What the rover was doing at the end.
         cycles: How many cycles the log holds.
         skipped: Cycles left out because an earlier one took too long.
@@ -197,7 +197,7 @@ def summarise(run: RunData) -> Summary:
         origin=run.origin,
         is_complete=run.is_complete,
         end=None if end is None else end["end"],
-        reason=cycles.reason[-1] if end is None else end["reason"],
+        reason=run.cut_off_by or (cycles.reason[-1] if end is None else end["reason"]),
         mode=cycles.mode[-1],
         cycles=len(cycles.late_us),
         skipped=int(np.sum(cycles.late_us // period_us)) if end is None else end["skipped"],

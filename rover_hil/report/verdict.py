@@ -64,7 +64,7 @@ def tag(summary: Summary) -> str:
 
 def verdict(run: RunData, summary: Summary) -> str:
     """Return what was driven, how it ended, and how far estimate and encoders are off the truth."""
-    return f"{_what(run)}{_how_it_ended(summary)} {_how_far_off(summary)}"
+    return f"{_what(run)}{_how_it_ended(summary, run.cut_off_by)} {_how_far_off(summary)}"
 
 
 def facts(summary: Summary) -> list[Fact]:
@@ -189,10 +189,11 @@ def _what(run: RunData) -> str:
     return driven + rovers.get(run.origin, f", {run.origin}")
 
 
-def _how_it_ended(summary: Summary) -> str:
+def _how_it_ended(summary: Summary, cut_off_by: str) -> str:
     time = f"{summary.duration_s:.1f} s"
     if not summary.is_complete:
-        return f": the log was cut off after {time}, the program was killed or the disk was full."
+        cause = cut_off_by or "the program was killed or the disk was full"
+        return f": the log was cut off after {time}, {cause}."
     if _is_abandoned(summary):
         return f": the program ended after {time} without saying why."
     if summary.end is None:

@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
@@ -16,7 +16,6 @@ from rover_hil.recording.schema import COMMAND, CYCLE, OPERATOR, operator_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import Rig
 from rover_hil.run.end_signals import EndRequest
-from rover_hil.run.watchdog import Watchdog
 from sim_backends.world.plant import Truth
 
 HEALTH_PERIOD_NS = NANOSECONDS_PER_SECOND
@@ -99,6 +98,26 @@ class Operator(Protocol):
         ...
 
 
+class Watchdog(Protocol):
+    """What stops the drive when the loop is silent."""
+
+    def feed(self) -> None:
+        """Report that the loop has commanded the drive."""
+        ...
+
+    def note_waiting(self) -> None:
+        """Report that the loop waits for its log."""
+        ...
+
+    def has_stopped_drive(self) -> bool:
+        """Return whether the drive was stopped since the last call."""
+        ...
+
+    def stop_reason(self, now_ns: int) -> str:
+        """Return why the rover must rest for lack of a watchdog; "" for none."""
+        ...
+
+
 class Executive:
     """Runs the loop on any clock and any devices.
 
@@ -138,6 +157,10 @@ class Executive:
         self._truth: Truth | None = None
         self._end_request = end_request or EndRequest()
         self._stop_request: tuple[End, str] | None = None
+        self._interventions = 0
+        self._operator_reason = self._watchdog_reason = ""
+        if watchdog is not None:
+            log.on_wait = watchdog.note_waiting
 
     def now_ns(self) -> int:
         """Return the time on the rig's clock."""
@@ -187,12 +210,15 @@ class Executive:
             self._log.health(self._clock.now_ns(), self._rig.healths())
         result.duration_s = seconds(now_ns - start_ns)
         result.log_pause_s = self._log.longest_pause_s
-        if self._watchdog is not None:
-            result.watchdog_interventions = self._watchdog.interventions
+        result.watchdog_interventions = self._interventions
         return result
 
     def _cycle(self, now_ns: int) -> tuple[Sequence[Sample], StepOutput, SentCommand]:
-        wanted = None if self._operator is None else self._operator.wanted()
+        if self._watchdog is not None and self._watchdog.has_stopped_drive():
+            # The drive is started anew, as after a stop of its own: it is off, and the driver must know.
+            self._interventions += 1
+            self._log.watchdog(self._rig.drive.stop())
+        wanted = self._wanted(now_ns)
         if wanted is not None:
             self._rig.loop.operate(now_ns, wanted)
             self._log.write_json(OPERATOR, now_ns, operator_record(wanted))
@@ -205,6 +231,17 @@ class Executive:
         if self._on_cycle is not None:
             self._truth = self._on_cycle(now_ns)
         return samples, output, sent
+
+    def _wanted(self, now_ns: int) -> OperatorInput | None:
+        """Return what is wanted from this cycle on, by the operator and for lack of a watchdog."""
+        wanted = None if self._operator is None else self._operator.wanted()
+        reason = "" if self._watchdog is None else self._watchdog.stop_reason(now_ns)
+        if wanted is not None and wanted.stop_reason is not None:
+            self._operator_reason = wanted.stop_reason
+        elif reason == self._watchdog_reason:
+            return wanted
+        self._watchdog_reason = reason
+        return replace(wanted or OperatorInput(), stop_reason=reason or self._operator_reason)
 
     def _check_health(self, now_ns: int) -> None:
         self._log.require_file()

@@ -2,8 +2,18 @@
 
 import ctypes
 from multiprocessing.sharedctypes import RawValue
+from typing import Protocol
 
 from drivers.clock import nanoseconds
+
+
+class Counted(Protocol):
+    """Signs of life that are counted."""
+
+    @property
+    def count(self) -> int:
+        """How many signs were given."""
+        ...
 
 
 class SignOfLife:
@@ -37,7 +47,7 @@ class LifeWatch:
         reason: What is wrong when there is none for longer.
     """
 
-    def __init__(self, sign: SignOfLife, limit_s: float, reason: str) -> None:
+    def __init__(self, sign: Counted, limit_s: float, reason: str) -> None:
         self._sign = sign
         self._limit_ns = nanoseconds(limit_s)
         self._reason = reason

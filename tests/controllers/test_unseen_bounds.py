@@ -71,6 +71,10 @@ def test_an_unknown_turn_leads_to_the_side(turn_unknown_s: float) -> None:
     assert x_m == ahead_m
     # Half of the product of distance and turn; one radian at most.
     assert y_m == pytest.approx(aside_m + 0.5 * ahead_m * min(yaw_rad, 1.0))
+    # A turn that the gyro has measured leads there, too, whichever its sign.
+    for turned_rad in (0.1, -0.1):
+        _, y_m, _ = unseen.greatest_motion(6.0, turn_unknown_s, turned_rad)
+        assert y_m == pytest.approx(aside_m + 0.5 * ahead_m * min(yaw_rad + 0.1, 1.0))
 
 
 def test_speeds_of_a_wheel_must_not_be_missing() -> None:

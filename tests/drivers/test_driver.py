@@ -73,6 +73,9 @@ class LetterCodec:
     def encode_stop(self) -> list[bytes]:
         return [b"off"]
 
+    def encode_emergency_stop(self) -> list[bytes]:
+        return [b"stop"]
+
 
 class RecordingTap(NoTap):
     def __init__(self) -> None:

@@ -6,6 +6,7 @@ Set-points are judged on the wire, by a third listener; the truth is the simulat
 import math
 import multiprocessing
 import os
+import signal
 import socket
 import struct
 import sys
@@ -80,7 +81,7 @@ class Drive:
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
-    """Return a drive with three faults: drives cut off, gyro unplugged, interface down."""
+    """Return a drive with four faults, in the order of `FAULTS`."""
     found = Drive(folder=tmp_path_factory.mktemp("drive"))
     with cards() as wire, modem() as line, _simulator(found, wire, line):
         adapter, far = line.adapter, Wire(wire.far, wire.near)
@@ -93,6 +94,14 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
             _break(
                 found, program, "interface down", wire.down, wire.up, "wheels: link down", is_wire_cut=True
             )
+            _break(
+                found,
+                program,
+                "loop stopped",
+                lambda: os.kill(program.pid or 0, signal.SIGSTOP),
+                lambda: os.kill(program.pid or 0, signal.SIGCONT),
+                "",
+            )
             program.join(START_LIMIT_S)
             found.exit_code = -1 if program.exitcode is None else program.exitcode
         found.truth = _read_truth(found)
@@ -100,7 +109,8 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
     return found
 
 
-FAULTS = ["drives cut off", "gyro unplugged", "interface down"]
+DEVICE_FAULTS = ["drives cut off", "gyro unplugged", "interface down"]
+FAULTS = [*DEVICE_FAULTS, "loop stopped"]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -129,7 +139,11 @@ def test_behind_a_cut_wire_the_wheels_stop_and_begin_with_zero(drive: Drive) -> 
     assert all(after[:4])
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+def test_the_watchdog_says_that_it_stopped_the_drive(drive: Drive) -> None:
+    assert "1 stop by the watchdog" in drive.said
+
+
+@pytest.mark.parametrize("fault", DEVICE_FAULTS)
 def test_the_reason_of_the_stop_names_the_device(drive: Drive, fault: str) -> None:
     outage = drive.outages[fault]
     modes = [

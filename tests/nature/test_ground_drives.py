@@ -18,6 +18,8 @@ from tests.nature.ground_drives.light import Box, ShadowPlane, Sun, self_shadow,
 from tests.nature.ground_drives.noise import Points
 from tests.nature.ground_drives.rut import Pass, Strength, Tread, print_pass
 
+pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
+
 FOLDER = Path(ground_drives.__file__).parent
 TREAD = Tread(width_m=0.11, pitch_m=0.024)
 STRENGTH = Strength(
@@ -63,7 +65,6 @@ def _blank(world: World) -> World:
     )
 
 
-@pytest.mark.nightly
 def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path: Path) -> None:
     for name, seed in (("first", 4), ("again", 4), ("other", 5)):
         render("own_hard_shadow", seed, 3, tmp_path / name)
@@ -103,7 +104,6 @@ def test_files_have_the_columns_and_keys_of_the_format(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.nightly
 def test_every_scene_shows_what_its_name_says(scene: str) -> None:
     renderer = Renderer(scene, 11, 20)
     frame = next(renderer.frames())
@@ -119,7 +119,6 @@ def test_every_scene_shows_what_its_name_says(scene: str) -> None:
 
 
 @pytest.mark.parametrize("scene", ["own_curved", "own_mounds", "own_appears"])
-@pytest.mark.nightly
 def test_points_of_the_wheel_path_are_seen_at_the_pixels_of_the_truth(scene: str) -> None:
     world = draw_world(scene, 3, 40)
     flat = replace(world.ground, height=np.zeros_like(world.ground.height))
@@ -196,7 +195,6 @@ def test_sensors_measure_the_motion() -> None:
 
 
 @pytest.mark.parametrize("scene", ["own_jpeg60_blur", "own_mounds", "own_curved"])
-@pytest.mark.nightly
 def test_the_camera_never_sees_ground_that_the_observed_wheel_has_not_passed(scene: str) -> None:
     # All prints are pressed before the first frame: this is the reason why that is no error.
     for seed in range(2):
@@ -333,7 +331,6 @@ def test_ground_and_trace_move_through_the_picture_as_the_pose_says() -> None:
     assert np.corrcoef(first, second)[0, 1] < 0.8
 
 
-@pytest.mark.nightly
 def test_a_trace_that_appears_begins_and_ends_within_the_drive() -> None:
     renderer = Renderer("own_appears", 1, 120)
     lengths = [renderer.truth(float(t)).visible_len_m for t in renderer.world.times_s[::10]]

@@ -11,6 +11,8 @@ from tests.nature.machines.case import KINDS
 from tests.nature.machines.make import EXTRA_SCATTER, SHARES, draw_machine, kind_of
 from tests.nature.machines.tables import family_tables
 
+pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
+
 FOLDER = Path(machines.__file__).parent
 README = (FOLDER / "README.md").read_text("utf-8")
 

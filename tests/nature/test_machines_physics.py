@@ -17,6 +17,8 @@ from tests.nature.machines.integrator import TOLERANCE
 from tests.nature.machines.machine import Machine
 from tests.nature.machines.make import LEVELS, draw_effect, draw_machine, effect_ratio, find_size
 
+pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
+
 Array = NDArray[np.float64]
 Law = Callable[[dict[str, float], Array, Array], list[float]]
 

@@ -1,124 +1,146 @@
-"""The watchdog stops the drive when the loop goes silent, once per silence."""
+"""A loop whose drive the watchdog stopped, or that has none, goes on safely, and its log replays exactly."""
 
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
 from controllers.control_loop import StepOutput
+from controllers.operator import OperatorInput
 from controllers.safety import Mode
-from drivers.clock import SystemClock, VirtualClock, nanoseconds
-from drivers.driver import WheelDrive
-from drivers.errors import LogError
+from drivers.clock import VirtualClock, nanoseconds
 from drivers.samples import Sample, SentCommand, WheelCommand
 from rover_hil.config import load_config
 from rover_hil.recording.data_files import collect_data_files, restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
-from rover_hil.run.executive import Executive
+from rover_hil.run.executive import CycleView, End, Executive, RunResult
 from rover_hil.run.replay import replay
-from rover_hil.run.watchdog import CHECK_PERIOD_S, Watchdog
-from tests.drivers.test_driver import LetterCodec, ScriptedLink
 
 LIMIT_NS = nanoseconds(0.15)
 PATIENCE_S = 60.0
 """Only a thread that never runs needs as long, also on a busy machine."""
+LOST = "watchdog: its process has ended with code -9"
+PAGE_LOST = "page: lost"
 
 
-def make_drive(clock: VirtualClock | SystemClock) -> tuple[WheelDrive, ScriptedLink]:
-    link = ScriptedLink()
-    drive = WheelDrive("wheels", link, LetterCodec(), clock, max_age_s=0.1)
-    drive.connect()
-    return drive, link
+@dataclass
+class ScriptedWatchdog:
+    """A watchdog that does what a test says, by the number of signs of life it got.
+
+    Attributes:
+        stops: Stops of the drive after so many signs.
+        lost: Whether it lives no longer, after so many signs.
+    """
+
+    stops: tuple[int, ...] = ()
+    lost: range = range(0)
+    signs: int = 0
+    waits: int = 0
+    told: list[int] = field(default_factory=list)
+
+    def feed(self) -> None:
+        self.signs += 1
+
+    def note_waiting(self) -> None:
+        self.waits += 1
+
+    def has_stopped_drive(self) -> bool:
+        return self.signs in self.stops
+
+    def stop_reason(self, now_ns: int) -> str:
+        self.told.append(now_ns)
+        return LOST if self.signs in self.lost else ""
 
 
-def test_stops_once_per_silence_and_not_before_the_limit() -> None:
-    clock = VirtualClock()
-    drive, link = make_drive(clock)
-    told: list[int] = []
-    watchdog = Watchdog(drive, clock, LIMIT_NS, told.append)
-    watchdog.feed()
-    clock.sleep_until(clock.now_ns() + LIMIT_NS)
-    watchdog.check()
-    assert link.sent == []
-    clock.sleep_until(clock.now_ns() + 1)
-    watchdog.check()
-    watchdog.check()
-    assert link.sent == [b"(0.0, 0.0)"] * 3 + [b"off"]
-    assert told == [clock.now_ns()]
-    watchdog.feed()
-    clock.sleep_until(clock.now_ns() + 2 * LIMIT_NS)
-    watchdog.check()
-    assert watchdog.interventions == 2
+class ScriptedPage:
+    """A page that is lost for some cycles, and wants nothing else."""
+
+    def __init__(self, lost: range) -> None:
+        self._lost = lost
+        self._cycle = -1
+
+    def wanted(self) -> OperatorInput | None:
+        self._cycle += 1
+        if self._cycle == self._lost.start:
+            return OperatorInput(stop_reason=PAGE_LOST)
+        return OperatorInput(stop_reason="") if self._cycle == self._lost.stop else None
+
+    def end(self) -> tuple[End, str] | None:
+        return None
+
+    def show(self, view: CycleView) -> None:
+        """Show nothing."""
 
 
-def test_the_limit_holds_from_the_start_on() -> None:
-    clock = VirtualClock()
-    drive, link = make_drive(clock)
-    watchdog = Watchdog(drive, clock, LIMIT_NS, lambda _: None)
-    clock.sleep_until(clock.now_ns() + LIMIT_NS)
-    watchdog.check()
-    assert link.sent == []
-    clock.sleep_until(clock.now_ns() + 1)
-    watchdog.check()
-    assert link.sent[-1] == b"off"
+def drive(
+    path: Path, watchdog: ScriptedWatchdog, duration_s: float, page: ScriptedPage | None = None
+) -> tuple[RunResult, list[tuple[Mode, str]]]:
+    """Drive the simulated rover into a log; return the result, and mode and reason of each cycle."""
+    config, clock = load_config("el-dorado"), VirtualClock()
+    config_json = config.model_dump_json(by_alias=True).encode()
+    seen: list[tuple[Mode, str]] = []
+    with LogWriter(path, clock.now_ns(), config_json, collect_data_files(config), "virtual") as log:
+        rig, _ = build_virtual_rig(config, clock, log)
+        rig.connect(0.0)
+        step_now: Callable[[int, list[Sample]], StepOutput] = rig.loop.step
+
+        def step(now_ns: int, samples: list[Sample]) -> StepOutput:
+            output = step_now(now_ns, samples)
+            seen.append((output.mode, output.reason))
+            return output
+
+        rig.loop.step = step  # type: ignore[method-assign, assignment]
+        executive = Executive(rig, log, config.loop.rate_hz, watchdog=watchdog, operator=page)
+        assert log.on_wait == watchdog.note_waiting
+        result = executive.run(duration_s)
+        rig.close()
+    recorded = LogReader(path)
+    with restore_config(recorded) as restored:
+        assert replay(recorded, restored, lambda: None).differences == []
+    return result, seen
 
 
-def test_its_thread_has_a_name_and_keeps_no_program_alive() -> None:
-    clock = SystemClock()
-    drive, _ = make_drive(clock)
-    watchdog = Watchdog(drive, clock, nanoseconds(60.0), lambda _: None)
-    watchdog.start()
-    (thread,) = [thread for thread in threading.enumerate() if thread.name == "watchdog"]
-    assert thread.daemon
-    assert CHECK_PERIOD_S == 0.02
-    watchdog.end()
-    assert not thread.is_alive()
+@pytest.mark.slow
+def test_after_a_stop_by_the_watchdog_the_drive_is_started_again_and_the_log_replays(tmp_path: Path) -> None:
+    watchdog = ScriptedWatchdog(stops=(80, 90))
+    result, seen = drive(tmp_path / "run.mcap", watchdog, 2.5)
+    assert result.watchdog_interventions == 2
+    assert watchdog.signs == result.cycles == len(watchdog.told)
+    stops_ns = [
+        message.t_ns
+        for message in LogReader(tmp_path / "run.mcap").messages()
+        if message.topic == "/watchdog"
+    ]
+    assert len(stops_ns) == 2
+    assert seen[-1][0] is Mode.RUNNING
 
 
-def test_thread_acts_within_the_limit_and_a_check_period() -> None:
-    clock = SystemClock()
-    drive, link = make_drive(clock)
-    acted = threading.Event()
-    watchdog = Watchdog(drive, clock, nanoseconds(0.05), lambda _: acted.set())
-    watchdog.start()
-    assert acted.wait(PATIENCE_S)
-    watchdog.end()
-    assert link.sent[-1] == b"off"
+@pytest.mark.slow
+def test_without_a_watchdog_the_rover_rests_and_goes_on_with_a_new_one(tmp_path: Path) -> None:
+    _, seen = drive(tmp_path / "run.mcap", ScriptedWatchdog(lost=range(80, 90)), 3.0)
+    assert seen[79] == (Mode.RUNNING, "")
+    assert seen[80] == seen[89] == (Mode.SAFE_STOP, LOST)
+    assert seen[-1][0] is Mode.RUNNING
 
 
-def test_a_log_that_cannot_be_written_neither_keeps_it_from_stopping_nor_ends_it() -> None:
-    clock = VirtualClock()
-    drive, link = make_drive(clock)
-
-    def no_space(t_ns: int) -> None:
-        raise LogError("cannot write log")
-
-    watchdog = Watchdog(drive, clock, LIMIT_NS, no_space)
-    for stops in (1, 2):
-        watchdog.feed()
-        clock.sleep_until(clock.now_ns() + 2 * LIMIT_NS)
-        watchdog.check()
-        assert link.sent.count(b"off") == stops
+@pytest.mark.slow
+def test_a_new_watchdog_does_not_let_the_rover_go_that_the_page_stops(tmp_path: Path) -> None:
+    page = ScriptedPage(range(85, 100))
+    _, seen = drive(tmp_path / "run.mcap", ScriptedWatchdog(lost=range(80, 90)), 3.0, page)
+    assert [reason for _, reason in seen[80:100]] == [LOST] * 10 + [PAGE_LOST] * 10
+    assert seen[-1][0] is Mode.RUNNING
 
 
-def test_a_log_that_hangs_does_not_keep_it_from_stopping() -> None:
-    clock = SystemClock()
-    drive, link = make_drive(clock)
-    is_asked, may_go_on = threading.Event(), threading.Event()
-
-    def hang(t_ns: int) -> None:
-        is_asked.set()
-        may_go_on.wait(PATIENCE_S)
-
-    watchdog = Watchdog(drive, clock, nanoseconds(0.05), hang)
-    watchdog.start()
-    assert is_asked.wait(PATIENCE_S)
-    assert link.sent[-1] == b"off"
-    may_go_on.set()
-    watchdog.end()
+@pytest.mark.slow
+def test_a_page_that_is_back_does_not_let_the_rover_go_without_a_watchdog(tmp_path: Path) -> None:
+    page = ScriptedPage(range(75, 85))
+    _, seen = drive(tmp_path / "run.mcap", ScriptedWatchdog(lost=range(80, 90)), 3.0, page)
+    assert [reason for _, reason in seen[75:90]] == [PAGE_LOST] * 5 + [LOST] * 10
+    assert seen[-1][0] is Mode.RUNNING
 
 
 class LateStops(LogReader):
@@ -150,7 +172,7 @@ class LateStops(LogReader):
     ],
 )
 @pytest.mark.slow
-def test_a_run_in_which_it_stopped_the_drive_replays_exactly(
+def test_a_run_of_an_earlier_version_in_which_it_stopped_the_drive_replays_exactly(
     stalls: tuple[str, ...], reader: type[LogReader], tmp_path: Path
 ) -> None:
     config, clock, path = load_config("el-dorado"), VirtualClock(), tmp_path / "run.mcap"
@@ -158,11 +180,14 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(
     with LogWriter(path, clock.now_ns(), config_json, collect_data_files(config), "virtual") as log:
         rig, _ = build_virtual_rig(config, clock, log)
         rig.connect(0.0)
-        watchdog = Watchdog(rig.drive, clock, LIMIT_NS, lambda t_ns: log.write_json("/watchdog", t_ns, None))
+
+        def stop_by_thread() -> None:
+            """Stop the drive as the watchdog of earlier versions did, which was a thread."""
+            log.write_json("/watchdog", rig.drive.stop(), None)
 
         def stall() -> None:
             clock.sleep_until(clock.now_ns() + 2 * LIMIT_NS)
-            watchdog.check()
+            stop_by_thread()
             clock.sleep_until(clock.now_ns() + 1000)
 
         def command_before_the_stop() -> None:
@@ -187,7 +212,7 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(
                 return sent
 
             rig.drive.stop, rig.drive.command = stop, command  # type: ignore[method-assign, assignment]
-            checking = threading.Thread(target=watchdog.check)
+            checking = threading.Thread(target=stop_by_thread)
             checking.start()
             assert is_checked.wait(PATIENCE_S)
 
@@ -208,8 +233,8 @@ def test_a_run_in_which_it_stopped_the_drive_replays_exactly(
                 stall()
 
         rig.loop.step = step  # type: ignore[method-assign, assignment]
-        executive = Executive(rig, log, config.loop.rate_hz, on_cycle=on_cycle, watchdog=watchdog)
-        assert executive.run(2.5).watchdog_interventions == len(stalls)
+        executive = Executive(rig, log, config.loop.rate_hz, on_cycle=on_cycle)
+        executive.run(2.5)
         rig.close()
     recorded = reader(path)
     with restore_config(recorded) as restored:

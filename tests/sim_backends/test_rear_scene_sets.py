@@ -23,6 +23,8 @@ from tests.rear_scene.sets import (
 )
 from tests.sim_backends.rear_drives import grey
 
+pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
+
 RIG_KEYS = {
     "schema",
     "vehicle_frame",
@@ -48,7 +50,6 @@ def off_rms_deg(sequence: FrameSequence) -> float:
 
 
 @pytest.mark.parametrize("name", SET_NAMES)
-@pytest.mark.nightly
 def test_every_set_gives_frames_and_the_same_again(name: SetName) -> None:
     duration_s = 24.0 if name == "sparse" else 1.2
     sequence, again = (make_sequence(name, 4, duration_s) for _ in range(2))
@@ -110,7 +111,6 @@ def test_sparse_frames_are_32_cm_apart_on_the_wheel() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, FIRST_HELD_OUT_SEED])
-@pytest.mark.nightly
 def test_the_field_tests_are_those_of_the_paper_in_length_slope_and_drift(seed: int) -> None:
     first = make_sequence("field_test_1", seed)
     way_m = np.hypot(*np.diff(first.motion.position_m[:, :2], axis=0).T).sum()

@@ -28,6 +28,8 @@ from tests.sim_backends.rear_drives import (
     rig,
 )
 
+pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
+
 NOTHING = ()
 
 

@@ -97,6 +97,14 @@ def test_a_rover_that_slips_and_moves_is_not_entrapped(slip: float) -> None:
         assert travel.drive(0.3, (1.0 - slip) * 0.3) == []
 
 
+@pytest.mark.parametrize(("share", "is_stuck"), [(0.021, False), (0.019, True), (-0.019, True)])
+def test_a_rover_that_slides_along_a_wall_does_not_get_on(share: float, *, is_stuck: bool) -> None:
+    travel = Travel()
+    travel.drive(0.0, 0j)
+    stops = [travel.drive(0.12, share * 0.12, sd_m=1e-4) for _ in range(5)]
+    assert any(stops) is is_stuck
+
+
 @pytest.mark.parametrize("fixes_per_m", [4, 40])
 def test_a_rover_that_creeps_is_seen_to_move_at_any_rate_of_the_fixes(fixes_per_m: int) -> None:
     travel = Travel()
@@ -117,12 +125,12 @@ def test_fixes_that_come_often_show_a_rover_that_is_stuck() -> None:
 
 
 def test_the_limit_of_the_noise_is_two_deviations_of_the_difference() -> None:
-    noise_m = 2.0 * math.hypot(0.003, 0.003)
+    noise_m = 2.0 * math.hypot(0.005, 0.005)
     for moved_m, is_stopped in ((0.99 * noise_m, True), (1.01 * noise_m, False)):
         for way in (1.0, -1.0):
             travel = Travel()
-            travel.drive(0.0, 0j)
-            assert bool(travel.drive(0.51, way * moved_m)) == is_stopped
+            travel.drive(0.0, 0j, sd_m=0.005)
+            assert bool(travel.drive(0.51, way * moved_m, sd_m=0.005)) == is_stopped
 
 
 def test_the_limit_of_the_travel_is_exact() -> None:

@@ -10,6 +10,8 @@ from tests.nature.floors.machine import Floats
 from tests.nature.floors.patchwork import Floor
 from tests.nature.floors.rover import slip_ratio
 
+pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
+
 _STEP_S = 1.0 / 3600.0
 _LOAD_N = 41.0
 

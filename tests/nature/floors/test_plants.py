@@ -25,6 +25,8 @@ from tests.nature.floors.machine import NANOSECONDS, Floats, draw_machine
 from tests.nature.floors.measure import wheel_speeds
 from tests.nature.floors.patchwork import Floor
 
+pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
+
 _ALL = pytest.mark.parametrize("nature", NATURES, ids=lambda nature: nature.name)
 _OMNI = pytest.mark.parametrize("nature", NATURES[:3], ids=lambda nature: nature.name)
 _START_NS = 1_234_567_891

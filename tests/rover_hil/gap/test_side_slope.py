@@ -48,6 +48,7 @@ def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) 
     assert again.verdict is Answer.NO_GAP, again.sentence
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_cable_that_pulls_back_gets_no_name_of_the_catalogue(tmp_path: Path) -> None:
     model = make_model()

@@ -40,6 +40,7 @@ def test_without_its_card_friction_is_a_draft_of_the_form_of_a_sign() -> None:
     assert float(verdict.draft[0]["coefficient"]) == pytest.approx(-DRY, rel=0.05)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_force_that_differs_between_runs_is_a_gap_without_a_name_in_units_of_the_channel() -> None:
     verdict = analyse(axis_model(), measured_runs(disturbance=4.0)).verdict

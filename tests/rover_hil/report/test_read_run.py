@@ -23,6 +23,7 @@ from rover_hil.config import Config, load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
 from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end_record
+from rover_hil.recording.watchdog_note import MOST_CHARACTERS, note_path, read_note
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
@@ -295,6 +296,30 @@ def test_a_killed_run_is_reported_up_to_the_cut(tmp_path: Path) -> None:
     assert summary.skipped == 2  # the cycle that came 45 ms late had left out two of 20 ms
     assert "the log was cut off after" in verdict(run, summary)
     assert (tag(summary), grade(summary)) == ("log cut off", Grade.ATTENTION)
+
+
+def test_why_the_watchdog_ended_a_run_is_told(tmp_path: Path) -> None:
+    whole = write_log(tmp_path / "whole.mcap", Drive())
+    cut = tmp_path / "run.mcap"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 5])
+    cause = "watchdog: the loop gave no sign of life; the drive was stopped"
+    for log in (whole, cut):
+        note_path(log).write_text(f"{cause}\n")
+    summary = summarise(run := read_run(cut))
+    assert summary.reason == cause
+    assert f" s, {cause}. " in verdict(run, summary)
+    assert cause not in verdict(read_run(whole), summarise(read_run(whole)))  # of an earlier run
+
+
+def test_a_note_of_the_watchdog_is_one_line_whatever_is_in_the_file(tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    assert read_note(log) == ""
+    note_path(log).write_bytes(b"\x1b[2J\xff\n" + b"a" * 100_000)
+    assert read_note(log).startswith(" [2J\ufffd aaa")
+    assert len(read_note(log)) == MOST_CHARACTERS
+    note_path(log).unlink()
+    note_path(log).mkdir()
+    assert read_note(log) == ""
 
 
 def test_wherever_a_log_is_cut_it_is_read_or_refused(tmp_path: Path) -> None:

@@ -1,0 +1,280 @@
+"""What each drive does when the loop is stuck, stopped or gone, as two processes in real time.
+
+    python -m benchmarks.safety.hung_loop [--rover NAME] [--times N]
+    python -m benchmarks.safety.hung_loop --healthy N      # ends of healthy runs on a loaded machine
+    python -m benchmarks.safety.hung_loop --starts N       # processes left behind
+
+Stuck: a library sleeps with the interpreter's lock held. The simulated rover is a process of its own, behind
+serial ports and slcan, and writes down how fast its wheels really turn. Exit code 1 where a bar is missed.
+"""
+
+import argparse
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from timeit import repeat
+
+from benchmarks.program.machine_load import loaded_machine
+from benchmarks.safety.faults.process_cases import ROLL_OUT_S
+from benchmarks.safety.faults.processes import CAMERA, CONFIGS, REST_RAD_S
+from benchmarks.safety.faults.server import serve
+from drivers.clock import SystemClock, nanoseconds, seconds
+from drivers.emergency_stop import EmergencyStop, PortKind, StopPort
+from drivers.errors import LogError
+from rover_hil.app.program import main as run_program
+from rover_hil.config import load_config
+from rover_hil.recording.reader import LogReader
+from rover_hil.run.watchdog_process import WatchdogProcess
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "docs" / "examples"
+ROVERS = {
+    "Robotino, board EA05": CONFIGS / "robotino.toml",
+    "Robotino 3, board EA09": EXAMPLES / "robotino3_board.toml",
+    "CAN by DBC": CONFIGS / "el-dorado.toml",
+    "ODrive": CONFIGS / "el-dorado.toml",
+    "steered CAN wheels": CONFIGS / "el-dorado-crab.toml",
+    "CANopen": EXAMPLES / "canopen_wheels.toml",
+    "VESC": EXAMPLES / "vesc.toml",
+}
+MAPPINGS = {"ODrive": "odrive_0_6"}
+"""In place of the configuration's own."""
+STUCK_FILE = "stuck"
+STUCK_S = 600
+BAR_S = 0.3
+SLOWER = 0.9
+"""A wheel below this share of its speed slows down: it has been told to, or its drive has given up."""
+WAIT_S = 120.0
+COST_BAR_US = 10.0
+CLOCK = SystemClock()
+
+
+def get_stuck() -> None:
+    """Wait for the file, then sleep in C without giving the interpreter's lock back."""
+    while not Path(STUCK_FILE).exists():
+        CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(0.01))
+    ctypes.PyDLL(None).sleep(STUCK_S)
+
+
+def stick(program: int, folder: Path) -> None:
+    """Let the program get stuck."""
+    (folder / STUCK_FILE).touch()
+
+
+def send(number: signal.Signals) -> Callable[[int, Path], None]:
+    """Return the deed of sending a signal."""
+    return lambda program, _: os.kill(program, number)
+
+
+CASES: dict[str, Callable[[int, Path], None]] = {
+    "stuck in C": stick,
+    "stopped": send(signal.SIGSTOP),
+    "killed": send(signal.SIGKILL),
+}
+
+
+@contextmanager
+def started(folder: Path, *command: str) -> "Iterator[subprocess.Popen[bytes]]":
+    """Run one of the two processes."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "400"}
+    with (folder / f"{command[1]}.txt").open("wb") as said:
+        process = subprocess.Popen(
+            [sys.executable, "-m", *command], cwd=folder, env=environment, stdout=said, stderr=said
+        )
+        try:
+            yield process
+        finally:
+            with suppress(ProcessLookupError):
+                process.send_signal(signal.SIGCONT)
+            process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(10.0)
+            process.kill()
+            process.wait()
+
+
+def wait_for(is_done: Callable[[], bool], what: str) -> None:
+    """Wait for a condition."""
+    deadline_ns = CLOCK.now_ns() + nanoseconds(WAIT_S)
+    while not is_done():
+        if CLOCK.now_ns() > deadline_ns:
+            raise TimeoutError(what)
+        CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(0.02))
+
+
+def speeds(folder: Path) -> list[tuple[int, float]]:
+    """Return time and speed of the fastest wheel, by the simulated rover."""
+    lines = (folder / "truth.txt").read_text().splitlines()[:-1]
+    return [(int(words[0]), float(words[5])) for words in map(str.split, lines)]
+
+
+@contextmanager
+def driving(name: str, folder: Path) -> "Iterator[subprocess.Popen[bytes]]":
+    """Give the process of a loop that drives its simulated rover."""
+    text = CAMERA.sub("", ROVERS[name].read_text())
+    (folder / "rover.toml").write_text(text.replace("generic_wheel", MAPPINGS.get(name, "generic_wheel")))
+    itself = "benchmarks.safety.hung_loop"
+    with started(folder, itself, "--serve"):
+        wait_for((folder / "truth.txt").exists, "the simulated rover does not begin")
+        with started(
+            folder, "benchmarks.safety.hung_loop", "--loop", "run", "rover.toml", "--out", "out"
+        ) as program:
+            wait_for(lambda: moves(folder) or program.poll() is not None, "the rover does not move")
+            yield program
+
+
+def moves(folder: Path) -> bool:
+    """Return whether the wheels have turned for half a second."""
+    last = [speed for _, speed in speeds(folder)[-50:]]
+    return len(last) == 50 and min(last) > 4 * REST_RAD_S
+
+
+def measure(name: str, case: str) -> tuple[bool, str]:
+    """Return whether a case is within its bar, and its row."""
+    with tempfile.TemporaryDirectory() as folder_name:
+        folder = Path(folder_name)
+        with driving(name, folder) as program:
+            before = max(speed for _, speed in speeds(folder)[-5:])
+            act_ns = CLOCK.now_ns()
+            CASES[case](program.pid, folder)
+            CLOCK.sleep_until(act_ns + nanoseconds(4.0))
+            after = [(t_ns, speed) for t_ns, speed in speeds(folder) if t_ns > act_ns]
+        slower_s = first_s(after, act_ns, SLOWER * before)
+        rest_s = first_s(after, act_ns, REST_RAD_S)
+        said = (folder / "--loop.txt").read_text(errors="replace")
+        told = next((line.strip() for line in said.splitlines() if "watchdog:" in line), "")
+        cycles = readable_cycles(folder / "out" / "run.mcap.part", folder / "out" / "run.mcap")
+    is_well = slower_s is not None and slower_s <= BAR_S and rest_s is not None
+    is_well &= rest_s is None or rest_s <= BAR_S + ROLL_OUT_S
+    is_well &= cycles > 0 and (case == "stopped" or bool(told))
+    return is_well, f"| {name} | {case} | {text(slower_s)} | {text(rest_s)} | {cycles} | {told} |"
+
+
+def first_s(after: list[tuple[int, float]], act_ns: int, limit: float) -> float | None:
+    """Return when the fastest wheel was below a limit for good; None where it never was."""
+    above = [t_ns for t_ns, speed in after if speed >= limit]
+    if not above:
+        return 0.0
+    return None if above[-1] == after[-1][0] else seconds(above[-1] - act_ns)
+
+
+def text(value: float | None) -> str:
+    return "never" if value is None else f"{value:.2f}"
+
+
+def readable_cycles(*paths: Path) -> int:
+    """Return how many cycles the log tells of."""
+    for path in paths:
+        if path.exists():
+            with suppress(LogError):
+                return sum(message.topic == "/estimate" for message in LogReader(path).messages())
+    return 0
+
+
+def cost_us() -> float:
+    """Return what the watchdog costs in a cycle."""
+    with tempfile.NamedTemporaryFile() as port:
+        stop = EmergencyStop(StopPort(PortKind.SERIAL, port.name, 115_200), (b"stop",))
+        with WatchdogProcess(stop, 600.0) as watchdog:
+
+            def cycle() -> None:
+                watchdog.has_stopped_drive()
+                watchdog.stop_reason(CLOCK.now_ns())
+                watchdog.feed()
+
+            return 1e6 * min(repeat(cycle, number=2000, repeat=20)) / 2000
+
+
+def count_ends(times: int) -> int:
+    """Drive healthy rovers on a loaded machine; return how many were ended or stopped by the watchdog."""
+    ends = 0
+    for number in range(times):
+        with tempfile.TemporaryDirectory() as folder_name, loaded_machine():
+            folder = Path(folder_name)
+            name = list(ROVERS)[number % len(ROVERS)]
+            with driving(name, folder) as program:
+                program.wait(WAIT_S)
+            said = (folder / "--loop.txt").read_text(errors="replace")
+            told = [line.strip() for line in said.splitlines() if "watchdog" in line]
+            ends += program.returncode < 0
+            print(f"{name}: exit {program.returncode}; {told or 'no word of the watchdog'}", flush=True)
+    return ends
+
+
+LIFE = """
+import os, signal, sys
+from drivers.emergency_stop import EmergencyStop, PortKind, StopPort
+from rover_hil.run.watchdog_process import WatchdogProcess
+stop = EmergencyStop(StopPort(PortKind.SERIAL, sys.argv[1], 115200), (b"stop",))
+with WatchdogProcess(stop, 0.1) as watchdog:
+    watchdog.check_port()
+    watchdog.arm()
+    end = sys.argv[2]
+    if end == "loop killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if end == "watchdog killed":
+        os.kill(watchdog._process.pid, signal.SIGKILL)
+    if end == "error":
+        raise SystemExit(1)
+"""
+ENDS = ("by itself", "loop killed", "watchdog killed", "error")
+
+
+def count_left(starts: int) -> int:
+    """Start and end loops with a watchdog in each way; return how many of their processes are left."""
+    with tempfile.NamedTemporaryFile() as port:
+        for number in range(starts):
+            end = ENDS[number % len(ENDS)]
+            command = [sys.executable, "-c", LIFE, port.name, end]
+            subprocess.run(command, check=False, cwd=ROOT, stderr=subprocess.DEVNULL)
+        CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(1.0))
+        commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
+        left = sum(port.name.encode() in command for command in commands)
+    print(f"{starts} starts and ends, {', '.join(ENDS)} in turn: {left} processes left")
+    return left
+
+
+def main() -> int:
+    if sys.argv[1:2] == ["--serve"]:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        with suppress(KeyboardInterrupt):
+            serve(load_config("rover.toml"), Path("truth.txt"))
+        return 0
+    if sys.argv[1:2] == ["--loop"]:
+        del sys.argv[1]
+        threading.Thread(target=get_stuck, daemon=True).start()
+        run_program()
+        return 0
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rover", choices=ROVERS)
+    parser.add_argument("--times", type=int, default=1)
+    parser.add_argument("--healthy", type=int, default=0)
+    parser.add_argument("--starts", type=int, default=0)
+    options = parser.parse_args()
+    if options.starts:
+        return 1 if count_left(options.starts) else 0
+    if options.healthy:
+        return 1 if count_ends(options.healthy) else 0
+    cost = cost_us()
+    print(f"in the loop {cost:.1f} us a cycle, bar {COST_BAR_US:g} us")
+    print("| drive | loop | wheels slow down after s | at rest after s | cycles in the log | told |")
+    print("|---|---|---|---|---|---|")
+    missed = cost > COST_BAR_US
+    for name in [options.rover] if options.rover else ROVERS:
+        for case in CASES:
+            for _ in range(options.times):
+                is_well, row = measure(name, case)
+                print(row if is_well else f"{row} MISSED", flush=True)
+                missed |= not is_well
+    return int(missed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
