@@ -1,10 +1,10 @@
-"""Every number of estimators, monitors and stop rules, and what a change by 20 % does to two missions.
+"""Every number of estimators, monitors and stop rules, and what a change by 20 % does to a mission.
 
     python -m benchmarks.gates.constants > numbers.md      # half an hour on two cores
 
-Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how
-many mm the path of the Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a floor of
-`tests/nature`, without and with pose fixes. Those of sComp are of another rover, see docs/results/scomp.md.
+Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
+mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated
+site. Those of sComp are of another rover, see docs/results/scomp.md.
 """
 
 import ast
@@ -18,24 +18,28 @@ from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
+import numpy as np
 from pydantic import BaseModel
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.gates import floors
-from benchmarks.gates.floors import FIRST_FLOOR, VERSIONS, Cell, drive_floor
+from benchmarks.safety import missions
+from benchmarks.safety.missions import drive, robotino
 from benchmarks.sensitivity import FACTORS, varied
+from controllers.motion.mission import corner_points
+from controllers.motion.settings import RectangleMission
+from controllers.safety import Mode
 from drivers.clock import wall_time_text
-from rover_hil.config import Config
+from rover_hil.config import Config, load_config
 from rover_hil.parallel.executor import open_executor
+from rover_hil.tune.metrics import TruePath, path_rms_m
 
 ROOT = Path(__file__).parents[2]
 OF_SCOMP = "controllers.slip.scomp"
 FOLDERS = ("controllers/slip", "controllers/estimation", "controllers/safety")
-ROBOTINO = tuple(
-    Cell(nature="bristle", version=VERSIONS[1], has_fixes=has_fixes) for has_fixes in (False, True)
-)
-CONFIGURE = floors.configure
+SITE = 500
+CONFIGURE = load_config
+CORNERS = corner_points(RectangleMission(type="rectangle", length_m=0.9, width_m=0.4))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +124,7 @@ def changed(number: Number, factor: float) -> Iterator[None]:
         return
     owner = getattr(module, number.owner)
     if not is_dataclass(owner):
-        with mock.patch.object(floors, "configure", partial(_configured, owner, number.name, factor)):
+        with mock.patch.object(missions, "load_config", partial(_configured, owner, number.name, factor)):
             yield
         return
     group = next(each for each in _groups(module) if type(each) is owner)
@@ -132,9 +136,9 @@ def changed(number: Number, factor: float) -> Iterator[None]:
         object.__setattr__(group, number.name, usual)
 
 
-def _configured(owner: type, name: str, factor: float, cell: Cell, seed: int) -> Config:
-    """Return the rover of a row with a setting changed, wherever its configuration has it."""
-    config = CONFIGURE(cell, seed)
+def _configured(owner: type, name: str, factor: float, shipped: str) -> Config:
+    """Return a shipped configuration with a setting changed, wherever it has it."""
+    config = CONFIGURE(shipped)
     for settings in _settings(config):
         if isinstance(settings, owner) and vars(settings)[name] is not None:
             vars(settings)[name] = varied(vars(settings)[name], factor)
@@ -170,12 +174,12 @@ def usual_figures() -> Figures:
 
 
 def figures() -> Figures:
-    """Return what is watched, in mm; infinite where a mission did not end as it should."""
-    found = {}
-    for cell in ROBOTINO:
-        way = drive_floor(cell, FIRST_FLOOR)
-        found["fixes" if cell.has_fixes else "no fixes"] = 1e3 * way.path_m if way.has_finished else math.inf
-    return found
+    """Return what is watched, in mm; infinite where the mission did not end as it should."""
+    driven = drive(robotino(SITE))
+    x_m, y_m, yaw_rad = np.array([moment.truth for moment in driven.moments]).T
+    path = TruePath(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+    is_well = driven.mode is Mode.FINISHED
+    return {"path": 1e3 * path_rms_m(path, CORNERS) if is_well else math.inf}
 
 
 def changes(number: Number) -> dict[str, str]:
@@ -211,8 +215,8 @@ def main() -> int:
     every, day = list(numbers()), wall_time_text()
     today = f"{day[:4]}-{day[4:6]}-{day[6:8]}"
     with open_executor() as pool:
-        print("| number | value | no fixes, mm | fixes, mm | date |")
-        print("|---|---|---|---|---|")
+        print("| number | value | path, mm | date |")
+        print("|---|---|---|---|")
         found = track(pool.map(changes, every), total=len(every), console=Console(stderr=True))
         for number, row in zip(every, found, strict=True):
             cells = [number.title, number.text, *row.values(), today]
