@@ -2,9 +2,11 @@
 
 import errno
 import os
+import select
 import sys
 from contextlib import suppress
 
+STANDARD_ERROR = 2
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
@@ -19,6 +21,17 @@ def tell(sentence: str) -> None:
     """Print a sentence on the standard error, or nowhere if that cannot be written."""
     with suppress(OSError):
         print(sentence, file=sys.stderr)  # noqa: T201 - the one place that reports errors
+
+
+def can_tell() -> bool:
+    """Return whether writing to the standard error would not wait.
+
+    Ctrl-S stops a terminal, and a pipe may be full.
+    """
+    try:
+        return bool(select.select((), (STANDARD_ERROR,), (), 0.0)[1])
+    except (OSError, ValueError):
+        return False
 
 
 def end_output() -> str:

@@ -21,7 +21,7 @@ from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_NO, EXIT_OK, exit_te
 from rover_hil.app.json_text import print_json_text
 from rover_hil.app.memory import ShortOfMemoryError, sentence_of
 from rover_hil.app.options import LOG_NAME
-from rover_hil.app.output import tell
+from rover_hil.app.output import can_tell, tell
 from rover_hil.config import Config, load_config
 from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
@@ -152,7 +152,8 @@ def _display(live: Live, messages: Terminal, note: str) -> StatusDisplay:
     def show(output: StepOutput) -> None:
         if notes:
             messages.print(notes.pop(), soft_wrap=True)
-        live.update(_status_line(output), refresh=True)
+        if can_tell():  # a terminal that ctrl-S has stopped would hold the loop
+            live.update(_status_line(output), refresh=True)
 
     return show
 
@@ -234,6 +235,7 @@ def run_virtual(
                 end_request=request,
             )
         _note_path(log, config, clock.now_ns())
+        note_path(log_path).unlink(missing_ok=True)  # of an earlier run
         return _execute(executive, log, limit_s, request)
 
 

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
+from drivers.clock import nanoseconds
 from drivers.emergency_stop import EmergencyStop
 from drivers.errors import RoverHilError
 from rover_hil.run import watchdog_program as program
@@ -19,6 +20,8 @@ START_S = 10.0
 """Longest wait for an answer, on a loaded machine."""
 SILENT_S = 0.5
 """The rover rests without a sign of life of the watchdog for longer."""
+PAUSE_S = 0.5
+"""Between two attempts to start it again."""
 RESTARTS = 3
 """How often a watchdog that has died is started again in a run."""
 
@@ -49,6 +52,7 @@ class WatchdogProcess:
         self._lost: list[str] = []
         self._signs = self._waits = self._seen_stops = self._seen_beats = 0
         self._restarts_left = RESTARTS
+        self._next_start_ns = 0
 
     def __enter__(self) -> Self:
         """Start the process.
@@ -131,7 +135,7 @@ class WatchdogProcess:
         self._counts[program.WAITS] = self._waits
 
     def has_stopped_drive(self) -> bool:
-        """Return whether the process has stopped the drive since the last call."""
+        """Return whether the process has stopped the drive since the last call, also where it did again."""
         stops = self._counts[program.STOPS]
         has_stopped = stops != self._seen_stops
         self._seen_stops = stops
@@ -147,17 +151,21 @@ class WatchdogProcess:
         if count != self._seen_beats:
             self._seen_beats = count
             self._lost.clear()
-        elif not self._lost and self._process is not None and self._process.poll() is not None:
+        elif self._process is None:
+            self._restart(now_ns)
+        elif self._process.poll() is not None:
             self._lost.append(f"watchdog: its process has ended with code {self._process.returncode}")
-            self._restart(self._process)
+            self._discard(self._process)
+            self._restart(now_ns)
         return next(iter(self._lost), reason)
 
-    def _restart(self, dead: "subprocess.Popen[bytes]") -> None:
-        if self._restarts_left == 0:
+    def _restart(self, now_ns: int) -> None:
+        """Start the process again, unless it was tried just now; the rover rests until it lives."""
+        if self._restarts_left == 0 or now_ns < self._next_start_ns:
             return
         self._restarts_left -= 1
-        self._discard(dead)
-        with suppress(OSError):  # the rover rests until it can be started
+        self._next_start_ns = now_ns + nanoseconds(PAUSE_S)
+        with suppress(OSError):
             self._spawn()
 
     def _spawn(self) -> None:
@@ -178,6 +186,7 @@ class WatchdogProcess:
                 [sys.executable, "-I", "-S", program.__file__, json.dumps(order)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
+                stderr=program.SCREEN,  # named, so that it passes also where it closes for other programs
                 pass_fds=(self._file, loop),
                 start_new_session=True,  # no key of a terminal stops or ends it
             )

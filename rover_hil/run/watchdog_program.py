@@ -5,6 +5,7 @@ of memory with the loop, counts periods of `PERIOD_MS` and reads no clock: a mac
 time in which this process itself did not run, is no silence of the loop.
 """
 
+import errno
 import gc
 import json
 import mmap
@@ -25,6 +26,11 @@ HANG_PERIODS = 100
 REPEAT_PERIODS = 5
 """A silent loop's drive is stopped again so often, for a second: a frame may be lost. Then its own time-out
 may act."""
+REPEAT_S = REPEAT_PERIODS * PERIOD_MS / 1000.0
+FULL_S, FULL_TIMES = 0.001, 20
+"""Wait where the queue of a network interface is full, and how often."""
+ANSWERS, SCREEN = 1, 2
+"""Numbers of the files for answers to the loop's side and for the user."""
 END_MS = 2000
 """Longest wait for a process to be gone after SIGKILL."""
 
@@ -36,7 +42,7 @@ SIGNS: Cycles of the loop that commanded the drive; written by the loop.
 WAITS: Signs of a loop that waits for its log, on purpose, and commands nothing.
 STATE: What the loop wants, `RESTING` and so on.
 BEATS: Periods of this process; written by it.
-STOPS: Silences in which it stopped the drive.
+STOPS: How often it has stopped the drive.
 """
 RESTING, CHECKING, ARMED, OVER = range(4)
 """RESTING: the drive is not commanded. CHECKING: open the port and answer. ARMED: watch. OVER: end."""
@@ -193,7 +199,7 @@ class Port:
     def __init__(self, kind: str, path: str, baud_rate: int, payloads: Sequence[bytes]) -> None:
         self._kind = kind
         self._path = path
-        self._baud_rate = baud_rate
+        self._speed = getattr(termios, f"B{baud_rate}", termios.B0)
         self._payloads = [slcan_line(payload) for payload in payloads] if kind == "slcan" else [*payloads]
         if kind == "slcan":
             self._payloads.insert(0, b"\r")  # ends a line that the loop did not complete
@@ -220,17 +226,41 @@ class Port:
                 bus.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")
                 bus.setblocking(False)
                 bus.bind((self._path,))
-                for payload in payloads:
-                    bus.send(payload)
+                send_frames(bus, payloads)
         elif self._kind != "none":
             # Without waiting for a carrier, and without the lock with which the loop keeps others out.
             file = os.open(self._path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             try:
                 if payloads:
-                    _set_raw(file, self._baud_rate)
-                    os.write(file, b"".join(payloads))
+                    _set_raw(file, self._speed)
+                    data = b"".join(payloads)
+                    if os.write(file, data) < len(data):
+                        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
             finally:
                 os.close(file)
+
+
+def send_frames(bus: socket.socket, payloads: Sequence[bytes]) -> None:
+    """Send frames; one for which the queue has no room within 20 ms keeps no other back.
+
+    Raises:
+        OSError: A frame could not be sent.
+    """
+    failure: OSError | None = None
+    for payload in payloads:
+        for _ in range(FULL_TIMES):
+            try:
+                bus.send(payload)
+                break
+            except OSError as error:
+                if error.errno not in (errno.ENOBUFS, errno.EAGAIN):
+                    raise
+                failed = error
+            select.select((), (), (), FULL_S)
+        else:
+            failure = failed
+    if failure is not None:
+        raise failure
 
 
 def slcan_line(payload: bytes) -> bytes:
@@ -241,12 +271,14 @@ def slcan_line(payload: bytes) -> bytes:
     return f"{head}{payload[4]}{data}\r".encode()
 
 
-def _set_raw(file: int, baud_rate: int) -> None:
-    """Let bytes pass unchanged: a port that the loop has closed may have other settings."""
+def _set_raw(file: int, speed: int) -> None:
+    """Let bytes pass unchanged: a port that the loop has closed may have other settings.
+
+    A speed of B0 would hang up: then the port keeps that of the loop.
+    """
     with suppress(termios.error):  # not a terminal
         *_, in_speed, out_speed, special = termios.tcgetattr(file)
-        speed = getattr(termios, f"B{baud_rate}", None)
-        if speed is not None:
+        if speed != termios.B0:
             in_speed = out_speed = speed
         control = termios.CS8 | termios.CREAD | termios.CLOCAL
         termios.tcsetattr(file, termios.TCSANOW, [0, 0, control, 0, in_speed, out_speed, special])
@@ -321,7 +353,6 @@ class Watch:
         silence.count(self._page[SIGNS], self._page[WAITS])
         if silence.must_stop:
             self._port.stop()
-        if silence.begins:
             self._stops += 1
             self._page[STOPS] = self._stops
         return silence.hangs
@@ -332,8 +363,17 @@ class Watch:
         self._conclude("the loop gave no sign of life for over a second and was ended")
 
     def _conclude(self, cause: str) -> None:
-        """Stop the drive, and tell the cause."""
-        failure = self._port.stop()
+        """Stop the drive, tell the cause, and stop it again for a second: a frame may be lost."""
+        repeats = HANG_PERIODS // REPEAT_PERIODS
+        while (failure := self._port.stop()) and repeats:
+            repeats -= 1
+            select.select((), (), (), REPEAT_S)
+        self._tell(cause, failure)
+        for _ in range(repeats):
+            select.select((), (), (), REPEAT_S)
+            self._port.stop()
+
+    def _tell(self, cause: str, failure: str) -> None:
         if failure:
             stopped = f"the drive could not be stopped ({failure}): its own time-out must"
         elif self._order["port"] == "none":
@@ -359,9 +399,10 @@ def write_note(path: str, sentence: str) -> None:
 
 
 def write(file: int, text: str) -> None:
-    """Write a text; whoever does not read it any more changes nothing."""
+    """Write a text; whoever does not read it any more, or has stopped the terminal, changes nothing."""
     with suppress(OSError):
-        os.write(file, text.encode())
+        if select.select((), (file,), (), 0.0)[1]:
+            os.write(file, text.encode())
 
 
 def take_priority() -> None:
@@ -370,7 +411,8 @@ def take_priority() -> None:
     if policy in (os.SCHED_FIFO, os.SCHED_RR):
         priority = os.sched_getparam(0).sched_priority
         highest = os.sched_get_priority_max(policy)
-        os.sched_setparam(0, os.sched_param(min(priority + 1, highest)))
+        with suppress(PermissionError):  # the user may take no more than the loop has
+            os.sched_setparam(0, os.sched_param(min(priority + 1, highest)))
 
 
 def stay_in_memory() -> None:
@@ -385,7 +427,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)  # it ends with the loop, and not before
     order: Order = json.loads(sys.argv[1])
-    watch = Watch(order, Page(order["page"]), sys.stdout.fileno(), sys.stderr.fileno())
+    watch = Watch(order, Page(order["page"]), ANSWERS, SCREEN)
     take_priority()
     stay_in_memory()
     gc.collect()

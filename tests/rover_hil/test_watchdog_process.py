@@ -26,6 +26,7 @@ LONG_S = 600.0
 CLOCK = SystemClock()
 START_NS = 1_000
 SILENT_NS = nanoseconds(0.5)
+PAUSE_NS = nanoseconds(0.5)
 LOST = "watchdog: its process has ended with code -9"
 
 
@@ -127,7 +128,8 @@ def test_what_its_process_is_told(port: Path, monkeypatch: pytest.MonkeyPatch, t
     assert options["start_new_session"] is True
     assert options["stdin"] == subprocess.DEVNULL
     assert options["stdout"] == subprocess.PIPE
-    assert set(options) - {"env"} == {"pass_fds", "start_new_session", "stdin", "stdout"}
+    assert options["stderr"] == 2
+    assert set(options) == {"pass_fds", "start_new_session", "stdin", "stdout", "stderr"}
     del order["page"], order["loop"]
     assert order == {
         "loop_id": os.getpid(),
@@ -257,22 +259,22 @@ def test_one_that_is_stopped_is_missed_after_half_a_second_until_it_goes_on(
     assert process_of(watchdog) is process
 
 
-def kill(watchdog: WatchdogProcess) -> None:
+def kill(watchdog: WatchdogProcess, now_ns: int = START_NS) -> None:
     process = process_of(watchdog)
     os.kill(process.pid, signal.SIGKILL)
     os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
-    watchdog.stop_reason(START_NS)  # has seen its last beats
+    watchdog.stop_reason(now_ns)  # has seen its last beats
 
 
 def test_one_that_has_died_is_named_and_started_again_three_times(watchdog: WatchdogProcess) -> None:
-    for _ in range(3):
+    for now_ns in range(START_NS, START_NS + 3 * PAUSE_NS, PAUSE_NS):
         before = process_of(watchdog)
-        kill(watchdog)
-        wait_for(lambda: watchdog.stop_reason(START_NS) == LOST)
+        kill(watchdog, now_ns)
+        wait_for(lambda now_ns=now_ns: watchdog.stop_reason(now_ns) == LOST)  # type: ignore[misc]
         assert process_of(watchdog) is not before
-        wait_for(lambda: watchdog.stop_reason(START_NS) == "")
-    kill(watchdog)
-    wait_for(lambda: watchdog.stop_reason(START_NS) == LOST)
+        wait_for(lambda now_ns=now_ns: watchdog.stop_reason(now_ns) == "")  # type: ignore[misc]
+    kill(watchdog, now_ns)
+    wait_for(lambda: watchdog.stop_reason(now_ns) == LOST)
     seen = watchdog._counts[BEATS]
     CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(0.3))
     assert watchdog.stop_reason(START_NS + 9 * SILENT_NS) == LOST
@@ -288,6 +290,23 @@ def test_the_rover_rests_where_none_can_be_started_again(
     kill(watchdog)
     wait_for(lambda: watchdog.stop_reason(START_NS) == LOST)
     assert watchdog.stop_reason(START_NS + 9 * SILENT_NS) == LOST
+
+
+def test_a_start_that_fails_is_tried_again_after_a_pause(
+    watchdog: WatchdogProcess, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "executable", str(tmp_path / "none"))
+        kill(watchdog)
+        wait_for(lambda: watchdog.stop_reason(START_NS) == LOST)
+    assert watchdog.stop_reason(START_NS + PAUSE_NS - 1) == LOST
+    assert watchdog._process is None
+    assert watchdog.stop_reason(START_NS + PAUSE_NS) == LOST
+    process = process_of(watchdog)
+    os.kill(process.pid, signal.SIGKILL)  # before or after its first sign of life
+    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+    wait_for(lambda: watchdog.stop_reason(START_NS + 2 * PAUSE_NS) == LOST)
+    wait_for(lambda: watchdog.stop_reason(START_NS + 2 * PAUSE_NS) == "")
 
 
 def test_a_new_one_watches_on(watchdog: WatchdogProcess) -> None:

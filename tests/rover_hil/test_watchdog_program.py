@@ -1,6 +1,7 @@
 """The process of the watchdog, function by function: silence, hang, stop frames, cause."""
 
 import ctypes
+import errno
 import gc
 import json
 import os
@@ -14,6 +15,7 @@ import termios
 import tty
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -284,8 +286,9 @@ def test_a_serial_port_keeps_its_rate_where_that_has_no_name(terminal: tuple[int
     try:
         tty.setraw(keeping)
         *_, in_speed, out_speed, _ = termios.tcgetattr(keeping)
-        assert Port("serial", path, 123, [b"x"]).stop() == ""
-        assert termios.tcgetattr(keeping)[4:6] == [in_speed, out_speed]
+        for baud_rate in (123, 0):  # 0 would hang up
+            assert Port("serial", path, baud_rate, [b"x"]).stop() == ""
+            assert termios.tcgetattr(keeping)[4:6] == [in_speed, out_speed]
         assert Port("serial", path, 57_600, [b"x"]).stop() == ""
         input_mode, output, control, local, in_speed, out_speed, _ = termios.tcgetattr(keeping)
         assert (input_mode, output, local) == (0, 0, 0)
@@ -330,6 +333,46 @@ def test_a_port_that_cannot_be_opened_is_named(tmp_path: Path) -> None:
     port = Port("serial", path, 115_200, [b"abc"])
     assert port.check() == f"it cannot open {path} to stop the drive: No such file or directory"
     assert port.stop() == f"{path}: No such file or directory"
+
+
+def test_a_port_that_takes_only_a_part_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "port"
+    path.touch()
+    monkeypatch.setattr(os, "write", lambda file, data: len(data) - 1)
+    assert Port("serial", str(path), 115_200, [b"abc"]).stop() == f"{path}: {os.strerror(errno.EAGAIN)}"
+
+
+class FullBus:
+    """A network interface whose queue has room for a frame after some attempts, or never."""
+
+    def __init__(self, full_times: int, error: int = errno.ENOBUFS) -> None:
+        self.sent: list[bytes] = []
+        self.tried = 0
+        self._full_times, self._error = full_times, error
+
+    def send(self, payload: bytes) -> None:
+        self.tried += 1
+        if payload == FRAME and self.tried <= self._full_times:
+            raise OSError(self._error, os.strerror(self._error))
+        self.sent.append(payload)
+
+
+def test_a_frame_waits_for_room_and_keeps_no_other_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[tuple[object, ...]] = []
+    monkeypatch.setattr(select, "select", lambda *arguments: waits.append(arguments))
+    for error in (errno.ENOBUFS, errno.EAGAIN):
+        bus = FullBus(19, error)
+        program.send_frames(cast(socket.socket, bus), [FRAME, LONG_FRAME])
+        assert bus.sent == [FRAME, LONG_FRAME]
+    assert waits == 38 * [((), (), (), 0.001)]
+    bus = FullBus(20)
+    with pytest.raises(OSError, match="No buffer space"):
+        program.send_frames(cast(socket.socket, bus), [FRAME, LONG_FRAME])
+    assert bus.sent == [LONG_FRAME]
+    bus = FullBus(1, errno.ENETDOWN)
+    with pytest.raises(OSError, match="Network is down"):
+        program.send_frames(cast(socket.socket, bus), [FRAME, LONG_FRAME])
+    assert bus.sent == []
 
 
 def test_no_handle_stays_open(tmp_path: Path, terminal: tuple[int, str]) -> None:
@@ -441,6 +484,7 @@ class Bench:
             "note": str(self.note),
         }
         monkeypatch.setattr(program, "ProcThreads", self._threads)
+        monkeypatch.setattr(program, "REPEAT_S", 0.0)
         self.threads = Threads()
         self.waits_ms: list[int] = []
         self.watched = -1
@@ -585,7 +629,7 @@ def test_a_loop_that_waits_is_not_ended(bench: Bench) -> None:
             bench.page[STATE] = OVER
 
     bench.run(period)
-    assert bench.page[STOPS] == 1
+    assert bench.page[STOPS] == HANG_PERIODS // REPEAT_PERIODS
     assert bench.loop.poll() is None
 
 
@@ -663,10 +707,43 @@ def test_a_serial_drive_is_stopped_at_its_rate(bench: Bench, terminal: tuple[int
     keeping = os.open(terminal[1], os.O_RDWR | os.O_NOCTTY)
     try:
         bench.run(period)
-        assert os.read(device, 100) == b"RECrec"
+        assert os.read(device, 1000) == 21 * b"RECrec"
         assert termios.tcgetattr(keeping)[5] == termios.B9600
     finally:
         os.close(keeping)
+
+
+def test_after_the_end_of_the_loop_the_drive_is_stopped_for_a_second(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[str] = []
+    failures = iter(["busy", "busy"])
+
+    def stop() -> str:
+        tried.append(bench.note.read_text() if bench.note.exists() else "")
+        return next(failures, "")
+
+    def period(number: int) -> None:
+        bench.page[STATE] = ARMED
+        bench.kill()
+
+    monkeypatch.setattr(Port, "stop", lambda port: stop())
+    bench.run(period)
+    assert len(tried) == 21
+    assert tried[:3] == ["", "", ""]
+    assert all("; the drive was stopped\n" in each for each in tried[3:])
+
+
+def test_a_terminal_that_ctrl_s_has_stopped_holds_nothing(terminal: tuple[int, str]) -> None:
+    screen = os.open(terminal[1], os.O_RDWR | os.O_NOCTTY)
+    try:
+        termios.tcflow(screen, termios.TCOOFF)
+        program.write(screen, "a cause\n")
+        termios.tcflow(screen, termios.TCOON)
+        program.write(screen, "a cause\n")
+        assert os.read(terminal[0], 100) == b"a cause\r\n"
+    finally:
+        os.close(screen)
 
 
 def test_a_display_that_was_cut_off_gets_its_cursor_back(bench: Bench, terminal: tuple[int, str]) -> None:
@@ -740,6 +817,12 @@ def test_it_runs_before_a_loop_in_a_real_time_class(
     program.take_priority()
     assert got == taken
 
+    def refuse(process_id: int, parameter: os.sched_param) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setparam", refuse)
+    program.take_priority()  # it stays where it is
+
 
 def test_it_keeps_out_signals_swap_and_collections_then_watches(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
@@ -754,13 +837,6 @@ def test_it_keeps_out_signals_swap_and_collections_then_watches(
         def mlockall(self, flags: int) -> None:
             note(("mlockall", flags))
 
-    class Stream:
-        def __init__(self, file: int) -> None:
-            self.file = file
-
-        def fileno(self) -> int:
-            return self.file
-
     def run(watch: Watch) -> None:
         note((watch._order, watch._answers, watch._screen))
 
@@ -770,8 +846,6 @@ def test_it_keeps_out_signals_swap_and_collections_then_watches(
     for act in ("collect", "freeze", "disable"):
         monkeypatch.setattr(gc, act, lambda act=act: note(act))
     monkeypatch.setattr(sys, "argv", ["watchdog_program.py", json.dumps(bench.order)])
-    monkeypatch.setattr(sys, "stdout", Stream(71))
-    monkeypatch.setattr(sys, "stderr", Stream(72))
     monkeypatch.setattr(Watch, "run", run)
     program.main()
     ignored = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE)
@@ -782,5 +856,5 @@ def test_it_keeps_out_signals_swap_and_collections_then_watches(
         "collect",
         "freeze",
         "disable",
-        (bench.order, 71, 72),
+        (bench.order, 1, 2),
     ]

@@ -1,6 +1,7 @@
 """`rover-hil` with a log that hangs, in the middle of a write, while a file `hang` is in the folder."""
 
 from pathlib import Path
+from typing import Any
 
 from benchmarks.safety.faults.process_cases import HANG_FILE, HUNG_FILE
 from drivers.clock import SystemClock, nanoseconds
@@ -13,12 +14,12 @@ CLOCK = SystemClock()
 add_message = ChunkedFile.add_message
 
 
-def add_message_when_allowed(file: ChunkedFile, channel: int, time_ns: int, data: bytes) -> None:
+def add_message_when_allowed(file: ChunkedFile, *message: Any) -> None:
     """Wait while the log hangs, then write."""
     while Path(HANG_FILE).exists():
         Path(HUNG_FILE).touch()
         CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(0.01))
-    add_message(file, channel, time_ns, data)
+    add_message(file, *message)
 
 
 if __name__ == "__main__":
