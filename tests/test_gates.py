@@ -80,10 +80,3 @@ def test_the_page_holds_every_row() -> None:
     without = {f"{title}, no excitation" for title in titles if title.startswith("robotino/")}
     assert set(tables[FAULTS]) == titles | without
     assert {name.split()[0] for name in tables[FIELDS]} == {name.split()[0] for name in fields.FIELDS}
-
-
-def test_the_interval_of_a_share_is_that_of_wilson() -> None:
-    # The ends solve |p - share| = 1.96 sqrt(p (1 - p) / n).
-    for end in floors.wilson_interval(8, 10):
-        assert abs(end - 0.8) == pytest.approx(1.96 * (end * (1.0 - end) / 10) ** 0.5)
-    assert floors.wilson_interval(0, 20)[0] == pytest.approx(0.0, abs=1e-12)

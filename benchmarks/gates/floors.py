@@ -1,11 +1,11 @@
 """Rectangles on floors of `tests/nature`, which share no code with an estimator and were fitted to none."""
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import binomtest
 
 from benchmarks.safety.missions import drive, with_fixes
 from controllers.motion.mission import corner_points
@@ -133,22 +133,13 @@ def _nature(name: str) -> Nature:
 def row_of(ways: Sequence[Way]) -> dict[str, float]:
     """Return the figures of a row: counts, and medians in mm."""
     within, floors = sum(way.is_within for way in ways), len(ways)
-    low, high = wilson_interval(within, floors)
+    interval = binomtest(within, floors).proportion_ci(method="wilson")
     return {
         "floors": floors,
         "within": within,
-        "95 % from %": round(100.0 * low),
-        "to %": round(100.0 * high),
+        "95 % from %": round(100.0 * interval.low),
+        "to %": round(100.0 * interval.high),
         "finished": sum(way.has_finished for way in ways),
         "path mm": round(1e3 * float(np.median([way.path_m for way in ways])), 1),
         "closure mm": round(1e3 * float(np.median([way.closure_m for way in ways])), 1),
     }
-
-
-def wilson_interval(hits: int, trials: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share, by the score of Wilson (1927)."""
-    z = 1.96
-    share, width = hits / trials, z * z / trials
-    middle = (share + width / 2.0) / (1.0 + width)
-    half = z * math.sqrt(share * (1.0 - share) / trials + width / trials / 4.0) / (1.0 + width)
-    return max(0.0, middle - half), min(1.0, middle + half)
