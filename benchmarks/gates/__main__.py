@@ -92,8 +92,9 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", choices=(FLOORS, FIELDS, FAULTS))
-    parser.add_argument("--full", action="store_true", help="60 other floors, all versions; compares nothing")
-    parser.add_argument("--write", action="store_true", help="replace the published tables; compares nothing")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--full", action="store_true", help="60 other floors, all versions; compares nothing")
+    what.add_argument("--write", action="store_true", help="replace the published tables; compares nothing")
     add_cluster_option(parser)
     arguments = parser.parse_args()
     page = published.PAGE.read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
 """Every number of estimators, monitors and stop rules, and what a change by 20 % does to a mission.
 
-    python -m benchmarks.gates.constants > numbers.md      # half an hour on two cores
+    python -m benchmarks.gates.constants > numbers.md      # twelve minutes on two cores
 
 Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
 mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated
@@ -110,17 +110,25 @@ def _is_number(node: ast.expr) -> bool:
     return is_arithmetic and any(type(part.value) in (int, float) and part.value for part in parts)
 
 
+class NotSetError(ValueError):
+    """No section of the configuration has the setting."""
+
+
 @contextmanager
 def changed(number: Number, factor: float) -> Iterator[None]:
     """Give a number another value for a while; every user that reads it from its place sees it."""
     module = importlib.import_module(number.module)
     if not number.owner:
         usual = getattr(module, number.name)
-        setattr(module, number.name, varied(usual, factor))
+        loaded = [each for name, each in sys.modules.items() if name.startswith("controllers.")]
+        holders = [each for each in loaded if vars(each).get(number.name) is usual]  # imported by name, too
+        for holder in holders:
+            setattr(holder, number.name, varied(usual, factor))
         try:
             yield
         finally:
-            setattr(module, number.name, usual)
+            for holder in holders:
+                setattr(holder, number.name, usual)
         return
     owner = getattr(module, number.owner)
     if not is_dataclass(owner):
@@ -139,9 +147,11 @@ def changed(number: Number, factor: float) -> Iterator[None]:
 def _configured(owner: type, name: str, factor: float, shipped: str) -> Config:
     """Return a shipped configuration with a setting changed, wherever it has it."""
     config = CONFIGURE(shipped)
-    for settings in _settings(config):
-        if isinstance(settings, owner) and vars(settings)[name] is not None:
-            vars(settings)[name] = varied(vars(settings)[name], factor)
+    found = [each for each in _settings(config) if isinstance(each, owner) and vars(each)[name] is not None]
+    if not found:
+        raise NotSetError
+    for settings in found:
+        vars(settings)[name] = varied(vars(settings)[name], factor)
     return config
 
 
@@ -192,8 +202,10 @@ def changes(number: Number) -> dict[str, str]:
         try:
             with changed(number, factor):
                 found.append(figures())
-        except ValueError as error:  # out of its range
-            found.append(type(error).__name__)
+        except NotSetError:
+            found.append("not set")
+        except ValueError:  # out of its range
+            found.append("refused")
     return {
         name: " / ".join(
             _change(each if isinstance(each, str) else each[name] - usual[name]) for each in found
@@ -204,9 +216,7 @@ def changes(number: Number) -> dict[str, str]:
 
 def _change(value: float | str) -> str:
     if isinstance(value, str):
-        return "refused"
-    if math.isnan(value):
-        return "0"
+        return value
     return "stopped" if math.isinf(value) else f"{value:+.1f}" if abs(value) >= 0.05 else "0"
 
 

@@ -234,7 +234,7 @@ def run_virtual(
                 operator=operator,
                 end_request=request,
             )
-        _note_path(log, config, clock.now_ns())
+        _log_mission_path(log, config, clock.now_ns())
         note_path(log_path).unlink(missing_ok=True)  # of an earlier run
         return _execute(executive, log, limit_s, request)
 
@@ -300,7 +300,7 @@ def run_real(
             )
             request.obey()
         tell(f"moving {order.rover}")  # a standard error that is lost ends no run
-        _note_path(log, config, clock.now_ns())
+        _log_mission_path(log, config, clock.now_ns())
         gc.collect()
         gc.freeze()  # what start-up made need not be looked at again in every collection
         watchdog.arm()
@@ -359,7 +359,7 @@ def _open_log(
         raise ConfigError(f"cannot write {path}: {error.strerror}; choose another --out") from error
 
 
-def _note_path(log: LogWriter, config: Config, t_ns: int) -> None:
+def _log_mission_path(log: LogWriter, config: Config, t_ns: int) -> None:
     if config.mission is not None:
         log.path(t_ns, corner_points(config.mission))
 

@@ -3,13 +3,16 @@
 import errno
 import io
 import os
+import pty
 import subprocess
 import sys
+import termios
 from pathlib import Path
 
 import pytest
 
-from rover_hil.app.output import output_problem
+from rover_hil.app import output
+from rover_hil.app.output import can_tell, output_problem
 from tests.rover_hil.command import Command, assert_one_sentence
 
 PROGRAM = Path(sys.executable).with_name("rover-hil")
@@ -75,3 +78,31 @@ def test_a_device_is_never_replaced(command: Command, tmp_path: Path, force: tup
     assert command("run", "robotino", "--virtual", "--out", "pipe", *force) == 2
     assert_one_sentence(command.error, "pipe")
     assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_terminal_that_ctrl_s_has_stopped_is_not_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    device, terminal = pty.openpty()
+    monkeypatch.setattr(output, "STANDARD_ERROR", terminal)
+    try:
+        assert can_tell()
+        termios.tcflow(terminal, termios.TCOOFF)
+        assert not can_tell()
+        termios.tcflow(terminal, termios.TCOON)
+        assert can_tell()
+    finally:
+        os.close(device)
+        os.close(terminal)
+    assert not can_tell()  # closed
+
+
+def test_a_pipe_that_nobody_empties_is_not_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    monkeypatch.setattr(output, "STANDARD_ERROR", writing)
+    os.set_blocking(writing, False)
+    try:
+        assert can_tell()
+        os.write(writing, bytes(1 << 24))  # as much as there is room for
+        assert not can_tell()
+    finally:
+        os.close(reading)
+        os.close(writing)

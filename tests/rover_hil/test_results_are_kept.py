@@ -9,6 +9,7 @@ import rover_hil.app.gap as gap_command
 import rover_hil.app.run as run_command
 from drivers.errors import ConfigError
 from rover_hil.pages.atomic_write import unfinished, write_file, write_files
+from rover_hil.recording.watchdog_note import note_path
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.gap.gap_data import cart_rows, write_cart
 from tests.rover_hil.tune.tuning import write_config
@@ -103,6 +104,7 @@ def test_a_forced_run_that_fails_to_start_keeps_the_earlier_one(
 ) -> None:
     line = ("run", "robotino", "--virtual", "--duration", "4", "--out", "a")
     assert command(*line) == 0
+    note_path(tmp_path / "a" / "run.mcap").write_text("why an earlier run was cut off")
     before = {path: path.read_bytes() for path in (tmp_path / "a").iterdir()}
     with monkeypatch.context() as patch:
         patch.setattr(run_command, "Executive", fail)
@@ -110,6 +112,7 @@ def test_a_forced_run_that_fails_to_start_keeps_the_earlier_one(
     assert {path: path.read_bytes() for path in (tmp_path / "a").iterdir()} == before
     assert command(*line, "--force") == 0
     assert (tmp_path / "a" / "run.mcap").read_bytes() != before[tmp_path / "a" / "run.mcap"]
+    assert not note_path(tmp_path / "a" / "run.mcap").exists()
 
 
 @pytest.mark.parametrize(
