@@ -17,7 +17,7 @@ myst_heading_anchors = 3
 suppress_warnings = ["myst.header"]
 
 FOLDERS = ("tutorials", "how-to", "explanation", "reference", "results", "decisions")
-OUTSIDE = re.compile(r"\[([^\]]*)\]\((?:\.\./)*(?:CONTRIBUTING\.md|examples/)[^)]*\)")
+OUTSIDE = re.compile(r"\[([^\]]*)\]\((?:\.\./)*(?:CONTRIBUTING\.md|(?:examples|tests)/)[^)]*\)")
 """Links to files that are not pages of the site: their text is kept."""
 
 
