@@ -65,7 +65,8 @@ def test_a_run_is_started_watched_changed_paused_and_stopped_and_replays(url: st
         assert page.driver.execute_script("return charts.length") > 4
     log = newest_log(folder)
     inputs = [record for _, record in messages(log, "/operator")]
-    assert [record["is_paused"] for record in inputs if not record["gains"]] == [True, False]
+    # On a loaded machine the page may be silent for a moment: an input of its own.
+    assert [record["is_paused"] for record in inputs if record["is_paused"] is not None] == [True, False]
     gains = [record["gains"] for record in inputs if record["gains"]]
     assert gains[-1] == {"lookahead_m": pytest.approx(0.765, abs=0.02)}  # the middle of 0.03 .. 1.5
     with restore_config(log) as config:
